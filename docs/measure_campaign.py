@@ -28,12 +28,12 @@ from padgen.core.cache import version
 from padgen.core.errors import PadgenError
 from padgen.core.runner import Runner
 from padgen.core.units import G_PER_CM3, GPA, GRAM
+from padgen.planner.layout import Outline, outline
 from padgen.planner.make import choose
 from padgen.planner.plan import Cell, Plate
 from padgen.planner.search import sites_of
 from padgen.planner.suspensions import BeamShape, Room, suspension
 from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, post_diameter_mm, recess_mm
-from padgen.planner.tile import Outline, outline
 from padgen.spec import Spec, catalogue, make_spec
 from padgen.verify.elasticity import Elastic, layered
 

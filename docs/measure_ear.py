@@ -22,9 +22,9 @@ from padgen.driver.waveform import Timeline, frame_s, ramp_s, steady, timeline
 from padgen.physics.resonator import felt_energy
 from padgen.physics.selectivity import all_states
 from padgen.planner import make_plan
+from padgen.planner.channels import coil_modes
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Plan
-from padgen.planner.pull_modes import coil_modes
 from padgen.spec import Spec, load_spec, parse_spec, template_paths
 
 RATE_HZ = 48000

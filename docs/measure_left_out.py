@@ -28,10 +28,10 @@ from padgen.core.units import UM
 from padgen.ladders.extreme import random_table
 from padgen.make.planning import plan_for
 from padgen.physics.bounds import core_eddies
+from padgen.planner.drive_scheme import coil_reuse
 from padgen.planner.layout import Layout
 from padgen.planner.left_out import _pulled, left_out
 from padgen.planner.plan import Plan
-from padgen.planner.reuse import coil_reuse
 from padgen.spec import make_spec
 from tests import finer_models
 from tests import test_left_out as truth

@@ -23,9 +23,9 @@ from padgen.measured.tuning import TunedTaxel, Tuning
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner import Plan, make_plan
+from padgen.planner.plan import scheme_named
 from padgen.planner.print_yield import print_yield
 from padgen.planner.printed_pads import coils_of
-from padgen.planner.settings import scheme_named
 from padgen.spec import load_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

@@ -12,8 +12,8 @@ from padgen.physics.ladder import LevelLaw, geometric_ladder, optimal_ladder, pa
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
 from padgen.planner import make_plan
-from padgen.planner.capacity import largest_counts
 from padgen.planner.print_yield import PrintYield, print_yield
+from padgen.planner.search import largest_counts
 from padgen.spec import load_spec, parse_spec
 
 HERE = Path(__file__).parent

@@ -6,7 +6,8 @@ import manifold3d
 import numpy as np
 
 from padgen.planner import Plan, make_plan
-from padgen.planner.fixtures import Tray, coil_axis_mm, washer_underside_mm
+from padgen.planner.fixtures import Tray, washer_underside_mm
+from padgen.planner.layout import coil_axis_mm
 from padgen.solid.mesh import Mesh, as_manifold
 from padgen.solid.pad_solid import build_pad
 from padgen.solid.parts import build_tray

@@ -33,11 +33,9 @@ from padgen.physics.propagation import Tones
 from padgen.physics.pull import PullAt, leakage
 from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.schemes import bias_a, current_lines_a
-from padgen.planner.channels import hanging_gap_um
-from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.channels import coil_modes, hanging_gap_um, heard_modes, magnetic_parts, mode_fields, site_wrenches
+from padgen.planner.drive_scheme import coils_around, placed_channels
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.pull_modes import coil_modes, heard_modes, magnetic_parts, mode_fields, site_wrenches
-from padgen.planner.reuse import coils_around
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec

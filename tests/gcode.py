@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from padgen.planner.layout import to_cell
 from padgen.planner.plan import TURNS, Channel, Plan, Taxel
-from padgen.planner.tile import to_cell
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ import numpy as np
 
 from padgen.core.errors import PadgenError
 from padgen.planner import make_plan
-from padgen.planner.fixtures import coil_axis_mm
-from padgen.planner.tile import to_cell
+from padgen.planner.layout import coil_axis_mm, to_cell
 from padgen.solid.mesh import Mesh, as_manifold, welded
 from padgen.solid.pad_solid import assembled, build_pad
 from padgen.spec import catalogue, make_spec

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from padgen.planner import make_plan
-from padgen.planner.tile import to_cell
+from padgen.planner.layout import to_cell
 from padgen.solid.checks import check_against, check_mesh, check_pad
 from padgen.solid.measure import sections, smallest, unsupported_spans
 from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from padgen.planner import make_plan
-from padgen.planner.fixtures import coil_axis_mm
+from padgen.planner.layout import coil_axis_mm
 from padgen.solid.checks import check_pad
 from padgen.solid.compare import SMALLEST_MM, STRIP_MM, cut_anew, differences, loose_triangles, pose_of
 from padgen.solid.foreign import check_foreign

@@ -29,9 +29,8 @@ from padgen.measured.tuning import planned_tuning
 from padgen.physics.propagation import propagate, tones
 from padgen.physics.resonator import felt_energy, relative_energy
 from padgen.planner import make_plan
-from padgen.planner.channels import hanging_gap_um
+from padgen.planner.channels import coil_modes, hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
-from padgen.planner.pull_modes import coil_modes
 from padgen.spec import load_spec, parse_spec
 from padgen.verify.coupled import Source, make_system, simulate
 

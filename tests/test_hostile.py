@@ -28,7 +28,7 @@ from padgen.core.files import json_line, json_text
 from padgen.core.finding import Finding
 from padgen.make.solid_tuning import _from_plain as modes_from_plain
 from padgen.physics.ladder import capacity
-from padgen.planner import make_plan, plan_to_json, resonances
+from padgen.planner import make_plan, plan_to_json, search
 from padgen.planner.plan import Plan
 from padgen.report.plans import plan_text
 from padgen.solid import taxel
@@ -743,7 +743,7 @@ def test_entries_that_do_not_fit_count_as_absent(entries, data):
     for kind in (taxel.KIND, "b"):
         cache.store_bytes(kind, key, data)
     assert taxel.known_solid(key) is None
-    assert resonances._from_plain(cache.load("b", key), 2) is None
+    assert search._from_plain(cache.load("b", key), 2) is None
     assert modes_from_plain(cache.load("b", key)) is None
 
 

@@ -30,8 +30,8 @@ from padgen.driver.serial_line import frame_message
 from padgen.driver.waveform import Timeline, ramp_s, steady, timeline, volts
 from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan, plan_to_json, read_plan
-from padgen.planner.coil_load import fitting_amplifiers
 from padgen.planner.cures import varied
+from padgen.planner.drive_scheme import fitting_amplifiers
 from padgen.spec import Amplifier, Coil, load_spec, parse_spec
 
 from .firmware_host import compiled, feed

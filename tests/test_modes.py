@@ -41,11 +41,18 @@ from padgen.physics.selectivity import (
     tone_energy,
 )
 from padgen.planner import judge, make_plan, plan_from_json, plan_to_json
-from padgen.planner.channels import hanging_gap_um, plan_channels, site_pulls
+from padgen.planner.channels import (
+    coil_modes,
+    hanging_gap_um,
+    mode_names,
+    plan_channels,
+    site_pulls,
+    site_wrenches,
+    taxel_modes,
+)
 from padgen.planner.drive_scheme import _resonators, modes_matter, placed_channels, plan_selectivity
 from padgen.planner.judge import crowds
 from padgen.planner.plan import Site
-from padgen.planner.pull_modes import coil_modes, mode_names, site_wrenches, taxel_modes
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape, solved_model
 from padgen.spec import load_spec, parse_spec

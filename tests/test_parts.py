@@ -293,7 +293,7 @@ def test_which_screw(hole, clamped, below, expected):
 
 def test_screws_hold_and_end_within_their_part():
     """Over all sizes of pads and trays, screws have 1.5 diameters of thread and stay inside, or get a nut."""
-    diameter = {size.name: size.diameter_mm for size in SIZES}
+    diameter = {name: diameter_mm for name, diameter_mm, *_ in SIZES}
     for hole in np.arange(1.7, 20.1, 0.4):
         for clamped in np.arange(0.5, 20.1, 1.5):
             for below in (2.1, 3.9, 6.0, 9.3, 12.9, 30.0, 200.0):

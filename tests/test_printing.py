@@ -8,6 +8,7 @@ import pytest
 
 from padgen.make.pad import Pad
 from padgen.planner import make_plan
+from padgen.planner.layout import corner_groove
 from padgen.planner.printing import (
     OTHER_SLICERS_FILE,
     PROFILE_FILE,
@@ -16,7 +17,6 @@ from padgen.planner.printing import (
     profile_text,
     prusa_profile,
 )
-from padgen.planner.tile import corner_groove
 from padgen.solid.formats._3mf import read_3mf
 from padgen.solid.mesh import as_manifold
 from padgen.spec import load_spec, parse_spec

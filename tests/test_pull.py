@@ -25,9 +25,8 @@ from padgen.core.units import MM, UM
 from padgen.physics.magnetic_charge import cylinder, flux_density, ring_potential, steel_body, toroidal, tube
 from padgen.physics.magnetics import MU_0, SteelRing, solenoid
 from padgen.physics.pull import OWN_ERROR, brought_table, make_table, pull, solved_pulls
-from padgen.planner import make_plan, pull_modes
-from padgen.planner.channels import hanging_gap_um, pull_exponent, site_pulls
-from padgen.planner.pull_modes import magnetic_parts
+from padgen.planner import channels, make_plan
+from padgen.planner.channels import hanging_gap_um, magnetic_parts, pull_exponent, site_pulls
 from padgen.spec import load_spec, parse_spec
 
 REFERENCE = Path(__file__).parent / "reference"
@@ -251,18 +250,18 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
         'name = "own"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n[coil]\ncore_diameter_mm = 3\ngrid = [2, 2]\n'
     )
     gap, offset = np.array([0.9, 0.5, 0.2, 1.0]) * MM, np.array([4.0, 4.0, 4.0, 0.0]) * MM
-    pull_modes._own.cache_clear()
-    found = pull_modes.pulls(spec, gap, offset)
+    channels._own.cache_clear()
+    found = channels.pulls(spec, gap, offset)
     solved = solved_pulls(*magnetic_parts(spec), gap, offset)
     assert found.pull == pytest.approx(solved.pull, rel=2e-3)
     assert found.slope == pytest.approx(solved.slope, rel=0.05)
-    pull_modes._own.cache_clear()
+    channels._own.cache_clear()
 
     def never(*_):
         raise AssertionError("is in the cache")
 
-    monkeypatch.setattr(pull_modes, "make_table", never)
-    assert pull_modes.pulls(spec, gap, offset).pull == pytest.approx(found.pull, rel=1e-12)
+    monkeypatch.setattr(channels, "make_table", never)
+    assert channels.pulls(spec, gap, offset).pull == pytest.approx(found.pull, rel=1e-12)
 
 
 def test_a_plan_states_the_pull_where_its_washers_hang_and_its_error():

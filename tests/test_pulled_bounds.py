@@ -11,9 +11,16 @@ import numpy as np
 
 from padgen.physics.resonator import TaxelModes
 from padgen.planner import make_plan
-from padgen.planner.channels import driven, hanging_gap_um, pull_exponent, site_pulls, wanted_line_a2
+from padgen.planner.channels import (
+    driven,
+    hanging_gap_um,
+    mode_fields,
+    pull_exponent,
+    site_pulls,
+    site_wrenches,
+    wanted_line_a2,
+)
 from padgen.planner.left_out import _pulled
-from padgen.planner.pull_modes import mode_fields, site_wrenches
 from padgen.spec import load_spec
 from tests.finer_models import true_gap, true_softening
 

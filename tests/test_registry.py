@@ -32,7 +32,7 @@ from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.pull import pull
 from padgen.physics.schemes import tones
 from padgen.planner import coils, make_plan, plan_from_json, plan_to_json
-from padgen.planner.pull_modes import magnetic_parts
+from padgen.planner.channels import magnetic_parts
 from padgen.planner.sizing import reach
 from padgen.planner.suspensions import (
     Arrangement,
@@ -58,7 +58,7 @@ from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad
 from padgen.solid.taxel import taxel_key, taxel_solid
 from padgen.spec import parse_spec
-from padgen.spec.schema import spec_schema
+from padgen.spec.load import spec_schema
 from padgen.verify.elasticity import solve_modes
 from tests.conftest import SMALL
 from tests.test_solid import volume_by_hand

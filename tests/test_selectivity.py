@@ -30,7 +30,7 @@ from padgen.physics.selectivity import (
     one_hot_db,
     tone_energy,
 )
-from padgen.planner.capacity import largest_counts
+from padgen.planner.search import largest_counts
 from tests.every_state import exhaustive_states_db
 
 SCHEMES = in_order()

@@ -7,8 +7,8 @@ import pytest
 
 from padgen.core.errors import GeometryError
 from padgen.planner import make_plan
+from padgen.planner.layout import outline, to_cell
 from padgen.planner.suspensions import names
-from padgen.planner.tile import outline, to_cell
 from padgen.solid.kernel import _interrupted, build123d, kernel_errors
 from padgen.solid.mesh import as_manifold, signed_volume_mm3, tessellated, topology, welded
 from padgen.solid.pad_solid import build_pad, tile_grid

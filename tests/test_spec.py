@@ -9,8 +9,7 @@ import pytest
 from padgen.core.errors import FileError, SpecError
 from padgen.planner import make_plan, plan_to_json
 from padgen.spec import catalogue, load_spec, parse_spec, template_paths
-from padgen.spec.load import CATALOGUES
-from padgen.spec.schema import spec_schema
+from padgen.spec.load import CATALOGUES, spec_schema
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
 

@@ -12,8 +12,8 @@ import pytest
 
 from padgen.core import cache
 from padgen.make.pad import Pad
-from padgen.planner import make_plan, resonances
-from padgen.planner.tile import groove
+from padgen.planner import make_plan, search
+from padgen.planner.layout import groove
 from padgen.solid import pad_solid, taxel
 from padgen.solid.formats import step
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm3, tessellated
@@ -30,9 +30,9 @@ ALL = ("stl", "3mf", "step", "glb")
 @pytest.fixture
 def store(tmp_path, monkeypatch):
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "cache"))
-    resonances._known.cache_clear()
+    search._known.cache_clear()
     yield tmp_path / "cache"
-    resonances._known.cache_clear()
+    search._known.cache_clear()
 
 
 def entry_paths(store, kind):
@@ -209,12 +209,12 @@ def test_a_prism_whose_rings_meet_is_refused():
 
 def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
     spec = parse_spec(OPTIMISED)
-    found = resonances.optimum(spec, 3, 60.0, 200.0)
-    resonances._known.cache_clear()
-    monkeypatch.setattr(resonances, "_searched", no_kernel)
+    found = search.optimum(spec, 3, 60.0, 200.0)
+    search._known.cache_clear()
+    monkeypatch.setattr(search, "_searched", no_kernel)
     renamed = replace(spec, name="other", pad=replace(spec.pad, border_mm=9.0))
-    assert resonances.optimum(renamed, 3, 60.0, 200.0) == found
-    assert len(entry_paths(store, resonances.KIND)) == 1
+    assert search.optimum(renamed, 3, 60.0, 200.0) == found
+    assert len(entry_paths(store, search.KIND)) == 1
 
 
 @pytest.mark.parametrize(
@@ -231,18 +231,18 @@ def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
 )
 def test_what_another_ladder_may_come_from_is_in_its_key(store, monkeypatch, change):
     """Each change alone leads to a search of its own."""
-    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, "tones"))
+    monkeypatch.setattr(search, "_searched", lambda *args: search.Optimum((60.0, 90.0), 20.0, "tones"))
     spec = parse_spec(OPTIMISED)
     for changed in (spec, replace(spec, **change)):
-        resonances._known.cache_clear()
-        resonances.optimum(changed, 3, 60.0, 200.0)
-    assert len(entry_paths(store, resonances.KIND)) == 2
+        search._known.cache_clear()
+        search.optimum(changed, 3, 60.0, 200.0)
+    assert len(entry_paths(store, search.KIND)) == 2
 
 
 @pytest.mark.parametrize("other", [(4, 60.0, 200.0), (3, 61.0, 200.0), (3, 60.0, 201.0)])
 def test_another_count_or_band_has_another_ladder(store, monkeypatch, other):
-    monkeypatch.setattr(resonances, "_searched", lambda *args: resonances.Optimum((60.0, 90.0), 20.0, "tones"))
+    monkeypatch.setattr(search, "_searched", lambda *args: search.Optimum((60.0, 90.0), 20.0, "tones"))
     spec = parse_spec(OPTIMISED)
     for asked in ((3, 60.0, 200.0), other):
-        resonances.optimum(spec, *asked)
-    assert len(entry_paths(store, resonances.KIND)) == 2
+        search.optimum(spec, *asked)
+    assert len(entry_paths(store, search.KIND)) == 2

@@ -619,7 +619,8 @@ def test_the_time_left(tmp_path, monkeypatch):
     """What a variant took, for each of those that are left; none is known before the first."""
     now = iter(range(10**6))
     monkeypatch.setattr(
-        "padgen.batch.sweep.time", SimpleNamespace(monotonic=lambda: next(now) / 1024, strftime=time.strftime)
+        "padgen.batch.sweep.time",
+        SimpleNamespace(monotonic=lambda: next(now) / 1024, strftime=time.strftime),
     )
     events = []
     text = NO_FOLDERS + "[axes]\nq_min = [10, 11, 12, 13]\n"

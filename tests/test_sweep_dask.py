@@ -21,10 +21,9 @@ from pathlib import Path
 
 import pytest
 
-from padgen.batch import scheduler
+from padgen.batch import sweep as sweep_module
 from padgen.batch.definition import parse_sweep
-from padgen.batch.scheduler import connect, fingerprint
-from padgen.batch.sweep import run_sweep
+from padgen.batch.sweep import connect, fingerprint, run_sweep
 from padgen.batch.variant import run_task
 from padgen.core.errors import EngineMissingError, PadgenError
 from tests import sweep_work
@@ -151,7 +150,7 @@ def test_workers_that_would_make_something_else_or_are_killed(place):
         ):
             mine = fingerprint() | {name: other}
             with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(scheduler, "fingerprint", lambda mine=mine: mine)
+                patch.setattr(sweep_module, "fingerprint", lambda mine=mine: mine)
                 with pytest.raises(PadgenError, match=sentence), connect(dask.address, 20):
                     pass
         doomed = dask.worker("b", "--no-nanny")

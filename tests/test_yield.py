@@ -37,11 +37,10 @@ from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme, channels, print_share
 from padgen.planner import Plan, make_plan, plan_to_json
 from padgen.planner import printed_pads as module
-from padgen.planner.capacity import largest_counts, printed_count
+from padgen.planner.drive_scheme import _lines_apart
 from padgen.planner.print_yield import OUTCOMES, print_yield
-from padgen.planner.printed_pads import Spreads, spreads_of
-from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
-from padgen.planner.reuse import _lines_apart
+from padgen.planner.printed_pads import NOT_PRINTED, Spreads, compared_prints, spreads_of, what_prints_keep
+from padgen.planner.search import largest_counts, printed_count
 from padgen.spec import load_spec, parse_spec
 from tests.print_and_count import kept_db
 

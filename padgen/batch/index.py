@@ -14,7 +14,7 @@ import json
 import os
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from io import FileIO
@@ -368,6 +368,8 @@ NAMES = tuple(f.name for f in fields(Record))
 class Journal:
     """The records of a folder: the last one of each number; a context manager, open for writing.
 
+    Of each variant only the place of its line is held in memory.
+
     Parameters
     ----------
     folder : Path
@@ -382,24 +384,21 @@ class Journal:
     """
 
     def __init__(self, folder: Path, numbers: int) -> None:
-        self.path, self.numbers = folder / JOURNAL, numbers
-        self._offsets = array("q", [NOWHERE]) * numbers
-        self._keys = array("Q", [0]) * numbers
-        self._states = bytearray(numbers)
-        self._end = 0
+        self.path = folder / JOURNAL
+        self._places = array("q", [NOWHERE]) * numbers
 
     def __enter__(self) -> "Journal":
+        place, line = 0, b"\n"
         try:
             self._file, self._reader = FileIO(self.path, "a"), self.path.open("rb")
-            line = b"\n"
             for line in self._reader:
                 found = _parsed(line)
                 number = found.number if isinstance(found, Record) else found
-                if number is not None and 0 <= number < self.numbers:
-                    self._note(number, found if isinstance(found, Record) else None, self._end)
-                self._end += len(line)
+                if number is not None and 0 <= number < len(self._places):
+                    self._places[number] = place if isinstance(found, Record) else NOWHERE
+                place += len(line)
             if not line.endswith(b"\n"):
-                self._end += self._file.write(b"\n")
+                self._file.write(b"\n")
         except OSError as error:
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
         return self
@@ -410,36 +409,33 @@ class Journal:
         self._file.close()
         self._reader.close()
 
-    def status(self, number: int, key: str = "") -> str:
-        """Return the recorded status of a variant with these inputs, empty if there is none."""
-        same = self._states[number] and (not key or self._keys[number] == int(key[:16], 16))
-        return STATUSES[self._states[number] - 1] if same else ""
-
-    def add(self, record: Record) -> None:
-        """Keep a record; the system has it when this returns."""
-        table = {name: getattr(record, name) for name in NAMES}
-        offset = self._add_line(table | {"sentence": " ".join(record.sentence.split())})
-        self._note(record.number, record, offset)
-
-    def record(self, number: int) -> Record:
-        """Return the last record of a variant."""
-        record = _parsed(self._line(self._offsets[number]))
+    def record(self, number: int) -> Record | None:
+        """Return the last record of a variant, if there is one."""
+        if self._places[number] == NOWHERE:
+            return None
+        self._reader.seek(self._places[number])
+        record = _parsed(self._reader.readline())
         if not isinstance(record, Record):
             raise FileError("was changed while the sweep ran", str(self.path))
         return record
 
+    def records(self) -> Iterator[Record]:
+        """Yield the last record of each variant, in the order of their numbers."""
+        return (record for number in range(len(self._places)) if (record := self.record(number)))
+
+    def add(self, record: Record) -> None:
+        """Keep a record; the system has it when this returns."""
+        table = {name: getattr(record, name) for name in NAMES}
+        self._places[record.number] = self._write(table | {"sentence": " ".join(record.sentence.split())})
+
     def forget(self, number: int) -> None:
         """Leave a variant out from now on."""
-        self._note(number, None, NOWHERE)
+        self._places[number] = NOWHERE
 
     def invalidate(self, number: int) -> None:
         """Invalidate the record of a variant, also for later runs, as its folder is about to change."""
-        self._add_line({FORGOTTEN: number})
+        self._write({FORGOTTEN: number})
         self.forget(number)
-
-    def records(self) -> Iterator[Record]:
-        """Return the last record of each variant, in the order of their numbers."""
-        return (self.record(number) for number in range(self.numbers) if self._states[number])
 
     def refuse_removed(self) -> None:
         """Raise `FileError` if the journal's file was removed or replaced, since its records would be lost."""
@@ -448,38 +444,25 @@ class Journal:
                 return
         raise FileError("was removed while the sweep ran", str(self.path))
 
-    def _add_line(self, table: dict[str, Any]) -> int:
-        """Write a line, by one call that is not buffered, so that a crash can tear the last one only; its offset."""
-        offset, data = self._end, (json_line(table) + "\n").encode()
-        rest = data
+    def _write(self, table: dict[str, Any]) -> int:
+        """Write a line, by one call that is not buffered, so that a crash can tear the last one only; its place."""
+        place, rest = self._file.seek(0, os.SEEK_END), (json_line(table) + "\n").encode()
         try:
             while rest:
                 # On a disk that is all but full a part goes in, and the error comes with the rest.
                 rest = rest[self._file.write(rest) :]
         except OSError as error:
             with suppress(OSError):
-                self._file.truncate(offset)
+                self._file.truncate(place)
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
-        self._end += len(data)
-        return offset
-
-    def _line(self, offset: int) -> bytes:
-        self._reader.seek(offset)
-        return self._reader.readline()
-
-    def _note(self, number: int, record: Record | None, offset: int) -> None:
-        self._offsets[number] = offset if record else NOWHERE
-        self._keys[number] = int(record.key[:16], 16) if record else 0
-        self._states[number] = STATUSES.index(record.status) + 1 if record else 0
+        return place
 
 
-def write_index(
-    journal: Journal, sweep: Sweep, folder: Path, take: Callable[[Record], None] = lambda record: None
-) -> Overview:
+def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
     """Write `index.csv`, one row a variant in the order of their numbers; returns its overview.
 
     The columns of figures are the union of those of all variants, in the order of their first appearance. What was
-    made of an earlier index goes. `take` is called with each record.
+    made of an earlier index goes.
 
     Raises
     ------
@@ -493,7 +476,6 @@ def write_index(
     def rows(writer: Any) -> Iterator[tuple[Record, tuple[str, ...]]]:
         writer.writerow(header)
         for record in journal.records():
-            take(record)
             own = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
             before, after = ([own.get(name, getattr(record, name, "")) for name in names] for names in COLUMNS)
             varied, reached = map(record.values.get, axes), map(record.figures.get, figures)

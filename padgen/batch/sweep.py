@@ -3,33 +3,38 @@
 What is submitted makes variants in a watched worker process (`padgen.core.runner`), on this machine or wherever the
 executor's own workers are. Only ``submit`` of an executor is used, and of its futures ``result`` with
 ``add_done_callback`` or, where they lack that, ``done``: `concurrent.futures`, Dask, executorlib and submitit will do.
+
+`connect` makes an executor of a Dask cluster whose workers would make the same variants as this machine.
 """
 
 import errno
+import logging
 import os
 import socket
 import sys
+import threading
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from html import escape
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
-from threading import Lock
 from typing import Any
 
 from padgen.batch.definition import Limits, Sweep, Variant, count_points, variant_name, variants
 from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_index
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
-from padgen.core.cache import limit_bytes
-from padgen.core.errors import FileError, PadgenError, SpecError
+from padgen.core.cache import code_hash, limit_bytes, version, versions
+from padgen.core.errors import EngineMissingError, FileError, PadgenError, SpecError, number
 from padgen.core.files import locked, reason, take_away
+from padgen.core.registry import PLUGINS, plugin_code
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
 __all__ = [
@@ -43,7 +48,9 @@ __all__ = [
     "Window",
     "Work",
     "broken",
+    "connect",
     "event_table",
+    "fingerprint",
     "make_variants",
     "records_of",
     "run_sweep",
@@ -53,13 +60,12 @@ __all__ = [
     "told",
 ]
 
+
 Work = Callable[[Task], Record]
-POLL_S = 0.2
+POLL_S = 0.1
 """Between two looks at futures that do not call back."""
 IMPORTS = ("padgen.planner",)
 """Modules that every variant needs, loaded before its limit of time counts."""
-_own: dict[int, Runner] = {}
-_own_lock = Lock()
 
 
 class StoppedError(PadgenError):
@@ -78,9 +84,8 @@ class Window:
 
     def __init__(self, executor: Any, most: int, function: Callable[..., list[Record]], *rest: Any) -> None:
         self.most, self._executor, self._function, self._rest = most, executor, function, rest
-        self.pending: dict[int, tuple[Any, list[Task]]] = {}
-        self._finished: SimpleQueue[int] = SimpleQueue()
-        self._silent = False
+        self.pending: list[tuple[Any, list[Task]]] = []
+        self._woken = threading.Event()
 
     def give(self, tasks: list[Task]) -> None:
         """Hand tasks over.
@@ -94,32 +99,28 @@ class Window:
             future = self._executor.submit(self._function, tasks, *self._rest)
         except Exception as error:
             raise StoppedError(f"takes no more tasks ({told(error)})", "executor") from error
-        self.pending[id(future)] = future, tasks
-        if hasattr(future, "add_done_callback"):
-            future.add_done_callback(lambda future: self._finished.put(id(future)))
-        else:
-            self._silent = True
+        self.pending.append((future, tasks))
+        if hasattr(future, "add_done_callback"):  # others are looked at from time to time
+            future.add_done_callback(lambda _: self._woken.set())
 
     def take(self, wait_s: float) -> tuple[Any, list[Task]] | None:
         """Return a future that is finished, with its tasks; None when `wait_s` went by without one."""
         end = time.monotonic() + wait_s
-        while (wait := end - time.monotonic()) > 0:
-            try:
-                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S) if self._silent else wait))
-            except Empty:
-                for future, _ in self.pending.values() if self._silent else ():
-                    if not hasattr(future, "add_done_callback") and future.done():
-                        self._finished.put(id(future))
+        while time.monotonic() < end:
+            self._woken.clear()
+            for place, (future, _) in enumerate(self.pending):
+                if future.done():
+                    return self.pending.pop(place)
+            self._woken.wait(POLL_S)
         return None
 
     def rest(self) -> Iterator[tuple[Any, list[Task]]]:
         """Yield the finished futures that were not taken, with their tasks; cancel the others."""
-        for future, tasks in self.pending.values():
+        for future, tasks in self.pending:
             if future.done():
                 yield future, tasks
             elif hasattr(future, "cancel"):
                 future.cancel()
-        self.pending.clear()
 
 
 def records_of(future: Any, tasks: list[Task]) -> list[Record]:
@@ -156,14 +157,17 @@ def told(error: Any) -> str:
 
 def run_tasks(tasks: list[Task], work: Work, limits: Limits) -> list[Record]:
     """Make variants in a worker beside this process: what is submitted to an executor that the caller brought."""
-    with _own_lock:
-        own = _own.get(os.getpid())  # a forked process must not share the pipes of the one that it came from
-        if not own:
-            import atexit
+    return make_variants(_own_runner(os.getpid()), tasks, work, limits)
 
-            own = _own[os.getpid()] = Runner(imports=IMPORTS)
-            atexit.register(own.close)
-    return make_variants(own, tasks, work, limits)
+
+@cache
+def _own_runner(process: int) -> Runner:
+    """Return the runner of a process: a forked one must not share the pipes of the one that it came from."""
+    import atexit
+
+    runner = Runner(imports=IMPORTS)
+    atexit.register(runner.close)
+    return runner
 
 
 def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: Limits) -> list[Record]:
@@ -174,20 +178,19 @@ def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: Limits)
     SolverError
         A worker's interpreter cannot be started, or cannot import padgen.
     """
-    return [_made_one(runner, task, work, limits) for task in tasks]
-
-
-def _made_one(runner: Runner, task: Task, work: Work, limits: Limits) -> Record:
-    answer = runner.run(work, task, time_s=limits.time_s, most_mb=limits.memory_mb)
-    if answer.kind == "value":
-        record: Record = answer.value
-        if isinstance(record, Record) and record.seconds is None:
-            return replace(record, seconds=answer.seconds, peak_memory_mb=answer.peak_mb)
-        return record
-    sentence = answer.sentence + f" (limits.{answer.limit})" * bool(answer.limit)
-    if answer.kind == "refused":
-        sentence = f"broke down ({type(answer.error).__name__}: {sentence})"
-    return broken(task, sentence, answer.seconds, answer.peak_mb)
+    made = []
+    for task in tasks:
+        answer = runner.run(work, task, time_s=limits.time_s, most_mb=limits.memory_mb)
+        record = answer.value
+        if answer.kind != "value":
+            sentence = answer.sentence + f" (limits.{answer.limit})" * bool(answer.limit)
+            if answer.kind == "refused":
+                sentence = f"broke down ({type(answer.error).__name__}: {sentence})"
+            record = broken(task, sentence, answer.seconds, answer.peak_mb)
+        elif isinstance(record, Record) and record.seconds is None:
+            record = replace(record, seconds=answer.seconds, peak_memory_mb=answer.peak_mb)
+        made.append(record)
+    return made
 
 
 def broken(task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None) -> Record:
@@ -305,7 +308,6 @@ def run_sweep(
     on_event: Callable[[Event], None] = lambda event: None,
     work: Work = run_task,
     chunk: int = 1,
-    take: Callable[[Record], None] = lambda record: None,
 ) -> SweepResult:
     """Make all variants of `sweep` in `folder`, and `index.csv` with a row for each.
 
@@ -323,8 +325,6 @@ def run_sweep(
         What makes a variant; importable by name.
     chunk : int
         Variants a task: more than one where an executor takes long to start a task, as a cluster's queue.
-    take : callable
-        Is given every record at the end, in the order of their numbers.
 
     Raises
     ------
@@ -353,9 +353,9 @@ def run_sweep(
             # So that a killed run leaves no index of what is not there any more.
             write_index(journal, sweep, folder)
         run.tell("start")
-        for number in range(numbers):
-            if run.todo[number] == KEPT and journal.status(number) == "failed":
-                run.tell("failed", journal.record(number), True)
+        for record in journal.records():
+            if run.todo[record.number] == KEPT and record.status == "failed":
+                run.tell("failed", record, True)
         overview, stopped, interrupted = overview_of((), ()), "", False
         try:
             _run_all(run, window, chunk)
@@ -376,7 +376,7 @@ def run_sweep(
                         own.close()
                     try:
                         journal.refuse_removed()
-                        overview = write_index(journal, sweep, folder, take)
+                        overview = write_index(journal, sweep, folder)
                     except FileError as error:
                         if not stopped:
                             raise
@@ -392,13 +392,14 @@ def run_to_table(sweep: Sweep, folder: Path | None, workers: int | None) -> Swee
     if folder is None:
         with TemporaryDirectory(prefix="padgen-sweep-") as aside:
             return run_to_table(sweep, Path(aside) / sweep.settings.name, workers)
-    rows: list[dict[str, Any]] = []
-
-    def take(record: Record) -> None:
-        head = {"name": variant_name(sweep, record.number), "status": record.status, "sentence": record.sentence}
-        rows.append(head | record.values | record.figures)
-
-    run_sweep(sweep, folder, workers=workers, take=take)
+    run_sweep(sweep, folder, workers=workers)
+    with Journal(folder, count_points(sweep)) as journal:
+        rows = [
+            {"name": variant_name(sweep, record.number), "status": record.status, "sentence": record.sentence}
+            | record.values
+            | record.figures
+            for record in journal.records()
+        ]
     return SweepTable(sweep.settings.name, tuple(rows))
 
 
@@ -439,37 +440,34 @@ class _Run:
     """The state of a running sweep: what each variant is at, and how many are."""
 
     def __init__(self, sweep: Sweep, folder: Path, journal: Journal, on_event: Callable[[Event], None]) -> None:
-        self.sweep, self.folder, self.journal = sweep, folder, journal
+        self.sweep, self.folder, self.journal, self.on_event = sweep, folder, journal, on_event
         self.counts = {"done": 0, "refused": 0, "failed": 0}
-        self.total = self.kept = self._ended = 0
-        self.todo = bytearray(journal.numbers)
-        self._on_event = on_event
-        self._folders = writes_folders(sweep)
+        self.total = self.kept = 0
+        self.todo = bytearray(count_points(sweep))
         self._start = time.monotonic()
 
     def survey(self, resume: bool, retry: bool) -> None:
         """Find out which variants there are and which are finished; leave out the others' records."""
         for variant in variants(self.sweep):
-            number, self.total = variant.number, self.total + 1
-            known = self.journal.status(number)
-            status = self._kept_status(variant) if known else ""
-            if status and resume and not (retry and status == "failed"):
-                self.todo[number] = KEPT
-                self.counts[status] += 1
-                self.kept += 1
+            record, self.total = self.journal.record(variant.number), self.total + 1
+            holds = record is not None and self._holds(record, variant)
+            if record and holds and resume and not (retry and record.status == "failed"):
+                self.todo[variant.number] = KEPT
+                self.counts[record.status] += 1
             else:
-                self.todo[number] = TO_REPLACE if known else TO_RUN
-            if not status:
-                self.journal.forget(number)
-        for number, state in enumerate(self.todo):
+                self.todo[variant.number] = TO_REPLACE if record else TO_RUN
+            if not holds:
+                self.journal.forget(variant.number)
+        self.kept = sum(self.counts.values())
+        for absent, state in enumerate(self.todo):
             if state == ABSENT:
-                self.journal.forget(number)
+                self.journal.forget(absent)
 
-    def _kept_status(self, variant: Variant) -> str:
+    def _holds(self, record: Record, variant: Variant) -> bool:
+        """Return whether a record is of these inputs, and the files that it tells of are there."""
         task = task_of(self.sweep, variant, self.folder)
-        status = self.journal.status(task.number, task.key)
-        lost = status == "done" and task.out and not is_whole(Path(task.out), task.stage)
-        return "" if lost else status
+        whole = record.status != "done" or not task.out or is_whole(Path(task.out), task.stage)
+        return record.key == task.key and whole
 
     def tasks(self) -> Iterator[Task]:
         """Yield the variants that are to be made, as they are asked for."""
@@ -485,25 +483,24 @@ class _Run:
             return  # told twice: an executor ran its task again
         if any(full in record.sentence for full in DISK_FULL):
             raise StoppedError(record.sentence)  # not the variant's fault: the next run makes it
-        if record.status != "done" or not self._folders:
+        if record.status != "done" or not writes_folders(self.sweep):
             take_away(self.folder / variant_name(self.sweep, record.number))
         self.journal.add(record)
         self.todo[record.number] = KEPT
         self.counts[record.status] += 1
-        self._ended += 1
         self.tell(record.status, record)
 
     def tell(self, kind: str, record: Record | None = None, reused: bool = False) -> None:
         """Report an event to the caller; the time left is estimated from the variants made so far."""
         told = self.told
-        eta_s = told["left"] * told["seconds"] / self._ended if self._ended else None
-        self._on_event(Event(**told, kind=kind, eta_s=eta_s, record=record, reused=reused))
+        made = self.total - self.kept - told["left"]
+        eta_s = told["left"] * told["seconds"] / made if made else None
+        self.on_event(Event(**told, kind=kind, eta_s=eta_s, record=record, reused=reused))
 
     @property
     def told(self) -> dict[str, Any]:
         """How many variants there are of each kind, and seconds since the start."""
-        left = self.total - sum(self.counts.values())
-        seconds = time.monotonic() - self._start
+        left, seconds = self.total - sum(self.counts.values()), time.monotonic() - self._start
         return {"total": self.total, **self.counts, "kept": self.kept, "left": left, "seconds": seconds}
 
 
@@ -536,3 +533,111 @@ def _run_all(run: _Run, window: Window, chunk: int) -> None:
             lost = 0
         for record in records:
             run.keep(record)
+
+
+TIMEOUT_S = 10.0
+"""For the scheduler to answer, and again for it to have a worker."""
+GRACE_S = 0.5
+"""Dask is let to give up by itself; it never does while it waits for a first word."""
+SLOW = 6
+"""How many times as long workers may take, which load padgen for the answer."""
+PROBE = "__import__('importlib').import_module('padgen.batch.sweep').fingerprint()"
+"""For `eval` in a worker: a function of ours could not even be named there if padgen is missing."""
+
+
+@contextmanager
+def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
+    """Yield an executor for `run_sweep` whose tasks the cluster of a Dask scheduler runs; leave the cluster running.
+
+    Parameters
+    ----------
+    address : str
+        Of the scheduler, as ``tcp://host:8786``.
+    timeout_s : float
+        For the scheduler to answer, and again for it to have a worker.
+
+    Raises
+    ------
+    EngineMissingError
+        The package distributed is not installed.
+    PadgenError
+        There is no scheduler, it has no worker, or a worker cannot import padgen or has other code or versions.
+    """
+    where = f"scheduler {address}"
+    try:
+        dask = import_module("distributed")
+    except ImportError as error:
+        raise EngineMissingError(
+            f"needs the package distributed ({error}); pip install 'padgen[dask]' brings it", where
+        ) from error
+    # Dask's client writes tracebacks of a lost connection; a sentence tells of it.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
+    client = _client(dask, address, timeout_s, where)
+    try:
+        wait = partial(client.wait_for_workers, 1, timeout=timeout_s)
+        late = f"has no worker; dask worker {address} starts one"
+        _within(timeout_s + GRACE_S, wait, late, "does not tell its workers ({})", where)
+        here, seconds = fingerprint(), SLOW * timeout_s
+        slow = f"has workers that do not answer within {number(seconds)} s"
+        ask = partial(client.run, eval, PROBE, on_error="return")
+        for worker, answer in sorted(_within(seconds, ask, slow, "cannot ask its workers ({})", where).items()):
+            place = f"worker {worker}"
+            if not isinstance(answer, dict):
+                raise PadgenError(f"cannot import padgen ({told(answer)}); install the same padgen there", place)
+            if other := [name for name, mine in here.items() if answer.get(name) != mine]:
+                name = other[0]
+                sentences = {
+                    "padgen": "another padgen than this machine; install the same one on both",
+                    PLUGINS: f"other modules in {PLUGINS} than this machine; name the same ones on both",
+                }
+                version_ = f"{name} {answer.get(name)}, this machine {here[name]}; install the same version on both"
+                raise PadgenError(f"has {sentences.get(name, version_)}", place)
+        # Not pure: a task that was lost is run again, not answered from what is known of it.
+        yield client.get_executor(pure=False)
+    finally:
+        with suppress(Exception):  # the scheduler may be gone; what it said is told already
+            client.close(timeout=2)
+
+
+def fingerprint() -> dict[str, str]:
+    """Return hashes of the code and versions of the packages, which must agree between machines that share a sweep."""
+    return {"padgen": code_hash(), PLUGINS: plugin_code(), **versions(), "distributed": version("distributed")}
+
+
+def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
+    import asyncio
+
+    async def reach() -> None:
+        security = dask.Security().get_connection_args("client")
+        comm = await asyncio.wait_for(dask.comm.connect(address, timeout=timeout_s, **security), timeout_s)
+        await comm.close()
+
+    def opened() -> Any:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about versions, which `connect` compares
+            return dask.Client(address, timeout=timeout_s, set_as_default=False, name="padgen")
+
+    late = f"does not answer within {number(timeout_s)} s; is it running?"
+    other = "cannot be used ({}); an address is like tcp://host:8786"
+    # First, as a client that finds no scheduler may wait for ever, and is slow to go.
+    _within(timeout_s + GRACE_S, lambda: asyncio.run(reach()), late, other, where)
+    return _within(timeout_s + GRACE_S, opened, late, other, where)
+
+
+def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:
+    """Call `act` with a time limit: raise `late` if it takes longer (then left to itself), `other` if it fails."""
+    answer: Future[Any] = Future()
+
+    def run() -> None:
+        try:
+            answer.set_result(act())
+        except BaseException as error:
+            answer.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    try:
+        return answer.result(seconds)
+    except OSError as error:  # timeouts are, and what cannot be reached
+        raise PadgenError(late, where) from error
+    except Exception as error:
+        raise PadgenError(other.format(told(error)), where) from error

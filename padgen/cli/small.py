@@ -56,7 +56,7 @@ def _template(name: str) -> str:
 
 
 def _schema(options: argparse.Namespace) -> int:
-    from padgen.spec.schema import spec_schema
+    from padgen.spec.load import spec_schema
 
     print(json.dumps(spec_schema(), indent=1, ensure_ascii=False))
     return DONE

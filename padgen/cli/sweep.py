@@ -87,7 +87,7 @@ def _executor(address: str | None) -> Any:
     """Return the executor of the Dask cluster at `address`, or None without one: this machine's processes then work."""
     if address is None:
         return nullcontext()
-    from padgen.batch.scheduler import connect
+    from padgen.batch.sweep import connect
 
     return connect(address)
 

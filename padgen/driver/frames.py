@@ -26,8 +26,8 @@ import numpy as np
 
 from padgen.core.errors import FileError, SpecError, number
 from padgen.core.files import read_bounded
+from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
-from padgen.planner.tile import taxel_places
 
 if TYPE_CHECKING:
     from PIL import Image

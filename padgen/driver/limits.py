@@ -40,9 +40,8 @@ from padgen.physics.magnetics import balanced_deflection, impedance
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.planner.channels import hanging_gap_um
-from padgen.planner.coil_load import pull_in_share
-from padgen.planner.plan import Channel, Plan
-from padgen.planner.settings import CARRIER_OVER_RESONANCE
+from padgen.planner.drive_scheme import pull_in_share
+from padgen.planner.plan import CARRIER_OVER_RESONANCE, Channel, Plan
 
 __all__ = [
     "Load",

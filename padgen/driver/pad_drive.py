@@ -29,10 +29,9 @@ from padgen.physics.crest import (
 from padgen.physics.resonator import relative_energy
 from padgen.physics.schemes import bias_a, current_lines_a
 from padgen.physics.selectivity import Scheme
-from padgen.planner.plan import Plan
+from padgen.planner.plan import CARRIER_OVER_RESONANCE, Plan
+from padgen.planner.plan import carrier_hz as planned_carrier_hz
 from padgen.planner.printed_pads import coils_of
-from padgen.planner.settings import CARRIER_OVER_RESONANCE
-from padgen.planner.settings import carrier_hz as planned_carrier_hz
 
 __all__ = [
     "CONTROLLER_RATES_HZ",

@@ -19,9 +19,8 @@ from padgen.driver.frames import LARGEST_TABLE, taxel_grid
 from padgen.physics.schemes import bias_a, current_lines_a, formula, mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
-from padgen.planner.frame_rates import slot_ms
-from padgen.planner.plan import Channel, Plan
-from padgen.planner.settings import carrier_hz
+from padgen.planner.drive_scheme import slot_ms
+from padgen.planner.plan import Channel, Plan, carrier_hz
 
 __all__ = ["coil_states", "drive_csv", "drive_json", "drive_rows"]
 

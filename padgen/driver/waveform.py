@@ -30,7 +30,7 @@ import numpy as np
 from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import MS
 from padgen.driver.pad_drive import PadDrive, coil_lines, constant_a2
-from padgen.planner.frame_rates import switch_ms
+from padgen.planner.drive_scheme import switch_ms
 from padgen.planner.plan import Plan
 
 __all__ = [

@@ -38,9 +38,8 @@ from padgen.physics.propagation import Tones, propagate, signal, squared, steady
 from padgen.physics.pull import solved_pulls
 from padgen.physics.schemes import bias_a
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
-from padgen.planner.plan import Channel, Plan
-from padgen.planner.pull_modes import magnetic_parts
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.channels import magnetic_parts
+from padgen.planner.plan import Channel, Plan, level_law, scheme_named
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec

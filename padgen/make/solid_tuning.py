@@ -19,13 +19,12 @@ from padgen.core import cache
 from padgen.core.errors import EngineMissingError, SolverError, SpecError, number
 from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.physics.resonator import TaxelModes
-from padgen.planner.layout import room
+from padgen.planner.layout import room, shape_inputs
 from padgen.planner.make import Choice, choose, finish, with_cures
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.sizing import SizedChannel, on_grid, steps_are_coarse
 from padgen.planner.suspensions import suspension
 from padgen.planner.taxel_model import asked_error, plate_shape, solved_model
-from padgen.planner.tile import shape_inputs
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ ENGINE = ("ngsolve", "padgen.verify.elasticity")
 """Modules that a solving process loads while the first taxel is modelled."""
 STEEL_GPA, STEEL_POISSON = 200.0, 0.3
 """Elastic constants of the washer, which is forty times stiffer than the print and hardly bends."""
-CODE = ("physics/resonator.py", "planner/suspensions/__init__.py", "planner/tile.py", "solid/taxel.py", "verify")
+CODE = ("physics/resonator.py", "planner/suspensions/__init__.py", "planner/layout.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
 Task = tuple[Channel, int]
 """The channel whose taxel is to be solved, and the first setting to try."""

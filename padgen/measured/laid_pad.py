@@ -18,9 +18,9 @@ import numpy as np
 
 from padgen.core.errors import FileError, number
 from padgen.measured.gcode_file import Layer, read_layers
+from padgen.planner.layout import outline, taxel_places
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath
-from padgen.planner.tile import outline, taxel_places
 
 __all__ = ["PLATE", "LaidPad", "PadMaps", "Placing", "TaxelMap", "cut", "laid_pad", "turned"]
 

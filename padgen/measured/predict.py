@@ -17,11 +17,9 @@ from padgen.core.units import MN, MS, UM
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ModalTaxels, ring_up_time
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
-from padgen.planner.channels import driven, wanted_line_a2
-from padgen.planner.plan import Channel, Plan
+from padgen.planner.channels import coil_modes, driven, wanted_line_a2
+from padgen.planner.plan import Channel, Plan, level_law, scheme_named
 from padgen.planner.printed_pads import coils_of
-from padgen.planner.pull_modes import coil_modes
-from padgen.planner.settings import level_law, scheme_named
 from padgen.spec import Spec
 
 __all__ = [

@@ -35,10 +35,9 @@ from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a
 from padgen.physics.resonator import relative_energy
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Channels, off_energy
-from padgen.planner.coil_load import coil_load
-from padgen.planner.plan import CoilLoad, Plan
+from padgen.planner.drive_scheme import coil_load
+from padgen.planner.plan import CoilLoad, Plan, scheme_named
 from padgen.planner.printed_pads import coils_of, covariance, design_of, spreads_of
-from padgen.planner.settings import scheme_named
 
 __all__ = ["Retuned", "RetunedCoil", "estimated", "retuned", "tuning_of"]
 

@@ -20,9 +20,8 @@ from padgen.measured.tuning import Tuning, tuning_to_json
 from padgen.measured.tuning_picture import tuning_picture
 from padgen.planner.drive_rows import COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.fixtures import coupon_plan
-from padgen.planner.plan import Plan, plan_to_json
+from padgen.planner.plan import Plan, carrier_hz, plan_to_json
 from padgen.planner.printed_pads import coils_of
-from padgen.planner.settings import carrier_hz
 
 __all__ = [
     "MeasuredRow",

@@ -1,44 +1,283 @@
-"""Make the plan's `Channel`s from sized beams: levels, forces, and the coil's pull on each washer."""
+"""Make the plan's `Channel`s from sized beams: levels, the coil's pull at each site, and how it excites the modes.
+``padgen/physics/pulls.npy`` has tables of the pull for all coils and washers of the catalogues (`docs/measure_force.py
+tables` makes them). For other parts the pull at each distance from the coil's axis is solved at a few gaps and kept in
+the cache, over ranges of gaps that are the same for every spec.
+
+The modes are `TaxelModes`, whether from the beam model or from finite elements.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import log
+from functools import lru_cache
+from itertools import permutations
+from math import log, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
-from padgen.physics.magnetics import balanced_deflection
+from padgen.physics.ladder import slot_half_width
+from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
-from padgen.physics.pull import PullAt
-from padgen.physics.resonator import ring_up_time
+from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, parts_key
+from padgen.physics.resonator import (
+    ModalTaxels,
+    TaxelModes,
+    felt_gains,
+    modal_taxels,
+    ring_up_time,
+    without_quiet_modes,
+)
 from padgen.physics.schemes import mean_square_a2
 from padgen.physics.selectivity import Scheme
-from padgen.planner.plan import Beam, Channel, Site, channel_sets
-from padgen.planner.pull_modes import force_error, mode_fields, pulled_shares, pulls, site_wrenches, taxel_modes
-from padgen.planner.settings import level_law
+from padgen.planner.coils import coil_source
+from padgen.planner.plan import TURNS, Beam, Channel, Plan, Site, channel_sets, level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.suspensions import BeamShape
-from padgen.planner.taxel_model import fillet_mm
+from padgen.planner.taxel_model import SolvedModel, TaxelModel, fillet_mm, plate_shape, recess_mm
 from padgen.spec import Spec
 
-USUAL_DEPTH = 1.01
-"""Depth of the frame behind a root over half a rib, for which beams are sized; up to here no error is added."""
-
 __all__ = [
+    "MODES_DB",
+    "ModeFields",
+    "coil_modes",
     "driven",
     "force_constants",
+    "force_error",
     "hanging_gap_um",
+    "heard_modes",
+    "magnetic_parts",
+    "mode_fields",
+    "mode_names",
+    "modes_in_slots",
     "plan_channels",
     "pull_exponent",
+    "pull_range",
+    "pulled_shares",
+    "pulls",
     "site_pulls",
+    "site_wrenches",
+    "taxel_modes",
     "wanted_line_a2",
 ]
 
 
+MODES_DB = 1.0
+"""Loss of selectivity by other modes up to which there is no finding."""
+QUIET_SHARE = 1e-6
+"""Share of the static compliance below which a mode counts as not excited by a pull at the washer's axis."""
+NAMES = ("stretch", "lateral", "bending", "torsion", "pitch", "yaw")
+"""Names of modes by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
+
+
+class ModeFields(NamedTuple):
+    """The fields of a `Channel` about its modes; `Channel` explains them."""
+
+    modes_hz: tuple[float, ...]
+    mode_shares: tuple[float, ...]
+    pulled_shares: tuple[float, ...]
+    mode_motions: tuple[tuple[float, ...], ...]
+    rest_motion: tuple[float, ...]
+    pull_wrench: tuple[float, ...]
+
+    @property
+    def pulled_share(self) -> float:
+        """Ratio of the working mode's motion under the real pull to that under a vertical pull at the washer's axis."""
+        return self.pulled_shares[int(np.argmax(self.mode_shares))]
+
+
+def taxel_modes(model: TaxelModel) -> TaxelModes:
+    """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six."""
+    if isinstance(model, SolvedModel):
+        return model.solved
+    motion = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]]).T
+    return TaxelModes(model.modes.frequency_hz, motion)
+
+
+def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
+    """Return the modes of one taxel for the plan; the pull's `wrench` (6,) is that of `site_wrenches`.
+
+    Shares are of the working mode's static compliance under a vertical pull at the washer's axis.
+    """
+    axial = modes.compliances()
+    unit = axial[modes.working]
+    rest = np.zeros(6) if modes.rest is None else modes.rest @ wrench
+    return ModeFields(
+        tuple(modes.frequency_hz.tolist()),
+        tuple((axial / unit).tolist()),
+        tuple((modes.compliances(wrench) / unit).tolist()),
+        tuple(tuple(row) for row in modes.motion.tolist()),
+        tuple(rest.tolist()),
+        tuple(wrench.tolist()),
+    )
+
+
+def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
+    """Return `ModeFields.pulled_share` (n,) of taxels whose pulls have `wrenches` (n, 6)."""
+    pairs = zip(modes, wrenches, strict=True)
+    return np.array([own.compliances(wrench)[own.working] / own.compliances()[own.working] for own, wrench in pairs])
+
+
+def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: float) -> float:
+    """Return the relative error of the force on the working mode; the pull's `wrench` (6,) is that of `site_wrenches`.
+
+    The axial pull has the relative `error`. The side force is off by as many newtons, the moment by the same force at
+    the rim of the washer, `radius_m` from its axis (docs/accuracy.md). The three errors are independent.
+    """
+    x, y = wrench[:2] / (np.hypot(*wrench[:2]) or 1.0)
+    off = np.array([(0, 0, 1, 0, 0, 0), (x, y, 0, 0, 0, 0), (0, 0, 0, -y * radius_m, x * radius_m, 0)])
+    share, *parts = (modes.compliances(part)[modes.working] for part in (wrench, *off))
+    return float(error * np.linalg.norm(parts) / abs(share)) if share else error
+
+
+def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarray:
+    """Return the wrench (n, 6), force and moment, of the pull at each site per newton of its vertical part.
+
+    It is in N and N m, about the washer's axis at z = 0, in the taxel's own axes. A washer that the coil does not pull
+    gets (0, 0, 1, 0, 0, 0).
+    """
+    wrench = np.tile(np.eye(6)[2], (len(sites), 1))
+    for column, part in ((0, pulled.side), (4, pulled.moment)):
+        np.divide(part, -pulled.pull, out=wrench[:, column], where=pulled.pull > 0)
+    # Unit vector away from the coil's axis; zero on the axis, where there is no side force.
+    out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
+    cosine, sine = np.array([TURNS[site.along] for site in sites]).T
+    # The same vector in the taxel's own axes.
+    x, y = cosine * out[:, 0] + sine * out[:, 1], cosine * out[:, 1] - sine * out[:, 0]
+    turned = np.empty_like(wrench)
+    for a, b in ((0, 1), (3, 4)):
+        turned[:, a] = x * wrench[:, a] - y * wrench[:, b]
+        turned[:, b] = y * wrench[:, a] + x * wrench[:, b]
+    turned[:, [2, 5]] = wrench[:, [2, 5]]
+    # The underside of the washer is the glue's thickness above the bed's plane.
+    height = (recess_mm(spec)[1] - spec.washer.thickness_mm) * MM
+    turned[:, 3] -= height * turned[:, 1]
+    turned[:, 4] += height * turned[:, 0]
+    return turned
+
+
+def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
+    """Return all modes of the taxels of one coil, driven at their resonances."""
+    most = max(len(channel.modes_hz) for channel in channels) + 1
+    frequency, gain = np.ones((len(channels), most)), np.zeros((len(channels), most, 3))
+    radius_m = spec.taxel.boss_diameter_mm / 2 * MM
+    for i, channel in enumerate(channels):
+        modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
+        wrench, rest = np.array(channel.pull_wrench), np.array(channel.rest_motion)
+        count = len(channel.modes_hz) + 1
+        frequency[i, :count], gain[i, :count] = felt_gains(modes, wrench, rest, radius_m)
+    return modal_taxels(
+        frequency, gain, np.array([c.q for c in channels]), np.array([c.resonance_hz for c in channels])
+    )
+
+
+def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray) -> ModalTaxels:
+    """Return `coil_modes` without modes that no line of the drive excites much; `line` (n,) as in `Channels`."""
+    own_hz = np.array([c.resonance_hz for c in channels])
+    return without_quiet_modes(coil_modes(spec, channels), own_hz, line, spec.drive.bias_ratio)
+
+
+def modes_in_slots(plan: Plan) -> list[tuple[Channel, Channel]]:
+    """Return pairs of channels: one whose second mode lies in the slot of the other.
+
+    Only modes count that a pull at the washer's axis does not excite.
+    """
+    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
+    return [
+        (channel, other)
+        for own in plan.sets
+        for channel, other in permutations(own, 2)
+        if channel.second_mode_share < QUIET_SHARE and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
+    ]
+
+
+def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
+    """Return a name for each mode of a channel.
+
+    The working mode is 'bending'. The others take, of the names left, that of the largest part of the plate's motion:
+    at half the plate's height, near the centre of mass, with rotations times the plate's radius of gyration. Beyond
+    six, modes are 'higher'.
+    """
+    plate = plate_shape(spec)
+    height, arm = plate.thickness_mm / 2 * MM, plate.length_mm / 12**0.5 * MM
+    motion = np.array(channel.mode_motions)
+    motion[:, 0] += height * motion[:, 4]
+    motion[:, 1] -= height * motion[:, 3]
+    part = motion**2 * np.array([1, 1, 1, arm, arm, arm]) ** 2
+    part /= part.sum(1, keepdims=True)
+    names = ["higher"] * len(motion)
+    working = int(np.argmax(channel.mode_shares)), NAMES.index("bending")
+    for n in range(min(len(motion), len(NAMES))):
+        mode, kind = np.unravel_index(int(part.argmax()), part.shape) if n else working
+        names[mode] = NAMES[kind]
+        part[mode], part[:, kind] = -1.0, -1.0
+    return tuple(names)
+
+
+KIND = "pulls"
+CODE = ("physics/magnetic_charge.py", "physics/pull.py")
+LOW, RANGE, GAPS = 0.35 * MM, 3, 5
+"""Parts outside the catalogues are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)`."""
+
+
+def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
+    """Return the coil and the washer of a spec in SI units."""
+    washer = spec.washer
+    sizes = (v * MM for v in (washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm))
+    return coil_source(spec.coil), SteelRing(*sizes, washer.relative_permeability)
+
+
+def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
+    """Return the pulls (n,) on washers over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
+    parts = magnetic_parts(spec)
+    result, missing = np.empty((len(PullAt._fields), len(gap_m))), np.ones(len(gap_m), bool)
+
+    def answer(table: PullTable | None, among: np.ndarray) -> None:
+        if table is not None and (among := among & table.covers(gap_m, offset_m)).any():
+            result[:, among] = table.at(gap_m[among], offset_m[among])
+            missing[among] = False
+
+    answer(_shipped_table(*parts), missing)
+    part = pull_range(gap_m)
+    for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
+        answer(_own(*parts, k, offset), (offset_m == offset) & (part == k))
+    return PullAt(*result)
+
+
+def pull_range(gap_m: np.ndarray) -> np.ndarray:
+    """Return the number (n,) of the range of a gap (n,) in m; gaps of different ranges may have different tables."""
+    return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
+
+
+_shipped_table = lru_cache(maxsize=64)(brought_table)
+
+
+@lru_cache(maxsize=1024)
+def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
+    """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
+    from padgen.core import cache
+
+    low, high, reach = LOW * RANGE**part, LOW * RANGE ** (part + 1), max(offset_m, 1e-9) * sqrt(2)
+    key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
+    try:
+        known = np.array(cache.load(KIND, key), float).reshape(-1, GAPS)
+        if np.isfinite(known).all():
+            return PullTable(low, high, reach, known[0], known[1:].T[:, None])
+    except (TypeError, ValueError):
+        pass
+    table = make_table(coil, washer, low, high, reach, GAPS, 1)
+    cache.store(KIND, key, [table.scale.tolist(), *table.shape[:, 0].T.tolist()])
+    return table
+
+
+USUAL_DEPTH = 1.01
+"""Depth of the frame behind a root over half a rib, for which beams are sized; up to here no error is added."""
+
+
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
     """Return the channels of a coil, before `driven` fills in the fields that depend on the drive scheme."""
-    resonance = np.array([float(s.model.resonance_hz) for s in sized])
-    level = level_law(spec)(resonance)
+    law, resonance = level_law(spec), np.array([float(s.model.resonance_hz) for s in sized])
+    level, threshold_um = law(resonance), law.threshold_um(resonance)
     level_um = spec.drive.level_um * level / level[0]
     sag_m, alpha = np.array([(float(s.model.sag_m), float(s.model.hardening_per_m2)) for s in sized]).T
     sag_um, level_m = sag_m / UM, level_um * UM
@@ -47,13 +286,14 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     exponent = pull_exponent(pulled, hanging_gap_um(spec, sag_um))
     wrench = site_wrenches(spec, pulled, sites)
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
-    quiet = _quiet_ratios(spec, resonance, level_um)
+    # The ON amplitude over what counts as quiet: the detection threshold where the spec has one, else 1/Δy of it.
+    quiet = np.full(len(resonance), spec.delta_y) if threshold_um is None else level_um / threshold_um
     deep_error = _deep_frame_errors(sized, sites)
-    radius_m = spec.washer.outer_diameter_mm / 2 * MM
+    radius_m, printer = spec.washer.outer_diameter_mm / 2 * MM, spec.printer
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
-        stiffness = float(item.model.stiffness_n_per_m)
-        beam_error = item.model.beam_error
+        stiffness, beam_error = float(item.model.stiffness_n_per_m), item.model.beam_error
+        width, thickness, length = (float(v) for v in item.beam)
         moving = taxel_modes(item.model)
         modes = mode_fields(moving, wrench[i])
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
@@ -64,7 +304,15 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 resonance_hz=float(resonance[i]),
                 drive_hz=float(resonance[i]) / 2,
                 q=spec.q_min,
-                beam=_beam(spec, item),
+                beam=Beam(
+                    width_mm=width,
+                    thickness_mm=thickness,
+                    length_mm=length,
+                    topology=item.topology,
+                    fillet_mm=float(fillet_mm(spec, item.model.arrangement)),
+                    count=len(item.model.arrangement.beams),
+                    layers=round((thickness - printer.first_layer_mm) / printer.layer_mm) + 1,
+                ),
                 effective_mass_g=float(item.model.effective_mass_kg) / GRAM,
                 stiffness_n_per_m=stiffness,
                 ring_up_ms=float(tau_ms[i]),
@@ -133,30 +381,17 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
         pull_n = squares_a2[channel.index % len(sets)] * channel.force_constant_n_per_a2
         slack_um, exponent = pull_n / channel.stiffness_n_per_m / UM, max(channel.pull_exponent, 0.0)
         static_um = balanced_deflection(slack_um, gap_um, exponent)
-        result.append(
-            replace(
-                channel,
-                drive_hz=channel.resonance_hz if scheme.has_constant else channel.resonance_hz / 2,
-                static_um=gap_um if static_um is None else static_um,
-                # With F = k z at balance the stiffness falls by the share (dF/dz)/k, the resonance by half of that.
-                pull_shift=0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2,
-            )
-        )
+        # With F = k z at balance the stiffness falls by the share (dF/dz)/k, the resonance by half of that.
+        shift = 0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2
+        static_um = gap_um if static_um is None else static_um
+        drive_hz = channel.resonance_hz if scheme.has_constant else channel.resonance_hz / 2
+        result.append(replace(channel, drive_hz=drive_hz, static_um=static_um, pull_shift=shift))
     return tuple(result)
 
 
 def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
     """Return the amplitude in A² of the line of i² that makes a force in mN; 0 for a washer that is not pulled."""
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
-
-
-def _quiet_ratios(spec: Spec, resonance: np.ndarray, level_um: np.ndarray) -> np.ndarray:
-    """Return the ON amplitude (n,) over the amplitude that counts as quiet.
-
-    Quiet is the detection threshold where the spec has one, else 1/Δy of the ON amplitude.
-    """
-    threshold = level_law(spec).threshold_um(resonance)
-    return np.full(len(resonance), spec.delta_y) if threshold is None else level_um / threshold
 
 
 def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
@@ -174,17 +409,3 @@ def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> 
         true = replace(models[own[0]], beam=beam, frame_depth_mm=depth[own], member_of=None)
         error[own] = 2 * np.abs(true.resonance_hz / [models[i].resonance_hz for i in own] - 1)
     return error
-
-
-def _beam(spec: Spec, item: SizedChannel) -> Beam:
-    printer = spec.printer
-    width, thickness, length = (float(v) for v in item.beam)
-    return Beam(
-        width_mm=width,
-        thickness_mm=thickness,
-        length_mm=length,
-        topology=item.topology,
-        fillet_mm=float(fillet_mm(spec, item.model.arrangement)),
-        count=len(item.model.arrangement.beams),
-        layers=round((thickness - printer.first_layer_mm) / printer.layer_mm) + 1,
-    )

@@ -1,17 +1,36 @@
-"""Cures of findings: changes of the spec. Each is tried by planning the changed spec before it is suggested."""
+"""Cures: changes of the spec that a finding or a refusal suggests, each tried by planning the changed spec.
 
-from collections.abc import Callable
-from dataclasses import asdict, replace
+`refusal` explains why no pad meets a spec: the limit that binds, and the nearest specs that a pad would meet.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, fields, replace
+from itertools import islice
 from math import inf
 from typing import Any
 
-from padgen.core.errors import PadgenError, cured
-from padgen.core.finding import LEVELS
+from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured, number
+from padgen.planner.layout import (
+    SLACK_MM,
+    Layout,
+    candidates,
+    coil_reach_mm,
+    explain,
+    most_channels,
+    most_coils,
+    most_outputs,
+    room,
+    whole_grids,
+)
 from padgen.planner.plan import Plan
-from padgen.spec import Spec, make_spec
+from padgen.planner.search import ladders, reachable_hz, sized_layouts
+from padgen.planner.suspensions import allowed, suspension
+from padgen.planner.taxel_model import plate_shape, shortest_mm
+from padgen.spec import Spec, Suspension, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
-__all__ = ["Cure", "varied", "with_tried_cures"]
+__all__ = ["Cure", "refusal", "varied", "with_tried_cures"]
+
 
 MOST_TRIED = 4
 """Most cures that are tried for one plan."""
@@ -48,13 +67,16 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
         proposed.setdefault(finding.code, []).extend(finding.cures)
-    before, known, holds = _severities(plan), list[tuple[Cure, Plan | None]](), dict[str, list[Cure]]()
+    known, holds = list[tuple[Cure, Plan | None]](), dict[str, list[Cure]]()
     for code, cures in proposed.items():
         for cure in cures:
             if cure not in (tried for tried, _ in known) and len(known) < MOST_TRIED:
-                known.append((cure, _planned(planned, cure)))
+                try:
+                    known.append((cure, planned(cure)))
+                except PadgenError:
+                    known.append((cure, None))
             again = next((made for tried, made in known if tried == cure), None)
-            if again and _is_better(plan, before, again, code):
+            if again and _is_better(plan, again, code):
                 holds[code] = [cure]
                 break
     findings = (
@@ -64,32 +86,161 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     return replace(plan, findings=tuple(findings))
 
 
-def _planned(planned: Callable[[Cure], Plan], cure: Cure) -> Plan | None:
-    try:
-        return planned(cure)
-    except PadgenError:
-        return None
-
-
-def _severities(plan: Plan) -> dict[str, int]:
-    """Return the severity (index in `LEVELS`) of the worst finding of each code, notes left out."""
-    worst: dict[str, int] = {}
-    for f in plan.findings:
-        if f.level != "note":
-            worst[f.code] = max(worst.get(f.code, 0), LEVELS.index(f.level))
-    return worst
-
-
-def _is_better(plan: Plan, before: dict[str, int], again: Plan, code: str) -> bool:
-    after = _severities(again)
+def _is_better(plan: Plan, again: Plan, code: str) -> bool:
+    before, after = ({f.code for f in p.findings if f.level != "note"} for p in (plan, again))
+    errors = [len({f.code for f in p.findings if f.level == "error"}) for p in (plan, again)]
+    others = [sum(not kind.startswith(COUNTED) for kind in kinds) for kinds in (before, after)]
     kept = [inf if p.selectivity.kept_db is None else p.selectivity.kept_db for p in (plan, again)]
-    errors, others = [], []
-    for severities in (after, before):
-        errors.append(list(severities.values()).count(LEVELS.index("error")))
-        others.append(sum(not code.startswith(COUNTED) for code in severities))
     return (
         code not in after
-        and errors[0] <= errors[1]
-        and (len(after) < len(before) or others[0] <= others[1])
+        and errors[1] <= errors[0]
+        and (len(after) < len(before) or others[1] <= others[0])
         and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )
+
+
+FEWER = 3
+"""Smaller counts of taxels that are tried for an amplifier."""
+MOST_NAMED = 4
+"""Most cures that a refusal names."""
+
+
+def refusal(
+    spec: Spec, options: list[Layout], limit: int, planned: Callable[[Cure], Any], where: str = "resolution"
+) -> InfeasibleError:
+    """Return the error that says why none of `options` works with up to `limit` channels per coil.
+
+    It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
+    """
+
+    def holds(cure: Cure) -> bool:
+        try:
+            plan = planned(cure)
+        except PadgenError:
+            return False
+        # What an amplifier plays may be too little: a plan for it must also keep what is asked.
+        kept = plan.selectivity.kept_db if plan.spec.amplifier else None
+        enough = kept is None or kept >= plan.selectivity.asked_db
+        return enough and all(f.level != "error" for f in plan.findings)
+
+    found: list[Cure] = []
+    # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
+    for cure in _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit):
+        if all(set(cure) != set(other) for other in found) and holds(cure):
+            found.append(cure)
+        if len(found) == MOST_NAMED:
+            break
+    nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
+    reasons = _reasons(spec, options, limit)
+    if spec.amplifier and options:
+        reasons.append(f"the amplifier {spec.amplifier.name} has {spec.amplifier.channels} channels, one for each coil")
+    wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
+    return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", where, found)
+
+
+def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
+    if not options:
+        return [_too_many(spec, limit)]
+    best = sorted(options, key=lambda layout: -layout.margin_mm)
+    if best[0].margin_mm >= -SLACK_MM:
+        return [_unreached(spec, best[0])]
+    nearest = {layout.binding[0]: layout for layout in reversed(best)}  # the best of each kind
+    return [explain(spec, layout) for layout in sorted(nearest.values(), key=best.index)[:2]]
+
+
+def _too_many(spec: Spec, limit: int) -> str:
+    grid = spec.coil.grid
+    per_coil = most_channels(spec, limit)
+    rows, columns = grid or most_coils(spec)
+    coils = int(min(rows * columns, most_outputs(spec)))
+    there_are = "the grid has" if grid else "there is room for"
+    if spec.amplifier and coils < rows * columns:
+        there_are = f"the amplifier {spec.amplifier.name} has channels for"
+    band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
+    if per_coil < limit and not spec.resonances_hz:
+        band = "there is no room for more plates at it"
+    exact = "exactly" if spec.resonances_hz else "at most"
+    return (
+        f"{there_are} {coils} coil{'s' * (coils > 1)} of {number(spec.coil.outer_diameter_mm)} mm, each with {exact}"
+        f" {per_coil} channels"
+        f" ({band}), {coils * per_coil} taxels in all"
+    )
+
+
+def _unreached(spec: Spec, layout: Layout) -> str:
+    space = room(spec, layout)
+    found, wanted = reachable_hz(spec, space), ladders(spec, layout.channels, space)
+    cell = f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
+    grid = f"the {layout.rows} x {layout.columns} grid"
+    if not found:  # no beam at all fits a sub-cell that has room for the plate
+        plate, gap, length_mm = plate_shape(spec), spec.printer.smallest_gap_mm, spec.suspension.length_mm
+        spans = [
+            f"{name}: lengths of {number(shortest_mm(spec, name))} …"
+            f" {number(suspension(name).longest(space, plate, gap))} mm, widths of"
+            f" {number(spec.printer.smallest_beam_mm)} … {number(suspension(name).widest(space, plate, gap))} mm"
+            for name in allowed(spec.suspension.topology)
+        ]
+        own = f", asked is suspension.length_mm = {number(length_mm)}" if length_mm else ""
+        return f"{cell} of {grid} holds no such beam ({'; '.join(spans)}){own}"
+    asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
+    if wanted and found[0] <= wanted[0][0] and wanted[0][-1] <= found[1]:
+        reach = number(coil_reach_mm(spec))
+        told = f"beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
+    else:
+        told = f"{cell} can be printed for {number(found[0])} … {number(found[1])} Hz, asked are {asked} Hz"
+    return f"{layout.channels} channels per coil on {grid}: {told}"
+
+
+def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
+    """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels.
+
+    Of the cures of a kind it is the first with room.
+    """
+    if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
+        yield {"coil.grid": [found.rows, found.columns]}
+    ways: list[list[Cure]] = []
+    if spec.amplifier:
+        free = replace(spec, amplifier=None)
+        sized = next(sized_layouts(free, candidates(free, limit)), None)
+        if sized and sized[0].coils > most_outputs(spec):
+            yield {"amplifier.channels": sized[0].coils}
+        larger = _part_sizes("coil", above=spec.coil.outer_diameter_mm)
+        ways.append([{"coil": name} for name in sorted(larger, key=lambda name: larger[name])])
+    smaller = _part_sizes("washer", below=spec.washer.outer_diameter_mm)
+    ways.append([{"washer": name} for name in sorted(smaller, key=lambda name: -smaller[name])])
+    finer = [e for e in catalogue("printer").values() if e["line_width_mm"] < spec.printer.line_width_mm]
+    ways.append([{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process])
+    ways += [
+        [{f"suspension.{item.name}": item.default}]
+        for item in fields(Suspension)
+        if getattr(spec.suspension, item.name) != item.default
+    ]
+    sides = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
+    ways.append([{k: round(v * more / 100, 1) for k, v in sides.items()} for more in (110, 120, 130, 150, 175, 200)])
+    for way in ways:
+        yield from islice((cure for cure in way if _best_layout(spec, limit, cure)), 1)
+    # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
+    whole = () if spec.coil.grid else sized_layouts(spec, whole_grids(spec, limit))
+    fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.amplifier else 1))
+    yield from ({"resolution": count} for count in islice(fewer, FEWER))
+    if spec.coil.grid:
+        coils = spec.coil.grid[0] * spec.coil.grid[1]
+        most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
+        each = ({"resolution": coils * count} for count in range(most, 0, -1))
+        yield from islice((cure for cure in each if _best_layout(spec, limit, cure)), 1)
+
+
+def _part_sizes(kind: str, above: float = 0.0, below: float = inf) -> dict[str, float]:
+    """Return the outer diameters in mm of a catalogue's parts between two others, by name."""
+    sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue(kind).items()}
+    return {name: size for name, size in sizes.items() if above < size < below}
+
+
+def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
+    """Return the best layout of the spec with a cure, or None if no layout has room."""
+    try:
+        other = varied(spec, cure)
+    except SpecError:
+        return None
+    found = next(sized_layouts(other, candidates(other, limit)), None)
+    return found[0] if found else None

@@ -1,28 +1,208 @@
-"""Choose a coil's drive scheme, and work out how far OFF taxels then stay below ON taxels."""
+"""Choose a coil's drive scheme, and work out how far OFF taxels then stay below ON taxels.
+
+With it come the frame rate, the load on coil, amplifier and beams with the level that these allow, and the leakage
+between coils, which all use the same frequencies, with the choice of cells to turn.
+"""
 
 from collections.abc import Sequence
-from itertools import pairwise
-from math import inf
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise, product
+from math import hypot, inf
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from padgen.core.errors import number
-from padgen.core.units import decibel
-from padgen.physics.resonator import ModalTaxels
-from padgen.physics.schemes import in_order, simplest_first
-from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, tone_energy
-from padgen.planner.coil_load import coil_load, is_fed
-from padgen.planner.frame_rates import frame_rates
-from padgen.planner.plan import Channel, Plan, SchemeFigures, Selectivity, channel_sets
-from padgen.planner.pull_modes import MODES_DB, coil_modes, heard_modes, modes_in_slots
-from padgen.planner.settings import level_law, passes, scheme_named
-from padgen.spec import Spec
+from padgen.core.units import MA, MH, MM, MS, UM, decibel
+from padgen.physics.magnetic_charge import pole_error
+from padgen.physics.magnetics import CoilSource, SteelRing, pull_in_deflection, slack_at
+from padgen.physics.modes import jump_amplitude
+from padgen.physics.pull import Leakage, leakage
+from padgen.physics.resonator import ModalTaxels, relative_energy
+from padgen.physics.schemes import (
+    in_order,
+    mean_square_a2,
+    on_carrier_v,
+    peak_current_a,
+    peak_voltage_v,
+    simplest_first,
+)
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, pair_lines, tone_energy
+from padgen.physics.selectivity import channels as resonators
+from padgen.planner.channels import MODES_DB, coil_modes, hanging_gap_um, heard_modes, magnetic_parts, modes_in_slots
+from padgen.planner.layout import Layout
+from padgen.planner.plan import (
+    Channel,
+    CoilLoad,
+    FrameRate,
+    Plan,
+    Reuse,
+    SchemeFigures,
+    Selectivity,
+    Site,
+    carrier_hz,
+    channel_sets,
+    level_law,
+    passes,
+    scheme_named,
+)
+from padgen.spec import Amplifier, Spec, catalogue
 
 if TYPE_CHECKING:
-    from padgen.planner.resonances import Optimum
+    from padgen.planner.search import Optimum
 
-__all__ = ["modes_matter", "placed_channels", "plan_selectivity"]
+__all__ = [
+    "RINGS",
+    "cell_is_turned",
+    "coil_load",
+    "coil_reuse",
+    "coils_around",
+    "fitting_amplifiers",
+    "frame_rates",
+    "is_fed",
+    "modes_matter",
+    "placed_channels",
+    "plan_selectivity",
+    "pull_in_share",
+    "slot_ms",
+    "switch_ms",
+    "turned_cells",
+]
+
+
+SWITCH_PERIODS = 9.0
+"""Periods of the lowest resonance that a transition lasts: at most 1e-4 of the mean pull's step then rings on."""
+SWITCH_BEATS = 2.5
+"""Periods of the beat between neighbouring channels that a transition lasts: the ringing that a switched tone leaves on
+a neighbouring taxel is then at least 38 dB below the motion that the steady tone makes there."""
+
+
+def switch_ms(channels: Sequence[Channel], sets: int = 1) -> float:
+    """Return the length in ms of a transition that neither clicks nor shakes a taxel that stays OFF.
+
+    The force is blended over it by a step that is flat to the fourth derivative at both ends. Two resonances of a coil
+    within a half-power bandwidth act as one and do not beat.
+    """
+    resonances = [np.array([c.resonance_hz for c in own]) for own in channel_sets(channels, sets)]
+    beats = [np.diff(np.sort(hz)).min(initial=np.inf) for hz in resonances]
+    widths = [min(c.resonance_hz / c.q for c in own) for own in channel_sets(channels, sets)]
+    beat_hz = min(max(float(beat), width) for beat, width in zip(beats, widths, strict=True))
+    return max(SWITCH_PERIODS / min(channel.resonance_hz for channel in channels), SWITCH_BEATS / beat_hz) / MS
+
+
+def slot_ms(channels: Sequence[Channel], sets: int = 1) -> float:
+    """Return the length in ms of a channel's time slot when the channels of a pad take turns.
+
+    A slot is twice the slowest taxel's ring-down or two transitions, whichever is longer. The force rises over the
+    first half and falls over the second, so that neither the tone nor its mean pull sets another taxel swinging.
+    """
+    return 2 * max(*(channel.ring_down_ms for channel in channels), switch_ms(channels, sets))
+
+
+def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, ...]:
+    """Return the frames per second, for each scheme, at which a taxel switched OFF is quiet before the next frame.
+
+    With all channels at once, a frame takes a transition and the slowest channel's ring-down. In turns, it takes a slot
+    for every channel of a coil.
+    """
+    together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
+    in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
+    times = {name: in_turns if Scheme(name).takes_turns else together for name in in_order()}
+    return tuple(FrameRate(name, 1 / time) for name, time in times.items())
+
+
+def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
+    """Return currents, voltage and heat of a coil with all channels on, and the largest level that all limits allow.
+
+    With two sets of channels, the figures are of the coil that allows the lower level.
+    """
+    carrier = carrier_hz(spec, scheme, max(c.resonance_hz for c in channels))
+    loads = (_load(spec, own, scheme, carrier) for own in channel_sets(channels, spec.coil.sets))
+    return min(loads, key=lambda load: load.reachable_level_um)
+
+
+def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: float | None) -> CoilLoad:
+    coil, headroom = spec.coil, spec.drive.headroom
+    lines, resonance = np.array([(c.line_a2, c.resonance_hz) for c in channels]).T
+    square_a2 = mean_square_a2(scheme, lines, headroom)
+    volts = peak_voltage_v(scheme, lines, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
+    peak_a = peak_current_a(scheme, lines, headroom)
+    if carrier is not None:
+        volts = float(on_carrier_v(volts, peak_a, coil.inductance_mh * MH, carrier))
+        peak_a *= 2**0.5
+    loss_w = square_a2 * coil.resistance_ohm
+    # Factors by which the displacements may grow: the square of the current grows in proportion.
+    factors = {
+        "voltage": (spec.drive.voltage_limit_v / volts) ** 2 if volts > 0 else inf,
+        "copper loss": coil.power_limit_w / loss_w if loss_w > 0 else inf,
+        "gap": min(_gap_factor(spec, channel, square_a2) for channel in channels),
+        "stretching": min(jump_amplitude(c.hardening_per_mm2, c.q) * MM / UM / c.level_um for c in channels),
+        "root stress": spec.material.fatigue_stress_mpa / max(c.root_stress_mpa for c in channels),
+    }
+    if spec.amplifier and peak_a > 0:
+        factors["amplifier's current"] = (spec.amplifier.current_a / peak_a) ** 2
+    if min(c.force_constant_n_per_a2 for c in channels) <= 0:
+        factors["pull"] = 0.0
+    tightest = min(factors, key=lambda name: factors[name])
+    return CoilLoad(
+        current_peak_ma=peak_a / MA,
+        current_rms_ma=square_a2**0.5 / MA,
+        voltage_peak_v=volts,
+        copper_loss_w=loss_w,
+        idle_w=mean_square_a2(scheme, lines, headroom, np.zeros(len(lines), bool)) * coil.resistance_ohm,
+        pull_in_share=max(pull_in_share(spec, channel, square_a2) for channel in channels),
+        reachable_level_um=spec.drive.level_um * factors[tightest],
+        reachable_by=tightest,
+    )
+
+
+def fitting_amplifiers(plan: Plan) -> dict[str, int]:
+    """Return the amplifiers of the catalogue that can play all channels of a plan, and how many of each it takes."""
+    coils, fitting = plan.coils.rows * plan.coils.columns, {}
+    for name, entry in catalogue("amplifier").items():
+        drive = replace(plan.spec.drive, voltage_limit_v=entry["voltage_v"])
+        spec = replace(plan.spec, amplifier=Amplifier(**entry), drive=drive)
+        if passes(spec, plan.scheme) and is_fed(spec, coil_load(spec, plan.channels, plan.scheme)):
+            fitting[name] = -(-coils // int(entry["channels"]))
+    return fitting
+
+
+def is_fed(spec: Spec, load: CoilLoad) -> bool:
+    """Return whether the spec's amplifier, if there is one, has the volts and amperes of a load."""
+    own = spec.amplifier
+    enough_v = load.voltage_peak_v <= spec.drive.voltage_limit_v
+    return own is None or (enough_v and load.current_peak_ma * MA <= own.current_a)
+
+
+def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
+    """Return the mean pull on a washer for a mean square current, over the pull at which it snaps to the coil."""
+    gap_um = float(hanging_gap_um(spec, channel.sag_um))
+    _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
+    return _slack_um(channel, square_a2) / largest_um
+
+
+def _slack_um(channel: Channel, square_a2: float) -> float:
+    """Return the deflection in µm under the mean pull at rest, as if the pull did not grow while the gap closes."""
+    return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
+
+
+def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
+    """Return the factor by which amplitude and mean pull may grow until, with the sag, they fill a third of the gap.
+
+    The spring balances the mean pull, so the washer stays short of pull-in. 0 where sag alone fills a third of the gap.
+    """
+    gap_um, exponent = float(hanging_gap_um(spec, channel.sag_um)), max(channel.pull_exponent, 0.0)
+    free_um, slack_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um, _slack_um(channel, square_a2)
+    if free_um <= 0 or slack_um <= 0:
+        return max(free_um, 0.0) / channel.level_um
+    low, high = 0.0, min(free_um, pull_in_deflection(gap_um, exponent)[0])
+    for _ in range(60):
+        static_um = (low + high) / 2
+        grown = slack_at(static_um, gap_um, exponent) / slack_um
+        low, high = (static_um, high) if grown * channel.level_um + static_um < free_um else (low, static_um)
+    return slack_at(low, gap_um, exponent) / slack_um
+
 
 MOST_SPELLED_OUT = 16
 """Channels per coil up to which a plan lists how much each channel's tone moves every other taxel."""
@@ -45,13 +225,20 @@ def plan_selectivity(
     sets = channel_sets(planned, spec.coil.sets)
     alike, bare, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
     placed = [(taxels, heard_modes(spec, own, taxels.line)) for own, taxels in zip(sets, bare, strict=True)]
-    lost_db = max(channel.level_loss_db for channel in planned)
-    names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order()
-    figures = {name: _scheme_figures(spec, alike, placed, name, lost_db) for name in names}
+    lost_db, alone = max(channel.level_loss_db for channel in planned), len(sets[0]) < 2
+    figures = {}
+    for name in (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order():
+        scheme = scheme_named(spec, name)
+        cubic = scheme.has_pair_spurs and len(sets[0]) > MOST_WITH_SPURS and name != spec.drive.scheme
+        one_hot = all_db = placed_db = None
+        if not alone and not cubic:
+            one_hot = min(one_hot_db(taxels, scheme) for taxels in alike)
+            all_db, placed_db = _worst_db(alike, scheme), _placed_db(placed, scheme) - lost_db
+        figures[name] = SchemeFigures(name, one_hot, all_db, placed_db)
     name, why = _chosen_scheme(spec, figures, planned)
     scheme = scheme_named(spec, name)
     states = min((all_states(taxels, scheme) for taxels in alike), key=lambda found: found.db)
-    alone = len(sets[0]) < 2
+    below = [-10 * np.log10(tone_energy(taxels, taxels)) + 0.0 for taxels in alike if len(sets[0]) <= MOST_SPELLED_OUT]
     return Selectivity(
         drive=name,
         level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
@@ -62,19 +249,14 @@ def plan_selectivity(
         placed_one_hot_db=None if alone else min(one_hot_db(taxels, scheme, modes) for taxels, modes in placed),
         placed_all_states_db=None if alone else _placed_db(placed, scheme) - lost_db,
         why=why,
-        paper_db=None if alone else _paper_db(spec, planned),
+        paper_db=None if alone else _paper_db(spec, sets),
         snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
         modes_cost_db=None if alone else _worst_db(bare, scheme) - _placed_db(placed, scheme),
         modes_left_out=max(float(modes.left_out.max()) for _, modes in placed),
         optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
-        matrix_db=tuple(_matrix_db(taxels) for taxels in alike) if len(sets[0]) <= MOST_SPELLED_OUT else (),
+        matrix_db=tuple(tuple(map(tuple, table.tolist())) for table in below),
         schemes=tuple(figures.values()),
     )
-
-
-def _matrix_db(taxels: Channels) -> tuple[tuple[float, ...], ...]:
-    below = -10 * np.log10(tone_energy(taxels, taxels))
-    return tuple(tuple(float(value) + 0.0 for value in row) for row in below)
 
 
 def _worst_db(sets: Sequence[Channels], scheme: Scheme) -> float:
@@ -112,31 +294,18 @@ def modes_matter(plan: Plan) -> bool:
     mode's peak could move an OFF taxel by more than 1/Δy of its ON amplitude. The last is a quick bound: no line is
     more than twice the largest wanted one, or 1/(2 `bias_ratio`) of it in a biased drive.
     """
+    spec, figures = plan.spec, plan.selectivity
     if len(plan.sets[0]) < 2:
         return False
-    return (
-        bool(modes_in_slots(plan))
-        or (plan.selectivity.modes_cost_db or 0.0) > MODES_DB
-        or any(_loudest_peak(plan.spec, own) > 1 / plan.spec.delta_y for own in plan.sets)
-    )
-
-
-def _loudest_peak(spec: Spec, own: Sequence[Channel]) -> float:
-    modes, line = coil_modes(spec, own), placed_channels(spec, own).line
-    peak = np.sqrt((modes.gain**2).sum(-1)) * (modes.q / line)[:, None]
-    peak[np.arange(len(own)), [int(np.argmax(c.mode_shares)) for c in own]] = 0.0
-    return float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio)
-
-
-def _scheme_figures(
-    spec: Spec, alike: Sequence[Channels], placed: Sequence[Placed], name: str, lost_db: float
-) -> SchemeFigures:
-    count, scheme = len(alike[0].line), scheme_named(spec, name)
-    cubic = scheme.has_pair_spurs and count > MOST_WITH_SPURS and name != spec.drive.scheme
-    if count < 2 or cubic:
-        return SchemeFigures(name, None, None, None)
-    one_hot = min(one_hot_db(taxels, scheme) for taxels in alike)
-    return SchemeFigures(name, one_hot, _worst_db(alike, scheme), _placed_db(placed, scheme) - lost_db)
+    if modes_in_slots(plan) or (figures.modes_cost_db or 0.0) > MODES_DB:
+        return True
+    for own in plan.sets:
+        modes, line = coil_modes(spec, own), placed_channels(spec, own).line
+        peak = np.sqrt((modes.gain**2).sum(-1)) * (modes.q / line)[:, None]
+        peak[np.arange(len(own)), [int(np.argmax(c.mode_shares)) for c in own]] = 0.0
+        if float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio) > 1 / spec.delta_y:
+            return True
+    return False
 
 
 def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
@@ -148,44 +317,226 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if len(planned) // spec.coil.sets == 2:
         return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
-    simplest = _playable(spec, planned)
-    reached = {name: figures[name].reached_db for name in simplest}
-    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
-    # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
-    holds = [n for n in simplest if reached[n] >= asked and (rates[n] >= least or not Scheme(n).takes_turns)]
-    if holds:
-        told = _reached_text(simplest[: simplest.index(holds[0])], reached, rates)
-        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told}"
-    slow = [name for name in simplest if reached[name] >= asked] if spec.amplifier else []
-    if slow:
-        return slow[0], f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
-    together = [name for name in simplest if not Scheme(name).takes_turns]
-    best = max(together or simplest, key=lambda name: reached[name])
-    told = _reached_text([name for name in simplest if name != best], reached, rates)
-    none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
-    return best, f"{none}; of those that drive all at once it comes nearest{told}"
-
-
-def _playable(spec: Spec, planned: Sequence[Channel]) -> list[str]:
-    """Return the schemes that the amplifier can play, the simplest first: if any are, those within its limits."""
+    # The simplest first: those that the amplifier can play, and of these, if there are any, those within its limits.
     names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
-    if spec.amplifier is None:
-        return names
-    return [n for n in names if is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))] or names
+    if spec.amplifier:
+        fed = [n for n in names if is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
+        names = fed or names
+    reached = {name: figures[name].reached_db for name in names}
+    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
+
+    def told(others: Sequence[str]) -> str:
+        """Return what other schemes reach, in brackets, or nothing."""
+        words = [
+            f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")
+            for name in others
+            if reached[name] > -inf
+        ]
+        return f" ({', '.join(words)})" if words else ""
+
+    keeps = [name for name in names if reached[name] >= asked]
+    # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
+    holds = [name for name in keeps if rates[name] >= least or not Scheme(name).takes_turns]
+    if holds:
+        simpler = names[: names.index(holds[0])]
+        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told(simpler)}"
+    if keeps and spec.amplifier:
+        return keeps[
+            0
+        ], f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
+    together = [name for name in names if not Scheme(name).takes_turns]
+    best = max(together or names, key=lambda name: reached[name])
+    none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
+    others = told([name for name in names if name != best])
+    return best, f"{none}; of those that drive all at once it comes nearest{others}"
 
 
-def _reached_text(names: Sequence[str], reached: dict[str, float], rates: dict[str, float]) -> str:
-    """Return what other schemes reach, in brackets, or nothing."""
-    words = [
-        f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")
-        for name in names
-        if reached[name] > -inf
-    ]
-    return f" ({', '.join(words)})" if words else ""
-
-
-def _paper_db(spec: Spec, planned: Sequence[Channel]) -> float:
+def _paper_db(spec: Spec, sets: Sequence[Sequence[Channel]]) -> float:
     """Return the selectivity in dB that the paper's Eq. 12 gives for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
-    sets = channel_sets(planned, spec.coil.sets)
     ratio = min(b.resonance_hz / a.resonance_hz for own in sets for a, b in pairwise(own))
     return decibel(4 * spec.q_min * (ratio - 1) / (ratio + 1))
+
+
+TURNS = ("none", "odd rows", "odd columns")
+RINGS = 5
+"""Number of coils, in each direction, up to which leakage is counted."""
+LEAK_ERROR = 0.2
+"""Relative error of leakage from the nearest coils if cores are no longer than the pitch (docs/accuracy.md)."""
+
+
+def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
+    """Bound the leakage of the coils around, in their worst state, onto an OFF taxel.
+
+    With the driver table neighbours play in step, so that their fields add. Where the taxel's own coil plays its other
+    channels, its field beats with theirs.
+    """
+    turned = turned_cells(spec, layout, [channel.site for channel in channels])
+    if layout.coils < 2:
+        return Reuse(None, None, turned, (None,) * len(channels), (None,) * len(channels))
+    pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
+    washers_mm = tuple(channel.site.washer_mm for channel in channels)
+    place = np.array(washers_mm)
+    steps_to = coils_around(layout.rows, layout.columns)
+    next_to = np.abs(steps_to).max(1) == 1
+    at = steps_to * pitch * MM
+    leak = _leakage(magnetic_parts(spec), spec.coil.gap_mm, washers_mm, (layout.rows, layout.columns), tuple(pitch))
+    away = np.abs(steps_to).sum(1) % spec.coil.sets
+    heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
+    energy, apart = np.zeros((2, len(channels)))
+    for there in _surroundings(layout, steps_to):
+        total, own_lines = np.zeros((2, len(channels)))
+        for steps, (tones, spurs, beats) in enumerate(heard):
+            some = there & (away == steps)
+            square = np.abs(leak.mutual[:, some][:, :, some]).sum((1, 2))
+            product = np.abs(leak.product[:, some]).sum(1)
+            constant = product if scheme.is_biased else 0.0
+            # Spurs and beats of the same channels have the same frequencies, so that their amplitudes add.
+            total += (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
+            lines, products = _lines_apart(leak, some, scheme), (leak.product[:, some] ** 2).sum(1)
+            own_lines += lines * tones + (np.sqrt(lines * spurs) + np.sqrt(products * beats)) ** 2
+        energy, apart = np.maximum(energy, total), np.maximum(apart, own_lines)
+    worst = int(energy.argmax())
+    leaks, retuned = (tuple(-decibel(float(value) ** 0.5) for value in each) for each in (energy, apart))
+    error = _leak_error(spec, layout, leak, place[:, None] * MM - at, ~next_to, pitch) + channels[worst].force_error
+    return Reuse(leaks[worst], worst, turned, leaks, retuned, error)
+
+
+@lru_cache(maxsize=64)
+def _leakage(
+    parts: tuple[CoilSource, SteelRing],
+    gap_mm: float,
+    washers_mm: tuple[tuple[float, float], ...],
+    grid: tuple[int, int],
+    pitch_mm: tuple[float, float],
+) -> Leakage:
+    """Return the leakage of the coils in the order of `coils_around`; it does not depend on the drive."""
+    steps = coils_around(*grid)
+    at, next_to = steps * np.array(pitch_mm) * MM, np.abs(steps).max(1) == 1
+    return leakage(*parts, gap_mm * MM, np.array(washers_mm) * MM, at[next_to], at[~next_to])
+
+
+def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
+    """Return the energy (n,) of the tones of coils with different frequencies, over that of the own coil's tone.
+
+    Each coil then makes a line of its own, and with plain tones every two coils one more between theirs. Lines of
+    different frequencies add as energies. With constant currents each coil's tone makes its line with all of them.
+    """
+    mutual = np.abs(leak.mutual[:, some][:, :, some])
+    alone = np.einsum("nkk->nk", mutual)
+    if scheme.has_constant:
+        constant = np.abs(leak.product[:, some]) if scheme.is_biased else 0.0
+        return ((mutual.sum(1) + constant) ** 2).sum(1)
+    return 2 * (mutual**2).sum((1, 2)) - (alone**2).sum(1)
+
+
+def _leak_error(
+    spec: Spec, layout: Layout, leak: Leakage, away_m: np.ndarray, far: np.ndarray, pitch_mm: np.ndarray
+) -> float:
+    """Return the relative error of the leakage.
+
+    It is made of the model's error, that of far coils taken as poles, and that of coils too far to be counted, whose
+    field falls with the cube of the distance.
+    """
+    doubt = np.where(far, pole_error(magnetic_parts(spec)[0], np.linalg.norm(away_m, axis=-1)), 0.0)
+    parts = (np.abs(leak.mutual).sum(1), 2.0), (np.abs(leak.product), 1.0)
+    shares = [times * (doubt * part).sum(1) / np.maximum(part.sum(1), 1e-300) for part, times in parts]
+    steps = np.stack(np.meshgrid(*(np.arange(-(n // 2), n // 2 + 1) for n in (layout.columns, layout.rows))), -1)
+    cube = np.linalg.norm(steps * pitch_mm, axis=-1) ** 3
+    ring = np.abs(steps).max(-1)
+    beyond, counted = ((1 / cube[among]).sum() for among in (ring > RINGS, (ring > 0) & (ring <= RINGS)))
+    # The model takes cores that magnetise each other as dipoles, which holds at distances above their length.
+    nearest = np.linalg.norm(steps * pitch_mm, axis=-1)[ring > 0].min() * MM
+    long = max(magnetic_parts(spec)[0].core_length / nearest, 1.0)
+    return float(LEAK_ERROR * long + max(map(np.max, shares)) + 2 * beyond / counted)
+
+
+def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:
+    """Return energies (n,) of OFF taxels, over their ON states, as if a coil `steps` away were their own.
+
+    The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current
+    with that of the own coil, which plays all channels but the OFF one.
+    """
+    resonance = np.array([channel.resonance_hz for channel in channels])
+    mass = np.array([channel.effective_mass_g for channel in channels])
+    taxels = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
+    sets, tones, spurs, beats = spec.coil.sets, *np.zeros((3, len(channels)))
+    for i in range(len(channels)):
+        taxel, other = Channels(*(part[[i]] for part in taxels)), slice((i + steps) % sets, None, sets)
+        played = Channels(*(part[other] for part in taxels))
+        own = [k for k in range(i % sets, len(channels), sets) if k != i]
+        tones[i] = tone_energy(taxel, played).sum()
+        if scheme.has_pair_spurs:
+            spurs[i] = _line_energy(taxel, *pair_lines(played, scheme)[:3])
+        beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in taxels)), played, scheme, spec.drive.headroom)
+    return tones, spurs, beats
+
+
+def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
+    """Return the largest energy by twice the product of the currents of the own coil and another.
+
+    With tones or biased currents every two channels make a line at their sum and one at their difference; the caller
+    counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
+    the other coil plays one channel alone, whose root has harmonics of ``4√2/(π(4n² − 1)) √a``.
+    """
+    if not len(own.line) or scheme.takes_turns:
+        return 0.0
+    if scheme.has_pair_spurs:
+        # If both coils play the same two channels, these make the same line twice, at worst in step.
+        twice = 1.0 if set(own.resonance_hz.tolist()).isdisjoint(other.resonance_hz.tolist()) else 2.0
+        both = Channels(*(np.concatenate(parts) for parts in zip(own, other, strict=True)))
+        a, b = np.indices((len(own.line), len(other.line))).reshape(2, -1)
+        made = pair_lines(both, scheme, (a, b + len(own.line)), other.line.max())
+        return twice * _line_energy(taxel, *made[:3])
+    mean = (1 + headroom) * own.line.sum()
+    harmonic = np.arange(1, 4)[:, None]
+    amplitude = 8 * 2**0.5 / (np.pi * (4 * harmonic**2 - 1)) * np.sqrt(mean * other.line)
+    return _line_energy(taxel, harmonic * other.resonance_hz, np.zeros(1), amplitude**2)
+
+
+def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.ndarray) -> float:
+    """Return the energy of a taxel under lines (as in `selectivity.Lines`), over that of its ON state."""
+    response = relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest)
+    return float((response * square).sum() / taxel.line[0] ** 2)
+
+
+def coils_around(rows: int, columns: int) -> np.ndarray:
+    """Return the steps (k, 2) along x and y from a coil in the middle of the grid to those around, the nearest first.
+
+    They reach as far as `RINGS`. With an even number of rows or columns they are those around either middle coil.
+    """
+    sides = (range(-min(n // 2, RINGS), min(n // 2, RINGS) + 1) for n in (columns, rows))
+    steps = [step for step in product(*sides) if step != (0, 0)]
+    return np.array(sorted(steps, key=lambda step: max(map(abs, step)) > 1))
+
+
+def _surroundings(layout: Layout, steps: np.ndarray) -> list[np.ndarray]:
+    """Return masks (k,), one for each coil in the middle of the grid: true for `steps` that lead to a coil."""
+    spans = [{(-(n // 2), (n - 1) // 2), (-((n - 1) // 2), n // 2)} for n in (layout.columns, layout.rows)]
+    low_high = [np.array(span) for span in product(*(sorted(span) for span in spans))]
+    return [np.asarray(((steps >= span[:, 0]) & (steps <= span[:, 1])).all(1)) for span in low_high]
+
+
+def turned_cells(spec: Spec, layout: Layout, sites: Sequence[Site]) -> str:
+    """Choose the cells to turn by 180° so that taxels of one channel lie farthest apart."""
+    # Lists of distances compare by the shortest first; of equal ones, `max` takes the simplest choice.
+    return max(TURNS, key=lambda turned: _distances_mm(spec, layout, sites, turned))
+
+
+def cell_is_turned(turned: str, row: int, column: int) -> bool:
+    """Return whether the cell of a coil is turned by 180°."""
+    return {"none": False, "odd rows": row % 2 == 1, "odd columns": column % 2 == 1}[turned]
+
+
+def _distances_mm(spec: Spec, layout: Layout, sites: Sequence[Site], turned: str) -> list[float]:
+    """Return the distances in mm of taxels of one channel in neighbouring cells, the shortest first."""
+    pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
+    distances = []
+    for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        if row >= layout.rows or column >= layout.columns:
+            continue
+        # Measured from a cell that is not turned; from a turned one the distances are the same.
+        shift = -2 if cell_is_turned(turned, row, column % 2) else 0
+        for site in sites:
+            x, y = site.washer_mm
+            distances.append(round(hypot(column * pitch_x + shift * x, row * pitch_y + shift * y), 6))
+    return sorted(distances)

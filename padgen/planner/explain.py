@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -11,16 +13,22 @@ from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
-from padgen.planner.capacity import channel_limit, coil_capacity, largest_counts, printed_count, searched_to
 from padgen.planner.channels import plan_channels
 from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.make import make_plan
-from padgen.planner.plan import Plan, Selectivity
+from padgen.planner.plan import Plan, Selectivity, level_law, scheme_named
 from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
-from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import level_law, scheme_named
+from padgen.planner.search import (
+    channel_limit,
+    coil_capacity,
+    largest_counts,
+    printed_count,
+    searched_to,
+    sites_of,
+    sized_layouts,
+)
 from padgen.spec import Spec, catalogue
 
 __all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
@@ -123,10 +131,8 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda change: _rank(change, spec.print_share))
-    limits = tuple(_limits(plan, held, drive))
-    capacities = tuple(_capacities(spec))
-    shares, stages = _print_figures(plan)
-    return Explanation(held, drive, limits, tuple(changes), capacities, shares, *now_printed, stages)
+    capacities, limits = _capacities(spec), tuple(_limits(plan, held, drive))
+    return Explanation(held, drive, limits, tuple(changes), capacities, *_print_figures(plan, now_printed))
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
@@ -136,8 +142,8 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
     return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
 
 
-def _print_figures(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
-    """Return `Explanation.channel_shares` and `Explanation.stage_channels`."""
+def _print_figures(plan: Plan, now: tuple[float | None, float | None]) -> tuple[Any, ...]:
+    """Return the last fields of `Explanation`: `now` are `good_share` and `print_db`."""
     spec, design, spreads = plan.spec, design_of(plan, None), spreads_of(plan.spec)
     good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
     shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
@@ -146,7 +152,7 @@ def _print_figures(plan: Plan) -> tuple[tuple[float, ...], tuple[int, ...]]:
         printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *asked, 0.0, missed)
         for missed in missed_spreads(design, spreads)[:-1]
     ]
-    return tuple(shares.tolist()), (*stages, plan.capacity.prints)
+    return tuple(shares.tolist()), *now, (*stages, plan.capacity.prints)
 
 
 def _channels_in_band(spec: Spec) -> int:
@@ -156,15 +162,15 @@ def _channels_in_band(spec: Spec) -> int:
     return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db, MOST_IN_BAND)[0]
 
 
-def _capacities(spec: Spec) -> Iterator[CapacityRow]:
+def _capacities(spec: Spec) -> tuple[CapacityRow, ...]:
     laws: list[tuple[float | str, LevelLaw]] = [(p, LevelLaw(p)) for p in (0.0, 1.0, 2.0)]
     if spec.drive.threshold_hz:
         laws.append(("threshold", level_law(spec)))
-    for name in in_order():
-        for key, law in laws:
-            scheme = scheme_named(spec, name)
-            states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
-            yield CapacityRow(name, key, one_hot, states, searched_to(scheme))
+    rows = []
+    for scheme, (key, law) in product((scheme_named(spec, name) for name in in_order()), laws):
+        states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
+        rows.append(CapacityRow(scheme.name, key, one_hot, states, searched_to(scheme)))
+    return tuple(rows)
 
 
 def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:
@@ -224,28 +230,14 @@ def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fals
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     """Yield the limits that `held` + 1 channels per coil would break, in words."""
-    spec, load = plan.spec, plan.load
+    spec, load, grid, more = plan.spec, plan.load, (plan.coils.rows, plan.coils.columns), held + 1
     if spec.resonances_hz:
         yield "resonances_hz: the spec lists them; for other numbers of channels padgen chooses them"
     if held >= MOST_TRIED:
         yield f"nothing up to {MOST_TRIED} channels per coil, beyond which none were tried"
         return
-    yield from _selectivity_limits(plan, held + 1, drive)
-    yield from _room_limits(plan, held + 1)
-    if load.reachable_level_um < spec.drive.level_um:
-        yield (
-            f"{load.reachable_by}: it allows {number(load.reachable_level_um)} µm on channel 0, asked are"
-            f" {number(spec.drive.level_um)} µm"
-        )
-    if load.pull_in_share > 1 / 3:
-        yield f"static pull: {load.pull_in_share:.0%} of the pull at which the softest washer snaps to the coil"
-
-
-def _selectivity_limits(plan: Plan, more: int, drive: str) -> Iterator[str]:
-    spec = plan.spec
-    capacity = coil_capacity(spec, scheme_named(spec, "spur-free" if drive == "auto" else drive), "")
     band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
-    found = _figures(spec, (plan.coils.rows, plan.coils.columns), more)
+    found = _figures(spec, grid, more)
     if found is not None and found.kept_db is not None and found.kept_db < found.asked_db:
         listed = more * spec.coil.sets == len(spec.resonances_hz or ())
         where = "at the listed resonances" if listed else f"with {spec.spacing!r} spacing"
@@ -253,6 +245,7 @@ def _selectivity_limits(plan: Plan, more: int, drive: str) -> Iterator[str]:
             f"selectivity: {more} channels per coil {where}, driven {found.drive}, keep {found.kept_db:.1f} dB in"
             f" all states, asked are {found.asked_db:.1f} dB"
         )
+    capacity = coil_capacity(spec, scheme_named(spec, "spur-free" if drive == "auto" else drive), "")
     if more > capacity.paper:
         yield (
             f"Q and band: at Q = {number(spec.q_min)} the paper's slots of {number(capacity.ratio)} fill {band} with"
@@ -263,58 +256,53 @@ def _selectivity_limits(plan: Plan, more: int, drive: str) -> Iterator[str]:
             f"Q and band: with {drive}, {capacity.exact + 1} channels in {band} no longer keep"
             f" {decibel(spec.delta_y):.1f} dB in all states; what breaks it is {capacity.breaks}"
         )
-
-
-def _room_limits(plan: Plan, more: int) -> Iterator[str]:
-    spec, grid = plan.spec, (plan.coils.rows, plan.coils.columns)
     other = replace(spec, resolution=grid[0] * grid[1] * more, resonances_hz=None, coil=replace(spec.coil, grid=grid))
     options = candidates(other, more)
-    if not options:
-        return
-    best = max(options, key=lambda layout: layout.margin_mm)
-    if best.margin_mm < -SLACK_MM:
+    best = max(options, key=lambda layout: layout.margin_mm, default=None)
+    if best and best.margin_mm < -SLACK_MM:
         kind = {"coil": "coil", "width": "pitch and washer", "length": "pitch and beam", "reach": "coil's reach"}
         yield f"{kind[best.binding[0]]}: {explain(other, best)}"
-    elif next(sized_layouts(other, options), None) is None:
-        band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
+    elif best and next(sized_layouts(other, options), None) is None:
         yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
+    if load.reachable_level_um < spec.drive.level_um:
+        yield (
+            f"{load.reachable_by}: it allows {number(load.reachable_level_um)} µm on channel 0, asked are"
+            f" {number(spec.drive.level_um)} µm"
+        )
+    if load.pull_in_share > 1 / 3:
+        yield f"static pull: {load.pull_in_share:.0%} of the pull at which the softest washer snaps to the coil"
 
 
-def _changes(plan: Plan) -> Iterator[tuple[int, Cure]]:
-    """Yield the changes to try, each with its cost (index into `COSTS`)."""
+def _changes(plan: Plan) -> list[tuple[int, Cure]]:
+    """Return the changes to try, each with its cost (index into `COSTS`)."""
     spec, weakest = plan.spec, max(plan.channels, key=lambda channel: channel.print_spread)
-    low, high = spec.band_hz
-    if spec.resonances_hz:
-        yield 0, {"resonances_hz": None}
-    for name in in_order():
-        if name != plan.selectivity.drive:
-            yield 0, {"drive.scheme": name}
-    for spacing in ("spread", "optimised"):
-        if spec.spacing not in (spacing, "optimised"):
-            yield 0, {"spacing": spacing}
-    for law in (0.0, 1.0, 2.0):
-        if law != spec.drive.level_law and not spec.drive.threshold_hz:
-            yield 0, {"drive.level_law": law}
-    yield 0, {"delta_y": float(number(spec.delta_y * 0.7))}
-    for factor in (1.25, 1.5, 2.0):
-        yield 1, {"q_min": round(spec.q_min * factor, 1)}
-    for key, default in (("topology", "auto"), ("tune", "width+thickness+length")):
-        if getattr(spec.suspension, key) != default:
-            yield 0, {f"suspension.{key}": default}
-    for name in SUSPENSIONS.names():
-        if name not in (spec.suspension.topology, weakest.beam.topology):
-            yield 0, {"suspension.topology": name}
-    yield 0, {"suspension.thickness_mm": round(weakest.beam.thickness_mm + spec.printer.layer_mm, 6)}
-    if not spec.spread.bed_meshed:
-        yield 1, {"spread.bed_meshed": True}
-    for lowest, highest in (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1):
-        yield 1, {"band_hz": [float(number(low * lowest)), float(number(high * highest))]}
-    for printer in catalogue("printer").values():
-        if printer["line_width_mm"] < spec.printer.line_width_mm and printer["process"] == spec.printer.process:
-            yield 1, {"printer": printer["name"]}
-    for washer in catalogue("washer").values():
-        if washer["outer_diameter_mm"] < spec.washer.outer_diameter_mm:
-            yield 2, {"washer": washer["name"]}
-    for percent in (120, 150):
-        sides = ("width_mm", "depth_mm")
-        yield 3, {f"pad.{side}": round(getattr(spec.pad, side) * percent / 100, 1) for side in sides}
+    (low, high), own, printer = spec.band_hz, spec.suspension, spec.printer
+    bands = (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1)
+    sizes = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
+    finer = [p for p in catalogue("printer").values() if p["line_width_mm"] < printer.line_width_mm]
+    smaller = [w for w in catalogue("washer").values() if w["outer_diameter_mm"] < spec.washer.outer_diameter_mm]
+    topologies = [name for name in SUSPENSIONS.names() if name not in (own.topology, weakest.beam.topology)]
+    laws = () if spec.drive.threshold_hz else (0.0, 1.0, 2.0)
+    free = {"topology": "auto", "tune": "width+thickness+length"}
+    lines: list[Cure] = [
+        *([{"resonances_hz": None}] if spec.resonances_hz else []),
+        *({"drive.scheme": name} for name in in_order() if name != plan.selectivity.drive),
+        *({"spacing": way} for way in ("spread", "optimised") if spec.spacing not in (way, "optimised")),
+        *({"drive.level_law": law} for law in laws if law != spec.drive.level_law),
+        {"delta_y": float(number(spec.delta_y * 0.7))},
+    ]
+    beams: list[Cure] = [
+        *({f"suspension.{key}": default} for key, default in free.items() if getattr(own, key) != default),
+        *({"suspension.topology": name} for name in topologies),
+        {"suspension.thickness_mm": round(weakest.beam.thickness_mm + printer.layer_mm, 6)},
+    ]
+    prints: list[Cure] = [
+        *([] if spec.spread.bed_meshed else [{"spread.bed_meshed": True}]),
+        *({"band_hz": [float(number(low * less)), float(number(high * more))]} for less, more in bands),
+        *({"printer": entry["name"]} for entry in finer if entry["process"] == printer.process),
+    ]
+    q_factors: list[Cure] = [{"q_min": round(spec.q_min * factor, 1)} for factor in (1.25, 1.5, 2.0)]
+    washers: list[Cure] = [{"washer": entry["name"]} for entry in smaller]
+    pads: list[Cure] = [{k: round(mm * more / 100, 1) for k, mm in sizes.items()} for more in (120, 150)]
+    kinds = ((0, lines), (1, q_factors), (0, beams), (1, prints), (2, washers), (3, pads))
+    return [(cost, cure) for cost, cures in kinds for cure in cures]

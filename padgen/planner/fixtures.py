@@ -32,16 +32,14 @@ from typing import NamedTuple
 from padgen.core.errors import InfeasibleError, at_least, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
-from padgen.planner.layout import SLACK_MM
-from padgen.planner.plan import CoilGrid, Plan, Reuse, Taxel
-from padgen.planner.tile import Outline, corner_groove, groove
+from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, groove, placed_taxel
+from padgen.planner.plan import CoilGrid, Plan, Reuse
 from padgen.spec import Spec
 
 __all__ = [
     "LeadSlot",
     "Screw",
     "Tray",
-    "coil_axis_mm",
     "coupon_groove",
     "coupon_plan",
     "plan_tray",
@@ -64,18 +62,21 @@ def coupon_plan(plan: Plan) -> Plan:
     Taxel ``r0c0k0`` is channel 0. A second set of channels lies over the next coil: along x where the pad has several
     columns, else along y. No cell is turned.
     """
-    coils = _coils(plan)
+    coils, spec = _coils(plan), plan.spec
     step = (0, 1) if plan.coils.columns > 1 else (1, 0)
     taxels = tuple(
-        _taxel(plan, coils, (index * step[0], index * step[1]), k, channel.index)
+        placed_taxel(coils, (index * step[0], index * step[1]), k, channel)
         for index, own in enumerate(plan.sets)
         for k, channel in enumerate(own)
     )
     name = plan.name[: LONGEST_NAME - len(SUFFIX)] + SUFFIX
+    width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
+    pad = replace(spec.pad, width_mm=width, depth_mm=depth, border_mm=_border_mm(spec))
+    coil = replace(spec.coil, grid=(coils.rows, coils.columns))
     return replace(
         plan,
         name=name,
-        spec=_spec(plan, name, coils, len(taxels)),
+        spec=replace(spec, name=name, resolution=len(taxels), pad=pad, coil=coil),
         coils=coils,
         taxels=taxels,
         reuse=Reuse(None, None, "none"),
@@ -92,11 +93,6 @@ def coupon_groove(coupon: Plan) -> Outline:
     return groove(coupon.spec, x0 + at_x, above=y0 + at_y > SLACK_MM)
 
 
-def coil_axis_mm(coils: CoilGrid, row: int, column: int) -> tuple[float, float]:
-    """Return the place (x, y) in mm of a coil's axis, from the pad's centre."""
-    return (column - (coils.columns - 1) / 2) * coils.pitch_x_mm, (row - (coils.rows - 1) / 2) * coils.pitch_y_mm
-
-
 def _coils(plan: Plan) -> CoilGrid:
     """Return the smallest coil grid that holds all sets of channels and makes up the smallest active area."""
     coils, sets = plan.coils, len(plan.sets)
@@ -104,14 +100,6 @@ def _coils(plan: Plan) -> CoilGrid:
     columns = max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM))
     rows = max(deep, ceil(SMALLEST_PAD_MM / coils.pitch_y_mm - SLACK_MM))
     return replace(coils, rows=rows, columns=columns)
-
-
-def _spec(plan: Plan, name: str, coils: CoilGrid, taxels: int) -> Spec:
-    spec = plan.spec
-    width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
-    pad = replace(spec.pad, width_mm=width, depth_mm=depth, border_mm=_border_mm(spec))
-    coil = replace(spec.coil, grid=(coils.rows, coils.columns))
-    return replace(spec, name=name, resolution=taxels, pad=pad, coil=coil)
 
 
 def _border_mm(spec: Spec) -> float:
@@ -124,14 +112,6 @@ def _border_mm(spec: Spec) -> float:
     least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
     return min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
-
-
-def _taxel(plan: Plan, coils: CoilGrid, coil: tuple[int, int], k: int, channel: int) -> Taxel:
-    x0, y0 = coil_axis_mm(coils, *coil)
-    site = plan.channels[channel].site
-    x, y = site.washer_mm
-    place = round(x0 + x, 6), round(y0 + y, 6)
-    return Taxel(f"r{coil[0]}c{coil[1]}k{k}", coil, channel, *place, site.coil_distance_mm, False)
 
 
 class Screw(NamedTuple):
@@ -149,27 +129,19 @@ class Screw(NamedTuple):
     nut: bool
 
 
-class _Size(NamedTuple):
-    name: str
-    diameter_mm: float
-    clearance_mm: float
-    tapping_mm: float
-    nut_mm: float
-    head_mm: float
-
-
 SIZES = (
-    _Size("M1.6", 1.6, 1.7, 1.25, 1.3, 3.0),
-    _Size("M2", 2.0, 2.2, 1.6, 1.6, 3.8),
-    _Size("M2.5", 2.5, 2.7, 2.05, 2.0, 4.5),
-    _Size("M3", 3.0, 3.2, 2.5, 2.4, 5.5),
-    _Size("M4", 4.0, 4.3, 3.3, 3.2, 7.0),
-    _Size("M5", 5.0, 5.3, 4.2, 4.7, 8.5),
-    _Size("M6", 6.0, 6.4, 5.0, 5.2, 10.0),
-    _Size("M8", 8.0, 8.4, 6.75, 6.8, 13.0),
-    _Size("M10", 10.0, 10.5, 8.5, 8.4, 16.0),
-    _Size("M12", 12.0, 13.0, 10.25, 10.8, 18.0),
+    ("M1.6", 1.6, 1.7, 1.25, 1.3, 3.0),
+    ("M2", 2.0, 2.2, 1.6, 1.6, 3.8),
+    ("M2.5", 2.5, 2.7, 2.05, 2.0, 4.5),
+    ("M3", 3.0, 3.2, 2.5, 2.4, 5.5),
+    ("M4", 4.0, 4.3, 3.3, 3.2, 7.0),
+    ("M5", 5.0, 5.3, 4.2, 4.7, 8.5),
+    ("M6", 6.0, 6.4, 5.0, 5.2, 10.0),
+    ("M8", 8.0, 8.4, 6.75, 6.8, 13.0),
+    ("M10", 10.0, 10.5, 8.5, 8.4, 16.0),
+    ("M12", 12.0, 13.0, 10.25, 10.8, 18.0),
 )
+"""Screws by name: diameter, clearance hole, tapping hole, height of the nut and diameter of the head, in mm."""
 LENGTHS_MM = (2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70)
 GOOD_TURNS, LEAST_TURNS = 2.0, 1.5
 """Wanted and least depth of a screw in plastic, in screw diameters."""
@@ -183,21 +155,19 @@ def screw_for(hole_mm: float, clamped_mm: float, below_mm: float) -> Screw | Non
     It is driven into the part below or, where that part is too low, goes through it into a nut. None where no metric
     screw passes the hole.
     """
-    passing = [size for size in SIZES if size.clearance_mm <= hole_mm + 1e-9]
+    passing = [size for size in SIZES if size[2] <= hole_mm + 1e-9]
     if not passing:
         return None
-    size = passing[-1]
-    wanted = next(n for n in LENGTHS_MM if n >= clamped_mm + GOOD_TURNS * size.diameter_mm - 1e-9)
-    for length in (n for n in reversed(LENGTHS_MM) if n <= wanted):
-        held = length - clamped_mm
-        if held < LEAST_TURNS * size.diameter_mm - 1e-9:
-            break
-        if held <= below_mm:
-            depth = held + TIP_MM
-            blind = depth + TIP_MM <= below_mm
-            return Screw(size.name, float(length), size.head_mm, size.tapping_mm, depth if blind else below_mm, False)
-    through = next(n for n in LENGTHS_MM if n >= clamped_mm + below_mm + size.nut_mm - 1e-9)
-    return Screw(size.name, float(through), size.head_mm, hole_mm, below_mm, True)
+    name, diameter, _, tapping, nut, head = passing[-1]
+    wanted = next(n for n in LENGTHS_MM if n >= clamped_mm + GOOD_TURNS * diameter - 1e-9)
+    least = clamped_mm + LEAST_TURNS * diameter - 1e-9
+    fitting = [n for n in LENGTHS_MM if least <= n <= wanted and n - clamped_mm <= below_mm]
+    if fitting:
+        depth = fitting[-1] - clamped_mm + TIP_MM
+        blind = depth + TIP_MM <= below_mm
+        return Screw(name, float(fitting[-1]), head, tapping, depth if blind else below_mm, False)
+    through = next(n for n in LENGTHS_MM if n >= clamped_mm + below_mm + nut - 1e-9)
+    return Screw(name, float(through), head, hole_mm, below_mm, True)
 
 
 FLOOR_MM = 2.0
@@ -258,15 +228,13 @@ def plan_tray(plan: Plan) -> Tray:
     """
     spec = plan.spec
     printer, coil, pad = spec.printer, spec.coil, spec.pad
-    _refuse_coil(spec)
-    _refuse_pitch(plan)
     # Whole layers: enough for the floor, and as near as they come to the height above it.
     floor_layers = max(ceil((FLOOR_MM - printer.first_layer_mm) / printer.layer_mm - 1e-6), 0)
     floor = printer.first_layer_mm + floor_layers * printer.layer_mm
     layers = int((coil.length_mm + coil.gap_mm - washer_underside_mm(plan)) / printer.layer_mm + 0.5 + 1e-6)
     height = round(floor + layers * printer.layer_mm, 6)
     clear = round(height - floor - coil.length_mm, 6)
-    _refuse_gap(plan, clear)
+    _refuse(plan, clear)
     depth = max(int(SOCKET_SHARE * coil.length_mm / printer.layer_mm + 1e-9), LEAST_SOCKET_LAYERS) * printer.layer_mm
     x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, height)
@@ -340,72 +308,62 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _refuse_coil(spec: Spec) -> None:
-    printer, coil = spec.printer, spec.coil
-    least = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
-    if coil.outer_diameter_mm < least - 1e-9:
-        raise InfeasibleError(
-            f"must be at least {number(least)} mm for a tray's sockets on {printer.name},"
-            f" got {number(coil.outer_diameter_mm)} mm",
+def _refuse(plan: Plan, clear_mm: float) -> None:
+    """Raise `InfeasibleError` for coils too small, too short or too close for sockets, or `clear_mm` below the pad."""
+    spec, printer, coil, pitch = plan.spec, plan.spec.printer, plan.spec.coil, plan.coils.pitch_mm
+    outer, wall = coil.outer_diameter_mm, WALL_LINES * printer.line_width_mm
+    smallest = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
+    shortest = LEAST_SOCKET_LAYERS * printer.layer_mm
+    needed = outer + printer.smallest_gap_mm + wall
+    inside = washer_underside_mm(plan)
+    rules = (
+        (
+            outer >= smallest - 1e-9,
             "coil.outer_diameter_mm",
-        )
-    least = LEAST_SOCKET_LAYERS * printer.layer_mm
-    if coil.length_mm < least - 1e-9:
-        raise InfeasibleError(
-            f"must be at least {number(least)} mm ({LEAST_SOCKET_LAYERS} layers) for a tray's sockets,"
-            f" got {number(coil.length_mm)} mm",
+            f"must be at least {number(smallest)} mm for a tray's sockets on {printer.name}, got {number(outer)} mm",
+        ),
+        (
+            coil.length_mm >= shortest - 1e-9,
             "coil.length_mm",
-        )
-
-
-def _refuse_pitch(plan: Plan) -> None:
-    printer, coil = plan.spec.printer, plan.spec.coil
-    wall = WALL_LINES * printer.line_width_mm
-    needed = coil.outer_diameter_mm + printer.smallest_gap_mm + wall
-    pitch = plan.coils.pitch_mm
-    if pitch < needed - 1e-9:
-        between = pitch - coil.outer_diameter_mm - printer.smallest_gap_mm
-        raise InfeasibleError(
-            f"a coil of {number(coil.outer_diameter_mm)} mm at a pitch of {number(pitch)} mm leaves"
-            f" {number(max(between, 0.0))} mm of wall between a tray's sockets, must be {number(wall)} mm (two lines of"
-            f" {printer.name}); a coil of {number(coil.outer_diameter_mm - (needed - pitch))} mm or a pitch of"
-            f" {number(needed)} mm would do",
+            f"must be at least {number(shortest)} mm ({LEAST_SOCKET_LAYERS} layers) for a tray's sockets,"
+            f" got {number(coil.length_mm)} mm",
+        ),
+        (
+            pitch >= needed - 1e-9,
             "coil.outer_diameter_mm",
-        )
-
-
-def _refuse_gap(plan: Plan, clear_mm: float) -> None:
-    """Raise `InfeasibleError` where coils would reach the pad's underside."""
-    spec = plan.spec
-    if clear_mm < spec.printer.layer_mm - 1e-6:
-        least = washer_underside_mm(plan) + spec.printer.layer_mm
-        raise InfeasibleError(
-            f"must be at least {number(least)} mm for a tray: washers lie {number(washer_underside_mm(plan))} mm"
+            f"a coil of {number(outer)} mm at a pitch of {number(pitch)} mm leaves"
+            f" {number(max(pitch - outer - printer.smallest_gap_mm, 0.0))} mm of wall between a tray's sockets, must be"
+            f" {number(wall)} mm (two lines of {printer.name}); a coil of {number(outer - (needed - pitch))} mm or a"
+            f" pitch of {number(needed)} mm would do",
+        ),
+        (
+            clear_mm >= printer.layer_mm - 1e-6,
+            "coil.gap_mm",
+            f"must be at least {number(inside + printer.layer_mm)} mm for a tray: washers lie {number(inside)} mm"
             f" within the pad (taxel.glue_gap_mm), and the coils must stay a layer below it, got"
             f" {number(spec.coil.gap_mm)} mm",
-            "coil.gap_mm",
-        )
+        ),
+    )
+    for holds, where, sentence in rules:
+        if not holds:
+            raise InfeasibleError(sentence, where)
 
 
 def _wire_slots(plan: Plan) -> tuple[Outline, ...]:
     """Return slots through the rim at both ends of the lanes between coils; for one coil, at its two sides."""
     pad, coils = plan.spec.pad, plan.coils
-    half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
-    slots = []
-    across = [(k - coils.columns / 2) * coils.pitch_x_mm for k in range(1, coils.columns)]
-    along = [(k - coils.rows / 2) * coils.pitch_y_mm for k in range(1, coils.rows)]
-    if not across and not along:
-        along = [0.0]
-    for x in across:
-        half = min(WIRE_SLOT_MM, coils.pitch_x_mm / 3) / 2
-        slots += [Outline(x - half, x + half, *_through(half_y, pad.border_mm, side)) for side in (-1, 1)]
-    for y in along:
-        half = min(WIRE_SLOT_MM, coils.pitch_y_mm / 3) / 2
-        slots += [Outline(*_through(half_x, pad.border_mm, side), y - half, y + half) for side in (-1, 1)]
-    return tuple(slots)
+    columns = _lane_slots(coils.columns, coils.pitch_x_mm, pad.depth_mm / 2, pad.border_mm)
+    rows = _lane_slots(coils.rows, coils.pitch_y_mm, pad.width_mm / 2, pad.border_mm)
+    if not columns and not rows:
+        rows = _lane_slots(2, coils.pitch_y_mm, pad.width_mm / 2, pad.border_mm)
+    return (*(Outline(*lane, *rim) for lane, rim in columns), *(Outline(*rim, *lane) for lane, rim in rows))
 
 
-def _through(half_mm: float, border_mm: float, side: int) -> tuple[float, float]:
-    """Return two coordinates in mm across the rim on one side: within the rim, and beyond its outside."""
-    low, high = sorted((side * (half_mm - border_mm / 2), side * (half_mm + 1.5 * border_mm)))
-    return low, high
+def _lane_slots(count: int, pitch_mm: float, half_mm: float, border_mm: float) -> list[tuple[list[float], list[float]]]:
+    """Return the spans in mm, across the lanes and across the rim, of slots at both ends of the lanes of `count` coils.
+
+    Across the rim a slot reaches from within it to beyond its outside.
+    """
+    middles, half = [(k - count / 2) * pitch_mm for k in range(1, count)], min(WIRE_SLOT_MM, pitch_mm / 3) / 2
+    ends = half_mm - border_mm / 2, half_mm + 1.5 * border_mm
+    return [([at - half, at + half], sorted(side * end for end in ends)) for at in middles for side in (-1, 1)]

@@ -2,34 +2,240 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import fields
-from itertools import pairwise
+from itertools import combinations, pairwise
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import at_least, number, percent
+from padgen.core.errors import at_least, at_most, number, percent
 from padgen.core.finding import LEVELS, Finding
-from padgen.core.units import MM, UM, decibel
+from padgen.core.units import MA, MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.physics.modes import jump_amplitude, level_kept, resonance_rise
 from padgen.physics.resonator import ModalTaxels, felt_energy
 from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
+from padgen.planner.channels import MODES_DB, coil_modes, mode_names, modes_in_slots
 from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import modes_matter, placed_channels
-from padgen.planner.judge_drive import judge_drive, lower_level
-from padgen.planner.left_out import judge_left_out
+from padgen.planner.left_out import judge_left_out, judge_touch
 from padgen.planner.plan import Channel, Plan, channel_sets
-from padgen.planner.pull_modes import MODES_DB, coil_modes, mode_names, modes_in_slots
 from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.suspensions import allowed
 from padgen.planner.taxel_model import asked_error
-from padgen.planner.tile import judge_pitch
-from padgen.planner.touch import judge_touch
 from padgen.spec import Coil, Spec
 
-__all__ = ["Crowd", "crowds", "judge", "judge_modes"]
+__all__ = ["Crowd", "crowds", "judge", "judge_modes", "lower_level"]
+
+
+SMALLEST_LEVEL_UM = 1e-4
+"""Smallest level that a spec may ask for."""
+PULL_DB = 1.0
+"""Loss of selectivity by unequal pull up to which there is no finding."""
+SNAPPING_DB = 0.5
+"""Loss of selectivity by printing in steps up to which there is no finding."""
+PULL_ERROR = 0.1
+"""Relative error of a pull up to which there is no finding."""
+
+
+def _selectivity(plan: Plan) -> Iterator[Finding]:
+    figures, spec = plan.selectivity, plan.spec
+    kept, one_hot, placed, bound = figures.kept_db, figures.one_hot_db, figures.placed_one_hot_db, figures.asked_db
+    if one_hot is None or kept is None or placed is None:
+        return  # a single channel has no selectivity
+    if one_hot < bound:
+        yield Finding(
+            "warning",
+            "selectivity.one_hot",
+            "coil",
+            f"with one channel on, an OFF taxel vibrates {_quieter(one_hot)} than the ON one, asked are"
+            f" {bound:.1f} dB less",
+        )
+    if kept < bound:
+        counted = figures.all_states_db is not None and kept < figures.all_states_db - PULL_DB
+        yield Finding(
+            "warning",
+            "selectivity.all_states",
+            f"state {figures.worst_state}",
+            f"in this worst state (lowest channel first, 1 is ON) with drive = {figures.drive!r} an OFF taxel vibrates"
+            f" {_quieter(kept)} than an ON one{', unequal pull and all modes counted' if counted else ''}, asked are"
+            f" {bound:.1f} dB less",
+            _selectivity_cures(plan),
+        )
+    pull = [c.force_constant_n_per_a2 for c in plan.channels]
+    # The placed figure also counts other modes, so the pulls must differ by more than the loss to be its cause.
+    if placed < one_hot - PULL_DB and decibel(max(pull) / min(pull)) > PULL_DB:
+        yield Finding(
+            "warning",
+            "selectivity.pull",
+            "coil",
+            f"the washer nearest to a coil's axis is pulled {number(max(pull) / min(pull))} times as strongly as the"
+            f" farthest: with one channel on, an OFF taxel vibrates {_quieter(placed)} than the ON one",
+        )
+    if (figures.snapping_db or 0.0) > SNAPPING_DB:
+        yield Finding(
+            "note",
+            "selectivity.snapping",
+            "coil",
+            f"{figures.snapping_db:.1f} dB of selectivity are lost because {spec.printer.name} makes beams wider in"
+            f" steps of {number(spec.printer.width_step_mm)} mm, which moves the resonances",
+        )
+
+
+def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
+    """Return cures that may keep the asked selectivity: other drive schemes, those that take turns last, and grids."""
+    asked, schemes = (
+        plan.selectivity.asked_db,
+        sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns),
+    )
+    # Turns are slow: a cure by such a scheme also lowers the asked frame rate to what the scheme reaches.
+    slow = {
+        rate.scheme: {"drive.least_frames_per_s": float(at_most(rate.frames_per_s))}
+        for rate in plan.refresh
+        if Scheme(rate.scheme).takes_turns and rate.frames_per_s < plan.spec.drive.least_frames_per_s
+    }
+    ways: list[dict[str, Any]] = [
+        {"drive.scheme": s.scheme, **slow.get(s.scheme, {})} for s in schemes if s.reached_db >= asked
+    ]
+    grids = [o for o in plan.layouts if o.kept_db is None or o.kept_db >= asked]
+    return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
+
+
+def _quieter(level_db: float) -> str:
+    return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"
+
+
+def _leak(plan: Plan) -> Iterator[Finding]:
+    """Tell how much the coils around shake an OFF taxel: in step by the driver table, or each re-tuned on its own."""
+    step, asked = plan.reuse.leak_db, plan.selectivity.asked_db
+    apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
+    if step is not None and apart is not None and step < asked:
+        by_table = f" ({_quieter(step)} by the driver table)" * (apart >= asked)
+        yield Finding(
+            "warning" if apart < asked else "note",
+            "coil.leak",
+            f"channel {plan.reuse.leak_channel}",
+            "in their worst state the coils around shake this taxel, when it is OFF, re-tuned"
+            f" {_quieter(apart)} than its own coil does when ON{by_table}; asked are {asked:.1f} dB less",
+        )
+
+
+def _unsure_pull(plan: Plan) -> Iterator[Finding]:
+    for channel in plan.channels:
+        if channel.force_error > PULL_ERROR:
+            yield Finding(
+                "warning",
+                "coil.unsure",
+                f"channel {channel.index}",
+                f"the pull on its washer is known to ± {channel.force_error:.0%} only, so far off the coil's axis"
+                f" ({number(channel.site.coil_distance_mm)} mm) that one side of it is drawn up and the other down",
+            )
+
+
+def lower_level(spec: Spec, share: float) -> tuple[dict[str, float], ...]:
+    """Return a cure: a `share` of the level. Empty where that is below the smallest level that a spec may ask for."""
+    level_um = float(at_most(spec.drive.level_um * share))
+    return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
+
+
+def _softening(plan: Plan) -> Iterator[Finding]:
+    spec = plan.spec
+    quarter_slot = slot_half_width(spec.q_min, spec.delta_y) / 2
+    worst = max(plan.channels, key=lambda c: c.pull_shift)
+    if plan.load.pull_in_share < 1 and worst.pull_shift > quarter_slot:
+        yield Finding(
+            "warning",
+            "coil.softening",
+            f"channel {worst.index}",
+            f"the mean pull of all channels acts as a negative spring that lowers its resonance by"
+            f" {worst.pull_shift:.1%}, more than a quarter of its slot, {quarter_slot:.1%}",
+            lower_level(spec, quarter_slot / worst.pull_shift * 0.99),
+        )
+
+
+def _beats(plan: Plan) -> Iterator[Finding]:
+    """Warn of spurs of two channels that fall on one of the two: spur and tone beat, and the level is not steady."""
+    scheme = plan.scheme
+    for own in plan.sets if scheme.has_pair_spurs else ():
+        for low, high in combinations(own, 2):
+            spurs = high.resonance_hz + low.resonance_hz, high.resonance_hz - low.resonance_hz
+            for hz in (spur * scheme.pair_scale for spur in spurs):
+                for hit in (low, high):
+                    if abs(hz / hit.resonance_hz - 1) < 1 / hit.q:
+                        yield Finding(
+                            "warning",
+                            "level.beats",
+                            f"channels {low.index} and {high.index}",
+                            f"both on, they also pull at {number(hz)} Hz, within the resonance of channel {hit.index}"
+                            f" ({number(hit.resonance_hz)} Hz), whose level then rises and falls",
+                            ({"drive.scheme": "spur-free"},),
+                        )
+
+
+def _imperceptible(plan: Plan) -> Iterator[Finding]:
+    drive = plan.spec.drive
+    silent = [channel for channel in plan.channels if drive.threshold_hz and channel.ring_down_ms <= 0]
+    if silent:
+        yield Finding(
+            "warning",
+            "level.threshold",
+            "channels " + ", ".join(str(channel.index) for channel in silent),
+            f"{number(drive.level_um)} µm on channel 0 are not above the detection threshold: nobody feels it",
+            tuple({"drive.level_um": float(at_least(drive.level_um * factor))} for factor in (1.01, 2, 5)),
+        )
+
+
+def _slow(plan: Plan) -> Iterator[Finding]:
+    """Warn where no scheme that the amplifier plays is fast enough."""
+    rate, least = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive], plan.spec.drive
+    if plan.spec.amplifier and least.scheme == "auto" and rate < least.least_frames_per_s:
+        yield Finding(
+            "warning",
+            "drive.slow",
+            "drive",
+            f"{plan.selectivity.drive} shows {number(rate)} frames/s, drive.least_frames_per_s asks for"
+            f" {number(least.least_frames_per_s)}; the amplifier {plan.spec.amplifier.name} plays nothing faster that"
+            " keeps what is asked",
+            ({"drive.least_frames_per_s": float(at_most(rate))}, {"amplifier.coupling": "DC"}),
+        )
+
+
+EXCEEDED = {
+    "coil.voltage": "channels on take up to {} V, the amplifier has {} V",
+    "coil.current": "channels on take up to {} A, the amplifier has {} A",
+    "coil.heat": "channels on heat each coil with {} W, it bears {} W",
+    "limits.power": "taxels on take {} W in all coils, limits.power_w allows {} W",
+}
+"""Sentences about a load and its limit, by the code of the finding."""
+
+
+def _limits(plan: Plan) -> Iterator[Finding]:
+    spec, load, coils = plan.spec, plan.load, plan.coils.rows * plan.coils.columns
+    most_a = spec.amplifier.current_a if spec.amplifier else None
+    # What is asked, the limit, and the power of it with which the level goes.
+    loads = {
+        "coil.voltage": (load.voltage_peak_v, spec.drive.voltage_limit_v, 2),
+        "coil.current": (load.current_peak_ma * MA, most_a, 2),
+        "coil.heat": (load.copper_loss_w, spec.coil.power_limit_w, 1),
+        "limits.power": (load.copper_loss_w * coils, spec.limits.power_w, 1),
+    }
+    for code, (asked, most, power) in loads.items():
+        if most is not None and asked > most:
+            told = EXCEEDED[code].format(number(asked), number(most))
+            where = "pad" if code == "limits.power" else "coil"
+            cures = lower_level(spec, (most / asked) ** power)
+            yield Finding("warning", code, where, f"{number(spec.drive.level_um)} µm with all {told}", cures)
+    if load.pull_in_share >= 1:
+        yield Finding(
+            "error",
+            "coil.pull_in",
+            "coil",
+            f"the mean pull is {number(load.pull_in_share)} times the one at which the softest washer snaps to"
+            " the coil",
+            lower_level(spec, 0.99 / load.pull_in_share),
+        )
+
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off without a finding."""
@@ -43,33 +249,40 @@ above that of linear theory (elastica)."""
 LOSS_DB = 0.5
 """Loss of level by stretching beams up to which there is no finding."""
 ROUNDING_MM = 1e-6
+EVEN_RATIO, HOLE_RATIO = 1.2, 2.0
+"""Largest over smallest distance up to which taxels feel evenly spaced, and above which a display has holes."""
 LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
 
 
 def judge(plan: Plan) -> tuple[Finding, ...]:
     """Return all findings of a plan, errors first."""
-    spec = plan.spec
-    found = [
-        *(found for own in plan.sets for found in _spacing(spec, own)),
-        *_off_target(spec, plan.channels),
-        *_bed(spec),
-        *judge_drive(plan),
-        *_prints(plan),
-        *_single_layers(spec, plan.channels),
-        *_recess(spec),
-        *_modes(plan),
-        *_mechanics(plan),
-        *_empty_places(plan),
-        *judge_pitch(plan),
-        *judge_touch(plan),
-        *judge_left_out(spec, plan.left_out),
-    ]
+    rules = (
+        _spacing,
+        _off_target,
+        _bed,
+        _selectivity,
+        _leak,
+        _unsure_pull,
+        _limits,
+        _softening,
+        _beats,
+        _imperceptible,
+        _slow,
+        _prints,
+        _layers,
+        _modes,
+        _mechanics,
+        _places,
+        judge_touch,
+    )
+    found = [finding for rule in rules for finding in rule(plan)]
+    found += judge_left_out(plan.spec, plan.left_out)
     return tuple(sorted(found, key=lambda f: -LEVELS.index(f.level)))
 
 
-def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
-    bound = ladder_ratio(spec.q_min, spec.delta_y)
-    for lower, upper in pairwise(channels):
+def _spacing(plan: Plan) -> Iterator[Finding]:
+    bound = ladder_ratio(plan.spec.q_min, plan.spec.delta_y)
+    for lower, upper in (pair for own in plan.sets for pair in pairwise(own)):
         ratio = upper.resonance_hz / lower.resonance_hz
         if ratio < 1 + (bound - 1) * (1 - SPACING_SHARE):
             yield Finding(
@@ -77,18 +290,18 @@ def _spacing(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
                 "ladder.ratio",
                 f"channels {lower.index} and {upper.index}",
                 f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz lie a factor of {number(ratio)}"
-                f" apart; at Q = {number(spec.q_min)} the paper's formula asks for {number(bound)}, the upper one at"
-                f" {at_least(lower.resonance_hz * bound)} Hz or higher",
+                f" apart; at Q = {number(plan.spec.q_min)} the paper's formula asks for {number(bound)}, the upper one"
+                f" at {at_least(lower.resonance_hz * bound)} Hz or higher",
             )
 
 
-def _off_target(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
+def _off_target(plan: Plan) -> Iterator[Finding]:
     """Warn of resonances off their targets by over `SPACING_SHARE` of a slot, and reject those outside the band.
 
     Beams print in steps of width. At a large Q, or where these steps are coarse, a step moves a resonance that far.
     """
-    share = slot_half_width(spec.q_min, spec.delta_y) * SPACING_SHARE
-    for channel in channels:
+    spec, share = plan.spec, slot_half_width(plan.spec.q_min, plan.spec.delta_y) * SPACING_SHARE
+    for channel in plan.channels:
         miss = abs(channel.resonance_hz / channel.target_hz - 1)
         # With coarse steps the ladder is fitted to the steps; the loss is told by `selectivity.snapping`.
         if miss > share and (spec.resonances_hz or not steps_are_coarse(spec)):
@@ -110,29 +323,23 @@ def _off_target(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
             )
 
 
-def _bed(spec: Spec) -> Iterator[Finding]:
-    pad, printer = spec.pad, spec.printer
+def _bed(plan: Plan) -> Iterator[Finding]:
+    pad, printer = plan.spec.pad, plan.spec.printer
     size = sorted((pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm))
     bed = sorted((printer.bed_x_mm, printer.bed_y_mm))
     if size[0] > bed[0] or size[1] > bed[1]:
+        # The largest active area that fits on the bed, in either orientation.
+        short, long = (side - 2 * pad.border_mm for side in bed)
+        width, depth = (short, long) if pad.width_mm <= pad.depth_mm else (long, short)
+        cure = {"pad.width_mm": min(pad.width_mm, width), "pad.depth_mm": min(pad.depth_mm, depth)}
         yield Finding(
             "error",
             "plan.bed",
             "pad",
             f"with its border it measures {number(size[1])} x {number(size[0])} mm, the bed of {printer.name} is"
             f" {number(bed[1])} x {number(bed[0])} mm",
-            _fitting(spec),
+            (cure,) if short > 0 else (),
         )
-
-
-def _fitting(spec: Spec) -> tuple[dict[str, float], ...]:
-    """Return a cure: the largest active area that fits on the bed, in either orientation."""
-    pad, printer = spec.pad, spec.printer
-    bed = sorted((printer.bed_x_mm - 2 * pad.border_mm, printer.bed_y_mm - 2 * pad.border_mm))
-    sides = bed if pad.width_mm <= pad.depth_mm else bed[::-1]
-    if bed[0] <= 0:
-        return ()
-    return ({"pad.width_mm": min(pad.width_mm, sides[0]), "pad.depth_mm": min(pad.depth_mm, sides[1])},)
 
 
 def _prints(plan: Plan) -> Iterator[Finding]:
@@ -159,8 +366,9 @@ def _prints(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Finding]:
-    single = [c for c in channels if c.beam.layers < 2 and spec.printer.process == "fdm"]
+def _layers(plan: Plan) -> Iterator[Finding]:
+    spec = plan.spec
+    single = [c for c in plan.channels if c.beam.layers < 2 and spec.printer.process == "fdm"]
     if single:
         yield Finding(
             "note",
@@ -169,9 +377,6 @@ def _single_layers(spec: Spec, channels: tuple[Channel, ...]) -> Iterator[Findin
             f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm are as uneven in thickness as the"
             " bed is: level it well",
         )
-
-
-def _recess(spec: Spec) -> Iterator[Finding]:
     asked_mm, depth_mm = spec.washer.thickness_mm + spec.taxel.glue_gap_mm, spec.recess_depth_mm
     if depth_mm - asked_mm > ROUNDING_MM:
         yield Finding(
@@ -204,12 +409,14 @@ def _modes(plan: Plan) -> Iterator[Finding]:
 
 
 def _mechanics(plan: Plan) -> Iterator[Finding]:
-    spec = plan.spec
+    """Yield findings on how far taxels move, what their beams bear, and how well the model knows them."""
+    spec, gap_mm = plan.spec, plan.spec.coil.gap_mm
+    fatigue, strength = spec.material.fatigue_stress_mpa, STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa
     for channel in plan.channels:
-        where = f"channel {channel.index}"
-        travel_mm, gap_mm = (channel.level_um + channel.sag_um + channel.static_um) * UM / MM, spec.coil.gap_mm
+        where, length_mm = f"channel {channel.index}", channel.beam.length_mm
+        moved_um = channel.level_um + channel.sag_um + channel.static_um
+        travel_mm, touches = moved_um * UM / MM, moved_um * UM / MM >= gap_mm
         if travel_mm > gap_mm / 3:
-            touches = travel_mm >= gap_mm
             bound = (
                 f"the gap is {number(gap_mm)} mm: its washer meets the coil"
                 if touches
@@ -223,17 +430,35 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
                 f" together are {number(travel_mm)} mm, {bound}",
                 _more_room(spec, travel_mm),
             )
-        yield from _statics(spec, channel)
-        yield from _stretching(spec, channel)
-        if channel.root_stress_mpa > spec.material.fatigue_stress_mpa:
+        stress = channel.root_stress_mpa * moved_um / channel.level_um
+        if stress > strength:
+            yield Finding(
+                "error",
+                "beam.strength",
+                where,
+                f"sag, mean pull and amplitude, {number(travel_mm)} mm in all, stress its root by {number(stress)}"
+                f" MPa, {spec.material.name} breaks at about {number(strength)} MPa",
+                lower_level(spec, 0.5),
+            )
+        if travel_mm > LARGE_MOTION * length_mm:
+            yield Finding(
+                "error",
+                "beam.sag",
+                where,
+                f"sag, mean pull and amplitude move it by {number(travel_mm)} mm, more than {LARGE_MOTION:.0%} of"
+                f" its beams' length of {number(length_mm)} mm: no figure of this plan holds",
+                lower_level(spec, 0.5),
+            )
+        if channel.level_loss_db > LOSS_DB:
+            yield _stretching(spec, channel)
+        if channel.root_stress_mpa > fatigue:
             yield Finding(
                 "error",
                 "beam.stress",
                 where,
                 f"at {number(channel.level_um)} µm the root of its beams is stressed by"
-                f" {number(channel.root_stress_mpa)} MPa, {spec.material.name} bears"
-                f" {number(spec.material.fatigue_stress_mpa)} MPa for long",
-                lower_level(spec, spec.material.fatigue_stress_mpa / channel.root_stress_mpa),
+                f" {number(channel.root_stress_mpa)} MPa, {spec.material.name} bears {number(fatigue)} MPa for long",
+                lower_level(spec, fatigue / channel.root_stress_mpa),
             )
         if doubt := _model_doubt(spec, channel):
             yield Finding("warning", "model.error", where, doubt)
@@ -241,53 +466,22 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
 
 def _model_doubt(spec: Spec, channel: Channel) -> str:
     """Say why the resonance is known less well than asked; empty where it is known well enough."""
-    error, asked = channel.model_error, spec.model.tolerance
+    error, tuned, asked = channel.model_error, asked_error(spec), spec.model.tolerance
     if channel.model == "solid":
-        asked = asked_error(spec)
-        known = f"finite elements may be off by {error:.2%} of its resonance, asked is {asked:.2%}: it is not tuned"
-        return known if error > asked else ""
+        known = f"finite elements may be off by {error:.2%} of its resonance, asked is {tuned:.2%}: it is not tuned"
+        return known if error > tuned else ""
     if spec.model.structure == "solid":
         return (
             f"it is planned by the beam model, which may be off by {error:.2%} of its resonance, since finite elements"
-            f" know it no better; asked is {asked_error(spec):.2%}"
+            f" know it no better; asked is {tuned:.2%}"
         )
     own = f"the beam model may be off by {error:.1%} of its resonance, model.tolerance is {asked:.1%}"
     return f"{own}; --model solid computes it by finite elements and tunes its beams" if error > asked else ""
 
 
-def _statics(spec: Spec, channel: Channel) -> Iterator[Finding]:
-    """Yield errors for a taxel that breaks, or that bends too far for the beam model, by weight, pull and amplitude."""
-    moved_um = channel.sag_um + channel.static_um + channel.level_um
-    stress, strength = (
-        channel.root_stress_mpa * moved_um / channel.level_um,
-        STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa,
-    )
-    if stress > strength:
-        yield Finding(
-            "error",
-            "beam.strength",
-            f"channel {channel.index}",
-            f"sag, mean pull and amplitude, {number(moved_um * UM / MM)} mm in all, stress its root by {number(stress)}"
-            f" MPa, {spec.material.name} breaks at about {number(strength)} MPa",
-            lower_level(spec, 0.5),
-        )
-    length_mm = channel.beam.length_mm
-    if moved_um * UM / MM > LARGE_MOTION * length_mm:
-        yield Finding(
-            "error",
-            "beam.sag",
-            f"channel {channel.index}",
-            f"sag, mean pull and amplitude move it by {number(moved_um * UM / MM)} mm, more than {LARGE_MOTION:.0%} of"
-            f" its beams' length of {number(length_mm)} mm: no figure of this plan holds",
-            lower_level(spec, 0.5),
-        )
-
-
-def _stretching(spec: Spec, channel: Channel) -> Iterator[Finding]:
+def _stretching(spec: Spec, channel: Channel) -> Finding:
     """Warn where beams stretch as they bend (bridges), so that a tone planned for small motions misses the level."""
     alpha, sag_mm = channel.hardening_per_mm2, channel.sag_um * UM / MM
-    if channel.level_loss_db <= LOSS_DB:
-        return
     low, high = 0.0, channel.level_um
     for _ in range(30):
         level = (low + high) / 2
@@ -297,7 +491,7 @@ def _stretching(spec: Spec, channel: Channel) -> Iterator[Finding]:
     sags = "" if low > 0 else f"; its sag alone raises it to {number(sagged_hz)} Hz: re-tune it"
     jump_um = jump_amplitude(alpha, channel.q) * MM / UM
     jumps = f"; above {number(jump_um)} µm its response jumps between two levels" if jump_um < channel.level_um else ""
-    yield Finding(
+    return Finding(
         "warning",
         "beam.stretching",
         f"channel {channel.index}",
@@ -315,7 +509,8 @@ def _more_room(spec: Spec, travel_mm: float) -> tuple[dict[str, float], ...]:
     return (*wider, *lower_level(spec, 0.5), *lower_level(spec, 0.1))
 
 
-def _empty_places(plan: Plan) -> Iterator[Finding]:
+def _places(plan: Plan) -> Iterator[Finding]:
+    """Tell of places without a taxel, and of an uneven pitch; warn where a display would have holes."""
     places = plan.coils.rows * plan.coils.columns * len(plan.sets[0])
     if places > len(plan.taxels):
         yield Finding(
@@ -324,6 +519,16 @@ def _empty_places(plan: Plan) -> Iterator[Finding]:
             "coils",
             f"{places - len(plan.taxels)} of {places} places stay empty: no grid of exactly {len(plan.taxels)} taxels"
             " can be made here",
+        )
+    if plan.pitch.ratio > EVEN_RATIO:
+        steps = [(name, step) for name, step in (("columns", plan.pitch.x_mm), ("rows", plan.pitch.y_mm)) if step]
+        name, (low, high) = max(steps, key=lambda item: item[1][1] / item[1][0])
+        yield Finding(
+            "warning" if plan.pitch.ratio > HOLE_RATIO else "note",
+            "layout.pitch",
+            "pad",
+            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, a ratio of {number(high / low)};"
+            f" up to {EVEN_RATIO:g} counts as even. Washers hang as near to their coil's axis as their beams allow",
         )
 
 

@@ -1,17 +1,19 @@
-"""Find layouts: the coil grid, the channels per coil, and how the cell over a coil is divided.
-
+"""Find layouts, and place taxels: the coil grid, the channels per coil, and how the cell over a coil is divided.
 Candidates are ranked before any beam is sized: first grids without empty places, then those with the fewest coils, then
 those with the largest margin in mm. For a candidate without room, `explain` names the limit that binds and by how much.
+Of a finished plan come the taxels' places and outlines, and the grooves that mark corners.
 """
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from math import ceil, floor, hypot, inf, pi, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import number
-from padgen.planner.plan import Site
+from padgen.planner.plan import TURNS, Channel, CoilGrid, Pitch, Plan, Site, Taxel
 from padgen.planner.suspensions import Arrangement, Room, allowed, suspension
 from padgen.planner.taxel_model import plate_shape, recess_mm, shortest_mm
 from padgen.spec import Spec
@@ -19,17 +21,28 @@ from padgen.spec import Spec
 __all__ = [
     "SLACK_MM",
     "Layout",
+    "Outline",
     "candidates",
+    "coil_axis_mm",
     "coil_reach_mm",
+    "corner_groove",
     "explain",
+    "groove",
     "most_channels",
     "most_coils",
     "most_outputs",
+    "outline",
+    "pitch_of",
     "place",
+    "placed_taxel",
     "room",
+    "shape_inputs",
     "slots",
+    "taxel_places",
+    "to_cell",
     "whole_grids",
 ]
+
 
 SLACK_MM = 1e-9
 """Rounding error in mm: a slack may be below zero by so much."""
@@ -115,16 +128,15 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     work = 0
     for taxels in sorted(grids, reverse=True):
         found = []
-        for rows, columns, channels in grids[taxels]:
-            for layout in _divisions(spec, rows, columns, channels, taxels):
-                size = layout.sub_width_mm, layout.sub_depth_mm
-                # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
-                if size not in spare:
-                    spare[size] = _margin_bound_mm(spec, layout)
-                work += 1
-                if spare[size] >= -SLACK_MM:
-                    work += channels
-                    found.append(replace(layout, slacks=_slacks(spec, layout)))
+        for layout in (each for grid in grids[taxels] for each in _divisions(spec, *grid, taxels)):
+            size = layout.sub_width_mm, layout.sub_depth_mm
+            # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
+            if size not in spare:
+                spare[size] = _margin_bound_mm(spec, layout)
+            work += 1
+            if spare[size] >= -SLACK_MM:
+                work += layout.channels
+                found.append(replace(layout, slacks=_slacks(spec, layout)))
         yield from sorted((f for f in found if f.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
         if work > MOST_WORK:
             return
@@ -141,18 +153,13 @@ def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
     """
     if spec.resonances_hz:
         return [len(spec.resonances_hz) // spec.coil.sets]
-    plates = spec.pad.width_mm * spec.pad.depth_mm / _plate_side_mm(spec) ** 2
+    plate = plate_shape(spec)
+    plates = spec.pad.width_mm * spec.pad.depth_mm / min(plate.length_mm, plate.width_mm) ** 2
     if not spec.coil.grid:
         # Each plate's washer lies within the coil's reach, so the plate within a circle larger by its diagonal.
-        plate = plate_shape(spec)
         circle_mm = coil_reach_mm(spec) + hypot(plate.length_mm, plate.width_mm)
         plates = min(plates, pi * circle_mm**2 / _plate_mm2(spec))
     return range(1, min(channel_limit, spec.resolution, max(int(plates), 1)) + 1)
-
-
-def _plate_side_mm(spec: Spec) -> float:
-    plate = plate_shape(spec)
-    return min(plate.length_mm, plate.width_mm)
 
 
 def _plate_mm2(spec: Spec) -> float:
@@ -193,18 +200,19 @@ def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
 
 
 def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) -> Iterator[Layout]:
-    pitch_x, pitch_y = spec.pad.width_mm / columns, spec.pad.depth_mm / rows
+    pitch_x, pitch_y, surplus = (
+        spec.pad.width_mm / columns,
+        spec.pad.depth_mm / rows,
+        rows * columns * channels - wanted,
+    )
     # Down to half a plate's side, so that near misses remain: a refusal explains what they lack.
-    narrowest = _plate_side_mm(spec) / 2
+    narrowest = min(plate_shape(spec)[:2]) / 2
     for sub_columns in range(1, min(channels, max(int(pitch_x / narrowest), 1)) + 1):
         sub_rows = ceil(channels / sub_columns)
-        if (sub_columns - 1) * sub_rows >= channels:
-            continue
-        width, depth = pitch_x / sub_columns, pitch_y / sub_rows
-        axis = "x" if width >= depth else "y"
-        yield Layout(
-            rows, columns, channels, sub_columns, sub_rows, width, depth, axis, rows * columns * channels - wanted, ()
-        )
+        if (sub_columns - 1) * sub_rows < channels:
+            width, depth = pitch_x / sub_columns, pitch_y / sub_rows
+            axis = "x" if width >= depth else "y"
+            yield Layout(rows, columns, channels, sub_columns, sub_rows, width, depth, axis, surplus, ())
 
 
 def room(spec: Spec, layout: Layout) -> Room:
@@ -264,14 +272,8 @@ def coil_reach_mm(spec: Spec) -> float:
 def _reach_slack_mm(spec: Spec, layout: Layout) -> float:
     """Return the slack in mm of the farthest washer to the coil's reach, with plates slid towards the coil."""
     pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
-    worst = 0.0
-    for x, y in slots(layout):
-        away = [
-            max(abs(c) - max(side / 2 - pocket, 0), 0)
-            for c, side in ((x, layout.sub_width_mm), (y, layout.sub_depth_mm))
-        ]
-        worst = max(worst, hypot(*away))
-    return coil_reach_mm(spec) - worst
+    x_mm, y_mm = (max(side / 2 - pocket, 0) for side in (layout.sub_width_mm, layout.sub_depth_mm))
+    return coil_reach_mm(spec) - max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in slots(layout))
 
 
 def slots(layout: Layout) -> list[tuple[float, float]]:
@@ -302,14 +304,12 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     window_mm, washer_x_mm = [float(side) for side in arrangement.window_mm], float(arrangement.washer_x_mm)
     across_x = layout.beam_axis == "y"
     u, v = centre[::-1] if across_x else centre
-    length, width = _sides_mm(spec, layout)
     sign = -1.0 if u > 1e-9 or (abs(u) <= 1e-9 and v > 1e-9) else 1.0
     # The window may slide within the room: to the place nearest to the coil axis, and from there away from it.
-    slide, slide_across = (length - window_mm[0]) / 2, (width - window_mm[1]) / 2
-    middle = washer_x_mm - window_mm[0] / 2
-    near = np.array([sign * (middle + _clip(-sign * u - middle, slide)) + u, v + _clip(-v, slide_across)])
-    far = np.array([sign * middle + u, v])
-    far += np.copysign([slide, slide_across], far) * (np.abs(far) > SLACK_MM)
+    slide = (np.array(_sides_mm(spec, layout)) - window_mm) / 2
+    middle = np.array([sign * (washer_x_mm - window_mm[0] / 2) + u, v])
+    near = middle - np.clip(middle, -slide, slide)
+    far = middle + np.copysign(slide, middle) * (np.abs(middle) > SLACK_MM)
     washer_u, washer_v = near + _share_to_ring(layout.ring_mm, near, far - near) * (far - near)
     origin_u, origin_v = round(float(washer_u) - sign * washer_x_mm, 6), round(float(washer_v), 6)
     washer_u, start = origin_u + sign * washer_x_mm, sign * (origin_u - u)
@@ -331,32 +331,124 @@ def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
     return min(sqrt(ahead**2 + short / length) - ahead, 1.0)
 
 
-def _clip(value: float, limit: float) -> float:
-    return min(max(value, -limit), limit)
-
-
 def explain(spec: Spec, layout: Layout) -> str:
     """Return one clause that names the limit that binds this layout, and by how much."""
     kind, slack = layout.binding
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     sub = f"{number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
-    grid = f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid"
-    gap = spec.printer.smallest_gap_mm
-    if kind == "coil":
-        return f"{grid}: the coil ({number(spec.coil.outer_diameter_mm)} mm) exceeds the pitch of {number(pitch)} mm"
-    if kind == "reach":
-        return (
-            f"{grid}: the farthest washer lies {number(coil_reach_mm(spec) - slack)} mm off the coil axis,"
-            f" beyond the coil's reach of {number(coil_reach_mm(spec))} mm"
-        )
-    inside, plate = room(spec, layout), plate_shape(spec)
-    if kind == "width":
-        left = inside.width_mm - plate.width_mm
-        return (
-            f"{grid}: in the {sub} the washer {spec.washer.name} ({number(spec.washer.outer_diameter_mm)} mm) in its"
-            f" walls leaves {number(left)} mm for the two gaps of {number(gap)} mm"
-        )
-    return (
-        f"{grid}: in the {sub} the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
-        f" ({number(-slack)} mm short)"
-    )
+    inside, plate, washer, reach_mm = room(spec, layout), plate_shape(spec), spec.washer, coil_reach_mm(spec)
+    told = {
+        "coil": f"the coil ({number(spec.coil.outer_diameter_mm)} mm) exceeds the pitch of {number(pitch)} mm",
+        "reach": f"the farthest washer lies {number(reach_mm - slack)} mm off the coil axis,"
+        f" beyond the coil's reach of {number(reach_mm)} mm",
+        "width": f"in the {sub} the washer {washer.name} ({number(washer.outer_diameter_mm)} mm) in its"
+        f" walls leaves {number(inside.width_mm - plate.width_mm)} mm for the two gaps of"
+        f" {number(spec.printer.smallest_gap_mm)} mm",
+        "length": f"in the {sub} the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
+        f" ({number(-slack)} mm short)",
+    }
+    return f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: {told[kind]}"
+
+
+def taxel_places(plan: Plan) -> np.ndarray:
+    """Return the index of the taxel in each sub-cell of the pad, (rows, columns) from the lower left; -1 for none."""
+    cell, coils = plan.cell, plan.coils
+    places = np.full((coils.rows * cell.rows, coils.columns * cell.columns), -1)
+    for index, taxel in enumerate(plan.taxels):
+        x, y = (-v if taxel.turned else v for v in plan.channels[taxel.channel].site.centre_mm)
+        column = round(x / cell.width_mm + (cell.columns - 1) / 2) + taxel.coil[1] * cell.columns
+        row = round(y / cell.depth_mm + (cell.rows - 1) / 2) + taxel.coil[0] * cell.rows
+        places[row, column] = index
+    return places
+
+
+class Outline(NamedTuple):
+    """A rectangle in mm, by its sides."""
+
+    x0: float
+    x1: float
+    y0: float
+    y1: float
+
+
+def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
+    """Turn and shift points (…, ≥2) in mm from a taxel's own axes to the cell's, whose origin is the coil axis."""
+    (cosine, sine), moved = TURNS[channel.site.along], points.copy()
+    moved[..., 0] = cosine * points[..., 0] - sine * points[..., 1] + channel.site.origin_mm[0]
+    moved[..., 1] = sine * points[..., 0] + cosine * points[..., 1] + channel.site.origin_mm[1]
+    return moved
+
+
+def outline(plan: Plan, channel: Channel) -> Outline:
+    """Return the sub-cell of `channel` in the taxel's own axes, rounded to 1e-9 mm so that layouts share taxels."""
+    cosine, sine = TURNS[channel.site.along]
+    dx, dy = (c - o for c, o in zip(channel.site.centre_mm, channel.site.origin_mm, strict=True))
+    x, y = cosine * dx + sine * dy, -sine * dx + cosine * dy
+    wide, deep = plan.cell.width_mm / 2, plan.cell.depth_mm / 2
+    wide, deep = (deep, wide) if sine else (wide, deep)
+    return Outline(*(round(v, 9) for v in (x - wide, x + wide, y - deep, y + deep)))
+
+
+def shape_inputs(plan: Plan, channel: Channel) -> dict[str, Any]:
+    """Return all that the solid of a taxel depends on as plain data, for every kind of suspension."""
+
+    def plain(value: Any) -> Any:
+        return [plain(entry) for entry in value] if isinstance(value, tuple) else float(value)
+
+    return {
+        "plate": asdict(plan.plate),
+        "arrangement": plain(plan.arrangement(channel)),
+        "fillet_mm": channel.beam.fillet_mm,
+        "outline": outline(plan, channel),
+        "frame_mm": plan.spec.pad.frame_thickness_mm,
+    }
+
+
+def coil_axis_mm(coils: CoilGrid, row: int, column: int) -> tuple[float, float]:
+    """Return the place (x, y) in mm of a coil's axis, from the pad's centre."""
+    return (column - (coils.columns - 1) / 2) * coils.pitch_x_mm, (row - (coils.rows - 1) / 2) * coils.pitch_y_mm
+
+
+def placed_taxel(coils: CoilGrid, coil: tuple[int, int], k: int, channel: Channel, turned: bool = False) -> Taxel:
+    """Return the taxel of the `k`-th channel over a coil (row, column), whose cell may be turned by 180°."""
+    sign, (x, y) = -1 if turned else 1, channel.site.washer_mm
+    x0, y0 = coil_axis_mm(coils, *coil)
+    name, place = f"r{coil[0]}c{coil[1]}k{k}", (round(x0 + sign * x, 6), round(y0 + sign * y, 6))
+    return Taxel(name, coil, channel.index, *place, channel.site.coil_distance_mm, turned)
+
+
+WIDTH_MM, DEPTH_MM = 1.5, 1.0
+
+
+def groove(spec: Spec, x_mm: float, above: bool = False) -> Outline:
+    """Return a groove at `x_mm` in the border's side towards −y, or towards +y with `above`.
+
+    The outline reaches outwards as far as inwards, so that it can be subtracted from the border as it is.
+    """
+    edge = (spec.pad.depth_mm / 2 + spec.pad.border_mm) * (1 if above else -1)
+    depth = min(DEPTH_MM, spec.pad.border_mm / 4)
+    return Outline(x_mm - WIDTH_MM / 2, x_mm + WIDTH_MM / 2, edge - depth, edge + depth)
+
+
+def corner_groove(spec: Spec) -> Outline:
+    """Return the groove at the corner of the coil in row 0, column 0: where the active area begins, towards −y."""
+    return groove(spec, (WIDTH_MM - spec.pad.width_mm) / 2)
+
+
+SAME_MM = 0.05
+"""Taxels whose places differ by no more belong to one row or column."""
+
+
+def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
+    """Return the distances in mm of neighbouring columns and rows, and the share of their crossings with a taxel."""
+    crossings, steps = 1, []
+    for places_mm in ([t.x_mm for t in taxels], [t.y_mm for t in taxels]):
+        lines: list[float] = []
+        for at in sorted(places_mm):
+            if not lines or at - lines[-1] > SAME_MM:
+                lines.append(at)
+        crossings *= len(lines)
+        apart = [round(b - a, 3) for a, b in pairwise(lines)]
+        steps.append((min(apart), max(apart)) if apart else ())
+    ratio = max((step[1] / step[0] for step in steps if step), default=1.0)
+    return Pitch(*steps, ratio, len(taxels) / crossings)

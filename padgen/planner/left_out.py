@@ -3,6 +3,8 @@
 The frame's flexibility is bounded by hand formulas. A taxel's resonance is planned with the four sides of its sub-cell
 held. The real frame yields in two ways: the rib at the beams' root twists, and the pad bends as a plate. In series with
 a spring of stiffness k a compliance c lowers the resonance by k c/2.
+
+A finger is not bounded but estimated: resonance, Q and selectivity of touched taxels by `padgen.physics.skin`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import percent
+from padgen.core.errors import at_least, at_most, number, percent
 from padgen.core.finding import Finding
-from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
+from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM, decibel
 from padgen.physics.bounds import (
     beam_inertia,
     core_eddies,
@@ -29,17 +31,37 @@ from padgen.physics.bounds import (
 )
 from padgen.physics.magnetics import impedance
 from padgen.physics.modes import resonance_rise
-from padgen.physics.resonator import TaxelModes, felt_energy
-from padgen.planner.channels import hanging_gap_um, site_pulls
+from padgen.physics.resonator import LOADED, SKINS, Skin, TaxelModes, felt_energy, touched
+from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
+from padgen.planner.channels import (
+    coil_modes,
+    hanging_gap_um,
+    heard_modes,
+    magnetic_parts,
+    pull_range,
+    pulled_shares,
+    site_pulls,
+    site_wrenches,
+)
 from padgen.planner.drive_scheme import placed_channels
-from padgen.planner.plan import Channel, LeftOut, Plan
-from padgen.planner.pull_modes import coil_modes, heard_modes, magnetic_parts, pull_range, pulled_shares, site_wrenches
+from padgen.planner.layout import outline
+from padgen.planner.plan import Channel, LeftOut, Plan, Touched, channel_sets
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
-from padgen.planner.tile import outline
 from padgen.spec import Spec
 
-__all__ = ["RUNGS", "FrameAround", "flexibility_bounds", "frame_around", "judge_left_out", "left_out", "left_out_line"]
+__all__ = [
+    "RUNGS",
+    "FrameAround",
+    "flexibility_bounds",
+    "frame_around",
+    "judge_left_out",
+    "judge_touch",
+    "left_out",
+    "left_out_line",
+    "touched_pads",
+]
+
 
 RIB_MARGIN, PLATE_MARGIN = 2.5, 2.5
 """Factors for effects outside the formulas: compliance of the joint, lateral bending of the rib, unequal supports, and
@@ -195,16 +217,18 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
 
     Each bound is of the channel where it is largest.
     """
+    # The pad is screwed down at its corners or, without holes, glued down.
+    frame = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
     found = [
         _inertia(plan),
-        _stretching(plan),
+        *_bending(plan),
         *_air(plan),
-        _large_motion(plan),
-        _frame(plan),
+        _worst_channel("frame", "resonance", plan.channels, frame),
         *_far_modes(plan),
-        *_leakage(plan),
         *_magnetic(plan),
     ]
+    if plan.reuse.leak_db is not None:
+        found.append(LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True))
     found.sort(key=lambda entry: -_size(entry))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
     free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]
@@ -285,14 +309,21 @@ def _inertia(plan: Plan) -> LeftOut:
     return replace(_worst_channel("beam inertia", "resonance", channels, bound), computed=not beams)
 
 
-def _stretching(plan: Plan) -> LeftOut:
-    """Bound the rest of stretching: the cubic spring's error, and the mean pull's offset, not in `level_shift`."""
+def _bending(plan: Plan) -> Iterator[LeftOut]:
+    """Bound what beams do that bend far.
+
+    Of stretching it is the cubic spring's error, and the mean pull's offset, which is not in `level_shift`; of slopes
+    beyond linear theory, the secant stiffness that grows by `SLOPE_HARDENING` ``(z/l)²``.
+    """
     alpha, level, sag, static, shift = np.array(
         [(c.hardening_per_mm2 * UM**2 / MM**2, c.level_um, c.sag_um, c.static_um, c.level_shift) for c in plan.channels]
     ).T
     pulled = resonance_rise(alpha, level, sag + static)
     bound = pulled - shift + HARDENING_SHARE * pulled
-    return replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
+    yield replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
+    length = np.array([c.beam.length_mm * MM for c in plan.channels])
+    sloping = resonance_rise(SLOPE_HARDENING / length**2, level * UM, (sag + static) * UM)
+    yield _worst_channel("large slopes", "resonance", plan.channels, sloping)
 
 
 def _air(plan: Plan) -> Iterator[LeftOut]:
@@ -363,49 +394,28 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
     return area * MM**2, blocks * MM**2, square / area, most, float(np.hypot(*arrangement.window_mm)) * MM
 
 
-def _large_motion(plan: Plan) -> LeftOut:
-    """Bound the effect of slopes beyond linear theory: the secant stiffness grows by `SLOPE_HARDENING` ``(z/l)²``."""
-    away, level, length = np.array(
-        [((c.sag_um + c.static_um) * UM, c.level_um * UM, c.beam.length_mm * MM) for c in plan.channels]
-    ).T
-    return _worst_channel(
-        "large slopes", "resonance", plan.channels, resonance_rise(SLOPE_HARDENING / length**2, level, away)
-    )
-
-
-def _frame(plan: Plan) -> LeftOut:
-    """Bound the effect of the flexible frame: screwed down at its corners or, without holes, glued down."""
-    bound = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
-    return _worst_channel("frame", "resonance", plan.channels, bound)
-
-
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
-    """Bound the modes that `pull_modes.heard_modes` drops, at the tones of a coil's other channels, all on."""
+    """Bound the modes that `heard_modes` drops, at the tones of a coil's other channels, all on.
+
+    The bound is the relative error of OFF amplitudes, by Cauchy's inequality for each component.
+    """
     if not plan.selectivity.modes_left_out:
         return
-    bound = np.concatenate([_far_mode_errors(plan.spec, own) for own in plan.sets])
-    yield _worst_channel("far modes", "OFF amplitude", [channel for own in plan.sets for channel in own], bound)
-
-
-def _far_mode_errors(spec: Spec, own: Sequence[Channel]) -> np.ndarray:
-    """Bound the relative error (n,) of OFF amplitudes without far modes, by Cauchy's inequality for each component."""
-    line, hz = placed_channels(spec, own).line, np.array([channel.resonance_hz for channel in own])
-    every, heard = coil_modes(spec, own), heard_modes(spec, own, line)
-    kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
-    dropped = every.gain * ~(every.frequency_hz[..., None] == kept[:, None]).any(-1)[..., None]
-    weight = (line / line[:, None]) ** 2 * ~np.eye(len(line), dtype=bool)
-    amplitude, more = np.zeros(len(line)), np.zeros(len(line))
-    for part in range(dropped.shape[-1]):
-        taxels = heard._replace(gain=heard.gain[..., [part]]), every._replace(gain=dropped[..., [part]])
-        known, missed = (np.maximum((felt_energy(t, slice(None), hz) * weight).sum(1), 0.0) for t in taxels)
-        amplitude, more = amplitude + known, more + 2 * np.sqrt(known * missed) + missed
-    return np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0)
-
-
-def _leakage(plan: Plan) -> Iterator[LeftOut]:
-    """Return the bound of the error of the leakage that `planner.reuse` computes."""
-    if plan.reuse.leak_db is not None:
-        yield LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True)
+    bounds = []
+    for own in plan.sets:
+        line, hz = placed_channels(plan.spec, own).line, np.array([channel.resonance_hz for channel in own])
+        every, heard = coil_modes(plan.spec, own), heard_modes(plan.spec, own, line)
+        kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
+        dropped = every.gain * ~(every.frequency_hz[..., None] == kept[:, None]).any(-1)[..., None]
+        weight = (line / line[:, None]) ** 2 * ~np.eye(len(line), dtype=bool)
+        amplitude, more = np.zeros(len(line)), np.zeros(len(line))
+        for part in range(dropped.shape[-1]):
+            taxels = heard._replace(gain=heard.gain[..., [part]]), every._replace(gain=dropped[..., [part]])
+            known, missed = (np.maximum((felt_energy(t, slice(None), hz) * weight).sum(1), 0.0) for t in taxels)
+            amplitude, more = amplitude + known, more + 2 * np.sqrt(known * missed) + missed
+        bounds.append(np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0))
+    channels = [channel for own in plan.sets for channel in own]
+    yield _worst_channel("far modes", "OFF amplitude", channels, np.concatenate(bounds))
 
 
 def _magnetic(plan: Plan) -> Iterator[LeftOut]:
@@ -520,3 +530,84 @@ def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
     ).T
     at = partial(impedance, spec.coil.resistance_ohm, spec.coil.inductance_mh * MH)
     return motional_voltage(pull, level_m, resonance, drive, bias, at)
+
+
+MOST_CHANNELS = 32
+"""Most channels of a coil for which the selectivity under a finger is computed."""
+KEPT_Q = 8.0
+"""Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(KEPT_Q ω τ)."""
+
+
+def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Touched, ...]:
+    """Return the figures of the pad with every taxel under low, typical and high skin, driven as planned.
+
+    Only the taxels' own modes and one coil are counted.
+    """
+    sets = channel_sets(channels, spec.coil.sets)
+    found = []
+    for name, skin in SKINS.items():
+        hz, q, _ = _touched(spec, skin, channels)
+        kept_db = [_kept_db(spec, own, scheme, skin) for own in sets]
+        found.append(
+            Touched(
+                skin=name,
+                skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
+                resonance_hz=tuple(hz.tolist()),
+                q=tuple(q.tolist()),
+                all_states_db=None if None in kept_db else min(db for db in kept_db if db is not None),
+            )
+        )
+    return tuple(found)
+
+
+def judge_touch(plan: Plan) -> Iterator[Finding]:
+    """Yield a note where typical skin stiffens or damps a taxel too much, with values that would prevent it."""
+    skin = SKINS["typical"]
+    worst = min(plan.channels, key=lambda c: c.stiffness_n_per_m / _allowed(skin, c.resonance_hz))
+    typical = next(t for t in plan.touched if t.skin == "typical")
+    added, omega, mass = typical.skin_stiffness_n_per_m, 2 * pi * worst.resonance_hz, worst.effective_mass_g * GRAM
+    allowed = _allowed(skin, worst.resonance_hz)
+    if added <= allowed * worst.stiffness_n_per_m:
+        return
+    contact_mm = allowed * worst.stiffness_n_per_m / skin.modulus / MM
+    heavy_g = added / allowed / omega**2 / GRAM
+    high_hz = max((added / LOADED / mass) ** 0.5, KEPT_Q * skin.time * added / mass) / 2 / pi
+    hz, q, kept = typical.resonance_hz[worst.index], typical.q[worst.index], typical.all_states_db
+    quieter = (
+        ""
+        if kept is None
+        else f", and OFF taxels vibrate {abs(kept):.1f} dB {'less' if kept > 0 else 'more'} than ON ones"
+    )
+    yield Finding(
+        "note",
+        "touch.skin",
+        f"channel {worst.index}",
+        f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
+        f" {q:.2g}{quieter}; the touched resonance would stay within 5 % with a contact {at_most(contact_mm)} mm"
+        f" wide, a moving mass of {at_least(heavy_g)} g or a resonance of {at_least(high_hz)} Hz",
+    )
+
+
+def _allowed(skin: Skin, hz: float) -> float:
+    """Return the share of a taxel's stiffness that skin may add: f then rises by at most 5 %, and Q is at least 8."""
+    return min(LOADED, 1 / (KEPT_Q * 2 * pi * hz * skin.time))
+
+
+def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    stiffness, mass_g, q = np.array([(c.stiffness_n_per_m, c.effective_mass_g, c.q) for c in channels]).T
+    return touched(skin, spec.taxel.boss_diameter_mm / 2 * MM, stiffness, mass_g * GRAM, q)
+
+
+def _kept_db(spec: Spec, own: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
+    """Return the smallest ON over the largest OFF level in dB of a touched coil in all states.
+
+    None for a single channel, or for more than `MOST_CHANNELS`.
+    """
+    if not 2 <= len(own) <= MOST_CHANNELS:
+        return None
+    planned, (hz, q, stiffer) = placed_channels(spec, own), _touched(spec, skin, own)
+    stiffness = np.array([c.stiffness_n_per_m for c in own])
+    taxels = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
+    (made,) = own_lines(planned, scheme)
+    on = line_energy(taxels, made)[:, 0].diagonal()
+    return decibel(float((on.min() / off_energy(taxels, scheme, drivers=planned).max()) ** 0.5))

@@ -14,15 +14,12 @@ from padgen.core.errors import InfeasibleError, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
-from padgen.planner.capacity import channel_limit, coil_capacity, printed_count
 from padgen.planner.channels import driven, force_constants, plan_channels
-from padgen.planner.coil_load import coil_load, is_fed
-from padgen.planner.cures import Cure, varied, with_tried_cures
-from padgen.planner.drive_scheme import plan_selectivity
-from padgen.planner.frame_rates import frame_rates
+from padgen.planner.cures import Cure, refusal, varied, with_tried_cures
+from padgen.planner.drive_scheme import cell_is_turned, coil_load, coil_reuse, frame_rates, is_fed, plan_selectivity
 from padgen.planner.judge import judge
-from padgen.planner.layout import Layout, candidates, coil_reach_mm, room
-from padgen.planner.left_out import left_out
+from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
+from padgen.planner.left_out import left_out, touched_pads
 from padgen.planner.plan import (
     Cell,
     Channel,
@@ -33,17 +30,16 @@ from padgen.planner.plan import (
     Selectivity,
     Taxel,
     channel_sets,
+    level_law,
+    passes,
+    scheme_named,
+    sets_db,
 )
+from padgen.planner.printed_pads import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
-from padgen.planner.prints import NOT_PRINTED, compared_prints, what_prints_keep
-from padgen.planner.resonances import planned_optimum
-from padgen.planner.reuse import cell_is_turned, coil_reuse
-from padgen.planner.search import sites_of, sized_layouts
-from padgen.planner.settings import level_law, passes, scheme_named, sets_db
+from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
-from padgen.planner.tile import pitch_of
-from padgen.planner.touch import touched_pads
 from padgen.spec import Spec
 
 __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
@@ -104,14 +100,11 @@ def choose(spec: Spec) -> Choice:
 
     If there are none, the choice with the most working prints. Raises as `make_plan` does.
     """
-    choice = _searched(spec)
-    if choice is None:
-        from padgen.planner.infeasible import refusal
-
-        decided = next(_decided_specs(spec))
-        limit = channel_limit(decided)
-        raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, None))
-    return choice
+    if (choice := _searched(spec)) is not None:
+        return choice
+    decided = next(_decided_specs(spec))
+    limit = channel_limit(decided)
+    raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, None))
 
 
 def _searched(spec: Spec, quick: bool = False) -> Choice | None:
@@ -128,25 +121,21 @@ def _searched(spec: Spec, quick: bool = False) -> Choice | None:
         found += [Choice(decided, *sized) for sized in known[key]]
     if not found:
         return None
-    best = found[0] if len(found) == 1 else _best(found)
-    _refuse_unpulled(best)
-    limit = channel_limit(best.spec)
-    options = candidates(best.spec, limit)
-    limits = _limiting_name(best.spec, options, best.layout, limit)
-    return best._replace(runners_up=_runners_up(best.spec, options, best.layout), limits=limits)
-
-
-def _refuse_unpulled(choice: Choice) -> None:
-    """Raise `InfeasibleError` where a coil does not pull one of its washers, as on a grid with too few coils."""
-    spec, sites = choice.spec, sites_of(choice.spec, choice.layout, choice.channels)
-    pulls = force_constants(spec, choice.channels, sites)
+    spec, layout, channels, *_ = best = found[0] if len(found) == 1 else _best(found)
+    sites = sites_of(spec, layout, channels)
+    pulls = force_constants(spec, channels, sites)
     far = int(pulls.argmin())
-    if pulls[far] <= 0:
+    if pulls[far] <= 0:  # as on a grid with too few coils
         raise InfeasibleError(
             f"the washer of channel {far} lies {number(sites[far].coil_distance_mm)} mm off its coil's axis, where the"
             f" coil does not pull it; beyond {number(coil_reach_mm(spec))} mm the two do not overlap",
             "coil.grid",
         )
+    limit = channel_limit(spec)
+    options = candidates(spec, limit)
+    others = [option for option in options if _grid(option) != _grid(layout)]
+    runners_up = tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
+    return best._replace(runners_up=runners_up, limits=_limiting_name(spec, options, layout, limit))
 
 
 def _decided_specs(spec: Spec) -> Iterator[Spec]:
@@ -217,31 +206,24 @@ def _tried(choice: Choice, least_db: float) -> Tried:
 
     The steps are the resonances alone, then pull and modes, then leakage, then simulated prints.
     """
-    at_most = _at_most_db(choice)
+    spec, hz = choice.spec, np.array([channel.target_hz for channel in choice.channels])
+    at_most = sets_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
     if at_most < least_db:
         return Tried(at_most)
     channels, selectivity = _driven(choice)
-    if any(c.level_um + c.sag_um + c.static_um >= choice.spec.coil.gap_mm * MM / UM for c in channels):
-        return Tried(-inf)  # a washer would meet its coil
-    scheme = scheme_named(choice.spec, selectivity.drive)
-    if choice.spec.amplifier and not is_fed(choice.spec, coil_load(choice.spec, channels, scheme)):
+    meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
+    scheme = scheme_named(spec, selectivity.drive)
+    if meets or (spec.amplifier and not is_fed(spec, coil_load(spec, channels, scheme))):
         return Tried(-inf)
     if selectivity.kept_db is not None:
         at_most = min(at_most, selectivity.kept_db)
     if at_most < least_db:
         return Tried(at_most)
-    plan = _assemble(choice, channels, selectivity)
-    paper_db, prints = compared_prints(plan, least_db)
+    paper_db, prints = compared_prints(_assemble(choice, channels, selectivity), least_db)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
         return Tried(at_most)
     return Tried(at_most, prints.good_share, inf if prints.print_db is None else prints.print_db)
-
-
-def _at_most_db(choice: Choice) -> float:
-    """Return an upper bound of the selectivity in dB that a choice keeps, by its resonances and the quietest drive."""
-    hz = np.array([channel.target_hz for channel in choice.channels])
-    return sets_db(choice.spec, hz, np.ones(len(hz)), Scheme("time-shared"))
 
 
 def finish(choice: Choice, quick: bool = False) -> Plan:
@@ -251,10 +233,9 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     """
     bare = _assemble(choice, *_driven(choice))
     spec, prints, coils = bare.spec, what_prints_keep(bare, quick), bare.coils.rows * bare.coils.columns
-    asked = bare.selectivity.asked_db, spec.print_share
-    alike = prints.ratio_spread / 2**0.5
-    printed = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked, coils, alike)
-    capacity = replace(bare.capacity, prints=printed)
+    asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
+    count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
+    capacity = replace(bare.capacity, prints=count)
     known = replace(bare, left_out=left_out(bare), prints=prints, capacity=capacity)
     return replace(known, findings=judge(known))
 
@@ -271,14 +252,23 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
     spec, layout, scheme = choice.spec, choice.layout, scheme_named(choice.spec, selectivity.drive)
     reuse = coil_reuse(spec, layout, channels, scheme)
     pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
-    taxels = _taxels(spec, layout, channels, reuse.turned)
+    coils = CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets)
+    taxels = _taxels(layout, coils, channels, reuse.turned)
     return Plan(
         name=spec.name,
         spec=spec,
         capacity=coil_capacity(spec, scheme, choice.limits),
-        coils=CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets),
+        coils=coils,
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
-        plate=_plate(spec),
+        plate=Plate(
+            *plate_shape(spec),
+            *recess_mm(spec),
+            post_diameter_mm=post_diameter_mm(spec),
+            boss_diameter_mm=spec.taxel.boss_diameter_mm,
+            boss_top_mm=spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm,
+            boss_edge_mm=spec.taxel.boss_edge_mm,
+            gap_mm=spec.printer.smallest_gap_mm,
+        ),
         channels=channels,
         taxels=taxels,
         pitch=pitch_of(taxels),
@@ -295,54 +285,15 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
     )
 
 
-def _plate(spec: Spec) -> Plate:
-    shape, taxel = plate_shape(spec), spec.taxel
-    diameter, depth = recess_mm(spec)
-    return Plate(
-        *shape,
-        recess_diameter_mm=diameter,
-        recess_depth_mm=depth,
-        post_diameter_mm=post_diameter_mm(spec),
-        boss_diameter_mm=taxel.boss_diameter_mm,
-        boss_top_mm=spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm,
-        boss_edge_mm=taxel.boss_edge_mm,
-        gap_mm=spec.printer.smallest_gap_mm,
-    )
-
-
-def _taxels(spec: Spec, layout: Layout, channels: tuple[Channel, ...], turned: str) -> tuple[Taxel, ...]:
+def _taxels(layout: Layout, coils: CoilGrid, channels: tuple[Channel, ...], turned: str) -> tuple[Taxel, ...]:
     """Return all taxels, coil by coil from the first row; the last coils have the empty places, one each."""
-    pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
-    full = layout.coils - layout.surplus
-    sets = channel_sets(channels, spec.coil.sets)
-    taxels = []
-    for coil in range(layout.coils):
-        row, column = divmod(coil, layout.columns)
-        x0 = (column - (layout.columns - 1) / 2) * pitch_x
-        y0 = (row - (layout.rows - 1) / 2) * pitch_y
+    sets, full, taxels = channel_sets(channels, coils.sets), layout.coils - layout.surplus, []
+    for index in range(layout.coils):
+        coil = row, column = divmod(index, layout.columns)
+        own = sets[(row + column) % len(sets)][: layout.channels - (index >= full)]
         around = cell_is_turned(turned, row, column)
-        sign = -1 if around else 1
-        own = sets[(row + column) % len(sets)]
-        for k, channel in enumerate(own[: layout.channels - (coil >= full)]):
-            x, y = channel.site.washer_mm
-            taxels.append(
-                Taxel(
-                    f"r{row}c{column}k{k}",
-                    (row, column),
-                    channel.index,
-                    round(x0 + sign * x, 6),
-                    round(y0 + sign * y, 6),
-                    channel.site.coil_distance_mm,
-                    around,
-                )
-            )
+        taxels += [placed_taxel(coils, coil, k, channel, around) for k, channel in enumerate(own)]
     return tuple(taxels)
-
-
-def _runners_up(spec: Spec, options: list[Layout], chosen: Layout) -> tuple[LayoutOption, ...]:
-    """Return the next best layouts that work as well."""
-    others = [option for option in options if _grid(option) != _grid(chosen)]
-    return tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
 
 
 def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> LayoutOption:

@@ -1,6 +1,7 @@
 """Define `Plan`: the pad that will be made, as frozen plain data with a JSON round trip; all later stages read it.
 
-Reading refuses missing entries, entries of another kind, and sizes that no pad has.
+Reading refuses missing entries, entries of another kind, and sizes that no pad has. The last part translates a spec's
+`[drive]` table for the physics: its level law and its drive schemes.
 """
 
 import json
@@ -11,16 +12,21 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin
 
-from padgen.core.errors import FileError, SpecError
+import numpy as np
+
+from padgen.core.errors import FileError, SpecError, at_least
 from padgen.core.files import json_text, read_bounded
 from padgen.core.finding import Finding
 from padgen.core.registry import SCHEMES
-from padgen.physics.selectivity import Scheme
+from padgen.core.units import decibel
+from padgen.physics.ladder import LevelLaw
+from padgen.physics.selectivity import Scheme, all_states, channels
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape, names, suspension
 from padgen.spec import Spec, make_spec
 from padgen.spec.load import LARGEST_PLAN, without_none
 
 __all__ = [
+    "CARRIER_OVER_RESONANCE",
     "TURNS",
     "Beam",
     "Capacity",
@@ -41,11 +47,19 @@ __all__ = [
     "Site",
     "Taxel",
     "Touched",
+    "carrier_hz",
     "channel_sets",
+    "level_law",
+    "passes",
     "plan_from_json",
     "plan_to_json",
     "read_plan",
+    "scheme_for",
+    "scheme_named",
+    "sets_db",
 ]
+
+
 TURNS = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}
 """Direction of a taxel's own x axis as (cosine, sine): exact quarter turns."""
 
@@ -481,8 +495,7 @@ class Plan:
     @property
     def scheme(self) -> Scheme:
         """The drive scheme with the settings of the spec."""
-        name = self.selectivity.drive
-        return Scheme(name, self.spec.drive.bias_ratio, SCHEMES.version(name))
+        return scheme_named(self.spec, self.selectivity.drive)
 
     @property
     def sets(self) -> tuple[tuple[Channel, ...], ...]:
@@ -511,7 +524,7 @@ def plan_to_json(plan: Plan) -> str:
 
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
 """Parts with sizes that are drawn. Here every number must be finite; in other parts null stands for an infinite one."""
-LARGEST_MM, LARGEST_FLOAT = 1e4, sys.float_info.max
+LARGEST_MM, LARGEST_FLOAT, SMALLEST_FLOAT = 1e4, sys.float_info.max, sys.float_info.min
 MAY_BE_0 = ("post_diameter_mm", "boss_edge_mm", "fillet_mm")
 KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
     str: ((str,), "text"),
@@ -551,21 +564,31 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
 
 def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     """Return the `value` of an entry as its `kind`; raises `ValueError` if it is of another kind."""
-    if kind is Spec:
-        return make_spec(without_none(_table(value, where)))
-    if is_dataclass(kind):
-        return _read_table(kind, value, where)
-    if get_origin(kind) is tuple:
-        return _read_list(get_args(kind), value, where, drawn)
-    if get_origin(kind) is UnionType:
-        kinds = [k for k in get_args(kind) if type(value) in KINDS[k][0]]
-        return _read(kinds[0] if kinds else get_args(kind)[0], value, where, drawn)
-    if get_origin(kind) is dict:
-        return {
-            name: _read(get_args(kind)[1], entry, f"{where}.{name}") for name, entry in _table(value, where).items()
-        }
-    if kind is Any:  # the value of a field of the spec
+    origin, kinds = get_origin(kind), get_args(kind)
+    if (is_dataclass(kind) or origin is dict) and not isinstance(value, dict):
+        raise ValueError(f"{where} must be a table")
+    if kind is Any:  # the value of a field of the spec, as in a cure
         return value
+    if kind is Spec:
+        return make_spec(without_none(value))
+    if is_dataclass(kind):
+        entries = {}
+        for item in fields(kind):
+            place = item.name if kind is Plan else f"{where}.{item.name}"
+            if item.name not in value:
+                raise ValueError(f"{place} is missing")
+            entries[item.name] = _read(item.type, value[item.name], place, kind in DRAWN)
+        return kind(**entries)
+    if origin is dict:
+        return {name: _read(kinds[1], entry, f"{where}.{name}") for name, entry in value.items()}
+    if origin is tuple:
+        endless = kinds[-1] is Ellipsis
+        if not isinstance(value, list) or (not endless and len(value) != len(kinds)):
+            raise ValueError(f"{where} must be a list" + ("" if endless else f" of {len(kinds)}"))
+        each = zip([kinds[0]] * len(value) if endless else kinds, value, strict=True)
+        return tuple(_read(k, entry, f"{where}[{i}]", drawn) for i, (k, entry) in enumerate(each))
+    if origin is UnionType:
+        return _read(next((k for k in kinds if type(value) in KINDS[k][0]), kinds[0]), value, where, drawn)
     if value is None and kind is float and not drawn:
         return None  # JSON has no infinity: a figure without a finite value is written as null
     allowed, what = KINDS[kind]
@@ -574,37 +597,14 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     return value if value is None else kind(value)
 
 
-def _table(value: Any, where: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise ValueError(f"{where} must be a table")
-    return value
-
-
-def _read_table(kind: Any, value: Any, where: str) -> Any:
-    value, entries = _table(value, where), {}
-    for item in fields(kind):
-        place = item.name if kind is Plan else f"{where}.{item.name}"
-        if item.name not in value:
-            raise ValueError(f"{place} is missing")
-        entries[item.name] = _read(item.type, value[item.name], place, kind in DRAWN)
-    return kind(**entries)
-
-
-def _read_list(kinds: tuple[Any, ...], value: Any, where: str, drawn: bool) -> tuple[Any, ...]:
-    endless = kinds[-1] is Ellipsis
-    if not isinstance(value, list) or (not endless and len(value) != len(kinds)):
-        raise ValueError(f"{where} must be a list" + ("" if endless else f" of {len(kinds)}"))
-    each = [kinds[0]] * len(value) if endless else kinds
-    return tuple(_read(k, entry, f"{where}[{i}]", drawn) for i, (k, entry) in enumerate(zip(each, value, strict=True)))
-
-
 def _refuse_contradictions(plan: Plan) -> None:
     """Raise `ValueError` for parts that contradict each other or cannot be drawn."""
-    if not plan.channels or not plan.taxels:
+    coils, channels = plan.coils, plan.channels
+    if not channels or not plan.taxels:
         raise ValueError("it has no channels or no taxels")
-    if not plan.coils.rows > 0 < plan.coils.columns or not 0 < plan.coils.sets <= len(plan.channels):
+    if not coils.rows > 0 < coils.columns or not 0 < coils.sets <= len(channels):
         raise ValueError("coils must be one or more, with no more sets than channels")
-    for index, channel in enumerate(plan.channels):
+    for index, channel in enumerate(channels):
         if channel.index != index:
             raise ValueError(f"channels[{index}].index must be {index}")
         if channel.beam.topology not in names() or channel.site.along not in TURNS:
@@ -613,8 +613,7 @@ def _refuse_contradictions(plan: Plan) -> None:
         _refuse_sizes(channel.site, f"channels[{index}].site")
     for index, taxel in enumerate(plan.taxels):
         row, column = taxel.coil
-        on_grid = 0 <= row < plan.coils.rows and 0 <= column < plan.coils.columns
-        if not on_grid or not 0 <= taxel.channel < len(plan.channels):
+        if not (0 <= row < coils.rows and 0 <= column < coils.columns and 0 <= taxel.channel < len(channels)):
             raise ValueError(f"taxels[{index}] is of a coil or a channel that there is not")
         _refuse_sizes(taxel, f"taxels[{index}]")
     for part in ("coils", "cell", "plate"):
@@ -625,10 +624,52 @@ def _refuse_sizes(part: Any, where: str) -> None:
     """Raise `ValueError` for a size or place beyond any pad; places may be 0 or negative, sizes not."""
     is_place = isinstance(part, (Site, Taxel))
     for item in fields(part):
-        value = getattr(part, item.name)
-        for size in value if isinstance(value, tuple) else (value,):
-            if not isinstance(size, (int, float)):
-                continue
-            may_be_0 = is_place or item.name in MAY_BE_0
-            if abs(size) > LARGEST_MM or (size < 0 and not is_place) or (size == 0 and not may_be_0):
-                raise ValueError(f"{where}.{item.name} must be a size of a pad, at most {LARGEST_MM:g}")
+        value, least = getattr(part, item.name), 0.0 if item.name in MAY_BE_0 else SMALLEST_FLOAT
+        sizes = [size for size in (value if isinstance(value, tuple) else (value,)) if isinstance(size, (int, float))]
+        if not all((-LARGEST_MM if is_place else least) <= size <= LARGEST_MM for size in sizes):
+            raise ValueError(f"{where}.{item.name} must be a size of a pad, at most {LARGEST_MM:g}")
+
+
+def level_law(spec: Spec) -> LevelLaw:
+    """Return the level law of a spec: a power of frequency, or equal sensation where it has a threshold curve."""
+    drive = spec.drive
+    return LevelLaw(drive.level_law, drive.threshold_hz or (), drive.threshold_um or ())
+
+
+def scheme_named(spec: Spec, name: str) -> Scheme:
+    """Return the drive scheme called `name` with the settings of `spec`."""
+    return Scheme(name, spec.drive.bias_ratio, SCHEMES.version(name))
+
+
+CARRIER_OVER_RESONANCE = 5
+"""The carrier over the highest resonance: at twice the carrier a pull of i² is then ten times above every taxel."""
+
+
+def carrier_hz(spec: Spec, scheme: Scheme, highest_hz: float) -> float | None:
+    """Return the carrier on which an AC-coupled amplifier plays a spur-free scheme; None where none is needed."""
+    needed = spec.amplifier is not None and spec.amplifier.coupling == "AC" and scheme.is_root
+    return float(at_least(CARRIER_OVER_RESONANCE * highest_hz)) if needed else None
+
+
+def passes(spec: Spec, scheme: Scheme) -> bool:
+    """Return whether the spec's amplifier can play a scheme; one that is AC coupled passes no constant current."""
+    return spec.amplifier is None or spec.amplifier.coupling == "DC" or not scheme.is_biased
+
+
+def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
+    """Return the scheme for which resonances are chosen: the one in the spec.
+
+    For 'auto' it is plain tones if these keep the asked selectivity, else spur-free.
+    """
+    if spec.drive.scheme != "auto":
+        return scheme_named(spec, spec.drive.scheme)
+    tones = Scheme("tones")
+    keeps = sets_db(spec, resonance_hz, np.ones(len(resonance_hz)), tones) >= decibel(spec.delta_y)
+    return tones if keeps else Scheme("spur-free")
+
+
+def sets_db(spec: Spec, resonance_hz: np.ndarray, mass: np.ndarray, scheme: Scheme) -> float:
+    """Return the all-state selectivity in dB of the worst of the spec's sets, which the channels (n,) join in turn."""
+    level, sets = level_law(spec)(resonance_hz), spec.coil.sets
+    dealt = (slice(k, None, sets) for k in range(sets))
+    return min(all_states(channels(resonance_hz[k], spec.q_min, level[k], mass[k]), scheme).db for k in dealt)

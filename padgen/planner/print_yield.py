@@ -13,7 +13,7 @@ from padgen.planner.printed_pads import (
     NAMES,
     STAGES,
     Design,
-    Prints,
+    Simulated,
     Spreads,
     design_of,
     printed,
@@ -156,16 +156,19 @@ def print_yield(
     costs = _costs(design, spreads, cost_pads, seed)
     pairs = sum(coils.taxels.shape[1] * (len(coils.channels) - 1) for coils in design.coils) * made
     swapped, crowded = (float(count) / pairs if pairs else None for count in prints.neighbours)
+    drawn = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
+    sigma = np.sqrt(prints.square / (np.bincount(design.channel, minlength=len(design.q)) * made)).tolist()
+    slopes = design.sensitivity.tolist()
     return PrintYield(
         pads=made,
         pads_asked=pads,
         seed=seed,
         drive=design.scheme.name,
         asked_db=plan.selectivity.asked_db,
-        nominal_db=_nominal_db(design, spreads),
+        nominal_db=10 * log10(drawn) if 0 < drawn < inf else None,
         criterion=_criterion(plan, design),
         spreads=spreads,
-        channels=_channel_spreads(design, prints, made),
+        channels=tuple(ChannelSpread(i, sigma[i], *slopes[i]) for i in range(len(sigma))),
         **dict(zip(OUTCOMES, (_outcome(prints, k, len(design.channel)) for k in range(len(STAGES))), strict=True)),
         good_prints=tuple((prints.good_prints[-1] / made).tolist()),
         swapped_share=swapped,
@@ -175,11 +178,6 @@ def print_yield(
         costliest_planned=_costliest({cost.spread: cost.planned for cost in costs}),
         costliest_retuned=_costliest({cost.spread: cost.retuned for cost in costs}),
     )
-
-
-def _nominal_db(design: Design, spreads: Spreads) -> float | None:
-    ratio = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
-    return 10 * log10(ratio) if 0 < ratio < inf else None
 
 
 def _criterion(plan: Plan, design: Design) -> str:
@@ -194,25 +192,20 @@ def _criterion(plan: Plan, design: Design) -> str:
     return f"{asked}, {alone}" if 1 in counts else asked
 
 
-def _outcome(prints: Prints, k: int, taxels: int) -> Outcome:
-    pads = prints.ratio.shape[1]
-    good = prints.good_taxels[k]
+def _outcome(prints: Simulated, k: int, taxels: int) -> Outcome:
+    pads, good = prints.ratio.shape[1], prints.good_taxels[k]
     dbs: list[float | None] = [None] * 4
     if np.isfinite(prints.ratio[k]).all():
         dbs = [float(v) for v in 10 * np.log10(np.quantile(prints.ratio[k], [0.05, 0.5, 0.95, 0.1]))]
+    # As many independent taxels as scatter as much as the pads' shares: from pads to pads × taxels.
+    share, scatter = float((good / taxels).mean()), float((good / taxels).var())
+    alike = share * (1 - share) / scatter if scatter > 0 else 1.0
+    independent = round(pads * min(max(alike, 1.0), taxels))
     return Outcome(
-        _share(int(good.sum()), pads * taxels, _independent(good / taxels, taxels)),
+        _share(int(good.sum()), pads * taxels, independent),
         _share(int(prints.good[k].sum()), pads, pads),
         *dbs,
     )
-
-
-def _independent(shares: np.ndarray, taxels: int) -> int:
-    """Return how many independent taxels scatter as much as the pads' shares (pads,): from pads to pads × taxels."""
-    share, pads = float(shares.mean()), len(shares)
-    scatter = float(shares.var())
-    alike = share * (1 - share) / scatter if scatter > 0 else 1.0
-    return round(pads * min(max(alike, 1.0), taxels))
 
 
 def _share(good: int, made: int, independent: int) -> Share:
@@ -220,14 +213,6 @@ def _share(good: int, made: int, independent: int) -> Share:
 
     interval = binomtest(round(good / made * independent), independent).proportion_ci(0.95, method="wilson")
     return Share(good, made, good / made, float(interval.low), float(interval.high))
-
-
-def _channel_spreads(design: Design, prints: Prints, pads: int) -> tuple[ChannelSpread, ...]:
-    count = np.bincount(design.channel, minlength=len(design.q)) * pads
-    sigma = np.sqrt(prints.square / count)
-    return tuple(
-        ChannelSpread(i, float(sigma[i]), *(float(v) for v in design.sensitivity[i])) for i in range(len(sigma))
-    )
 
 
 def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> tuple[Cost, ...]:
@@ -239,7 +224,7 @@ def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> tuple[Cost
     return tuple(costs)
 
 
-def _gain(base: Prints, without: Prints, k: int, taxels: int) -> Gain:
+def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:
     median = np.median(without.ratio[k]), np.median(base.ratio[k])
     return Gain(
         float(without.good[k].mean() - base.good[k].mean()),

@@ -1,22 +1,245 @@
-"""Search layouts that work and size their beams: first the room, then resonances and beams for that room."""
+"""Search layouts that work: first the room, then resonances within the band and the reach of beams, then the beams.
 
-from collections.abc import Iterable, Iterator
+The most channels that one coil holds are counted by the paper's bound, by the exact response, and in printed pads.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
 from math import inf
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from padgen.core.errors import SpecError, at_least, at_most, number
+from padgen.core.registry import SCHEMES
+from padgen.core.units import decibel
+from padgen.physics.ladder import (
+    LevelLaw,
+    capacity,
+    geometric_ladder,
+    ladder_ratio,
+    paper_ladder,
+    slot_half_width,
+    whole_channels,
+)
 from padgen.physics.schemes import simplest_first
+from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db, print_share
 from padgen.planner.channels import plan_channels
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
-from padgen.planner.plan import Site
-from padgen.planner.resonances import ladders
-from padgen.planner.sizing import SizedChannel, beams_for_resonances
-from padgen.planner.suspensions import Room
+from padgen.planner.plan import Capacity, Site, level_law, scheme_named
+from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, reach
+from padgen.planner.suspensions import Room, allowed
 from padgen.spec import Spec
 
-__all__ = ["sites_of", "sized_layouts"]
+__all__ = [
+    "Optimum",
+    "channel_limit",
+    "coil_capacity",
+    "ladders",
+    "largest_counts",
+    "optimum",
+    "planned_optimum",
+    "printed_count",
+    "reachable_hz",
+    "searched_to",
+    "sites_of",
+    "sized_layouts",
+    "slot_band_hz",
+]
+
+
+KIND = "ladder"
+CODE = ("physics", "planner/search.py", "planner/plan.py")
+"""Code on which a cached optimum depends."""
+
+
+class Optimum(NamedTuple):
+    """The resonances in Hz that a search found best for a drive scheme, and their selectivity in all states in dB."""
+
+    resonances_hz: tuple[float, ...]
+    all_states_db: float
+    drive: str
+
+
+def slot_band_hz(spec: Spec) -> tuple[float, float]:
+    """Return the lowest and highest resonance in Hz whose slot lies in the band, after rounding of the beam, too."""
+    half = max(slot_half_width(spec.q_min, spec.delta_y), DRAWN_SHARE)
+    return spec.band_hz[0] / (1 - half), spec.band_hz[1] / (1 + half)
+
+
+def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
+    """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
+    found = (reach(spec, name, room) for name in allowed(spec.suspension.topology))
+    spans = [item.span_hz for item in found if item is not None]
+    return (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
+
+
+def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
+    """Return candidate ladders of `count` resonances per set in Hz for a room, the best first.
+
+    Resonances that the spec lists are the only candidate. Otherwise the first ladder spreads over the whole band, the
+    next over the part of the band that the room reaches, and the last ones are as close as possible at the lower ends.
+    All keep the paper's ratio between neighbours of a set. A second set lies half way between those of the first. With
+    optimised spacing the optimum comes before these.
+    """
+    if spec.resonances_hz:
+        return [spec.resonances_hz]
+    low, high = slot_band_hz(spec)
+    found = reachable_hz(spec, room)
+    spans = [(low, high)]
+    if found:
+        spans.append((max(low, found[0] * 1.01), min(high, found[1] / 1.01)))
+    options = [_spread(spec, count, *span) for span in spans]
+    options += [_closest(spec, count, span[0]) for span in spans]
+    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-8))
+    if spec.spacing == "optimised":
+        half_step = _half_step(spec, count, *_span_hz(spec, room))
+        return [_both_sets(spec, _optimum(spec, count, room), half_step), *unique]
+    return list(unique)
+
+
+def _optimum(spec: Spec, count: int, room: Room) -> Optimum:
+    """Return the optimal single set in a band that leaves room above for a second set, half a step higher."""
+    low, high = _span_hz(spec, room)
+    return optimum(spec, count, low, high / _half_step(spec, count, low, high))
+
+
+def _half_step(spec: Spec, count: int, low: float, high: float) -> float:
+    """Return the ratio of the second set to the first (1 for a single set).
+
+    It is half a step of a ladder of `count` channels when both sets together spread from end to end.
+    """
+    return float((high / low) ** ((spec.coil.sets - 1) / (2 * count - 1)))
+
+
+def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]:
+    """Return the optimum with its second set, if there is one: the first set times at most `half_step`.
+
+    With a power law of levels the second set is as selective as the first.
+    """
+    if spec.coil.sets == 1:
+        return best.resonances_hz
+    first = np.array(best.resonances_hz)
+    # The root of the closest ratio is at most half a step, since an evenly spread set has no closer pair.
+    closest = float((first[1:] / first[:-1]).min()) ** 0.5 if len(first) > 1 else half_step
+    return _rounded(np.stack([first, first * closest], -1).ravel())
+
+
+def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
+    """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
+    found = reachable_hz(spec, room) or (0.0, float("inf"))
+    low, high = max(spec.band_hz[0], found[0] * 1.01), min(spec.band_hz[1], found[1] / 1.01)
+    return (low, high) if low < high else spec.band_hz
+
+
+def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    """Return the resonances in a band with the best selectivity under the drive scheme of `spec`, for equal masses.
+
+    An automatic scheme takes plain tones if resonances are found that keep the asked selectivity with them, else a
+    spur-free drive, else turns. A search takes up to one or two seconds, and its result is kept in the cache. Not so
+    for a registered scheme, whose code may be another the next time.
+    """
+    searched = _searched if SCHEMES.version(spec.drive.scheme) else _known
+    return searched(spec, count, low_hz, high_hz)
+
+
+@lru_cache(maxsize=64)
+def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    from padgen.core import cache
+
+    drive = spec.drive
+    key = cache.key_of(
+        {
+            "band_hz": (low_hz, high_hz),
+            "count": count,
+            "q": spec.q_min,
+            "delta_y": spec.delta_y,
+            "scheme": (drive.scheme, drive.bias_ratio),
+            "law": (drive.level_law, drive.threshold_hz, drive.threshold_um),
+            "code": cache.code_hash(*CODE),
+            "versions": [cache.version(name) for name in ("numpy", "scipy")],
+        }
+    )
+
+    def kept() -> Optimum | None:
+        return _from_plain(cache.load(KIND, key), count)
+
+    def made() -> Optimum:
+        best = _searched(spec, count, low_hz, high_hz)
+        cache.store(KIND, key, best)
+        return best
+
+    return cache.once(KIND, key, kept, made)
+
+
+def _from_plain(entry: Any, count: int) -> Optimum | None:
+    """Return the optimum in a cache entry, or None if the entry is not `count` rising resonances."""
+    try:
+        hz, reached_db, drive = entry
+        ladder = np.array(hz, float)
+        known = Optimum(tuple(ladder.tolist()), float(reached_db), str(drive))
+    except (OverflowError, TypeError, ValueError):
+        return None
+    rises = ladder.shape == (count,) and ladder[0] > 0 and bool((np.diff(ladder) > 0).all())
+    return known if rises and np.isfinite([*ladder, reached_db]).all() else None
+
+
+def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
+    band, asked_db = (low_hz, high_hz), decibel(spec.delta_y)
+    if spec.drive.scheme != "auto":
+        return _best(spec, count, *band, spec.drive.scheme)
+    # Where fewer channels cannot keep the asked selectivity with plain tones, more cannot either.
+    clean = all(_best(spec, fewer, *band, "tones").all_states_db >= asked_db for fewer in range(3, count + 1))
+    best = _best(spec, count, *band, "tones" if clean and count > 2 else "spur-free")
+    if best.all_states_db < asked_db:
+        turns = _best(spec, count, *band, "time-shared")
+        best = turns if turns.all_states_db >= asked_db else best
+    return best
+
+
+@lru_cache(maxsize=256)
+def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
+    from padgen.physics.ladder import optimal_ladder
+
+    law, scheme = level_law(spec), scheme_named(spec, drive)
+    ladder = optimal_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
+    return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, drive)
+
+
+def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
+    """Return the optimum for the room's band, for equal masses and any beam.
+
+    None where the spec does not ask for optimised resonances, and for two sets or a single channel.
+    """
+    if spec.spacing != "optimised" or spec.resonances_hz or spec.coil.sets > 1 or count < 2:
+        return None
+    return _optimum(spec, count, room)
+
+
+def _spread(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:
+    if spec.spacing == "closest":
+        return _closest(spec, count, low)
+    sets = spec.coil.sets
+    span = ladder_ratio(spec.q_min, spec.delta_y) ** ((count * sets - 1) / sets)
+    if high < low * span * (1 - 1e-9):
+        return None
+    return _rounded(geometric_ladder(low, max(high, low * span), count * sets))
+
+
+def _closest(spec: Spec, count: int, low: float) -> tuple[float, ...]:
+    sets, half = spec.coil.sets, slot_half_width(spec.q_min, spec.delta_y)
+    first = paper_ladder(low * (1 - half), count, spec.q_min, spec.delta_y)
+    step = ladder_ratio(spec.q_min, spec.delta_y) ** (1 / sets)
+    return _rounded(np.stack([first * step**k for k in range(sets)], -1).ravel())
+
+
+def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
+    """Round to nine significant digits, so that the plan stays readable."""
+    return tuple(float(f"{value:.9g}") for value in ladder)
+
 
 RINGS, ALIKE_MM = (0.0, 0.8, 1.0), 0.1
 """Shares of the farthest washer's distance at which the nearer ones are kept, tried where distances differ by more
@@ -41,15 +264,11 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
             break
         tried, sized = tried + 1, sized + layout.channels
         channels = _beams(spec, layout)
-        if channels and _within_reach(spec, layout, channels):
+        # Every washer must overlap its coil.
+        reach_mm = coil_reach_mm(spec) + SLACK_MM
+        if channels and all(site.coil_distance_mm <= reach_mm for site in sites_of(spec, layout, channels)):
             seen.add(key)
             yield _with_even_pull(spec, layout, channels), channels
-
-
-def _within_reach(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> bool:
-    """Return whether every washer overlaps its coil."""
-    sites = sites_of(spec, layout, channels)
-    return max(site.coil_distance_mm for site in sites) <= coil_reach_mm(spec) + SLACK_MM
 
 
 def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
@@ -94,3 +313,149 @@ def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]
     kept_db = inf if figures.kept_db is None else figures.kept_db
     keeps = kept_db >= figures.asked_db
     return keeps, -simplest_first().index(figures.drive) if keeps else 0, kept_db
+
+
+WIDEST_HZ = 1e5
+LARGEST_WITH_SPURS = 32
+"""Largest count of channels that is tried with a drive that makes spurs: the spurs of n channels take n³ numbers."""
+LARGEST = 4096
+"""Largest count of channels that is tried with a drive without spurs."""
+TRIED_SINGLY = 64
+"""Counts up to here are tried one by one; above, the largest that holds is found in doubling and halving steps."""
+
+
+def channel_limit(spec: Spec) -> int:
+    """Return how many channels per coil the paper's bound allows, at least one.
+
+    Raises
+    ------
+    SpecError
+        The band does not hold a single slot.
+    """
+    lowest, (low, high) = slot_band_hz(spec)[0], spec.band_hz
+    if lowest > slot_band_hz(spec)[1] and slot_half_width(spec.q_min, spec.delta_y) < DRAWN_SHARE:
+        wider = low * ((1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))
+        raise SpecError(
+            f"is narrower than beams can be drawn, to {2 * DRAWN_SHARE:.1%}, got {low:.9g} … {high:.9g} Hz",
+            "band_hz",
+            [{"band_hz": [low, float(at_least(wider))]}],
+        )
+    count = whole_channels(_paper_capacity(spec))
+    if count < 1:
+        ratio, third = ladder_ratio(spec.q_min, spec.delta_y), (high / low) ** (1 / 3)
+        # A wider band or, where there is none, the ON over OFF at which a slot takes a third of the band.
+        cure = (
+            {"band_hz": [low, float(at_least(low * (ratio * 1.001)))]}
+            if low * ratio <= WIDEST_HZ
+            else {"delta_y": float(at_most(4 * spec.q_min * (third - 1) / (third + 1)))}
+        )
+        raise SpecError(
+            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g},"
+            f" got {number(low)} … {number(high)} Hz",
+            "band_hz",
+            [cure],
+        )
+    return count
+
+
+def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
+    """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
+    paper, law = _paper_capacity(spec), level_law(spec)
+    states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
+    ratio = ladder_ratio(spec.q_min, spec.delta_y)
+    breaks = _loudest_line_text(spec.band_hz, states + 1, spec.q_min, law, scheme)
+    return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks, searched_to(scheme))
+
+
+def searched_to(scheme: Scheme) -> int:
+    """Return the largest count of channels that is tried for the all-state capacity of a scheme."""
+    return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
+
+
+@lru_cache(maxsize=256)
+def largest_counts(
+    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
+) -> tuple[int, int]:
+    """Return the most channels that keep a selectivity of `target_db` in all states, and the most with one channel on.
+
+    The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
+    are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
+    """
+
+    def one_hot_holds(count: int) -> bool:
+        return one_hot_db(_ladder(band_hz, count, q, law), scheme) >= target_db
+
+    def states_hold(count: int) -> bool:
+        return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
+
+    singly = min(TRIED_SINGLY, most)
+    one_hot = next((count - 1 for count in range(2, singly + 1) if not one_hot_holds(count)), singly)
+    # From above, since no count keeps more in all states than with one channel on.
+    states = next((count for count in range(min(one_hot, searched_to(scheme)), 1, -1) if states_hold(count)), 1)
+    if one_hot == TRIED_SINGLY:
+        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
+        if states == TRIED_SINGLY:
+            states = _largest_that_holds(states_hold, TRIED_SINGLY, one_hot)
+    return states, one_hot
+
+
+def printed_count(
+    band_hz: tuple[float, float],
+    q: float,
+    law: LevelLaw,
+    scheme: Scheme,
+    target_db: float,
+    share: float,
+    coils: int,
+    followed: float,
+    missed: float = 0.0,
+) -> int:
+    """Return the most channels with which a `share` of the printed pads keeps `target_db`, on a geometric ladder.
+
+    Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma of ln f of a taxel that its re-tuned
+    tone follows, `missed` the sigma that the tone does not follow.
+    """
+
+    def holds(count: int) -> bool:
+        ladder = _ladder(band_hz, count, q, law)
+        return print_share(ladder, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
+
+    most, _ = largest_counts(band_hz, q, law, scheme, target_db)
+    return (
+        next((n for n in range(most, 1, -1) if holds(n)), 1)
+        if most <= TRIED_SINGLY
+        else _largest_that_holds(holds, 1, most)
+    )
+
+
+def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> int:
+    """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
+
+    The steps up from `low` double until one fails, and then halve: the work grows with the square of a count or faster.
+    """
+    step, failing = 1, high + 1
+    while failing - low > 1:
+        tried = min(low + step, high) if failing > high else (low + failing) // 2
+        low, failing = (tried, failing) if holds(tried) else (low, tried)
+        step *= 2
+    return low
+
+
+def _ladder(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw) -> Channels:
+    resonance = geometric_ladder(*band_hz, count)
+    return channels(resonance, q, law(resonance))
+
+
+def _loudest_line_text(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
+    """Name the line of the drive that shakes an OFF taxel most when a coil has `count` channels."""
+    if count > searched_to(scheme):
+        return "none that was tried"
+    ladder = _ladder(band_hz, count, q, law)
+    off = all_states(ladder, scheme).off
+    drivers, kind = loudest_line(ladder, scheme, off)
+    makers = f"channel {drivers[0]}" if len(drivers) == 1 else f"channels {drivers[0]} and {drivers[1]}"
+    return f"the {kind} of {makers} on channel {off} of {count} at {number(float(ladder.resonance_hz[off]))} Hz"
+
+
+def _paper_capacity(spec: Spec) -> float:
+    return capacity(*spec.band_hz, spec.q_min, spec.delta_y)

@@ -21,7 +21,7 @@ import numpy as np
 from padgen.core.registry import SUSPENSIONS
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.settings import level_law, scheme_for, sets_db
+from padgen.planner.plan import level_law, scheme_for, sets_db
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread
@@ -100,11 +100,22 @@ def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.nd
 
 
 def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
-    """Return printable beams around the ideal one whose resonances lie near the target; the nearest one at least."""
-    axes = _widths_mm(spec, item), _thicknesses_mm(spec, item), _lengths_mm(spec, item)
-    beam = BeamShape(*(axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")))
-    slender = min(STUBBY, item.beam.length_mm / item.beam.thickness_mm)
-    sound = beam.length_mm >= slender * beam.thickness_mm - 1e-9
+    """Return printable beams around the ideal one whose resonances lie near the target; the nearest one at least.
+
+    Thicknesses are as planned and, where they may differ, one and two layers more: fewer would print less surely.
+    """
+    own, layer_mm, (shortest, longest) = item.beam, spec.printer.layer_mm, item.length_span_mm
+    near_mm = own.width_mm + spec.printer.width_step_mm * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1)
+    widths = np.array(sorted(set(on_grid(spec, near_mm, item.width_span_mm[1]).tolist())))
+    thicknesses, lengths = np.array([own.thickness_mm]), np.array([own.length_mm])
+    if "thickness" in spec.suspension.tune and spec.suspension.thickness_mm is None:
+        thicknesses = np.round(own.thickness_mm + layer_mm * np.arange(3), 6)
+        thicknesses = thicknesses[thicknesses <= spec.taxel.plate_thickness_mm - layer_mm + 1e-9]
+    if "length" in spec.suspension.tune and spec.suspension.length_mm is None:
+        lengths = np.round(own.length_mm + LENGTH_STEP_MM * np.arange(-LENGTHS_TRIED, LENGTHS_TRIED + 1), 6)
+        lengths = lengths[(lengths >= shortest - 1e-9) & (lengths <= longest + 1e-9)]
+    beam = BeamShape(*(axis.ravel() for axis in np.meshgrid(widths, thicknesses, lengths, indexing="ij")))
+    sound = beam.length_mm >= min(STUBBY, own.length_mm / own.thickness_mm) * beam.thickness_mm - 1e-9
     beam = BeamShape(*(axis[sound] for axis in beam))
     model = TaxelModel(spec, item.topology, plate_shape(spec), beam)
     miss = np.abs(np.log(model.resonance_hz / target_hz))
@@ -112,38 +123,10 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
     outside = (model.resonance_hz < low * (1 - DRAWN_SHARE)) | (model.resonance_hz > high * (1 + DRAWN_SHARE))
     if not outside.all():
         miss = np.where(outside, np.inf, miss)
-    order = np.lexsort((np.abs(beam.length_mm - item.beam.length_mm), miss.round(9)))
+    order = np.lexsort((np.abs(beam.length_mm - own.length_mm), miss.round(9)))
     reach = max(slot_half_width(spec.q_min, spec.delta_y) * SLOT_SHARE, float(miss.min()) + 1e-12)
     near = order[miss[order] <= reach][:MOST_OPTIONS]
     return _Options(BeamShape(*(axis[near] for axis in beam)), model.resonance_hz[near], model.effective_mass_kg[near])
-
-
-def _widths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
-    step = spec.printer.width_step_mm
-    around = on_grid(
-        spec, item.beam.width_mm + step * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1), item.width_span_mm[1]
-    )
-    return np.array(sorted(set(around.tolist())))
-
-
-def _thicknesses_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
-    """Return the thicknesses to try: as planned and, where they may differ, one and two layers more.
-
-    Fewer layers would print less surely.
-    """
-    layer_mm, thickness = spec.printer.layer_mm, item.beam.thickness_mm
-    if "thickness" not in spec.suspension.tune or spec.suspension.thickness_mm is not None:
-        return np.array([thickness])
-    thicker = np.round(thickness + layer_mm * np.arange(3), 6)
-    return np.asarray(thicker[thicker <= spec.taxel.plate_thickness_mm - layer_mm + 1e-9])
-
-
-def _lengths_mm(spec: Spec, item: IdealBeam) -> np.ndarray:
-    length, (shortest, longest) = item.beam.length_mm, item.length_span_mm
-    if "length" not in spec.suspension.tune or spec.suspension.length_mm is not None:
-        return np.array([length])
-    around = np.round(length + LENGTH_STEP_MM * np.arange(-LENGTHS_TRIED, LENGTHS_TRIED + 1), 6)
-    return np.asarray(around[(around >= shortest - 1e-9) & (around <= longest + 1e-9)])
 
 
 def _most_selective(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
@@ -222,16 +205,12 @@ class Reach:
 
     def widths_for(self, resonance_hz: np.ndarray) -> np.ndarray:
         """Return the widths in mm (n, T, L) that give each of `resonance_hz` (n,); nan where none does."""
-        target = np.log(resonance_hz)[:, None, None, None]
-        at = np.log(self.resonance_hz)
-        width = np.log(self.width_mm)
+        target, at, width = np.log(resonance_hz)[:, None, None, None], np.log(self.resonance_hz), np.log(self.width_mm)
         low, high = at[..., :-1], at[..., 1:]
-        slack = 1e-9
-        inside = (target >= low - slack) & (target <= high + slack)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (target - low) / (high - low)
-        between = np.where(inside, width[..., :-1] + share * (width[..., 1:] - width[..., :-1]), -np.inf)
-        found = between.max(-1)
+        between = width[..., :-1] + share * np.diff(width, axis=-1)
+        found = np.where((target >= low - 1e-9) & (target <= high + 1e-9), between, -np.inf).max(-1)
         return np.where(np.isfinite(found), np.exp(found), np.nan)
 
     def spread(self, width_mm: np.ndarray, spec: Spec) -> np.ndarray:
@@ -290,13 +269,21 @@ def _beam_fields_only(spec: Spec) -> Spec:
 
 @lru_cache(maxsize=256)
 def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
-    shape, gap = suspension(topology), spec.printer.smallest_gap_mm
+    shape, gap, wanted = suspension(topology), spec.printer.smallest_gap_mm, spec.suspension
     plate = plate_shape(spec)
     longest, widest = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
     shortest, narrowest = shortest_mm(spec, topology), spec.printer.smallest_beam_mm
     if longest < shortest or widest < narrowest:
         return None
-    thickness, length = _grid(spec, shortest, longest)
+    thickness = layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm - spec.printer.layer_mm)
+    if wanted.thickness_mm:
+        thickness = np.array([wanted.thickness_mm])
+    floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
+    length = np.linspace(min(shortest, floor), floor, LENGTHS)
+    length = np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
+    length = length[length > 0]  # a shortest length below half a step is rounded to 0
+    if wanted.length_mm:
+        length = np.array([wanted.length_mm] if shortest <= wanted.length_mm <= longest + 1e-9 else [])
     if not len(thickness) or not len(length):
         return None
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
@@ -308,21 +295,6 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     apart = None if model.is_straight else np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
     found = Reach(topology, thickness, length, every, resonance, apart if apart is None else apart[..., 1])
     return None if np.isnan(resonance).all() else found
-
-
-def _grid(spec: Spec, shortest: float, longest: float) -> tuple[np.ndarray, np.ndarray]:
-    wanted = spec.suspension
-    thickness = (
-        np.array([wanted.thickness_mm])
-        if wanted.thickness_mm
-        else layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm - spec.printer.layer_mm)
-    )
-    if wanted.length_mm:
-        return thickness, np.array([wanted.length_mm] if shortest <= wanted.length_mm <= longest + 1e-9 else [])
-    floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
-    length = np.linspace(min(shortest, floor), floor, LENGTHS)
-    length = np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
-    return thickness, length[length > 0]  # a shortest length below half a step is rounded to 0
 
 
 def beams_for_resonances(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
@@ -337,9 +309,7 @@ def beams_for_resonances(spec: Spec, room: Room, resonance_hz: tuple[float, ...]
     for tried, channels in enumerate(_solved(spec, _choices(spec, reaches, targets), targets)):
         if channels is None:
             continue
-        if not crowded_modes(spec, channels) and not any(
-            _has_doubled_mode(spec, channel.model) for channel in channels
-        ):
+        if not crowded_modes(spec, channels) and not any(_has_doubled_mode(spec, c.model) for c in channels):
             return channels
         first = first or channels
         if tried >= min(TRIES * len(_STEPS), MOST_BEAMS // len(targets)):
@@ -355,11 +325,8 @@ _STEPS = ("width", "width+thickness", "width+length", "width+thickness+length")
 
 def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[list[Pick]]:
     """Yield choices of a beam for each channel: those with the fewest different dimensions first, then the robust."""
-    tables = []
-    for item in reaches:
-        width = item.widths_for(targets)
-        spread = item.spread(width, spec)
-        tables.append((item, width, spread))
+    widths = [item.widths_for(targets) for item in reaches]
+    tables = [(item, width, item.spread(width, spec)) for item, width in zip(reaches, widths, strict=True)]
     allowed, kind = set(spec.suspension.tune.split("+")), spec.suspension.topology
     mixes = len(tables) > 1 and allowed > {"width"}
     # Members of a family differ only in a number, so that mixing them tunes just one more dimension: try this first.
@@ -367,11 +334,8 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
         yield from _mixed(tables)
     for step in _STEPS:
         if set(step.split("+")) <= allowed:
-            ranked = sorted(
-                (option for table in tables for option in _ranked(step, *table)), key=lambda option: option[0]
-            )
-            for _, picks in ranked[:TRIES]:
-                yield picks
+            options = (option for table in tables for option in _ranked(step, *table))
+            yield from (picks for _, picks in sorted(options, key=lambda option: option[0])[:TRIES])
     if mixes and kind == "auto":
         yield from _mixed(tables)
 

@@ -95,15 +95,12 @@ class _Builder:
         for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
             piece = path.segments[int(np.searchsorted(before, (low + high) / 2)) - 1]
             self.bar(start, end, self._section_at(section, (low + high) / 2, piece))
-        self._add_hinges(section, len(nodes) - 1)
+        # Hinges at both ends, as compliant as the parts that hold the beam.
+        first, parts = 1 - len(nodes), flexibility(section, self.modulus, self.poisson)
+        root, tip = (float(parts.root), float(parts.lateral_root)), (float(parts.tip), float(parts.lateral_tip))
+        self.elements[first] = self.elements[first]._replace(hinge_start=root)
+        self.elements[-1] = self.elements[-1]._replace(hinge_end=tip)
         return nodes[-1]
-
-    def _add_hinges(self, section: BeamSection, count: int) -> None:
-        """Add hinges at both ends of a beam, the last `count` elements, as compliant as the parts that hold it."""
-        parts = flexibility(section, self.modulus, self.poisson)
-        root, tip = self.elements[-count], self.elements[-1]
-        self.elements[-count] = root._replace(hinge_start=(float(parts.root), float(parts.lateral_root)))
-        self.elements[-1] = tip._replace(hinge_end=(float(parts.tip), float(parts.lateral_tip)))
 
     def _section_at(self, section: BeamSection, at: float, piece: Segment) -> Section:
         """Return the section at `at` m from the root, on a `piece` of the path.
@@ -144,11 +141,8 @@ class _Builder:
         fast = self.node(np.array([float(neck.low_x_mm) * MM, 0.0, height / 2]))
         end = self.node(np.array([float(neck.high_x_mm) * MM, 0.0, height / 2]))
         self.bar(fast, end, rectangle(2 * half_neck, height, self.poisson))
-        bodies.append(AttachedBody(self._crossbar_middle(crossbar, half_neck), (end, *joint)))
-        return [AttachedBody(self.model.body_of([plate]), (fast,)), *bodies]
-
-    def _crossbar_middle(self, crossbar: Block, half_neck: float) -> RigidBody:
-        """Return the middle of the crossbar as a rigid body, as wide as the neck that is attached to it."""
+        # The middle of the crossbar is rigid, as wide as the neck that is attached to it.
         low, high = float(crossbar.low_x_mm) * MM, float(crossbar.high_x_mm) * MM
-        height = float(crossbar.height_mm) * MM
-        return box((low, -half_neck, 0.0), (high, half_neck, height), self.density)
+        middle = box((low, -half_neck, 0.0), (high, half_neck, height), self.density)
+        bodies.append(AttachedBody(middle, (end, *joint)))
+        return [AttachedBody(self.model.body_of([plate]), (fast,)), *bodies]

@@ -8,7 +8,6 @@ place of the beam model's.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, wraps
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -55,7 +54,6 @@ STRAIGHT: Exponents = (0.5, 1.5, -1.5)
 """Exponents a, b, c of a resonance ``f ∝ w^a t^b l^c`` on straight beams (width, thickness, length)."""
 STEP = 1e-3
 """Relative step of a dimension for the numerical exponents of bent beams."""
-SAME_M = 1e-15
 
 
 def plate_shape(spec: Spec) -> PlateShape:
@@ -182,9 +180,7 @@ class TaxelModel:
             pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
             across = self.spec.material.cross_layer_ratio
             bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, across=across)
-            section = next((p.section for p in placements if _same_section(p.section, bare)), None)
-            if section is None:
-                section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
+            section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
             tip = path.corners[-1]
             x, y, z, *along = np.broadcast_arrays(tip.x_mm * MM, tip.y_mm * MM, thickness / 2, *tip[2:])
             placements.append(BeamPlacement(section, np.stack([x, y, z], -1), np.stack(along, -1)))
@@ -363,14 +359,6 @@ class TaxelModel:
 
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
     return np.take_along_axis(values, index[..., None], -1)[..., 0]
-
-
-def _same_section(one: BeamSection, other: BeamSection) -> bool:
-    """Return whether two sections are the same except for rounding."""
-    if len(one.path) != len(other.path):
-        return False
-    pairs = zip([*one[:3], *chain(*one.path)], [*other[:3], *chain(*other.path)], strict=True)
-    return all(bool((np.abs(a - b) < SAME_M).all()) for a, b in pairs)
 
 
 FINEST = 2e-3

@@ -59,7 +59,7 @@ def verdict_line(plan: "Plan") -> str:
 
 
 def _pad_line(plan: "Plan") -> str:
-    from padgen.planner.settings import carrier_hz
+    from padgen.planner.plan import carrier_hz
 
     pad, coils, pitch = plan.spec.pad, plan.coils, plan.pitch
     sides = [
@@ -227,7 +227,7 @@ def _count_text(count: int, searched_to: int) -> str:
 
 def _drive_lines(plan: "Plan") -> list[str]:
     """Return lines on the drive scheme, its selectivity, and its load on coil and amplifier."""
-    from padgen.planner.coil_load import fitting_amplifiers
+    from padgen.planner.drive_scheme import fitting_amplifiers
 
     figures, load = plan.selectivity, plan.load
     lines = [f"drive: {figures.drive}, {figures.why}"]
@@ -528,7 +528,7 @@ def plan_figure(plan: "Plan") -> Any:
 def _draw_pad(axis: Any, plan: "Plan", colours: Any) -> None:
     from matplotlib.patches import Circle, Rectangle
 
-    from padgen.planner.fixtures import coil_axis_mm
+    from padgen.planner.layout import coil_axis_mm
 
     pad, coils = plan.spec.pad, plan.coils
     for grow, style in ((2 * pad.border_mm, "-"), (0.0, ":")):

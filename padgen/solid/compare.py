@@ -12,8 +12,8 @@ import numpy as np
 
 from padgen.core.errors import number
 from padgen.core.finding import Finding
+from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
-from padgen.planner.tile import taxel_places
 from padgen.solid.mesh import Mesh
 
 __all__ = [

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.planner.fixtures import coil_axis_mm
+from padgen.planner.layout import coil_axis_mm, to_cell
 from padgen.planner.plan import Channel, Plan, Plate, Taxel
 from padgen.planner.suspensions import BeamPath, PathPoint
-from padgen.planner.tile import to_cell
 from padgen.solid.mesh import CHORD_MM, Mesh
 
 __all__ = [

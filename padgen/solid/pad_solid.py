@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import GeometryError
+from padgen.planner.layout import Outline, corner_groove, outline, taxel_places, to_cell
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.tile import Outline, corner_groove, outline, taxel_places, to_cell
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
 from padgen.solid.taxel import KnownSolid, kept_solid, taxel_key, taxel_solid
 
@@ -44,7 +44,7 @@ def border_mesh(
 ) -> Mesh:
     """Return the triangles of the border around `shape` (rows, columns) of tiles.
 
-    Its inner edge has a vertex wherever two tiles meet. A `groove` (see `padgen.planner.tile`) is cut from its
+    Its inner edge has a vertex wherever two tiles meet. A `groove` (see `padgen.planner.layout`) is cut from its
     outside over the whole height.
 
     Raises

@@ -14,8 +14,8 @@ import numpy as np
 
 from padgen.core.errors import GeometryError, number
 from padgen.core.finding import Finding
-from padgen.planner.coil_load import fitting_amplifiers
 from padgen.planner.drive_rows import table_csv
+from padgen.planner.drive_scheme import fitting_amplifiers
 from padgen.planner.fixtures import (
     Tray,
     coupon_groove,
@@ -25,8 +25,8 @@ from padgen.planner.fixtures import (
     tray_findings,
     washer_underside_mm,
 )
+from padgen.planner.layout import Outline
 from padgen.planner.plan import Plan
-from padgen.planner.tile import Outline
 from padgen.solid.checks import Report, check_mesh, check_pad, few, told, volume_findings
 from padgen.solid.compare import differences
 from padgen.solid.formats import Part

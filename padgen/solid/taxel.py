@@ -25,9 +25,9 @@ import numpy as np
 
 from padgen.core import cache
 from padgen.core.errors import GeometryError, number
+from padgen.planner.layout import Outline, outline, shape_inputs
 from padgen.planner.plan import Channel, Plan, Plate
 from padgen.planner.suspensions import BeamPath, PathPoint, Segment
-from padgen.planner.tile import Outline, outline, shape_inputs
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh
 
@@ -162,7 +162,7 @@ def _only_solid(shape: Any, channel: Channel) -> Any:
 
 
 KIND = "taxel-mesh"
-CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions/__init__.py", "planner/tile.py")
+CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions/__init__.py", "planner/layout.py")
 PACKAGES = ("build123d", "cadquery-ocp-novtk", "numpy")
 
 

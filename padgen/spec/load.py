@@ -1,25 +1,26 @@
 """Load a `Spec` from a TOML file or a template, fill in its catalogue entries, and refuse contradictions.
 
 The catalogues hold materials, printers, their spreads, washers and coils. The user's curve of detection thresholds over
-frequency is a CSV file, or two lists in the spec.
+frequency is a CSV file, or two lists in the spec. The fields also make the JSON schema, with which editors complete and
+check spec files.
 """
 
 import csv
 import io
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from copy import deepcopy
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
-from math import ceil, floor
+from math import floor
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from padgen.core.errors import FileError, SpecError, at_most, number, shown
 from padgen.core.files import read_bounded, reason, recover
 from padgen.core.registry import SCHEMES
-from padgen.spec.fields import build, optional_type, unknown_name
+from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
     Amplifier,
     Coil,
@@ -52,11 +53,13 @@ __all__ = [
     "read_toml",
     "refuse_contradictions",
     "refuse_threshold",
+    "spec_schema",
     "spread_of",
     "template_paths",
     "with_threshold",
     "without_none",
 ]
+
 
 SLACK_MM = 1e-9
 """Rounding by which a sum of fields may exceed its bound."""
@@ -66,7 +69,7 @@ MAGNETIC = 2.0
 
 def refuse_contradictions(spec: Spec) -> None:
     """Raise `SpecError` for the first contradiction between fields of `spec`."""
-    for rules in (_band_rules, _parts_rules, _taxel_rules, _plate_rules, _beam_rules):
+    for rules in (_band_rules, _parts_rules, _taxel_rules, _beam_rules):
         for holds, where, sentence, cures in rules(spec):
             if not holds:
                 raise SpecError(sentence, where, cures)
@@ -77,154 +80,177 @@ Rule = tuple[bool, str, str, Sequence[dict[str, Any]]]
 """A rule of a spec: true if it holds, its field, and the sentence and cures to say if it does not hold."""
 
 
-def _band_rules(spec: Spec) -> Iterator[Rule]:
+def _band_rules(spec: Spec) -> list[Rule]:
     low, high = spec.band_hz
-    yield (
-        low < high,
-        "band_hz",
-        f"must run from low to high, got [{number(low)}, {number(high)}] Hz",
-        [{"band_hz": [high, low]}] if low > high else (),
-    )
     bound, tones = spec.delta_y / 4, spec.resonances_hz or ()
-    yield (
-        spec.q_min > bound,
-        "q_min",
-        f"must be above delta_y/4 = {number(bound)} for a coil to hold any channel, got {number(spec.q_min)}",
-        [{"delta_y": float(at_most(2 * spec.q_min))}],
-    )
-    yield (
-        spec.coil.sets == 1 or spec.coil.grid != (1, 1),
-        "coil.reuse",
-        "'alternate' needs coils to alternate with, coil.grid is [1, 1]",
-        [{"coil.reuse": "same"}],
-    )
-    yield (
-        len(tones) % spec.coil.sets == 0,
-        "resonances_hz",
-        "must be an even number with coil.reuse = 'alternate', which gives its two sets one each in turn,"
-        f" got {len(tones)}",
-        (),
-    )
-    for lower, upper in pairwise(tones):
-        told = f"must rise from channel to channel, got {number(lower)} before {number(upper)} Hz"
-        yield lower < upper, "resonances_hz", told, ()
-    for tone in tones:
-        yield (
-            low <= tone <= high,
+    return [
+        (
+            low < high,
+            "band_hz",
+            f"must run from low to high, got [{number(low)}, {number(high)}] Hz",
+            [{"band_hz": [high, low]}] if low > high else (),
+        ),
+        (
+            spec.q_min > bound,
+            "q_min",
+            f"must be above delta_y/4 = {number(bound)} for a coil to hold any channel, got {number(spec.q_min)}",
+            [{"delta_y": float(at_most(2 * spec.q_min))}],
+        ),
+        (
+            spec.coil.sets == 1 or spec.coil.grid != (1, 1),
+            "coil.reuse",
+            "'alternate' needs coils to alternate with, coil.grid is [1, 1]",
+            [{"coil.reuse": "same"}],
+        ),
+        (
+            len(tones) % spec.coil.sets == 0,
             "resonances_hz",
-            f"must lie in the band of {number(low)} … {number(high)} Hz, got {number(tone)} Hz",
-            [{"band_hz": [min(low, tones[0]), max(high, tones[-1])]}],
-        )
+            "must be an even number with coil.reuse = 'alternate', which gives its two sets one each in turn,"
+            f" got {len(tones)}",
+            (),
+        ),
+        *(
+            (
+                lower < upper,
+                "resonances_hz",
+                f"must rise from channel to channel, got {number(lower)} before {number(upper)} Hz",
+                (),
+            )
+            for lower, upper in pairwise(tones)
+        ),
+        *(
+            (
+                low <= tone <= high,
+                "resonances_hz",
+                f"must lie in the band of {number(low)} … {number(high)} Hz, got {number(tone)} Hz",
+                [{"band_hz": [min(low, tones[0]), max(high, tones[-1])]}],
+            )
+            for tone in tones
+        ),
+    ]
 
 
-def _parts_rules(spec: Spec) -> Iterator[Rule]:
+def _parts_rules(spec: Spec) -> list[Rule]:
     material, spread, printer, washer, coil = spec.material, spec.spread, spec.printer, spec.washer, spec.coil
-    yield (
-        material.process == printer.process,
-        "material",
-        f"{material.name!r} is for {material.process} printers, but printer {printer.name!r} is {printer.process}",
-        [{"material": None}],
-    )
-    yield (
-        spread.process == printer.process,
-        "spread",
-        f"{spread.name!r} is of {spread.process} prints, but printer {printer.name!r} is {printer.process}",
-        [{"spread": None}],
-    )
-    scheme, amplifier = spec.drive.scheme, spec.amplifier
-    if amplifier and amplifier.coupling == "AC" and scheme != "auto":
-        yield (
-            SCHEMES.get(scheme).CURRENT != "biased",
+    scheme, coupled = spec.drive.scheme, spec.amplifier and spec.amplifier.coupling == "AC"
+    return [
+        (
+            material.process == printer.process,
+            "material",
+            f"{material.name!r} is for {material.process} printers, but printer {printer.name!r} is {printer.process}",
+            [{"material": None}],
+        ),
+        (
+            spread.process == printer.process,
+            "spread",
+            f"{spread.name!r} is of {spread.process} prints, but printer {printer.name!r} is {printer.process}",
+            [{"spread": None}],
+        ),
+        (
+            not coupled or scheme == "auto" or SCHEMES.get(scheme).CURRENT != "biased",
             "drive.scheme",
-            f"{scheme!r} has a constant current, which the AC-coupled amplifier {amplifier.name!r} does not pass",
+            f"{scheme!r} has a constant current, which the AC-coupled amplifier"
+            f" {spec.amplifier.name if spec.amplifier else ''!r} does not pass",
             [{"drive.scheme": "auto"}, {"amplifier.coupling": "DC"}],
-        )
-    yield (
-        washer.relative_permeability >= MAGNETIC,
-        "washer",
-        f"{washer.name!r} is not magnetic (relative permeability {number(washer.relative_permeability)});"
-        " take plain steel or a ferritic or martensitic stainless steel",
-        (),
-    )
-    for where, part in (("washer", washer), ("coil", coil)):
-        inner, outer = part.inner_diameter_mm, part.outer_diameter_mm
-        told = f"must be below the outer diameter of {number(outer)} mm, got {number(inner)} mm"
-        yield inner < outer, f"{where}.inner_diameter_mm", told, ()
-    yield (
-        not coil.gap_mm or coil.gap_mm <= coil.outer_diameter_mm,
-        "coil.gap_mm",
-        f"must be at most the coil's outer diameter of {number(coil.outer_diameter_mm)} mm, beyond which it hardly"
-        f" pulls a washer, got {number(coil.gap_mm or 0)} mm",
-        [{"coil.gap_mm": coil.outer_diameter_mm}],
-    )
-    yield (
-        coil.core_diameter_mm <= coil.inner_diameter_mm,
-        "coil.core_diameter_mm",
-        f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm, got {number(coil.core_diameter_mm)} mm",
-        [{"coil.core_diameter_mm": coil.inner_diameter_mm}],
-    )
+        ),
+        (
+            washer.relative_permeability >= MAGNETIC,
+            "washer",
+            f"{washer.name!r} is not magnetic (relative permeability {number(washer.relative_permeability)});"
+            " take plain steel or a ferritic or martensitic stainless steel",
+            (),
+        ),
+        *(
+            (
+                part.inner_diameter_mm < part.outer_diameter_mm,
+                f"{where}.inner_diameter_mm",
+                f"must be below the outer diameter of {number(part.outer_diameter_mm)} mm, got"
+                f" {number(part.inner_diameter_mm)} mm",
+                (),
+            )
+            for where, part in (("washer", washer), ("coil", coil))
+        ),
+        (
+            not coil.gap_mm or coil.gap_mm <= coil.outer_diameter_mm,
+            "coil.gap_mm",
+            f"must be at most the coil's outer diameter of {number(coil.outer_diameter_mm)} mm, beyond which it hardly"
+            f" pulls a washer, got {number(coil.gap_mm or 0)} mm",
+            [{"coil.gap_mm": coil.outer_diameter_mm}],
+        ),
+        (
+            coil.core_diameter_mm <= coil.inner_diameter_mm,
+            "coil.core_diameter_mm",
+            f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm, got"
+            f" {number(coil.core_diameter_mm)} mm",
+            [{"coil.core_diameter_mm": coil.inner_diameter_mm}],
+        ),
+    ]
 
 
-def _taxel_rules(spec: Spec) -> Iterator[Rule]:
-    taxel, pad, printer = spec.taxel, spec.pad, spec.printer
+def _taxel_rules(spec: Spec) -> list[Rule]:
+    taxel, pad, printer, washer = spec.taxel, spec.pad, spec.printer, spec.washer
     least = spec.recess_depth_mm + 2 * printer.layer_mm
-    yield (
-        least <= taxel.plate_thickness_mm + SLACK_MM,
-        "taxel.plate_thickness_mm",
-        f"must be at least {number(least)} mm (washer {number(spec.washer.thickness_mm)} mm,"
-        f" glue {number(taxel.glue_gap_mm)} mm, up to whole layers, two layers of roof),"
-        f" got {number(taxel.plate_thickness_mm)} mm",
-        _thicker(spec, round(least, 6)),
-    )
-    yield (
-        taxel.plate_thickness_mm <= pad.frame_thickness_mm + SLACK_MM,
-        "taxel.plate_thickness_mm",
-        f"must not exceed the frame's thickness of {number(pad.frame_thickness_mm)} mm,"
-        f" got {number(taxel.plate_thickness_mm)} mm",
-        [{"pad.frame_thickness_mm": taxel.plate_thickness_mm}],
-    )
     boss_height = pad.frame_thickness_mm - taxel.plate_thickness_mm + taxel.boss_protrusion_mm
     edge_bound = min(taxel.boss_diameter_mm / 2, boss_height) * 0.9
-    yield (
-        taxel.boss_edge_mm <= edge_bound + SLACK_MM,
-        "taxel.boss_edge_mm",
-        f"must be at most {number(edge_bound)} mm on a boss of {number(taxel.boss_diameter_mm)} mm diameter"
-        f" and {number(boss_height)} mm height, got {number(taxel.boss_edge_mm)} mm",
-        [{"taxel.boss_edge_mm": _down(edge_bound)}],
-    )
-    yield (
-        pad.rib_mm >= printer.line_width_mm - SLACK_MM,
-        "pad.rib_mm",
-        f"must be at least a line of {number(printer.line_width_mm)} mm, the thinnest wall of {printer.name},"
-        f" got {number(pad.rib_mm)} mm",
-        [{"pad.rib_mm": printer.line_width_mm}],
-    )
     most = pad.border_mm - 2 * printer.line_width_mm
-    yield (
-        not pad.hole_diameter_mm or pad.hole_diameter_mm <= most + SLACK_MM,
-        "pad.hole_diameter_mm",
-        f"must leave a line of wall on both sides in the border of {number(pad.border_mm)} mm, at most"
-        f" {number(max(most, 0.0))} mm, got {number(pad.hole_diameter_mm)} mm",
-        [{"pad.hole_diameter_mm": _down(most) if most > 0 else 0}],
-    )
-
-
-def _plate_rules(spec: Spec) -> Iterator[Rule]:
-    taxel, printer = spec.taxel, spec.printer
-    recess = spec.washer.outer_diameter_mm + taxel.washer_clearance_mm
-    span = (recess - spec.washer.inner_diameter_mm) / 2 if taxel.centre_post else recess
-    if span > printer.longest_bridge_mm + SLACK_MM:
-        told = f"{spec.washer.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
-        yield False, "washer", f"{told} {number(printer.longest_bridge_mm)} mm", _bridged(spec)
-    bound = max(recess + 2 * printer.line_width_mm, taxel.boss_diameter_mm)
-    for name, value in (("plate_length_mm", taxel.plate_length_mm), ("plate_width_mm", taxel.plate_width_mm)):
-        yield (
-            value is None or value >= bound - SLACK_MM,
-            f"taxel.{name}",
-            f"must be at least {number(bound)} mm for the washer {spec.washer.name} in its walls and the boss,"
-            f" got {number(value or 0)} mm",
-            [{f"taxel.{name}": _up(bound)}],
-        )
+    recess = washer.outer_diameter_mm + taxel.washer_clearance_mm
+    span = (recess - washer.inner_diameter_mm) / 2 if taxel.centre_post else recess
+    side = max(recess + 2 * printer.line_width_mm, taxel.boss_diameter_mm)
+    return [
+        (
+            least <= taxel.plate_thickness_mm + SLACK_MM,
+            "taxel.plate_thickness_mm",
+            f"must be at least {number(least)} mm (washer {number(washer.thickness_mm)} mm,"
+            f" glue {number(taxel.glue_gap_mm)} mm, up to whole layers, two layers of roof),"
+            f" got {number(taxel.plate_thickness_mm)} mm",
+            _thicker(spec, round(least, 6)),
+        ),
+        (
+            taxel.plate_thickness_mm <= pad.frame_thickness_mm + SLACK_MM,
+            "taxel.plate_thickness_mm",
+            f"must not exceed the frame's thickness of {number(pad.frame_thickness_mm)} mm,"
+            f" got {number(taxel.plate_thickness_mm)} mm",
+            [{"pad.frame_thickness_mm": taxel.plate_thickness_mm}],
+        ),
+        (
+            taxel.boss_edge_mm <= edge_bound + SLACK_MM,
+            "taxel.boss_edge_mm",
+            f"must be at most {number(edge_bound)} mm on a boss of {number(taxel.boss_diameter_mm)} mm diameter"
+            f" and {number(boss_height)} mm height, got {number(taxel.boss_edge_mm)} mm",
+            [{"taxel.boss_edge_mm": _down(edge_bound)}],
+        ),
+        (
+            pad.rib_mm >= printer.line_width_mm - SLACK_MM,
+            "pad.rib_mm",
+            f"must be at least a line of {number(printer.line_width_mm)} mm, the thinnest wall of {printer.name},"
+            f" got {number(pad.rib_mm)} mm",
+            [{"pad.rib_mm": printer.line_width_mm}],
+        ),
+        (
+            not pad.hole_diameter_mm or pad.hole_diameter_mm <= most + SLACK_MM,
+            "pad.hole_diameter_mm",
+            f"must leave a line of wall on both sides in the border of {number(pad.border_mm)} mm, at most"
+            f" {number(max(most, 0.0))} mm, got {number(pad.hole_diameter_mm)} mm",
+            [{"pad.hole_diameter_mm": _down(most) if most > 0 else 0}],
+        ),
+        (
+            span <= printer.longest_bridge_mm + SLACK_MM,
+            "washer",
+            f"{washer.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
+            f" {number(printer.longest_bridge_mm)} mm",
+            _bridged(spec),
+        ),
+        *(
+            (
+                value is None or value >= side - SLACK_MM,
+                f"taxel.{name}",
+                f"must be at least {number(side)} mm for the washer {washer.name} in its walls and the boss,"
+                f" got {number(value or 0)} mm",
+                [{f"taxel.{name}": -_down(-side)}],
+            )
+            for name, value in (("plate_length_mm", taxel.plate_length_mm), ("plate_width_mm", taxel.plate_width_mm))
+        ),
+    ]
 
 
 def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
@@ -248,36 +274,33 @@ def _bridged(spec: Spec) -> list[dict[str, Any]]:
     return ways
 
 
-def _up(value: float) -> float:
-    """Round mm up to a whole micrometre."""
-    return ceil(value * 1e3 - SLACK_MM) / 1e3
-
-
 def _down(value: float) -> float:
     """Round mm down to a whole micrometre."""
     return floor(value * 1e3 + SLACK_MM) / 1e3
 
 
-def _beam_rules(spec: Spec) -> Iterator[Rule]:
+def _beam_rules(spec: Spec) -> list[Rule]:
     thickness, printer = spec.suspension.thickness_mm, spec.printer
     if thickness is None:
-        return
+        return []
     bound = spec.taxel.plate_thickness_mm - printer.layer_mm
     layers, most = ((height - printer.first_layer_mm) / printer.layer_mm + 1 for height in (thickness, bound))
     whole = max(min(round(layers), floor(most + 1e-6)), printer.smallest_beam_layers)
-    yield (
-        abs(layers - max(round(layers), printer.smallest_beam_layers)) <= 1e-6,
-        "suspension.thickness_mm",
-        f"must be a whole number of layers (first {number(printer.first_layer_mm)} mm, then"
-        f" {number(printer.layer_mm)} mm each), got {number(thickness)} mm",
-        [{"suspension.thickness_mm": printer.height_mm(whole)}],
-    )
-    yield (
-        thickness <= bound + SLACK_MM,
-        "suspension.thickness_mm",
-        f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
-        _thicker(spec, round(thickness + printer.layer_mm, 6)),
-    )
+    return [
+        (
+            abs(layers - max(round(layers), printer.smallest_beam_layers)) <= 1e-6,
+            "suspension.thickness_mm",
+            f"must be a whole number of layers (first {number(printer.first_layer_mm)} mm, then"
+            f" {number(printer.layer_mm)} mm each), got {number(thickness)} mm",
+            [{"suspension.thickness_mm": printer.height_mm(whole)}],
+        ),
+        (
+            thickness <= bound + SLACK_MM,
+            "suspension.thickness_mm",
+            f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
+            _thicker(spec, round(thickness + printer.layer_mm, 6)),
+        ),
+    ]
 
 
 LARGEST_CURVE = 1 << 20
@@ -294,73 +317,58 @@ def with_threshold(drive: Drive, folder: Path) -> Drive:
     SpecError
         The spec has both a file and a list, or a number is out of bounds.
     """
-    name = drive.threshold_file
+    name, where = drive.threshold_file, "drive.threshold_file"
     if name is None:
         return drive
     if drive.threshold_hz is not None or drive.threshold_um is not None:
-        raise SpecError("must stand without drive.threshold_hz and drive.threshold_um, or they without it", _WHERE)
-    hz, um = zip(*_points(_text(folder, name), name), strict=True)
+        raise SpecError("must stand without drive.threshold_hz and drive.threshold_um, or they without it", where)
+    if not name.strip() or "\0" in name:
+        raise SpecError(f"must name a file, got {name!r}", where)
+    where = f"{where} {str(folder / name)!r}"
+    try:
+        text = read_bounded(folder / name, LARGEST_CURVE, "a threshold").decode("utf-8-sig")
+    except FileError as error:
+        missing = isinstance(error.__cause__, FileNotFoundError)
+        raise FileError("there is no such file" if missing else error.message, where) from error
+    except UnicodeDecodeError as error:
+        raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
+    hz, um = zip(*_points(text, name), strict=True)
     lists = {"threshold_hz": list(hz), "threshold_um": list(um)}
     values = {f.name: getattr(drive, f.name) for f in fields(Drive)} | {"threshold_file": None}
     filled: Drive = build(Drive, lists, "drive", values)
     return filled
 
 
-_WHERE = "drive.threshold_file"
-
-
-def _text(folder: Path, name: str) -> str:
-    if not name.strip() or "\0" in name:
-        raise SpecError(f"must name a file, got {name!r}", _WHERE)
-    path = folder / name
-    where = f"{_WHERE} {str(path)!r}"
-    try:
-        return read_bounded(path, LARGEST_CURVE, "a threshold").decode("utf-8-sig")
-    except FileError as error:
-        missing = isinstance(error.__cause__, FileNotFoundError)
-        raise FileError("there is no such file" if missing else error.message, where) from error
-    except UnicodeDecodeError as error:
-        raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
-
-
 def _points(text: str, where: str) -> list[tuple[float, float]]:
+    import re
+
+    plain = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*"
     points: list[tuple[float, float]] = []
-    headings = 0
+    headings = False
     for line, raw in enumerate(io.StringIO(text, newline=None), start=1):
         raw = raw.rstrip("\n")
-        cells = [cell.strip() for cell in raw.split(",")]
         if not raw.strip() or raw.lstrip().startswith("#"):
             continue
-        values = [value for cell in cells if (value := _number(cell)) is not None]
-        if len(cells) == len(values) == 2:
-            points.append((values[0], values[1]))
-        elif len(cells) == 2 and not points and not headings and not any(c.isdigit() for c in raw):
-            headings = line
-        else:
+        if found := re.fullmatch(f"{plain},{plain}", raw, re.ASCII):
+            points.append((float(found[1]), float(found[2])))
+        elif points or headings or raw.count(",") != 1 or any(c.isdigit() for c in raw):
             shown = raw if len(raw) <= 40 else raw[:40] + "…"
             raise FileError(f"line {line} must be a frequency in Hz and a threshold in µm, got {shown!r}", where)
+        else:
+            headings = True
     if not points:
         raise FileError("holds no points; each line must be a frequency in Hz and a threshold in µm", where)
     return points
 
 
-def _number(cell: str) -> float | None:
-    import re
-
-    plain = re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?", cell, re.ASCII)
-    return float(cell) if plain else None
-
-
 def refuse_threshold(spec: Spec) -> None:
     """Raise `SpecError` for a curve that does not rise in frequency, or does not cover the band."""
-    hz, um = spec.drive.threshold_hz, spec.drive.threshold_um
+    hz, um, where = spec.drive.threshold_hz, spec.drive.threshold_um, "drive.threshold_hz"
     if hz is None and um is None:
         return
-    where = "drive.threshold_hz"
     if hz is None or um is None or len(hz) != len(um):
-        raise SpecError(
-            f"must have as many entries as drive.threshold_um, got {len(hz or ())} and {len(um or ())}", where
-        )
+        told = f"{len(hz or ())} and {len(um or ())}"
+        raise SpecError(f"must have as many entries as drive.threshold_um, got {told}", where)
     if len(hz) < 2:
         raise SpecError(f"must have two points or more, got {len(hz)}", where)
     for low, high in pairwise(hz):
@@ -634,3 +642,59 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
     if required <= set(overrides) | {"name"} or name == OWN_AMPLIFIER:
         return build(kind, {"name": name, **overrides}, table)
     raise unknown_name(name, list(entries), table, f"{table}.name")
+
+
+def spec_schema() -> dict[str, Any]:
+    """Return the JSON schema (draft 2020-12) of a spec file, made from the fields' metadata."""
+    schema = _object(Spec, required=True)
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "padgen spec"
+    for name in CATALOGUES:
+        entry = schema["properties"][name]
+        entry["properties"]["name"]["examples"] = sorted(catalogue(name))
+        word = {"type": "string", "enum": sorted(catalogue(name))}
+        schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: a catalogue name or a table"}
+    for name, key in SHORTHANDS.items():
+        entry = schema["properties"][name]
+        word = {"type": "string", "enum": entry["properties"][key]["enum"]}
+        schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: its {key} or a table"}
+    return schema
+
+
+def _object(kind: Any, required: bool = False) -> dict[str, Any]:
+    properties = {
+        item.name: _object(inner) if is_dataclass(inner := optional_type(item.type)[0]) else _property(item)
+        for item in fields(kind)
+    }
+    schema: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
+    if required:
+        schema["required"] = [f.name for f in fields(kind) if f.default is MISSING and not is_dataclass(f.type)]
+    return schema
+
+
+def _property(item: Any) -> dict[str, Any]:
+    meta, kind = item.metadata, optional_type(item.type)[0]
+    unit = meta.get("unit", "")
+    description = meta["doc"] + (f" ({unit})" if unit not in ("", "1") else "")
+    schema = {**_type(kind, meta), "description": description}
+    if item.default is not MISSING and item.default is not None:
+        schema["default"] = item.default
+    return schema
+
+
+def _type(kind: Any, meta: Any) -> dict[str, Any]:
+    if kind in (int, float):
+        low = "exclusiveMinimum" if meta["above"] else "minimum"
+        return {"type": "integer" if kind is int else "number", low: meta["low"], "maximum": meta["high"]}
+    if kind is bool:
+        return {"type": "boolean"}
+    if kind is str:
+        schema: dict[str, Any] = {"type": "string"}
+        if known := choices(meta):
+            schema["enum"] = list(known)
+        if meta.get("pattern"):
+            schema["pattern"] = f"^{meta['pattern']}$"
+        return schema
+    count = meta["count"]
+    sizes = {"minItems": count, "maxItems": count} if count else {"minItems": 1}
+    return {"type": "array", "items": _type(get_args(kind)[0], meta), **sizes}

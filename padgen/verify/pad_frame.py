@@ -15,10 +15,10 @@ import numpy as np
 from padgen.core.units import G_PER_CM3, GPA, MM
 from padgen.physics.beams import tip_stiffness
 from padgen.physics.modes import to_tip
+from padgen.planner.layout import taxel_places
 from padgen.planner.plan import TURNS, Plan, Taxel
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.planner.tile import taxel_places
 from padgen.verify import ng, occ
 from padgen.verify.elasticity import Elastic, Fineness, System, assembled, factored, meshed, rigid_loads
 

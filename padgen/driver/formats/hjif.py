@@ -26,8 +26,7 @@ from padgen.driver.frames import taxel_grid
 from padgen.driver.waveform import Timeline, blend
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.magnetics import impedance
-from padgen.planner.plan import Plan
-from padgen.planner.settings import level_law
+from padgen.planner.plan import Plan, level_law
 
 __all__ = [
     "FILE",

@@ -35,7 +35,8 @@ def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
     """Return the largest width of a beam in mm, the plate's; -1 where the plate does not fit."""
-    return min(plate.width_mm, room.width_mm - 2 * gap_mm) if _fits(room, plate, gap_mm) else -1.0
+    fits = plate.width_mm + 2 * gap_mm <= room.width_mm + 1e-9
+    return min(plate.width_mm, room.width_mm - 2 * gap_mm) if fits else -1.0
 
 
 def shortest(plate: PlateShape, gap_mm: float) -> float:
@@ -58,7 +59,3 @@ def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
         washer_x_mm=length + plate.length_mm / 2,
         root_clearance_mm=(window_width - beam.width_mm - gap_mm) / 2,
     )
-
-
-def _fits(room: Room, plate: PlateShape, gap_mm: float) -> bool:
-    return plate.width_mm + 2 * gap_mm <= room.width_mm + 1e-9

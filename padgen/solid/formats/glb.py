@@ -6,8 +6,8 @@ import numpy as np
 
 from padgen.core.errors import GeometryError
 from padgen.core.files import OutputFolder
+from padgen.planner.layout import to_cell
 from padgen.planner.plan import Plan
-from padgen.planner.tile import to_cell
 from padgen.solid.formats import ExportJob
 from padgen.solid.mesh import Mesh
 from padgen.solid.pad_solid import washer_mesh
