@@ -1,4 +1,4 @@
-"""Checks of a mesh file that any program may have written: read by trimesh or lib3mf, welded, recognised, judged."""
+"""Checks of a mesh file that any program may have written: read, welded, recognised, judged."""
 
 import io
 from collections.abc import Iterator
