@@ -1,7 +1,7 @@
 """Run the ``padgen`` command; no other room prints or sets exit codes.
 
-Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. Each command has a module
-with ``add``, which declares its options, and a function that runs it.
+Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. Each command has a function
+that declares its options, and one that runs it.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from padgen import __version__
-from padgen.cli import bench, build, cache, calibrate, drive, plan, play, retune, small, study, sweep
+from padgen.cli import build, drive, plan, retune, small, sweep
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.core.errors import LONGEST, EngineMissingError, PadgenError, plain
 
@@ -22,7 +22,20 @@ __all__ = ["main", "run"]
 
 DEBUG = "PADGEN_DEBUG"
 """Environment variable that, when set, shows warnings and tracebacks."""
-COMMANDS = (plan, build, drive, play, bench, retune, calibrate, study, sweep, cache, small)
+COMMANDS = {
+    "plan": plan.add,
+    "build": build.add_build,
+    "check": build.add_check,
+    "drive": drive.add_drive,
+    "play": drive.add_play,
+    "bench": retune.add_bench,
+    "retune": retune.add_retune,
+    "calibrate": retune.add_calibrate,
+    "study": sweep.add_study,
+    "sweep": sweep.add_sweep,
+    **dict.fromkeys(("cache", "templates", "init", "schema"), small.add),
+}
+"""The function that declares each command and its options."""
 
 
 def main() -> NoReturn:
@@ -148,7 +161,6 @@ def _parser(asked: list[str]) -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     # To start quickly, only the options of the command that is run are declared.
-    own = [module for module in COMMANDS if asked == [module.__name__.rpartition(".")[2]]]
-    for module in own or COMMANDS:
-        module.add(commands)
+    for declare in dict.fromkeys(COMMANDS[name] for name in (asked if asked and asked[0] in COMMANDS else COMMANDS)):
+        declare(commands)
     return parser

@@ -1,14 +1,13 @@
 """Share exit codes, options, progress and printing between commands."""
 
 import argparse
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from padgen.core.errors import plain
+from padgen.core.errors import SpecError, plain
 
 __all__ = [
     "BAD_INPUT",
@@ -16,14 +15,15 @@ __all__ = [
     "DONE",
     "add_model",
     "add_output",
+    "add_shared",
     "add_spec",
     "add_verbose",
     "asked_of",
     "code_of",
-    "end_as_by_ctrl_c",
     "folder_of",
     "print_json",
     "progress_line",
+    "refuse",
     "show",
 ]
 
@@ -62,6 +62,26 @@ def add_output(parser: argparse.ArgumentParser) -> None:
     """Declare the options ``--output`` and ``--json``."""
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: out/NAME)")
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+
+
+def add_shared(
+    parser: argparse.ArgumentParser, run: Any, verbose: str = "all tables and notes", late: Any = None
+) -> None:
+    """Declare the options that commands on a plan share, and the function that runs this one.
+
+    `late` is the name of a positional that may follow an option.
+    """
+    add_verbose(parser, verbose)
+    add_model(parser)
+    add_output(parser)
+    parser.set_defaults(command=run, late=late)
+
+
+def refuse(*cases: tuple[Any, str, str]) -> None:
+    """Refuse the first of these cases that holds: a condition, the option that is wrong, and the sentence about it."""
+    for wrong, where, sentence in cases:
+        if wrong:
+            raise SpecError(sentence, where)
 
 
 def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, float | None]:
@@ -109,11 +129,6 @@ def print_json(table: Any) -> None:
 def code_of(findings: Any) -> int:
     """Return the exit code for findings: `CHECK_FAILED` if one is an error, else `DONE`."""
     return CHECK_FAILED if any(finding.level == "error" for finding in findings) else DONE
-
-
-def end_as_by_ctrl_c() -> None:
-    """Make SIGTERM, as a batch queue sends it, act like Ctrl-C, so that finished results are kept."""
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
 
 
 @contextmanager
