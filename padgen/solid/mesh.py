@@ -5,7 +5,6 @@ The tests are of any mesh: closed, consistently wound, in one piece, free of sel
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +20,6 @@ __all__ = [
     "Topology",
     "as_manifold",
     "intersecting_pairs",
-    "joined",
     "shells",
     "signed_volume_mm3",
     "sound_mesh",
@@ -98,33 +96,23 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
 
 
-def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str) -> Mesh:
-    """Return the arrays read from the file `where` as a mesh.
+def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str, weld: bool = True) -> Mesh:
+    """Return the arrays read from the file `where` as a mesh, with corners that agree within `FILE_WELD_MM` joined.
 
     Raises
     ------
     MeshFileError
-        A triangle names a vertex that does not exist, or a coordinate is beyond `LARGEST_MM` or not a number.
+        A triangle names a vertex that does not exist, a coordinate is beyond `LARGEST_MM` or not a number, or no
+        triangle has a size.
     """
     if not len(vertices_mm) or triangles.min() < 0 or triangles.max() >= len(vertices_mm):
         raise MeshFileError(f"has triangles with corners that are none of its {len(vertices_mm)} vertices", where)
     if not (np.abs(vertices_mm) <= LARGEST_MM).all():  # false for nan, too
         raise MeshFileError(f"has coordinates beyond {LARGEST_MM:g} mm, or none at all", where)
-    return Mesh(vertices_mm, triangles)
-
-
-def joined(mesh: Mesh, where: str) -> Mesh:
-    """Join the triangles read from the file `where` at corners that agree within `FILE_WELD_MM`.
-
-    Raises
-    ------
-    MeshFileError
-        No triangle is larger than that.
-    """
-    whole = welded(*mesh, FILE_WELD_MM)
-    if not len(whole.triangles):
+    mesh = welded(vertices_mm, triangles, FILE_WELD_MM) if weld else Mesh(vertices_mm, triangles)
+    if not len(mesh.triangles):
         raise MeshFileError(f"holds no triangle whose corners are {FILE_WELD_MM:g} mm apart", where)
-    return whole
+    return mesh
 
 
 def signed_volume_mm3(mesh: Mesh) -> float:
@@ -253,24 +241,6 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
     GeometryError
         There are more candidates than can be looked at.
     """
-    if len(mesh.triangles) > MOST_KEPT:
-        return _intersecting_pairs(mesh)
-    return _kept_pairs(mesh.vertices_mm.astype(float).tobytes(), mesh.triangles.astype(np.int64).tobytes())
-
-
-MOST_KEPT = 50_000
-
-
-@lru_cache(maxsize=64)
-def _kept_pairs(vertices_mm: bytes, triangles: bytes) -> np.ndarray:
-    """Return the result of `_intersecting_pairs`, remembered because variants of a pad have the same tiles."""
-    mesh = Mesh(np.frombuffer(vertices_mm).reshape(-1, 3), np.frombuffer(triangles, np.int64).reshape(-1, 3))
-    pairs = _intersecting_pairs(mesh)
-    pairs.setflags(write=False)
-    return pairs
-
-
-def _intersecting_pairs(mesh: Mesh) -> np.ndarray:
     corners = mesh.corners_mm
     low, high = corners.min(1), corners.max(1)
     found: list[np.ndarray] = []

@@ -62,7 +62,7 @@ def picture_png(
 
 
 def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return each pixel whose centre a triangle (n, 3, 3) covers, the triangle's index, and its depth, by scan lines."""
+    """Return the pixels whose centres triangles (n, 3, 3) cover, each one's triangle, and its depth there."""
     low, high = corners[..., 1].min(1), corners[..., 1].max(1)
     owner, row = _runs(np.maximum(np.ceil(low - 0.5), 0), np.minimum(np.floor(high - 0.5), height - 1))
     # The corners' weights and the depth are linear in the place: slopes to the right and down, and offsets.
@@ -83,4 +83,5 @@ def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Expand runs ``first … last`` into single steps: the index of each step's run, and its place."""
     count = np.maximum(last - first + 1, 0).astype(np.int64)
     index = np.repeat(np.arange(len(count)), count)
-    return index, first[index].astype(np.int64) + np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
+    start = np.cumsum(count) - count
+    return index, first[index].astype(np.int64) + np.arange(len(index)) - start[index]

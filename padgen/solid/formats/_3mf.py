@@ -1,7 +1,7 @@
 """The 3MF format: pads are written with name, metadata and thumbnail; files of any program are read.
 
-A few hundred bytes can ask for 10^38 parts, each a component of the next, and deflate packs a thousandfold. So a package
-is unpacked within bounds, and its parts are placed one by one until they are too many.
+A few hundred bytes can ask for 10^38 parts, each a component of the next, and deflate packs a thousandfold. So a
+package is unpacked within bounds, and its parts are placed one by one until they are too many.
 """
 
 import io
@@ -20,7 +20,7 @@ from padgen.core.errors import FileError, MeshFileError
 from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.printing import prusa_profile
 from padgen.solid.formats import ExportJob, verified, verified_volume
-from padgen.solid.mesh import Mesh, joined, sound_mesh
+from padgen.solid.mesh import Mesh, sound_mesh
 from padgen.solid.pad_solid import turned_grid
 from padgen.solid.picture import picture_png
 
@@ -210,8 +210,7 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
     counts = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
     vertices = np.concatenate([vertices for vertices, _ in parts])
     triangles = np.concatenate([own + n for (_, own), n in zip(parts, counts, strict=False)])
-    mesh = sound_mesh(vertices, triangles, str(path))
-    return joined(mesh, str(path)) if weld else mesh
+    return sound_mesh(vertices, triangles, str(path), weld)
 
 
 def _unpacked(path: Path) -> Iterator[tuple[str, bytes]]:
