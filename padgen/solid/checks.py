@@ -31,7 +31,7 @@ from padgen.solid.mesh import MOST_FOUND, Mesh, Topology, as_manifold, intersect
 from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
 from padgen.spec import Printer, Spec
 
-__all__ = ["Report", "check_against", "check_mesh", "check_pad", "few", "told", "volume_findings"]
+__all__ = ["BUILT_MM", "Report", "check_against", "check_mesh", "check_pad", "few", "told", "volume_findings"]
 
 BUILT_MM = 0.01
 """Largest allowed difference of a built dimension from the planned one."""
@@ -151,8 +151,13 @@ def _whole(
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
     """Check the pad's distinct tiles and, where the pad is `closed`, a sample of it with their seams."""
     findings: list[Finding] = []
+    half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
-        findings += [*_pierced(tile.mesh, name), *_within_cell(tile.mesh, plan, name)]
+        findings += _pierced(tile.mesh, name)
+        beyond = float((np.abs(tile.mesh.vertices_mm[:, :2]) - half).max())
+        if beyond > BUILT_MM:
+            told = f"it reaches {number(beyond)} mm out of its sub-cell, must be 0"
+            findings.append(Finding("error", "mesh.cell", name, told))
     figures: dict[str, Any] = {"exact_volume_mm3": pad.volume_mm3, "measured_taxels": 0}
     if not closed:
         return figures, findings
@@ -211,22 +216,23 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
     for d in off:
         built = f"{number(d.built_mm)} mm" if isfinite(d.built_mm) else "missing"
         text = f"{d.name} is {built}, planned are {number(d.planned_mm)} mm"
-        dimensions.setdefault(f"taxel {d.taxel}", []).append(text)
-    pieces: dict[str, list[Difference]] = {}
+        dimensions.setdefault(d.where, []).append(text)
+    largest: dict[str, Difference] = {}
     for piece in found:
-        pieces.setdefault(cells.named(*piece.place_mm[:2]) if cells else "mesh", []).append(piece)
-    alike: dict[Any, list[str]] = {}
-    for where in dict.fromkeys([*pieces, *dimensions]):
-        sizes = [(p.more, f"{p.volume_mm3:.2g}", np.round(p.extent_mm, 2).tolist()) for p in pieces.get(where, [])[:1]]
+        largest.setdefault(cells.named(*piece.place_mm[:2]) if cells else "mesh", piece)
+    alike: dict[str, list[str]] = {}
+    for where in dict.fromkeys([*largest, *dimensions]):
+        piece = largest.get(where)
+        sizes = (piece.more, f"{piece.volume_mm3:.2g}", np.round(piece.extent_mm, 2).tolist()) if piece else None
         alike.setdefault(str((dimensions.get(where, [])[:SAID], sizes)), []).append(where)
     findings = []
     for first, *others in alike.values():
         said = dimensions.get(first, [])[:SAID]
-        for piece in pieces.get(first, [])[:1]:
+        if piece := largest.get(first):
             x, y, z = (number(round(v, 3)) for v in piece.place_mm)
             extent = " x ".join(number(round(v, 2)) for v in piece.extent_mm)
             what = "more than planned" if piece.more else "missing"
-            said = [*said, f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm"]
+            said.append(f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm")
         more = f"; so are {', '.join(others[:AT_ONCE])}{' and others' * (len(others) > AT_ONCE)}" if others else ""
         findings.append(Finding("error", "built.planned", first, "; ".join(said) + more))
     return list(few(findings))
@@ -284,7 +290,7 @@ def _as_printed(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding
         )
         for wrong, code, told in cases:
             if wrong:
-                yield Finding("error", code, f"taxel {d.taxel}", f"{d.name} is {number(d.built_mm)} mm, {told}")
+                yield Finding("error", code, d.where, f"{d.name} is {number(d.built_mm)} mm, {told}")
 
 
 def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
@@ -302,13 +308,6 @@ def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
             f"{least}{len(pairs)} pairs of triangles pierce each other, must be 0; the first near"
             f" {_spot(*mesh.corners_mm[pairs[0, 0]].mean(0).tolist())}",
         )
-
-
-def _within_cell(mesh: Mesh, plan: Plan, where: str) -> Iterator[Finding]:
-    half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
-    beyond = float((np.abs(mesh.vertices_mm[:, :2]) - half).max())
-    if beyond > BUILT_MM:
-        yield Finding("error", "mesh.cell", where, f"it reaches {number(beyond)} mm out of its sub-cell, must be 0")
 
 
 def volume_findings(built: float, exact: float) -> Iterator[Finding]:

@@ -223,16 +223,14 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
     known = nearest < count
     vertices = mesh.vertices_mm.copy()
     vertices[known] = planned.vertices_mm[nearest[known]]
-    keys, planned_keys = (_keys(triangles, count) for triangles in (nearest[mesh.triangles], planned.triangles))
-    loose = ~known[mesh.triangles].all(1) | ~np.isin(keys, planned_keys)
-    return loose, ~np.isin(planned_keys, keys), Mesh(vertices, mesh.triangles)
-
-
-def _keys(triangles: np.ndarray, count: int) -> np.ndarray:
-    """Return one number per triangle, the same for all three first corners (for up to two million vertices)."""
-    first = triangles.argmin(1)[:, None]
-    a, b, c = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1).T
-    return np.asarray((a * (count + 1) + b) * (count + 1) + c)
+    keys = []
+    for triangles in (nearest[mesh.triangles], planned.triangles):
+        # One number per triangle, the same for all three first corners (for up to two million vertices).
+        first = triangles.argmin(1)[:, None]
+        a, b, c = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1).T
+        keys.append((a * (count + 1) + b) * (count + 1) + c)
+    loose = ~known[mesh.triangles].all(1) | ~np.isin(*keys)
+    return loose, ~np.isin(*keys[::-1]), Mesh(vertices, mesh.triangles)
 
 
 def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:

@@ -43,12 +43,12 @@ NEAR_MM = 0.05
 
 
 class Dimension(NamedTuple):
-    """One measured dimension of a taxel, as planned and as built, in mm (nan where it was not found).
+    """One measured dimension, where it is, as planned and as built, in mm (nan where it was not found).
 
     The triangles of a round face may change it by `facets_mm`.
     """
 
-    taxel: str
+    where: str
     name: str
     planned_mm: float
     built_mm: float
@@ -81,13 +81,14 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
     }
     taxels = plan.taxels if taxels is None else taxels
     for taxel, (outline, centroid) in zip(taxels, _recesses(plan, solid, 0.5, taxels), strict=True):
-        yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, _diameter_mm(outline, centroid))
-        yield Dimension(taxel.id, "recess centre offset", 0.0, float(np.hypot(*(centroid - (taxel.x_mm, taxel.y_mm)))))
+        where, offset = f"taxel {taxel.id}", centroid - (taxel.x_mm, taxel.y_mm)
+        yield Dimension(where, "recess diameter", plan.plate.recess_diameter_mm, _diameter_mm(outline, centroid))
+        yield Dimension(where, "recess centre offset", 0.0, float(np.hypot(*offset)))
         centre = np.array([*coil_axis_mm(plan.coils, *taxel.coil), 0.0])
         around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
         for gauge in gauges[taxel.channel]:
             runs = [run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
-            yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs), gauge.facets_mm)
+            yield Dimension(where, gauge.name, gauge.planned_mm, gauge.combine(runs), gauge.facets_mm)
 
 
 def washer_rooms(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[tuple[str, float]]:
@@ -172,7 +173,8 @@ def _worst(runs: list[float], planned: float, span: float, one: float, other: fl
 def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield for each taxel the outline (n, 2) and centroid (2,) of its recess at this share of its depth, else nan."""
     outlines = holes_of(solid, plan.plate.recess_depth_mm * share)
-    centroids = [_centroid(outline) for outline in outlines]
+    sides = [(outline + np.roll(outline, -1, axis=0), _crosses(outline)) for outline in outlines]
+    centroids = [(both * crosses[:, None]).sum(0) / (3 * crosses.sum()) for both, crosses in sides]
     diameters = np.array([_diameter_mm(*each) for each in zip(outlines, centroids, strict=True)])
     # The window around a plate may have the same centre as the recess, but it is larger.
     small = diameters < LARGEST_RECESS * plan.plate.recess_diameter_mm
@@ -197,12 +199,6 @@ def _crosses(outline: np.ndarray) -> np.ndarray:
     """Return twice the signed areas (n,) of the triangles between the origin and each side."""
     (x, y), (next_x, next_y) = outline.T, np.roll(outline, -1, axis=0).T
     return np.asarray(x * next_y - next_x * y)
-
-
-def _centroid(outline: np.ndarray) -> np.ndarray:
-    crosses = _crosses(outline)
-    both = outline + np.roll(outline, -1, axis=0)
-    return np.asarray((both * crosses[:, None]).sum(0) / (3 * crosses.sum()))
 
 
 def run_mm(solid: Any, start: Any, stop: Any) -> float:
@@ -282,7 +278,7 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
             return hanging - below.offset(span / 2, JoinType.Round, 2.0, 64)
 
         if beyond(worst + STEP_MM).area() > AREA_MM2:
-            worst = _bisect(lambda span: beyond(span).area() <= AREA_MM2, bound_mm)  # noqa: B023
+            worst = _bisect(lambda span: beyond(span).area() <= AREA_MM2, bound_mm)
             place = beyond(0.9 * worst)
             where = _where(place if place.area() else hanging, z)
     return worst, where

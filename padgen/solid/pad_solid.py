@@ -34,7 +34,6 @@ __all__ = [
     "sampled",
     "tile_grid",
     "turned_grid",
-    "turned_mesh",
     "washer_mesh",
 ]
 
@@ -309,7 +308,8 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
         r, c = np.nonzero((grid == index) & (turned == around))
         if not len(r):
             continue
-        mesh = turned_mesh(tile.mesh) if around else tile.mesh
+        # Turned by 180° about z, without rounding.
+        mesh = tile.mesh._replace(vertices_mm=tile.mesh.vertices_mm * ((-1, -1, 1) if around else 1))
         inner, corner, faces = _open_seams(mesh, plan.cell.width_mm / 2, plan.cell.depth_mm / 2, z)
         # Vertex numbers per place: the tile's own vertices follow each other, corners point into the lattice.
         number = np.empty((len(r), len(inner)), dtype=np.int64)
@@ -331,11 +331,6 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
     used = np.zeros(len(whole.vertices_mm), dtype=bool)
     used[whole.triangles] = True
     return Mesh(whole.vertices_mm[used], (np.cumsum(used) - 1)[whole.triangles])
-
-
-def turned_mesh(mesh: Mesh) -> Mesh:
-    """Return the mesh turned by 180° about z, without rounding."""
-    return Mesh(mesh.vertices_mm * (-1.0, -1.0, 1.0), mesh.triangles)
 
 
 def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 from math import isfinite, nan, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,18 +27,17 @@ from padgen.planner.fixtures import (
     washer_underside_mm,
 )
 from padgen.planner.plan import Plan
-from padgen.solid.checks import Report, check_mesh, check_pad, few, told, volume_findings
+from padgen.solid.checks import BUILT_MM, Report, check_mesh, check_pad, few, told, volume_findings
 from padgen.solid.compare import differences
 from padgen.solid.formats import Part
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.measure import distance_to_sides, holes_of, run_mm
+from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, as_manifold, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.taxel import box, only_solid
 from padgen.spec import Pad, Spec
 
 __all__ = [
-    "Gauge",
     "TraySolid",
     "bill_of_materials",
     "build_coupon",
@@ -126,23 +125,11 @@ def _socket(tray: Tray, x: float, y: float) -> Any:
     return wire
 
 
-BUILT_MM = 0.01
-"""Largest allowed difference of a built height or depth from the planned one."""
-ROUND_MM = 2 * CHORD_MM + BUILT_MM
-"""Largest allowed difference of a diameter, whose polygon lies within the true circle."""
+ROUND_MM = 2 * CHORD_MM
+"""Largest change of a diameter by its triangles: a polygon lies within the true circle."""
 SEAT_RAYS = 3
 COIL_SIDES = 64
 BLOCKED_MM3 = 1e-3
-
-
-class Gauge(NamedTuple):
-    """One measured dimension: its place and name, planned and built in mm (nan: not found), and the tolerance."""
-
-    where: str
-    name: str
-    planned_mm: float
-    built_mm: float
-    within_mm: float = BUILT_MM
 
 
 def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report:
@@ -167,13 +154,13 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
         findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
     gauges = list(measured_tray(tray, spec, solid))
     findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
-    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and g.within_mm == BUILT_MM]
+    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
     figures["largest_difference_from_plan_mm"] = max(off, default=None)
     figures["measured_dimensions"] = len(gauges)
     return Report(figures, tuple(findings))
 
 
-def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Gauge]:
+def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
     """Measure sockets, seats, rim and screw holes of a tray on its manifold.
 
     A diameter is that of the largest circle about the planned axis that holds no material. A height is where a ray
@@ -185,24 +172,24 @@ def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Gauge]:
     seat_mm = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4 * np.stack([np.cos(angles), np.sin(angles)], -1)
     for x, y in tray.coils_mm:
         where = f"the socket at ({number(x)}, {number(y)}) mm"
-        yield Gauge(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
+        yield Dimension(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
         for at in (seat_mm + np.array([x, y])).tolist():
-            yield Gauge(where, "seat height", tray.floor_mm, _top(solid, tray, *at))
+            yield Dimension(where, "seat height", tray.floor_mm, _top(solid, tray, *at))
     # Two places on each side of the rim, near the corners.
     pad = spec.pad
     off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
     for side, along in product((-1, 1), (-1, 1)):
         for x, y in ((along * 0.49 * pad.width_mm, side * off_y), (side * off_x, along * 0.49 * pad.depth_mm)):
             where = f"the rim at ({number(x)}, {number(y)}) mm"
-            yield Gauge(where, "rim height", tray.height_mm, _top(solid, tray, x, y))
+            yield Dimension(where, "rim height", tray.height_mm, _top(solid, tray, x, y))
     if tray.screw is None:
         return
     bores = holes_of(solid, tray.height_mm - tray.screw.hole_depth_mm / 2)
     for x, y in tray.holes_mm:
         where = f"the screw hole at ({number(x)}, {number(y)}) mm"
-        yield Gauge(where, "hole diameter", tray.screw.hole_diameter_mm, _free_diameter(bores, x, y), ROUND_MM)
+        yield Dimension(where, "hole diameter", tray.screw.hole_diameter_mm, _free_diameter(bores, x, y), ROUND_MM)
         bottom = np.nan_to_num(_top(solid, tray, x, y))
-        yield Gauge(where, "hole depth", tray.screw.hole_depth_mm, float(tray.height_mm - bottom))
+        yield Dimension(where, "hole depth", tray.screw.hole_depth_mm, float(tray.height_mm - bottom))
 
 
 def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
@@ -220,16 +207,17 @@ def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
     return nan
 
 
-def _off(gauges: list[Gauge]) -> Iterator[Finding]:
+def _off(gauges: list[Dimension]) -> Iterator[Finding]:
     """Report the dimensions that are not as planned."""
     for g in gauges:
-        if not abs(g.built_mm - g.planned_mm) <= g.within_mm:
+        within_mm = BUILT_MM + g.facets_mm
+        if not abs(g.built_mm - g.planned_mm) <= within_mm:
             built = f"{number(g.built_mm)} mm" if isfinite(g.built_mm) else "missing"
-            planned = f"{number(g.planned_mm)} mm within {number(g.within_mm)} mm"
+            planned = f"{number(g.planned_mm)} mm within {number(within_mm)} mm"
             yield Finding("error", "tray.built", g.where, f"its {g.name} is {built}, planned are {planned}")
 
 
-def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[Finding]:
+def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
     """Check the gap between coils and washers: rim over seat, less the coil, plus the washer's place in the pad.
 
     It is measured on the mesh. It may differ from the spec's gap by half a layer (which `tray_findings` reports) and by

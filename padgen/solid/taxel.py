@@ -17,15 +17,16 @@ CAD kernel.
 """
 
 import io
+from dataclasses import dataclass
 from math import copysign
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from padgen.core import cache
 from padgen.core.errors import GeometryError, number
-from padgen.planner.plan import Channel, Plan, Plate
-from padgen.planner.suspensions import BeamPath, PathPoint, Segment
+from padgen.planner.plan import Channel, Plan
+from padgen.planner.suspensions import BeamPath, Segment
 from padgen.planner.tile import Outline, outline, shape_inputs
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, tessellated
@@ -44,16 +45,20 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
     GeometryError
         The kernel refused the dimensions.
     """
-    plate, thickness = plan.plate, plan.spec.pad.frame_thickness_mm
+    b, plate, thickness = build123d(), plan.plate, plan.spec.pad.frame_thickness_mm
     arrangement = plan.arrangement(channel)
     length, width = (float(v) for v in arrangement.window_mm)
     washer_x = float(arrangement.washer_x_mm)
     with kernel_errors(f"the taxel of channel {channel.index}"):
-        frame = _ring(outline(plan, channel), Outline(0, length, -width / 2, width / 2), thickness)
+        wires = [_wire(sides) for sides in (outline(plan, channel), Outline(0, length, -width / 2, width / 2))]
+        frame = b.Solid.extrude(b.Face(wires[0], wires[1:]), b.Vector(0, 0, thickness))
         beams = [_beam(path, channel.beam.fillet_mm) for path in arrangement.beams]
         parts = [box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks]
         if plate.boss_top_mm - plate.thickness_mm > 1e-6:
-            parts.append(_boss(plate, washer_x))
+            boss = _disc(plate.boss_diameter_mm, washer_x, plate.thickness_mm, plate.boss_top_mm)
+            if plate.boss_edge_mm >= 1e-6:
+                boss = boss.chamfer(plate.boss_edge_mm, None, [max(boss.edges(), key=lambda e: e.center().Z)])
+            parts.append(boss)
         first, *others = parts
         recess = _disc(plate.recess_diameter_mm, washer_x, 0.0, plate.recess_depth_mm)
         if plate.post_diameter_mm:
@@ -74,34 +79,23 @@ def washer_solid(plan: Plan, channel: Channel) -> Any:
         )
 
 
-def _ring(outer: Outline, window: Outline, height: float) -> Any:
-    b = build123d()
-    face = b.Face(_wire(outer), [_wire(window)])
-    return b.Solid.extrude(face, b.Vector(0, 0, height))
-
-
 def _beam(path: BeamPath, fillet: float) -> Any:
     """Extrude the outline on both sides of a beam's path, with a flare of radius `fillet` on each side of its root."""
     b = build123d()
     half = float(path.width_mm) / 2
     edges, ends = [], []
     for side in (half, -half):
-        flare, sides = _flare(path.corners[0], side, fillet), _side(path, side, fillet)
+        flare, sides = [], _side(path, side, fillet)
+        if fillet >= LEAST_MM:
+            # A quarter circle widens the beam at its root.
+            bow, out, root = fillet * (1 - 0.5**0.5), copysign(1.0, side), path.corners[0]
+            places = ((0, fillet), (bow, bow), (fillet, 0))
+            arc = [root.along(Segment(ahead)).beside(side + out * aside) for ahead, aside in places]
+            flare = [b.Edge.make_three_point_arc(*arc)]
         edges += [*flare, *sides]
         ends.append(((flare or sides)[0] @ 0, sides[-1] @ 1))
     (wire,) = b.Wire.combine([*edges, *(b.Edge.make_line(*pair) for pair in zip(*ends, strict=True))])
     return b.Solid.extrude(b.Face(wire), b.Vector(0, 0, float(path.thickness_mm)))
-
-
-def _flare(root: PathPoint, side: float, fillet: float) -> list[Any]:
-    """Return the quarter circle that widens a beam at its root, on the side `side` mm to the left of its path."""
-    if fillet < LEAST_MM:
-        return []
-    bow, out = fillet * (1 - 0.5**0.5), copysign(1.0, side)
-    places = [
-        root.along(Segment(ahead)).beside(side + out * aside) for ahead, aside in ((0, fillet), (bow, bow), (fillet, 0))
-    ]
-    return [build123d().Edge.make_three_point_arc(*places)]
 
 
 def _side(path: BeamPath, side: float, start: float) -> list[Any]:
@@ -121,15 +115,6 @@ def _side(path: BeamPath, side: float, start: float) -> list[Any]:
         elif length > abs(turn * side) + LEAST_MM or turn * side < 0:
             edges.append(b.Edge.make_three_point_arc(begin, middle, end))
     return edges
-
-
-def _boss(plate: Plate, washer_x: float) -> Any:
-    """Return the touch boss on the plate, its upper edge chamfered."""
-    boss = _disc(plate.boss_diameter_mm, washer_x, plate.thickness_mm, plate.boss_top_mm)
-    if plate.boss_edge_mm < 1e-6:
-        return boss
-    edge = max(boss.edges(), key=lambda e: e.center().Z)
-    return boss.chamfer(plate.boss_edge_mm, None, [edge])
 
 
 def _disc(diameter: float, x: float, low: float, high: float) -> Any:
@@ -167,7 +152,8 @@ CODE = ("solid/taxel.py", "solid/mesh.py", "planner/suspensions/__init__.py", "p
 PACKAGES = ("build123d", "cadquery-ocp-novtk", "numpy")
 
 
-class Tile(NamedTuple):
+@dataclass(frozen=True)
+class Tile:
     """Triangles of a taxel, or of another part that a pad is assembled from, and its exact volume."""
 
     mesh: Mesh
