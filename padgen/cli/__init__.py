@@ -64,42 +64,32 @@ def main() -> NoReturn:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
-    as_json = "--json" in arguments
     try:
         options = _parsed(arguments)
-        code: int = options.command(options)
-        return code
+        return int(options.command(options))
     except SystemExit:  # --help and --version
         return DONE
-    except PadgenError as error:
-        return _refused(str(error).removeprefix("padgen: "), error.code, as_json)
-    except KeyboardInterrupt:
-        return _refused("interrupted; files are as they were", "interrupted", as_json)
     except BrokenPipeError:
         # Redirect standard output, so that the flush at exit does not fail on the closed pipe again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT
+    except PadgenError as error:
+        code, sentence = error.code, str(error).removeprefix("padgen: ")
+    except KeyboardInterrupt:
+        code, sentence = "interrupted", "interrupted; files are as they were"
     except OSError as error:
-        return _refused(f"cannot be written ({error.strerror or error})", "file", as_json)
+        code, sentence = "file", f"cannot be written ({error.strerror or error})"
     except MemoryError:
-        asked = " ".join(arguments[:1])
-        return _refused(
-            f"the machine has not enough memory for this padgen {asked}; files are as they were", "memory", as_json
-        )
+        asked = f"this padgen {' '.join(arguments[:1])}"
+        code, sentence = "memory", f"the machine has not enough memory for {asked}; files are as they were"
     except Exception as error:
         if DEBUG in os.environ:
             raise
-        told = f"{type(error).__name__}: {error}"
-        return _refused(
-            f"internal error ({told}); please report it with the command and its files ({DEBUG}=1 shows where it is)",
-            "internal",
-            as_json,
-        )
-
-
-def _refused(sentence: str, code: str, as_json: bool) -> int:
+        told = "please report it with the command and its files"
+        code = "internal"
+        sentence = f"internal error ({type(error).__name__}: {error}); {told} ({DEBUG}=1 shows where it is)"
     sentence = plain(sentence, LONGEST)
-    if as_json:
+    if "--json" in arguments:
         with suppress(OSError):
             print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False), flush=True)
             return BAD_INPUT

@@ -8,13 +8,12 @@ from padgen.cli.common import (
     add_shared,
     add_spec,
     add_verbose,
+    answer,
     asked_of,
     code_of,
     folder_of,
-    print_json,
     progress_line,
     refuse,
-    show,
 )
 from padgen.core.errors import plain
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
@@ -74,13 +73,11 @@ def _build(options: argparse.Namespace) -> int:
     with progress_line() as progress:
         pad = Pad(spec, parts, tolerance, progress=progress)
         built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force)
-    if options.json:
-        print_json({**asdict(built), "folder": str(built.folder)})
-    else:
-        from padgen.report.plans import built_text
+    from padgen.report.plans import built_text
 
-        show(built_text(built, options.verbose))
-        show(f"next: print it, then padgen drive {plain(options.spec)} --state all --hear")
+    following = f"next: print it, then padgen drive {plain(options.spec)} --state all --hear"
+    table = {**asdict(built), "folder": str(built.folder)}
+    answer(options, table, built_text(built, options.verbose), following)
     return code_of(built.findings)
 
 
@@ -93,18 +90,13 @@ def _check(options: argparse.Namespace) -> int:
         report = check(
             options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress
         )
-    if options.json:
-        print_json(asdict(report))
-    else:
-        from padgen.report.measured_prints import laid_text
-        from padgen.report.plans import figures_text, held_line, serious_text
+    from padgen.report.measured_prints import laid_text
+    from padgen.report.plans import figures_text, held_line, serious_text
 
-        if options.mesh is None:
-            show(laid_text(report, options.gcode, options.verbose))
-        else:
-            show(held_line(f"{options.mesh} is read", report.findings))
-        if told := serious_text(report.findings, options.verbose):
-            show(told)
-        if options.mesh is not None:
-            show(figures_text(report.figures))
+    serious = serious_text(report.findings, options.verbose)
+    if options.mesh is None:
+        texts = [laid_text(report, options.gcode, options.verbose), serious]
+    else:
+        texts = [held_line(f"{options.mesh} is read", report.findings), serious, figures_text(report.figures)]
+    answer(options, asdict(report), *texts)
     return code_of(report.findings)

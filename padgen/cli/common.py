@@ -18,6 +18,7 @@ __all__ = [
     "add_shared",
     "add_spec",
     "add_verbose",
+    "answer",
     "asked_of",
     "code_of",
     "folder_of",
@@ -124,6 +125,15 @@ def print_json(table: Any) -> None:
     from padgen.core.files import json_text
 
     print(json_text(table), end="")
+
+
+def answer(options: argparse.Namespace, table: Any, *texts: str) -> None:
+    """Print a command's answer: with ``--json`` the table, else the texts for people."""
+    if options.json:
+        print_json(table)
+        return
+    for text in filter(None, texts):
+        show(text)
 
 
 def code_of(findings: Any) -> int:

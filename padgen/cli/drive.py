@@ -9,13 +9,12 @@ from padgen.cli.common import (
     add_model,
     add_shared,
     add_spec,
+    answer,
     asked_of,
     code_of,
     folder_of,
-    print_json,
     progress_line,
     refuse,
-    show,
 )
 from padgen.core.errors import number, plain
 from padgen.core.registry import FORMATS
@@ -188,10 +187,7 @@ def _drive(options: argparse.Namespace) -> int:
         driven = shown.save_folder(folder, formats, options.depth, options.hear, options.gap)
     from padgen.report.drives import driven_table, driven_text
 
-    if options.json:
-        print_json(driven_table(driven, notes))
-    else:
-        show(driven_text(plan, driven, frames, notes, options.verbose))
+    answer(options, driven_table(driven, notes), driven_text(plan, driven, frames, notes, options.verbose))
     return code_of(driven.findings)
 
 
@@ -202,11 +198,8 @@ def _wiring(options: argparse.Namespace) -> int:
     with progress_line() as progress:
         plan = plan_of(options, progress)
     findings = wiring_findings(plan, Path(options.wiring))
-    if options.json:
-        print_json({"findings": findings})
-    else:
-        show(held_line(f"What was felt of {plan.name} is compared with its wiring", findings))
-        show(findings_text(findings))
+    held = held_line(f"What was felt of {plan.name} is compared with its wiring", findings)
+    answer(options, {"findings": findings}, held, findings_text(findings))
     return code_of(findings)
 
 
@@ -226,15 +219,12 @@ def _excite(options: argparse.Namespace) -> int:
         played, findings = write_excitation(
             plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
         )
-    if options.json:
-        names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
-        figures = {name: getattr(played, name) for name in names}
-        files = ["excitation.wav", "excitation.json"]
-        print_json({"folder": str(folder), "files": files, **figures, "findings": findings})
-    else:
-        from padgen.report.drives import excitation_text
+    from padgen.report.drives import excitation_text
 
-        show(excitation_text(played, folder, findings))
+    names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
+    files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"]}
+    table = {**files, **{name: getattr(played, name) for name in names}, "findings": findings}
+    answer(options, table, excitation_text(played, folder, findings))
     return code_of(findings)
 
 
@@ -293,14 +283,12 @@ def _serial(options: argparse.Namespace) -> int:
             told=lambda shown: progress(f"frame {shown} of {len(repeated)}"),
         )
     figures = {"frames": played.frames, "resent": played.resent, "seconds": played.seconds, "given": played.given}
-    if options.json:
-        print_json({"port": options.port, **figures, "notes": list(notes)})
-        return DONE
     lost = f"; {played.resent} messages were lost on the line and sent again" if played.resent else ""
     warm = f"; coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
     lost += warm if played.given < 1 else ""
     frames_shown = "1 frame" if played.frames == 1 else f"{played.frames} frames"
-    show("\n".join([f"showed {frames_shown} in {played.seconds:.1f} s on {plain(options.port)}{lost}", *notes]))
+    told = f"showed {frames_shown} in {played.seconds:.1f} s on {plain(options.port)}{lost}"
+    answer(options, {"port": options.port, **figures, "notes": list(notes)}, told, *notes)
     return DONE
 
 
@@ -317,9 +305,7 @@ def _audio(options: argparse.Namespace) -> int:
             options.repeat,
             lambda device: progress(f"playing on {device.name}"),
         )
-    if options.json:
-        print_json({"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed})
-        return DONE
     late = f"; {played.missed} blocks came too late, and were heard as gaps" if played.missed else ""
-    show(f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}")
+    table = {"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed}
+    answer(options, table, f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}")
     return DONE

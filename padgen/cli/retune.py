@@ -10,10 +10,10 @@ from padgen.cli.common import (
     add_model,
     add_shared,
     add_spec,
+    answer,
     asked_of,
     code_of,
     folder_of,
-    print_json,
     progress_line,
     refuse,
     show,
@@ -110,16 +110,17 @@ def _retune(options: argparse.Namespace) -> int:
 
 def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
     """Print what a re-tuned folder holds, and return the exit code."""
-    if options.json:
-        print_json(written.table())
-    else:
-        from padgen.measured.tuned_folder import measured_rows
-        from padgen.report.measured_prints import retuned_text
+    from padgen.measured.tuned_folder import measured_rows
+    from padgen.report.measured_prints import retuned_text
 
-        show(retuned_text(written.result, measured_rows(plan, written.result.tuning), options.verbose))
-        place = plain(str(written.folder))
-        show(f"written to {place}: {', '.join(written.files)}")
-        show(f"next: padgen drive {plain(options.spec)} --tuning {place}/tuning.json --state all --hear")
+    place = plain(str(written.folder))
+    answer(
+        options,
+        written.table(),
+        retuned_text(written.result, measured_rows(plan, written.result.tuning), options.verbose),
+        f"written to {place}: {', '.join(written.files)}",
+        f"next: padgen drive {plain(options.spec)} --tuning {place}/tuning.json --state all --hear",
+    )
     return code_of(written.result.findings)
 
 
@@ -275,15 +276,13 @@ def _calibrate(options: argparse.Namespace) -> int:
     with OutputFolder(path.parent) as out:
         out.write(path.name, printer_toml(plan.spec, found, path.stem))
         out.commit()
-    if options.json:
-        print_json(found)
-        return DONE
-    show(
+    told = (
         f"beams print {found.z_offset_mm:.4f} ± {found.z_offset_error_mm:.4f} mm thicker and"
         f" {found.width_offset_mm:.4f} ± {found.width_offset_error_mm:.4f} mm wider than drawn, of"
         f" {found.modulus_gpa:.3f} ± {found.modulus_error_gpa:.3f} GPa"
         f" ({found.prints} print{'s' * (found.prints > 1)}, {found.taxels} taxels, chi-square"
         f" {found.chi_square:.1f} of {found.freedom})"
     )
-    show(f'written: {plain(str(path))}; printer = "{plain(path.name)}" in a spec beside it plans for this printer')
+    use = f'written: {plain(str(path))}; printer = "{plain(path.name)}" in a spec beside it plans for this printer'
+    answer(options, found, told, use)
     return DONE

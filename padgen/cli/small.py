@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import DONE, print_json, show
+from padgen.cli.common import DONE, answer
 from padgen.core.errors import FileError
 
 __all__ = ["add", "add_cache", "use_cache"]
@@ -33,41 +33,24 @@ def add(commands: Any) -> None:
 
     templates = commands.add_parser("templates", help="list the templates, or show one")
     templates.add_argument("name", metavar="NAME", nargs="?")
-    templates.set_defaults(command=_templates)
-
+    templates.set_defaults(command=_templates, head="")
     init = commands.add_parser("init", help="copy a template to standard output")
     init.add_argument("name", metavar="NAME")
-    init.set_defaults(command=_init)
-
+    init.set_defaults(command=_templates, head=SCHEMA_LINES)
     schema = commands.add_parser("schema", help="the JSON schema of a spec, for editors")
     schema.set_defaults(command=_schema)
 
 
 def _templates(options: argparse.Namespace) -> int:
     from padgen.spec import template_paths
-
-    if options.name:
-        print(_template(options.name), end="")
-        return DONE
-    for name, path in template_paths().items():
-        first = path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
-        print(f"{name:<12}  {first}")
-    return DONE
-
-
-def _init(options: argparse.Namespace) -> int:
-    print(SCHEMA_LINES + _template(options.name), end="")
-    return DONE
-
-
-def _template(name: str) -> str:
     from padgen.spec.fields import unknown_name
-    from padgen.spec.load import template_paths
 
-    templates = template_paths()
-    if name not in templates:
-        raise FileError(unknown_name(name, list(templates), "template", "").message, "NAME")
-    return templates[name].read_text(encoding="utf-8")
+    texts = {name: path.read_text(encoding="utf-8") for name, path in template_paths().items()}
+    if options.name and options.name not in texts:
+        raise FileError(unknown_name(options.name, list(texts), "template", "").message, "NAME")
+    listed = "".join(f"{name:<12}  {text.splitlines()[0].lstrip('# ')}\n" for name, text in texts.items())
+    print(options.head + texts[options.name] if options.name else listed, end="")
+    return DONE
 
 
 def _schema(options: argparse.Namespace) -> int:
@@ -98,13 +81,10 @@ def _cache(options: argparse.Namespace) -> int:
     use_cache(options)
     dropped = options.action == "clear"
     held = cache.clear() if dropped else cache.info()
-    if options.json:
-        from dataclasses import asdict
+    from dataclasses import asdict
 
-        kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
-        print_json({**asdict(held), "kinds": kinds, "cleared": dropped})
-    else:
-        from padgen.report.sweeps import cache_text
+    from padgen.report.sweeps import cache_text
 
-        show(cache_text(held, dropped))
+    kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
+    answer(options, {**asdict(held), "kinds": kinds, "cleared": dropped}, cache_text(held, dropped))
     return DONE

@@ -163,14 +163,11 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
         return figures, findings
     sample = sampled(plan, pad)
     mesh = sample.pad.mesh
-    solid, refused = _manifold(mesh)
-    if solid is None:
-        return figures, [*findings, *refused]
     print_figures, found = _kept_printable(
         mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
     )
     figures |= print_figures | {"measured_taxels": len(sample.plan.taxels)}
-    return figures, [*findings, *found, *_as_planned(sample.plan, solid, figures)]
+    return figures, [*findings, *found, *_as_planned(sample.plan, as_manifold(mesh, "the pad"), figures)]
 
 
 def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
@@ -195,10 +192,10 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
         return True, []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
-    one, refused = _manifold(snapped)
-    other, _ = _manifold(planned)
-    if one is None:
-        return False, refused
+    try:
+        one, other = as_manifold(snapped, "the mesh"), as_manifold(planned, "the pad")
+    except GeometryError as error:
+        return False, [Finding("error", "mesh.manifold", "mesh", error.message)]
     if reached.mean() < 0.5:
         room = cells.room(reached)
         one, other = one ^ room, other ^ room
@@ -218,8 +215,8 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
         text = f"{d.name} is {built}, planned are {number(d.planned_mm)} mm"
         dimensions.setdefault(d.where, []).append(text)
     largest: dict[str, Difference] = {}
-    for piece in found:
-        largest.setdefault(cells.named(*piece.place_mm[:2]) if cells else "mesh", piece)
+    for each in found:
+        largest.setdefault(cells.named(*each.place_mm[:2]) if cells else "mesh", each)
     alike: dict[str, list[str]] = {}
     for where in dict.fromkeys([*largest, *dimensions]):
         piece = largest.get(where)
@@ -322,13 +319,6 @@ def volume_findings(built: float, exact: float) -> Iterator[Finding]:
         )
 
 
-def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
-    try:
-        return as_manifold(mesh, "the mesh"), []
-    except GeometryError as error:
-        return None, [Finding("error", "mesh.manifold", "mesh", error.message)]
-
-
 @lru_cache(maxsize=64)
 def _kept_printable(
     vertices_mm: bytes, triangles: bytes, printer: Printer, places: Places
@@ -340,9 +330,7 @@ def _kept_printable(
 
 def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
     """Measure walls, gaps, overhangs, skins and bridges; return figures and findings, with places in the pad."""
-    solid, refused = _manifold(mesh)
-    if solid is None:
-        return {}, refused
+    solid = as_manifold(mesh, "the mesh")
     cuts = sections(solid, mesh)
     bound, limit = 4 * max(printer.line_width_mm, printer.smallest_gap_mm), printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)

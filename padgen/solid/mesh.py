@@ -206,7 +206,7 @@ def topology(mesh: Mesh) -> Topology:
 
 def shells(mesh: Mesh) -> np.ndarray:
     """Return the number of each triangle's connected shell, from 0."""
-    label, before = np.arange(len(mesh.vertices_mm)), np.empty(0)
+    label, before = np.arange(len(mesh.vertices_mm)), np.empty(0, int)
     while not np.array_equal(label, before):
         before, label = label, label.copy()
         least = before[mesh.triangles].min(1)
