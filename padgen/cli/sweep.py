@@ -10,7 +10,7 @@ from dataclasses import replace
 from threading import Timer
 from typing import Any
 
-from padgen.cli.common import BAD_INPUT, CHECK_FAILED, DONE, add_output, folder_of, progress_line, refuse, show
+from padgen.cli.common import BAD_INPUT, CHECK_FAILED, DONE, add_output, answer, folder_of, progress_line, refuse, show
 from padgen.cli.small import add_cache, use_cache
 from padgen.core.errors import plain
 
@@ -149,6 +149,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from padgen.batch.index import write_pareto
     from padgen.batch.sweep import run_sweep
     from padgen.core.runner import uninterrupted
+    from padgen.report.sweeps import sweep_table, sweep_text
 
     _end_as_by_ctrl_c()
     sweep = load_sweep(options.sweep)
@@ -157,26 +158,18 @@ def _sweep(options: argparse.Namespace) -> int:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
     with uninterrupted() if result.interrupted else nullcontext():
         files, note = write_pareto(folder, sweep.settings.name, result.overview)
-        _print_summary(options, (sweep, replace(result, folder=folder), files), note)
+        told = sweep, replace(result, folder=folder), files
+        if options.json:
+            _line({**sweep_table(*told), "notes": [note] * bool(note)})
+        else:
+            again = "the same command with --retry makes the failed ones once more" if result.failed else ""
+            answer(options, None, sweep_text(*told), f"note: {note}" if note else "", again)
     if result.stopped:
         # Printed after the summary, since finished variants are kept.
         again = "the same command" if options.resume else "the same command without --no-resume"
         print(f"padgen: {plain(result.stopped)}; {again} goes on where it stopped", file=sys.stderr)
         return BAD_INPUT
     return CHECK_FAILED if result.failed else DONE
-
-
-def _print_summary(options: argparse.Namespace, told: tuple[Any, ...], note: str) -> None:
-    from padgen.report.sweeps import sweep_table, sweep_text
-
-    if options.json:
-        _line({**sweep_table(*told), "notes": [note] * bool(note)})
-        return
-    show(sweep_text(*told))
-    if note:
-        show(f"note: {note}")
-    if told[1].failed:
-        show("the same command with --retry makes the failed ones once more")
 
 
 def _executor(address: str | None) -> Any:

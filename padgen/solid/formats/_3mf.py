@@ -18,10 +18,11 @@ import numpy as np
 from padgen import __version__
 from padgen.core.errors import FileError, MeshFileError
 from padgen.core.files import OutputFolder, read_bounded
+from padgen.planner.plan import Plan
 from padgen.planner.printing import prusa_profile
 from padgen.solid.formats import ExportJob, verified, verified_volume
 from padgen.solid.mesh import Mesh, sound_mesh
-from padgen.solid.pad_solid import turned_grid
+from padgen.solid.pad_solid import PadSolid, turned_grid
 from padgen.solid.picture import picture_png
 
 __all__ = ["LARGEST_FILE", "MOST_TRIANGLES", "read_3mf", "threemf_bytes", "write"]
@@ -126,7 +127,8 @@ def _model(job: ExportJob) -> Iterator[bytes]:
     }
     meta = [f"<metadata name={quoteattr(key)}>{escape(value)}</metadata>" for key, value in metadata.items()]
     yield "\n".join([_MODEL_HEAD, *meta, "<resources>\n"]).encode()
-    meshes, placed = _instances(job) if job.instances else ([(job.part.title, job.part.mesh)], [])
+    pad = job.pad if job.instances else None
+    meshes, placed = _instances(job.plan, pad) if pad else ([(job.part.title, job.part.mesh)], [])
     for number, (name, mesh) in enumerate(meshes, start=1):
         yield from _object(number, name, mesh)
     if placed:
@@ -137,11 +139,8 @@ def _model(job: ExportJob) -> Iterator[bytes]:
     yield f'</resources>\n<build>\n<item objectid="{last}" transform="{middle}"/>\n</build>\n</model>\n'.encode()
 
 
-def _instances(job: ExportJob) -> tuple[list[tuple[str, Mesh]], list[str]]:
+def _instances(plan: Plan, pad: PadSolid) -> tuple[list[tuple[str, Mesh]], list[str]]:
     """Return the names and meshes of the border and the distinct tiles, and the components that place them."""
-    plan, pad = job.plan, job.pad
-    if pad is None:
-        return [(job.part.title, job.part.mesh)], []
     spec, turned = plan.spec, turned_grid(plan)
     meshes, placed = [("border", pad.border.mesh)], ['<component objectid="1"/>']
     names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
