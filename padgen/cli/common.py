@@ -105,7 +105,7 @@ def folder_of(options: argparse.Namespace, name: str) -> Path:
     return Path(given) if given else Path("out") / name
 
 
-def show(text: str) -> None:
+def show(text: str, stream: Any = None) -> None:
     """Print text for people: control characters escaped, sentences wrapped to at most `WIDTH` columns, tables whole."""
     import textwrap
 
@@ -117,7 +117,8 @@ def show(text: str) -> None:
     for line in map(plain, text.split("\n")):
         # A line with two spaces in a row is one of a table.
         whole = len(line) <= width or "  " in line.strip()
-        print(line if whole else textwrap.fill(line, width, break_on_hyphens=False, subsequent_indent="  "))
+        wrapped = line if whole else textwrap.fill(line, width, break_on_hyphens=False, subsequent_indent="  ")
+        print(wrapped, file=stream)
 
 
 def print_json(table: Any) -> None:

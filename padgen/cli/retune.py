@@ -225,12 +225,10 @@ def _is_ready(session: Any, name: str, attempt: int) -> bool:
 
 
 def _say(options: argparse.Namespace, text: str) -> None:
-    """Print a line for people, which goes to standard error with ``--json``."""
-    if options.json:
-        print(plain(text), file=sys.stderr, flush=True)
-    else:
-        show(text)
-        sys.stdout.flush()
+    """Print a line for people at once, with ``--json`` to standard error."""
+    stream = sys.stderr if options.json else sys.stdout
+    show(text, stream)
+    stream.flush()
 
 
 def add_calibrate(commands: Any) -> None:

@@ -4,7 +4,7 @@ Tells whether a folder is up to date without importing numpy or a CAD kernel.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -15,7 +15,7 @@ from padgen.core.cache import code_hash, versions
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
-from padgen.make.planning import plan_for, with_found_layout
+from padgen.make.planning import Progress, plan_for, with_found_layout
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ __all__ = ["PARTS", "Built", "Pad", "parse_formats", "parse_parts", "up_to_date"
 
 PARTS = ("coupon", "coupon-tray", "tray")
 """Names of the parts that can be made beside the pad, see `padgen.solid.parts`."""
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,15 @@ from padgen.spec.load import answers, laid_over, without_none
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["parse_tolerance", "plan_for", "plan_to_compare", "recorded_spec", "spec_of", "with_found_layout"]
+__all__ = [
+    "Progress",
+    "parse_tolerance",
+    "plan_for",
+    "plan_to_compare",
+    "recorded_spec",
+    "spec_of",
+    "with_found_layout",
+]
 
 PLAN = "plan.json"
 

@@ -169,19 +169,8 @@ class TaxelSolver:
 
     def solve(self, plan: Plan, settings: Sequence[int]) -> list[Solved]:
         """Return the modes of every channel's taxel; `settings` are the first settings of the elements to try."""
-        spec, tasks = plan.spec, list(zip(plan.channels, settings, strict=True))
-        packages = ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
-        common = {
-            "material": asdict(spec.material),
-            "washer": asdict(spec.washer),
-            "glue_mg": spec.taxel.glue_mg,
-            "tolerance": self.tolerance,
-            "code": cache.code_hash(*CODE),
-            "versions": [cache.version(name) for name in packages],
-        }
-        keys = [
-            cache.key_of({**shape_inputs(plan, channel), **common, "setting": setting}) for channel, setting in tasks
-        ]
+        tasks = list(zip(plan.channels, settings, strict=True))
+        keys = [cache.key_of(self._inputs(plan, *task)) for task in tasks]
         known = _from_cache(keys)
         unknown = set(keys) - set(known)
         if unknown:
@@ -195,6 +184,20 @@ class TaxelSolver:
                 for key in missing:
                     cache.store(KIND, key, _to_plain(known[key]))
         return [known[key] for key in keys]
+
+    def _inputs(self, plan: Plan, channel: Channel, setting: int) -> dict[str, Any]:
+        """Return all inputs on which the modes depend."""
+        spec, packages = plan.spec, ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
+        return {
+            **shape_inputs(plan, channel),
+            "material": asdict(spec.material),
+            "washer": asdict(spec.washer),
+            "glue_mg": spec.taxel.glue_mg,
+            "tolerance": self.tolerance,
+            "setting": setting,
+            "code": cache.code_hash(*CODE),
+            "versions": [cache.version(name) for name in packages],
+        }
 
     def _computed(self, plan: Plan, tasks: Sequence[Task]) -> list[Solved]:
         """Model taxels and solve them, as many at a time as there are cores."""
