@@ -1,7 +1,7 @@
 """Parts beside the pad, made on request: the coil tray, the coupon, and a tray for the coupon's coil.
 
 Each is modelled, checked and saved like the pad itself. The coupon is a small pad with a groove beside channel 0. The
-tray is three extruded layers, fused (`padgen.planner.tray` draws its section); its dimensions are compared with the
+tray is three extruded layers, fused (`padgen.planner.fixtures` draws its section); its dimensions are compared with the
 plan. The bill of materials counts the pad and these parts.
 """
 
@@ -32,7 +32,7 @@ from padgen.solid.compare import differences
 from padgen.solid.formats import Part
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
-from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, as_manifold, tessellated
+from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.taxel import box, only_solid
 from padgen.spec import Pad, Spec
@@ -59,29 +59,36 @@ class TraySolid:
     solid: Any
 
 
-def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
+def build_tray(plan: Plan) -> TraySolid:
     """Build the tray for the coils of `plan`.
 
     Raises
     ------
     InfeasibleError
-        See `padgen.planner.tray.plan_tray`.
+        See `padgen.planner.fixtures.plan_tray`.
     GeometryError
         A kernel refused a part.
     """
-    return tray_solid(plan_tray(plan), plan.spec.pad, chord_mm, angle_rad)
+    return tray_solid(plan_tray(plan), plan.spec.pad)
 
 
-def tray_solid(tray: Tray, pad: Pad, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
+def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
     """Build the solid of a `tray` with the outline of `pad`."""
     b = build123d()
     with kernel_errors("the coil tray"):
+        rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
+        outside = rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
         seats = [b.Wire.make_circle(tray.seat_hole_mm / 2, b.Plane((x, y, 0))) for x, y in tray.coils_mm]
         sockets = [_socket(tray, x, y) for x, y in tray.coils_mm]
-        floor = _layer(_outside(pad), seats, 0.0, tray.floor_mm)
-        block = _layer(_outside(pad), sockets, tray.floor_mm, tray.socket_top_mm)
-        within = b.Wire.make_rect(pad.width_mm, pad.depth_mm)
-        rim = _layer(_outside(pad), [within], tray.socket_top_mm, tray.height_mm)
+        layers = []
+        for holes, low, high in (
+            (seats, 0.0, tray.floor_mm),
+            (sockets, tray.floor_mm, tray.socket_top_mm),
+            ([b.Wire.make_rect(pad.width_mm, pad.depth_mm)], tray.socket_top_mm, tray.height_mm),
+        ):
+            layer = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, high - low))
+            layers.append(layer.moved(b.Location((0, 0, low))))
+        floor, block, rim = layers
         walls = rim.cut(*(box(slot, tray.height_mm, tray.socket_top_mm) for slot in tray.wire_slots))
         cuts, screw = [box(tray.groove, tray.height_mm)], tray.screw
         if screw:
@@ -90,20 +97,7 @@ def tray_solid(tray: Tray, pad: Pad, chord_mm: float = CHORD_MM, angle_rad: floa
             cuts += [b.Solid.make_cylinder(radius, screw.hole_depth_mm, plane) for plane in holes]
         whole = floor.fuse(block, *walls.solids()).cut(*cuts)
         solid = only_solid(whole, "the coil tray")
-    return TraySolid(tray, tessellated(solid, chord_mm, angle_rad), float(solid.volume), solid)
-
-
-def _layer(outside: Any, holes: list[Any], low: float, high: float) -> Any:
-    b = build123d()
-    solid = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, high - low))
-    return solid.moved(b.Location((0, 0, low)))
-
-
-def _outside(pad: Pad) -> Any:
-    """Return the pad's outline, with its round corners, as a wire."""
-    b = build123d()
-    wire = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
-    return wire.fillet_2d(pad.border_mm / 2, wire.vertices())
+    return TraySolid(tray, tessellated(solid), float(solid.volume), solid)
 
 
 def _socket(tray: Tray, x: float, y: float) -> Any:

@@ -50,8 +50,10 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
     length, width = (float(v) for v in arrangement.window_mm)
     washer_x = float(arrangement.washer_x_mm)
     with kernel_errors(f"the taxel of channel {channel.index}"):
-        wires = [_wire(sides) for sides in (outline(plan, channel), Outline(0, length, -width / 2, width / 2))]
-        frame = b.Solid.extrude(b.Face(wires[0], wires[1:]), b.Vector(0, 0, thickness))
+        rings = outline(plan, channel), Outline(0, length, -width / 2, width / 2)
+        corners = [[(r.x0, r.y0), (r.x1, r.y0), (r.x1, r.y1), (r.x0, r.y1)] for r in rings]
+        outer, window = (b.Wire.make_polygon(each, close=True) for each in corners)
+        frame = b.Solid.extrude(b.Face(outer, [window]), b.Vector(0, 0, thickness))
         beams = [_beam(path, channel.beam.fillet_mm) for path in arrangement.beams]
         parts = [box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks]
         if plate.boss_top_mm - plate.thickness_mm > 1e-6:
@@ -126,11 +128,6 @@ def box(sides: Outline, high: float, low: float = 0.0) -> Any:
     """Return the box over a rectangle from `low` to `high` mm."""
     b = build123d()
     return b.Solid.make_box(sides.x1 - sides.x0, sides.y1 - sides.y0, high - low, b.Plane((sides.x0, sides.y0, low)))
-
-
-def _wire(sides: Outline) -> Any:
-    corners = [(sides.x0, sides.y0), (sides.x1, sides.y0), (sides.x1, sides.y1), (sides.x0, sides.y1)]
-    return build123d().Wire.make_polygon(corners, close=True)
 
 
 def only_solid(shape: Any, name: str) -> Any:
