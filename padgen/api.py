@@ -3,13 +3,13 @@
 `padgen` imports this module when one of the functions is first used.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import SpecError
 from padgen.make.pad import Pad, parse_parts
-from padgen.make.planning import plan_for, plan_to_compare, spec_of
+from padgen.make.planning import Progress, plan_for, plan_to_compare, spec_of
 from padgen.planner.plan import Plan
 from padgen.spec import Spec, make_spec
 
@@ -37,8 +37,6 @@ __all__ = [
     "template_names",
 ]
 
-Source = "str | Path | Mapping[str, Any] | Spec"
-Progress = Callable[[str], None]
 SMALLEST_SPEC = {"name": "default", "resolution": 1, "band_hz": [50, 200], "q_min": 15}
 """A spec that is used only for the limits of the default printer."""
 

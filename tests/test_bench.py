@@ -200,7 +200,7 @@ def person(card, monkeypatch, capsys):
         return deed if deed == "s" else ""
 
     monkeypatch.setattr(builtins, "input", answer)
-    monkeypatch.setattr(cli.bench.sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(cli.retune.sys.stdin, "isatty", lambda: True, raising=False)
     return deeds, asked, said
 
 

@@ -663,6 +663,35 @@ def test_components_still_come_where_they_belong(tmp_path):
     assert np.ptp(mesh.vertices_mm, axis=0) == pytest.approx([40, 10, 10])
 
 
+def test_units_places_and_other_parts_of_a_3mf_are_read_as_lib3mf_reads_them(tmp_path):
+    """Inches, nested turned components, two items, and an object in another part of the package."""
+    from lib3mf import get_wrapper
+
+    turned, moved = "0 1 0 -1 0 0 0 0 1 2 0 1", "1 0 0 0 1 0 0 0 2 -3 4 0"
+    part = '<component p:path="/3D/other.model" objectid="9" transform="1 0 0 0 1 0 0 0 1 0 7 0"/>'
+    objects = [TETRAHEDRON, within(1, 1, turned), f"<components>{part}</components>", within(2, 1, moved)]
+    data = threemf(objects, placed(4, 1, "0 0 1 0 1 0 -1 0 0 5 6 7") + placed(3))
+    core = 'xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02"'
+    production = 'xmlns:p="http://schemas.microsoft.com/3dmanufacturing/production/2015/06"'
+    other = f'<model unit="inch" {core}><resources><object id="9">{TETRAHEDRON}</object></resources><build/></model>'
+    relations = RELATIONS.replace("/3D/3dmodel.model", "/3D/other.model")
+    path = tmp_path / "a.3mf"
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            text = old.read(name).decode()
+            new.writestr(name, text.replace('"millimeter"', f'"inch" {production}', 1))
+        new.writestr("3D/other.model", other)
+        new.writestr("3D/_rels/3dmodel.model.rels", relations)
+    model = get_wrapper().CreateModel()
+    model.QueryReader("3mf").ReadFromFile(str(path))
+    box = model.GetOutbox()
+    mesh = read_mesh(path)
+    assert len(mesh.triangles) == 8
+    # lib3mf gives the box in the file's unit, in single precision.
+    assert mesh.vertices_mm.min(0) / 25.4 == pytest.approx(list(box.MinCoordinate), abs=1e-5)
+    assert mesh.vertices_mm.max(0) / 25.4 == pytest.approx(list(box.MaxCoordinate), abs=1e-5)
+
+
 def test_a_polygon_of_3000_corners(tmp_path):
     (tmp_path / "a.obj").write_bytes(prism(3000, lambda k: 20))
     assert not len(intersecting_pairs(read_mesh(tmp_path / "a.obj")))

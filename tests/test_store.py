@@ -52,7 +52,7 @@ def varied(**changes):
 def test_a_known_taxel_is_not_modelled_again(store, small_plan, monkeypatch):
     first = pad_solid.build_pad(small_plan)
     assert len(entry_paths(store, taxel.KIND)) == len(small_plan.channels)
-    monkeypatch.setattr(pad_solid, "taxel_solid", no_kernel)
+    monkeypatch.setattr(taxel, "taxel_solid", no_kernel)
     again = pad_solid.build_pad(small_plan)
     assert np.array_equal(again.mesh.vertices_mm, first.mesh.vertices_mm)
     assert np.array_equal(again.mesh.triangles, first.mesh.triangles)
@@ -62,7 +62,7 @@ def test_a_known_taxel_is_not_modelled_again(store, small_plan, monkeypatch):
 @pytest.mark.parametrize("change", [{"border_mm": 8.0}, {"hole_diameter_mm": 0.0}, {"border_mm": 7.25}])
 def test_another_layout_has_the_same_taxels(store, small_plan, monkeypatch, change):
     pad_solid.build_pad(small_plan)
-    monkeypatch.setattr(pad_solid, "taxel_solid", no_kernel)
+    monkeypatch.setattr(taxel, "taxel_solid", no_kernel)
     built = pad_solid.build_pad(varied(**change))
     assert signed_volume_mm3(built.mesh) == pytest.approx(built.volume_mm3, rel=1e-4)
 

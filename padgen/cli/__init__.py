@@ -1,7 +1,7 @@
 """Run the ``padgen`` command; no other room prints or sets exit codes.
 
-Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. Each command has a module
-with ``add``, which declares its options, and a function that runs it.
+Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. Each command has a function
+that declares its options, and one that runs it.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from padgen import __version__
-from padgen.cli import bench, build, cache, calibrate, drive, plan, play, retune, small, study, sweep
+from padgen.cli import build, drive, plan, retune, small, sweep
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.core.errors import LONGEST, EngineMissingError, PadgenError, plain
 
@@ -22,7 +22,20 @@ __all__ = ["main", "run"]
 
 DEBUG = "PADGEN_DEBUG"
 """Environment variable that, when set, shows warnings and tracebacks."""
-COMMANDS = (plan, build, drive, play, bench, retune, calibrate, study, sweep, cache, small)
+COMMANDS = {
+    "plan": plan.add,
+    "build": build.add_build,
+    "check": build.add_check,
+    "drive": drive.add_drive,
+    "play": drive.add_play,
+    "bench": retune.add_bench,
+    "retune": retune.add_retune,
+    "calibrate": retune.add_calibrate,
+    "study": sweep.add_study,
+    "sweep": sweep.add_sweep,
+    **dict.fromkeys(("cache", "templates", "init", "schema"), small.add),
+}
+"""The function that declares each command and its options."""
 
 
 def main() -> NoReturn:
@@ -51,42 +64,32 @@ def main() -> NoReturn:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
-    as_json = "--json" in arguments
     try:
         options = _parsed(arguments)
-        code: int = options.command(options)
-        return code
+        return int(options.command(options))
     except SystemExit:  # --help and --version
         return DONE
-    except PadgenError as error:
-        return _refused(str(error).removeprefix("padgen: "), error.code, as_json)
-    except KeyboardInterrupt:
-        return _refused("interrupted; files are as they were", "interrupted", as_json)
     except BrokenPipeError:
         # Redirect standard output, so that the flush at exit does not fail on the closed pipe again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT
+    except PadgenError as error:
+        code, sentence = error.code, str(error).removeprefix("padgen: ")
+    except KeyboardInterrupt:
+        code, sentence = "interrupted", "interrupted; files are as they were"
     except OSError as error:
-        return _refused(f"cannot be written ({error.strerror or error})", "file", as_json)
+        code, sentence = "file", f"cannot be written ({error.strerror or error})"
     except MemoryError:
-        asked = " ".join(arguments[:1])
-        return _refused(
-            f"the machine has not enough memory for this padgen {asked}; files are as they were", "memory", as_json
-        )
+        asked = f"this padgen {' '.join(arguments[:1])}"
+        code, sentence = "memory", f"the machine has not enough memory for {asked}; files are as they were"
     except Exception as error:
         if DEBUG in os.environ:
             raise
-        told = f"{type(error).__name__}: {error}"
-        return _refused(
-            f"internal error ({told}); please report it with the command and its files ({DEBUG}=1 shows where it is)",
-            "internal",
-            as_json,
-        )
-
-
-def _refused(sentence: str, code: str, as_json: bool) -> int:
+        told = "please report it with the command and its files"
+        code = "internal"
+        sentence = f"internal error ({type(error).__name__}: {error}); {told} ({DEBUG}=1 shows where it is)"
     sentence = plain(sentence, LONGEST)
-    if as_json:
+    if "--json" in arguments:
         with suppress(OSError):
             print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False), flush=True)
             return BAD_INPUT
@@ -148,7 +151,6 @@ def _parser(asked: list[str]) -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     # To start quickly, only the options of the command that is run are declared.
-    own = [module for module in COMMANDS if asked == [module.__name__.rpartition(".")[2]]]
-    for module in own or COMMANDS:
-        module.add(commands)
+    for declare in dict.fromkeys(COMMANDS[name] for name in (asked if asked and asked[0] in COMMANDS else COMMANDS)):
+        declare(commands)
     return parser

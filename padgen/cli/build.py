@@ -5,30 +5,24 @@ from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import (
-    add_model,
-    add_output,
+    add_shared,
     add_spec,
     add_verbose,
+    answer,
     asked_of,
     code_of,
     folder_of,
-    print_json,
     progress_line,
-    show,
+    refuse,
 )
-from padgen.core.errors import PadgenError, plain
+from padgen.core.errors import plain
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
 
-__all__ = ["add"]
+__all__ = ["add_build", "add_check"]
 
 
-def add(commands: Any) -> None:
-    """Declare the commands and their options."""
-    _add_build(commands)
-    _add_check(commands)
-
-
-def _add_build(commands: Any) -> None:
+def add_build(commands: Any) -> None:
+    """Declare ``padgen build`` and its options."""
     parser = commands.add_parser("build", help="model the pad, check it, and write its files and its driver table")
     add_spec(parser)
     parser.add_argument(
@@ -47,13 +41,11 @@ def _add_build(commands: Any) -> None:
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
     parser.add_argument("--force", action="store_true", help="build again even if nothing changed")
-    add_verbose(parser, "all notes and the slicer's settings")
-    add_model(parser)
-    add_output(parser)
-    parser.set_defaults(command=_build)
+    add_shared(parser, _build, "all notes and the slicer's settings")
 
 
-def _add_check(commands: Any) -> None:
+def add_check(commands: Any) -> None:
+    """Declare ``padgen check`` and its options."""
     parser = commands.add_parser("check", help="whether an STL or 3MF prints, or what a slicer's G-code makes of a pad")
     parser.add_argument("mesh", metavar="MESH", nargs="?", help="an STL, 3MF, OBJ or PLY file")
     parser.add_argument(
@@ -81,37 +73,30 @@ def _build(options: argparse.Namespace) -> int:
     with progress_line() as progress:
         pad = Pad(spec, parts, tolerance, progress=progress)
         built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force)
-    if options.json:
-        print_json({**asdict(built), "folder": str(built.folder)})
-    else:
-        from padgen.report.plans import built_text
+    from padgen.report.plans import built_text
 
-        show(built_text(built, options.verbose))
-        show(f"next: print it, then padgen drive {plain(options.spec)} --state all --hear")
+    following = f"next: print it, then padgen drive {plain(options.spec)} --state all --hear"
+    table = {**asdict(built), "folder": str(built.folder)}
+    answer(options, table, built_text(built, options.verbose), following)
     return code_of(built.findings)
 
 
 def _check(options: argparse.Namespace) -> int:
     from padgen.api import check
 
-    if (options.mesh is None) == (options.gcode is None):
-        raise PadgenError("needs either a mesh or --gcode FILE; padgen check --help tells more", "padgen check")
+    neither = "needs either a mesh or --gcode FILE; padgen check --help tells more"
+    refuse(((options.mesh is None) == (options.gcode is None), "padgen check", neither))
     with progress_line() as progress:
         report = check(
             options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress
         )
-    if options.json:
-        print_json(asdict(report))
-    else:
-        from padgen.report.measured_prints import laid_text
-        from padgen.report.plans import figures_text, held_line, serious_text
+    from padgen.report.measured_prints import laid_text
+    from padgen.report.plans import figures_text, held_line, serious_text
 
-        if options.mesh is None:
-            show(laid_text(report, options.gcode, options.verbose))
-        else:
-            show(held_line(f"{options.mesh} is read", report.findings))
-        if told := serious_text(report.findings, options.verbose):
-            show(told)
-        if options.mesh is not None:
-            show(figures_text(report.figures))
+    serious = serious_text(report.findings, options.verbose)
+    if options.mesh is None:
+        texts = [laid_text(report, options.gcode, options.verbose), serious]
+    else:
+        texts = [held_line(f"{options.mesh} is read", report.findings), serious, figures_text(report.figures)]
+    answer(options, asdict(report), *texts)
     return code_of(report.findings)

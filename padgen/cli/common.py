@@ -1,14 +1,13 @@
 """Share exit codes, options, progress and printing between commands."""
 
 import argparse
-import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from padgen.core.errors import plain
+from padgen.core.errors import SpecError, plain
 
 __all__ = [
     "BAD_INPUT",
@@ -16,14 +15,16 @@ __all__ = [
     "DONE",
     "add_model",
     "add_output",
+    "add_shared",
     "add_spec",
     "add_verbose",
+    "answer",
     "asked_of",
     "code_of",
-    "end_as_by_ctrl_c",
     "folder_of",
     "print_json",
     "progress_line",
+    "refuse",
     "show",
 ]
 
@@ -64,6 +65,26 @@ def add_output(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
 
 
+def add_shared(
+    parser: argparse.ArgumentParser, run: Any, verbose: str = "all tables and notes", late: Any = None
+) -> None:
+    """Declare the options that commands on a plan share, and the function that runs this one.
+
+    `late` is the name of a positional that may follow an option.
+    """
+    add_verbose(parser, verbose)
+    add_model(parser)
+    add_output(parser)
+    parser.set_defaults(command=run, late=late)
+
+
+def refuse(*cases: tuple[Any, str, str]) -> None:
+    """Refuse the first of these cases that holds: a condition, the option that is wrong, and the sentence about it."""
+    for wrong, where, sentence in cases:
+        if wrong:
+            raise SpecError(sentence, where)
+
+
 def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, float | None]:
     """Return the spec with the model that the command line asks for, and the asked tolerance (None if there is none).
 
@@ -84,7 +105,7 @@ def folder_of(options: argparse.Namespace, name: str) -> Path:
     return Path(given) if given else Path("out") / name
 
 
-def show(text: str) -> None:
+def show(text: str, stream: Any = None) -> None:
     """Print text for people: control characters escaped, sentences wrapped to at most `WIDTH` columns, tables whole."""
     import textwrap
 
@@ -96,7 +117,8 @@ def show(text: str) -> None:
     for line in map(plain, text.split("\n")):
         # A line with two spaces in a row is one of a table.
         whole = len(line) <= width or "  " in line.strip()
-        print(line if whole else textwrap.fill(line, width, break_on_hyphens=False, subsequent_indent="  "))
+        wrapped = line if whole else textwrap.fill(line, width, break_on_hyphens=False, subsequent_indent="  ")
+        print(wrapped, file=stream)
 
 
 def print_json(table: Any) -> None:
@@ -106,14 +128,18 @@ def print_json(table: Any) -> None:
     print(json_text(table), end="")
 
 
+def answer(options: argparse.Namespace, table: Any, *texts: str) -> None:
+    """Print a command's answer: with ``--json`` the table, else the texts for people."""
+    if options.json:
+        print_json(table)
+        return
+    for text in filter(None, texts):
+        show(text)
+
+
 def code_of(findings: Any) -> int:
     """Return the exit code for findings: `CHECK_FAILED` if one is an error, else `DONE`."""
     return CHECK_FAILED if any(finding.level == "error" for finding in findings) else DONE
-
-
-def end_as_by_ctrl_c() -> None:
-    """Make SIGTERM, as a batch queue sends it, act like Ctrl-C, so that finished results are kept."""
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
 
 
 @contextmanager

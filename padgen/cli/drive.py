@@ -1,31 +1,34 @@
-"""The command ``padgen drive``."""
+"""The commands ``padgen drive`` and ``padgen play``."""
 
 import argparse
 from pathlib import Path
 from typing import Any
 
 from padgen.cli.common import (
+    DONE,
     add_model,
-    add_output,
+    add_shared,
     add_spec,
-    add_verbose,
+    answer,
     asked_of,
     code_of,
     folder_of,
-    print_json,
     progress_line,
-    show,
+    refuse,
 )
-from padgen.core.errors import SpecError, number
+from padgen.core.errors import number, plain
 from padgen.core.registry import FORMATS
 
-__all__ = ["SHOWN", "add", "add_frames", "frames_of", "plan_of", "shows", "tuning_of"]
+__all__ = ["add_drive", "add_play", "plan_of", "tuning_of"]
 
 DEFAULT_TABLES, DEFAULT_WAVES = "csv,json", "csv,json,wav"
+MOST_REPEATS = 10_000
+SHOWN = ("state", "frames", "text", "pattern")
+"""Options that say what is shown."""
 
 
-def add(commands: Any) -> None:
-    """Declare the command and its options."""
+def add_drive(commands: Any) -> None:
+    """Declare ``padgen drive`` and its options."""
     parser = commands.add_parser(
         "drive",
         help="tables, waveforms and firmware that play images on the pad",
@@ -38,7 +41,7 @@ def add(commands: Any) -> None:
         metavar="LIST",
         help=f"of {', '.join(FORMATS.names())} (default: {DEFAULT_TABLES}, with something to show {DEFAULT_WAVES})",
     )
-    add_frames(parser)
+    _add_frames(parser)
     parser.add_argument("--loop", action="store_true", help="with --state: whole periods, which repeat without a jump")
     parser.add_argument("--rate", metavar="HZ", type=int, help="samples per second (default: 48000, or what it takes)")
     parser.add_argument(
@@ -72,17 +75,10 @@ def add(commands: Any) -> None:
         metavar="FILE",
         help="write nothing, and say which coils are swapped: a CSV of the taxels played,felt with --pattern each",
     )
-    add_verbose(parser, "all notes")
-    add_model(parser)
-    add_output(parser)
-    parser.set_defaults(command=_drive)
+    add_shared(parser, _drive, "all notes")
 
 
-SHOWN = ("state", "frames", "text", "pattern")
-"""Options that say what is shown."""
-
-
-def add_frames(parser: argparse.ArgumentParser) -> None:
+def _add_frames(parser: argparse.ArgumentParser) -> None:
     """Declare the options that choose what to show: `SHOWN`."""
     shown = parser.add_mutually_exclusive_group()
     shown.add_argument(
@@ -118,10 +114,10 @@ def plan_of(options: argparse.Namespace, progress: Any) -> Any:
     return plan_for(*asked_of(options), progress)
 
 
-def frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, ...]]:
+def _frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, ...]]:
     """Return the levels of the asked frames (None if none are asked for), and notes about them."""
-    if options.seconds is not None and not 0 < options.seconds < 1e6:
-        raise SpecError(f"must be above 0 s and below 1e6 s, got {number(options.seconds)} s", "--seconds")
+    seconds = 1.0 if options.seconds is None else options.seconds
+    refuse((not 0 < seconds < 1e6, "--seconds", f"must be above 0 s and below 1e6 s, got {number(seconds)} s"))
     if options.frames is not None:
         from padgen.driver.frames import read_frames
 
@@ -134,7 +130,7 @@ def frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, .
     return levels_of(plan, options.state, text=options.text, pattern=options.pattern), notes
 
 
-def shows(options: argparse.Namespace) -> bool:
+def _shows(options: argparse.Namespace) -> bool:
     """Tell whether something to show is asked for."""
     return any(getattr(options, name) is not None for name in SHOWN)
 
@@ -149,20 +145,28 @@ def tuning_of(path: str | None, plan: Any) -> Any:
 
 
 def _drive(options: argparse.Namespace) -> int:
-    from padgen.driver.drive_folder import DEPTHS
+    from padgen.driver.drive_folder import DEPTHS, Drive, parse_formats
 
-    if options.depth not in DEPTHS:
-        raise SpecError(f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}", "--depth")
+    refuse((options.depth not in DEPTHS, "--depth", f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}"))
     if options.excite is not None:
         return _excite(options)
     if options.wiring is not None:
         return _wiring(options)
-    from padgen.driver.drive_folder import Drive, parse_formats
-
-    _refuse(options)
+    still, of_wav = not _shows(options), "is of a WAV; add --state or --frames"
+    refuse(
+        (
+            options.signal not in ("voltage", "current"),
+            "--signal",
+            f"must be voltage or current, got {options.signal!r}",
+        ),
+        (still and options.depth != "24", "--depth", of_wav),
+        (still and options.signal != "voltage", "--signal", of_wav),
+        (options.gap and not options.hear, "--gap", "is about how the file is listened to; add --hear"),
+        (options.together, "--together", "is for --excite"),
+    )
     with progress_line() as progress:
         plan = plan_of(options, progress)
-        frames, notes = frames_of(options, plan)
+        frames, notes = _frames_of(options, plan)
         formats = None if options.formats is None else parse_formats(options.formats)
         tuning, held = tuning_of(options.tuning, plan), options.state is not None
         shown = Drive(
@@ -183,23 +187,8 @@ def _drive(options: argparse.Namespace) -> int:
         driven = shown.save_folder(folder, formats, options.depth, options.hear, options.gap)
     from padgen.report.drives import driven_table, driven_text
 
-    if options.json:
-        print_json(driven_table(driven, notes))
-    else:
-        show(driven_text(plan, driven, frames, notes, options.verbose))
+    answer(options, driven_table(driven, notes), driven_text(plan, driven, frames, notes, options.verbose))
     return code_of(driven.findings)
-
-
-def _refuse(options: argparse.Namespace) -> None:
-    if options.signal not in ("voltage", "current"):
-        raise SpecError(f"must be voltage or current, got {options.signal!r}", "--signal")
-    for name, default in (("depth", "24"), ("signal", "voltage")):
-        if not shows(options) and getattr(options, name) != default:
-            raise SpecError("is of a WAV; add --state or --frames", f"--{name}")
-    if options.gap and not options.hear:
-        raise SpecError("is about how the file is listened to; add --hear", "--gap")
-    if options.together:
-        raise SpecError("is for --excite", "--together")
 
 
 def _wiring(options: argparse.Namespace) -> int:
@@ -209,31 +198,20 @@ def _wiring(options: argparse.Namespace) -> int:
     with progress_line() as progress:
         plan = plan_of(options, progress)
     findings = wiring_findings(plan, Path(options.wiring))
-    if options.json:
-        from dataclasses import asdict
-
-        from padgen.core.files import json_text
-
-        print(json_text({"findings": [asdict(finding) for finding in findings]}), end="")
-    else:
-        show(held_line(f"What was felt of {plan.name} is compared with its wiring", findings))
-        show(findings_text(findings))
+    held = held_line(f"What was felt of {plan.name} is compared with its wiring", findings)
+    answer(options, {"findings": findings}, held, findings_text(findings))
     return code_of(findings)
 
 
 def _excite(options: argparse.Namespace) -> int:
-    from dataclasses import asdict
-
     from padgen.driver.drive_folder import write_excitation
 
-    given = [
-        f"--{name}" for name in ("formats", *SHOWN, "carrier", "tuning", "wiring") if getattr(options, name) is not None
-    ]
-    given += [f"--{name}" for name in ("loop", "hear", "gap") if getattr(options, name)]
-    if options.signal != "voltage":
-        given.append("--signal")
-    if given:
-        raise SpecError(f"writes excitation.wav and nothing else; {given[0]} does not go with it", "--excite")
+    given = [name for name in ("formats", *SHOWN, "carrier", "tuning", "wiring") if getattr(options, name) is not None]
+    given += [name for name in ("loop", "hear", "gap") if getattr(options, name)]
+    given += ["signal"] * (options.signal != "voltage")
+    refuse(
+        *((True, "--excite", f"writes excitation.wav and nothing else; --{name} does not go with it") for name in given)
+    )
     with progress_line() as progress:
         plan = plan_of(options, progress)
         progress("writing the excitation")
@@ -241,13 +219,93 @@ def _excite(options: argparse.Namespace) -> int:
         played, findings = write_excitation(
             plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
         )
-    if options.json:
-        names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
-        figures = {name: value for name, value in asdict(played).items() if name in names}
-        figures["findings"] = [asdict(finding) for finding in findings]
-        print_json({"folder": str(folder), "files": ["excitation.wav", "excitation.json"], **figures})
-    else:
-        from padgen.report.drives import excitation_text
+    from padgen.report.drives import excitation_text
 
-        show(excitation_text(played, folder, findings))
+    names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
+    files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"]}
+    table = {**files, **{name: getattr(played, name) for name in names}, "findings": findings}
+    answer(options, table, excitation_text(played, folder, findings))
     return code_of(findings)
+
+
+def add_play(commands: Any) -> None:
+    """Declare ``padgen play`` and its options."""
+    parser = commands.add_parser(
+        "play",
+        help="show frames on a pad: over a serial port, or a WAV file over a sound card",
+        description="Show frames on a pad whose microcontroller runs the firmware of `padgen drive --formats c`, or"
+        " play a WAV file of `padgen drive` over a sound card with a channel for each coil. Needs the extra"
+        " padgen[play].",
+    )
+    parser.add_argument("spec", metavar="SPEC|WAV", help="a spec or template with --port, a WAV file with --audio")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--port", metavar="PORT", help="serial port of the microcontroller, as /dev/ttyACM0 or COM3")
+    where.add_argument(
+        "--audio", metavar="DEVICE", nargs="?", const="", help="sound card, by name or number (default: the system's)"
+    )
+    _add_frames(parser)
+    parser.add_argument(
+        "--tuning", metavar="FILE", help="with --port: the tuning.json that the firmware was written for"
+    )
+    parser.add_argument("--baud", metavar="N", type=int, default=115200, help="of --port (default: %(default)s)")
+    parser.add_argument("--repeat", metavar="N", type=int, default=1, help="show all frames so many times")
+    add_model(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    parser.set_defaults(command=_play)
+
+
+def _play(options: argparse.Namespace) -> int:
+    refuse(
+        (not 1 <= options.repeat <= MOST_REPEATS, "--repeat", f"must be 1 … {MOST_REPEATS}, got {options.repeat}"),
+        (options.baud < 1, "--baud", f"must be above 0, got {options.baud}"),
+    )
+    return _audio(options) if options.audio is not None else _serial(options)
+
+
+def _serial(options: argparse.Namespace) -> int:
+    import numpy as np
+
+    from padgen.driver.serial_line import play_frames
+
+    refuse((not _shows(options), "--port", "needs something to show; add --state or --frames"))
+    with progress_line() as progress:
+        plan = plan_of(options, progress)
+        frames, notes = _frames_of(options, plan)
+        repeated = np.concatenate([frames] * options.repeat)
+        tuning = tuning_of(options.tuning, plan)
+        played = play_frames(
+            options.port,
+            plan,
+            repeated,
+            options.seconds,
+            tuning=tuning,
+            baud=options.baud,
+            told=lambda shown: progress(f"frame {shown} of {len(repeated)}"),
+        )
+    figures = {"frames": played.frames, "resent": played.resent, "seconds": played.seconds, "given": played.given}
+    lost = f"; {played.resent} messages were lost on the line and sent again" if played.resent else ""
+    warm = f"; coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
+    lost += warm if played.given < 1 else ""
+    frames_shown = "1 frame" if played.frames == 1 else f"{played.frames} frames"
+    told = f"showed {frames_shown} in {played.seconds:.1f} s on {plain(options.port)}{lost}"
+    answer(options, {"port": options.port, **figures, "notes": list(notes)}, told, *notes)
+    return DONE
+
+
+def _audio(options: argparse.Namespace) -> int:
+    from padgen.driver.sound_card import play_wave
+
+    for name in (*SHOWN, "seconds", "tuning"):
+        told = f"plays a WAV file of padgen drive as it is; --{name} goes with padgen drive"
+        refuse((getattr(options, name) is not None, "--audio", told))
+    with progress_line() as progress:
+        played = play_wave(
+            Path(options.spec),
+            options.audio or None,
+            options.repeat,
+            lambda device: progress(f"playing on {device.name}"),
+        )
+    late = f"; {played.missed} blocks came too late, and were heard as gaps" if played.missed else ""
+    table = {"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed}
+    answer(options, table, f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}")
+    return DONE

@@ -5,18 +5,8 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from padgen.cli.common import (
-    add_model,
-    add_output,
-    add_spec,
-    add_verbose,
-    asked_of,
-    code_of,
-    folder_of,
-    progress_line,
-    show,
-)
-from padgen.core.errors import SpecError, plain
+from padgen.cli.common import add_shared, add_spec, asked_of, code_of, folder_of, progress_line, refuse, show
+from padgen.core.errors import plain
 
 __all__ = ["add"]
 
@@ -53,10 +43,7 @@ def add(commands: Any) -> None:
         action="store_true",
         help=f"write {PLOT_FILE}: the pad to scale, which coils' prints suffer, resonances",
     )
-    add_verbose(parser)
-    add_model(parser)
-    add_output(parser)
-    parser.set_defaults(command=_plan)
+    add_shared(parser, _plan)
 
 
 def _plan(options: argparse.Namespace) -> int:
@@ -64,15 +51,27 @@ def _plan(options: argparse.Namespace) -> int:
     from padgen.make.planning import plan_for
     from padgen.planner import plan_to_json
 
-    if options.pads is not None and not 1 <= options.pads <= MOST_PADS:
-        raise SpecError(f"must be 1 … {MOST_PADS} pads, got {options.pads}", "--yield")
-    if options.seed < 0:
-        raise SpecError(f"must be 0 or more, got {options.seed}", "--seed")
+    refuse(
+        (
+            options.pads is not None and not 1 <= options.pads <= MOST_PADS,
+            "--yield",
+            f"must be 1 … {MOST_PADS} pads, got {options.pads}",
+        ),
+        (options.seed < 0, "--seed", f"must be 0 or more, got {options.seed}"),
+    )
+    explanation = printed = None
     with progress_line() as progress:
         plan = plan_for(*asked_of(options, recorded=False), progress)
+        if options.explain:
+            from padgen.planner.explain import explain_plan
+
+            explanation = explain_plan(plan, progress)
+        if options.pads:
+            from padgen.planner.print_yield import print_yield
+
+            progress(f"printing {options.pads} pads")
+            printed = print_yield(plan, options.pads, options.seed)
     text = plan_to_json(plan)
-    explanation = _explained(plan) if options.explain else None
-    printed = _printed(plan, options) if options.pads else None
     folder = folder_of(options, plan.name)
     with OutputFolder(folder) as out:
         out.write("plan.json", text)
@@ -106,18 +105,3 @@ def _print_plan(plan: Any, explanation: Any, printed: Any, verbose: bool) -> Non
         show(f"\n{explanation_text(explanation)}")
     if printed:
         show(f"\n{yield_text(printed)}")
-
-
-def _printed(plan: Any, options: argparse.Namespace) -> Any:
-    from padgen.planner.print_yield import print_yield
-
-    with progress_line() as progress:
-        progress(f"printing {options.pads} pads")
-        return print_yield(plan, options.pads, options.seed)
-
-
-def _explained(plan: Any) -> Any:
-    from padgen.planner.explain import explain_plan
-
-    with progress_line() as progress:
-        return explain_plan(plan, progress)

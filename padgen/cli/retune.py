@@ -1,29 +1,34 @@
-"""The command ``padgen retune``."""
+"""The commands on measured prints: ``padgen bench``, ``padgen retune`` and ``padgen calibrate``."""
 
 import argparse
+import sys
+from pathlib import Path
 from typing import Any
 
 from padgen.cli.common import (
+    DONE,
     add_model,
-    add_output,
+    add_shared,
     add_spec,
-    add_verbose,
+    answer,
+    asked_of,
     code_of,
     folder_of,
-    print_json,
     progress_line,
+    refuse,
     show,
 )
-from padgen.cli.drive import plan_of
-from padgen.core.errors import SpecError, plain
+from padgen.cli.drive import plan_of, tuning_of
+from padgen.core.errors import EngineMissingError, FileError, SolverError, plain
 
-__all__ = ["add", "tell"]
+__all__ = ["add_bench", "add_calibrate", "add_retune"]
 
 KINDS = ("spectrum", "chirp", "pluck")
+MOST_TRIES = 20
 
 
-def add(commands: Any) -> None:
-    """Declare the command and its options."""
+def add_retune(commands: Any) -> None:
+    """Declare ``padgen retune`` and its options."""
     parser = commands.add_parser(
         "retune",
         help="fit what a print was measured to be, and re-tune tones and levels to it",
@@ -71,24 +76,26 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--snr", default=30.0, metavar="DB", type=float, help="with --simulate: signal over noise (default: 30)"
     )
-    add_verbose(parser, "all notes, and more taxels")
-    add_model(parser)
-    add_output(parser)
-    parser.set_defaults(command=_retune, late="measured")
+    add_shared(parser, _retune, "all notes, and more taxels", late="measured")
 
 
 def _retune(options: argparse.Namespace) -> int:
-    if bool(options.measured) == (options.simulate is not None):
-        raise SpecError("needs MEASURED, a file or a folder, or --simulate SEED, and not both", "padgen retune")
-    from padgen.measured.tuned_folder import write_retuned
+    simulated, both = None, "needs MEASURED, a file or a folder, or --simulate SEED, and not both"
+    refuse((bool(options.measured) == (options.simulate is not None), "padgen retune", both))
+    from padgen.measured.tuned_folder import simulated_print, write_retuned
 
     with progress_line() as progress:
         plan = plan_of(options, progress)
-        simulated = _simulated(options, plan, progress) if options.simulate is not None else None
-        folder = folder_of(options, plan.name)
+        if options.simulate is not None:
+            refuse(
+                (options.simulate < 0, "--simulate", f"must be 0 or more, got {options.simulate}"),
+                (not 0 <= options.snr <= 200, "--snr", f"must be 0 … 200 dB, got {options.snr:g}"),
+            )
+            progress("printing and measuring a pad")
+            simulated = simulated_print(plan, options.simulate, options.kind, options.snr)
         written = write_retuned(
             plan,
-            folder,
+            folder_of(options, plan.name),
             options.measured,
             simulated,
             options.excitation,
@@ -98,30 +105,182 @@ def _retune(options: argparse.Namespace) -> int:
             options.coupon,
             progress,
         )
-    return tell(options, plan, written)
+    return _tell(options, plan, written)
 
 
-def tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
+def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
     """Print what a re-tuned folder holds, and return the exit code."""
-    if options.json:
-        print_json(written.table())
-    else:
-        from padgen.measured.tuned_folder import measured_rows
-        from padgen.report.measured_prints import retuned_text
+    from padgen.measured.tuned_folder import measured_rows
+    from padgen.report.measured_prints import retuned_text
 
-        show(retuned_text(written.result, measured_rows(plan, written.result.tuning), options.verbose))
-        place = plain(str(written.folder))
-        show(f"written to {place}: {', '.join(written.files)}")
-        show(f"next: padgen drive {plain(options.spec)} --tuning {place}/tuning.json --state all --hear")
+    place = plain(str(written.folder))
+    answer(
+        options,
+        written.table(),
+        retuned_text(written.result, measured_rows(plan, written.result.tuning), options.verbose),
+        f"written to {place}: {', '.join(written.files)}",
+        f"next: padgen drive {plain(options.spec)} --tuning {place}/tuning.json --state all --hear",
+    )
     return code_of(written.result.findings)
 
 
-def _simulated(options: argparse.Namespace, plan: Any, progress: Any) -> Any:
-    from padgen.measured.tuned_folder import simulated_print
+def add_bench(commands: Any) -> None:
+    """Declare ``padgen bench`` and its options."""
+    parser = commands.add_parser(
+        "bench",
+        help="measure a print at the bench, taxel by taxel, and re-tune tones and levels to it",
+        description="Shake every taxel in turn, through a sound card or a microcontroller with the firmware, record it"
+        " by a sensor at an input of a sound card, fit it at once, and write what padgen retune writes. What is"
+        " recorded is kept in the folder; the same command goes on where it was stopped. Needs the extra padgen[play].",
+    )
+    add_spec(parser)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--device", metavar="NAME", help="sound card that plays, by name or number (default: first)")
+    where.add_argument("--port", metavar="PORT", default="", help="serial port of the microcontroller that plays")
+    parser.add_argument("--record", metavar="NAME", help="sound card that records, by name or number (default: first)")
+    parser.add_argument("--coils", action="store_true", help="the sensor hears all taxels of a coil: record by coil")
+    parser.add_argument("--tries", metavar="N", type=int, default=3, help="most recordings of one (default: 3)")
+    parser.add_argument("--rate", metavar="HZ", type=int, help="samples per second (default: the sound card's)")
+    parser.add_argument("--baud", metavar="N", type=int, default=115200, help="of --port (default: %(default)s)")
+    parser.add_argument("--tuning", metavar="FILE", help="with --port: tuning.json that the firmware was written for")
+    parser.add_argument("--nearest", action="store_true", help="of two like peaks take the one nearer to the plan's")
+    add_shared(parser, _bench, "all notes, and more taxels")
 
-    if options.simulate < 0:
-        raise SpecError(f"must be 0 or more, got {options.simulate}", "--simulate")
-    if not 0 <= options.snr <= 200:
-        raise SpecError(f"must be 0 … 200 dB, got {options.snr:g}", "--snr")
-    progress("printing and measuring a pad")
-    return simulated_print(plan, options.simulate, options.kind, options.snr)
+
+def _bench(options: argparse.Namespace) -> int:
+    for name, most in (("tries", MOST_TRIES), ("baud", 10**8), ("rate", 10**7)):
+        value = getattr(options, name)
+        refuse((value is not None and not 1 <= value <= most, f"--{name}", f"must be 1 … {most}, got {value}"))
+    from padgen.driver.bench import RECORDED, bench
+    from padgen.measured.tuned_folder import write_retuned
+
+    with progress_line() as progress:
+        plan = plan_of(options, progress)
+    folder, tuning = folder_of(options, plan.name), tuning_of(options.tuning, plan)
+    session = bench(plan, folder, options.device, options.record, options.rate, options.port, options.baud, tuning)
+    if session.sink:
+        told = (
+            f"{session.sink.name} has {session.sink.channels} output channels for"
+            f" {plan.coils.rows * plan.coils.columns} coils; run this in a terminal, which asks to connect one coil"
+            " after the other to output 1"
+        )
+        refuse((session.by_hand and not _asks(), "--device", told))
+    names = session.names(options.coils)
+    left = [name for name in names if not session.is_kept(name)]
+    if len(left) < len(names):
+        _say(options, f"{len(names) - len(left)} of {len(names)} were recorded before, and are kept")
+    try:
+        for name in left:
+            _measure(options, session, name)
+    except (KeyboardInterrupt, EOFError) as error:
+        kept = sum(map(session.is_kept, names))
+        told = f"stopped with {kept} of {len(names)} recorded; the same command goes on with the others"
+        raise FileError(told, str(folder)) from error
+    if not any(map(session.is_kept, names)):
+        raise FileError("has no recording that shows a resonance; nothing is re-tuned", str(folder / RECORDED))
+    with progress_line() as progress:
+        written = write_retuned(plan, folder, [str(folder / RECORDED)], nearest=options.nearest, progress=progress)
+    return _tell(options, plan, written)
+
+
+def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
+    """Record and fit a taxel or a coil, again where that fails, and tell of each."""
+    for attempt in range(options.tries):
+        if not _is_ready(session, name, attempt):
+            _say(options, f"{name}: left out")
+            return
+        try:
+            with progress_line() as progress:
+                fits = session.take(name, attempt, options.nearest, progress)
+        except SolverError as error:
+            if isinstance(error, EngineMissingError):
+                raise
+            last = attempt + 1 == options.tries
+            _say(options, f"{name}: {error.message}; {'it is left out' if last else 'once more'}")
+            continue
+        for fit in fits:
+            _say(
+                options,
+                f"{fit.id}  {fit.resonance_hz:.2f} ± {fit.resonance_error_hz:.1g} Hz,"
+                f" Q {fit.q:.1f} ± {fit.q_error:.1g}",
+            )
+        return
+
+
+def _asks() -> bool:
+    """Tell whether there is somebody at a terminal to ask."""
+    return sys.stdin is not None and sys.stdin.isatty()
+
+
+def _is_ready(session: Any, name: str, attempt: int) -> bool:
+    """Ask at a terminal whether sensor and coil are in place; elsewhere they are."""
+    if not _asks():
+        return True
+    coil = name.partition("k")[0]
+    wired = f"coil {coil} at output 1, " if session.by_hand else ""
+    sensor = f"where all taxels of {name} are heard" if name == coil else f"at {name}"
+    repeats = "repeats" if attempt else "records"
+    print(f"{wired}sensor {sensor}: Enter {repeats}, s leaves it out ", end="", file=sys.stderr, flush=True)
+    return input().strip().lower() != "s"
+
+
+def _say(options: argparse.Namespace, text: str) -> None:
+    """Print a line for people at once, with ``--json`` to standard error."""
+    stream = sys.stderr if options.json else sys.stdout
+    show(text, stream)
+    stream.flush()
+
+
+def add_calibrate(commands: Any) -> None:
+    """Declare ``padgen calibrate`` and its options."""
+    parser = commands.add_parser(
+        "calibrate",
+        help="find a printer's offsets and a material's modulus from measured prints",
+        description="Fit how much thicker and wider a printer makes beams, and the modulus, to measured prints of SPEC;"
+        ' a spec that says printer = "my-printer.toml" is then planned for that printer.',
+    )
+    add_spec(parser)
+    parser.add_argument(
+        "measured",
+        metavar="MEASURED",
+        nargs="+",
+        help="what was measured, one for each print: a CSV, a WAV, or a folder of them",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FILE",
+        default="my-printer.toml",
+        help="the printer's file that is written (default: my-printer.toml)",
+    )
+    parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    add_model(parser)
+    parser.set_defaults(command=_calibrate)
+
+
+def _calibrate(options: argparse.Namespace) -> int:
+    path = Path(options.output)
+    refuse((path.suffix != ".toml", "--output", f"must be a file of the kind my-printer.toml, got {options.output!r}"))
+    from padgen.api import calibrate
+    from padgen.core.files import OutputFolder
+    from padgen.make.planning import plan_for
+    from padgen.measured.printer_fit import printer_toml
+
+    spec, tolerance = asked_of(options, recorded=False)
+    with progress_line() as progress:
+        plan = plan_for(spec, tolerance, progress)
+        progress("fitting")
+        found = calibrate(plan, options.measured)
+    with OutputFolder(path.parent) as out:
+        out.write(path.name, printer_toml(plan.spec, found, path.stem))
+        out.commit()
+    told = (
+        f"beams print {found.z_offset_mm:.4f} ± {found.z_offset_error_mm:.4f} mm thicker and"
+        f" {found.width_offset_mm:.4f} ± {found.width_offset_error_mm:.4f} mm wider than drawn, of"
+        f" {found.modulus_gpa:.3f} ± {found.modulus_error_gpa:.3f} GPa"
+        f" ({found.prints} print{'s' * (found.prints > 1)}, {found.taxels} taxels, chi-square"
+        f" {found.chi_square:.1f} of {found.freedom})"
+    )
+    use = f'written: {plain(str(path))}; printer = "{plain(path.name)}" in a spec beside it plans for this printer'
+    answer(options, found, told, use)
+    return DONE

@@ -1,13 +1,15 @@
-"""The small commands ``padgen templates``, ``padgen init`` and ``padgen schema``."""
+"""The small commands ``padgen cache``, ``padgen templates``, ``padgen init`` and ``padgen schema``."""
 
 import argparse
 import json
+import os
+from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import DONE
+from padgen.cli.common import DONE, answer
 from padgen.core.errors import FileError
 
-__all__ = ["add"]
+__all__ = ["add", "add_cache", "use_cache"]
 
 SCHEMA_LINES = """#:schema ./padgen.schema.json
 # padgen schema > padgen.schema.json makes that file; editors then complete this one, and check it.
@@ -16,47 +18,73 @@ SCHEMA_LINES = """#:schema ./padgen.schema.json
 
 def add(commands: Any) -> None:
     """Declare the commands and their options."""
+    parser = commands.add_parser(
+        "cache",
+        help="what is kept of earlier runs, and dropping it",
+        description="Results that are dear to compute (meshes of taxels, finite elements, optimised ladders) are kept"
+        " in a folder, at most PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
+    )
+    actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
+    for name, told in (("info", "where it is, and how much it holds"), ("clear", "drop everything in it")):
+        action = actions.add_parser(name, help=told, description=told)
+        add_cache(action)
+        action.add_argument("--json", action="store_true", help="one JSON object on standard output")
+        action.set_defaults(command=_cache, action=name)
+
     templates = commands.add_parser("templates", help="list the templates, or show one")
     templates.add_argument("name", metavar="NAME", nargs="?")
-    templates.set_defaults(command=_templates)
-
+    templates.set_defaults(command=_templates, head="")
     init = commands.add_parser("init", help="copy a template to standard output")
     init.add_argument("name", metavar="NAME")
-    init.set_defaults(command=_init)
-
+    init.set_defaults(command=_templates, head=SCHEMA_LINES)
     schema = commands.add_parser("schema", help="the JSON schema of a spec, for editors")
     schema.set_defaults(command=_schema)
 
 
 def _templates(options: argparse.Namespace) -> int:
     from padgen.spec import template_paths
-
-    if options.name:
-        print(_template(options.name), end="")
-        return DONE
-    for name, path in template_paths().items():
-        first = path.read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
-        print(f"{name:<12}  {first}")
-    return DONE
-
-
-def _init(options: argparse.Namespace) -> int:
-    print(SCHEMA_LINES + _template(options.name), end="")
-    return DONE
-
-
-def _template(name: str) -> str:
     from padgen.spec.fields import unknown_name
-    from padgen.spec.load import template_paths
 
-    templates = template_paths()
-    if name not in templates:
-        raise FileError(unknown_name(name, list(templates), "template", "").message, "NAME")
-    return templates[name].read_text(encoding="utf-8")
+    texts = {name: path.read_text(encoding="utf-8") for name, path in template_paths().items()}
+    if options.name and options.name not in texts:
+        raise FileError(unknown_name(options.name, list(texts), "template", "").message, "NAME")
+    listed = "".join(f"{name:<12}  {text.splitlines()[0].lstrip('# ')}\n" for name, text in texts.items())
+    print(options.head + texts[options.name] if options.name else listed, end="")
+    return DONE
 
 
 def _schema(options: argparse.Namespace) -> int:
     from padgen.spec.load import spec_schema
 
     print(json.dumps(spec_schema(), indent=1, ensure_ascii=False))
+    return DONE
+
+
+def add_cache(parser: argparse.ArgumentParser) -> None:
+    """Declare the option ``--cache``."""
+    parser.add_argument(
+        "--cache", metavar="DIR", help="folder of the cache (default: PADGEN_CACHE, else the user's cache folder)"
+    )
+
+
+def use_cache(options: argparse.Namespace) -> None:
+    """Make this process and its children use the cache folder of ``--cache``, if that is given."""
+    from padgen.core.cache import VARIABLE
+
+    if options.cache:
+        os.environ[VARIABLE] = str(Path(options.cache).absolute())
+
+
+def _cache(options: argparse.Namespace) -> int:
+    from padgen.core import cache
+
+    use_cache(options)
+    dropped = options.action == "clear"
+    held = cache.clear() if dropped else cache.info()
+    from dataclasses import asdict
+
+    from padgen.report.sweeps import cache_text
+
+    kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
+    answer(options, {**asdict(held), "kinds": kinds, "cleared": dropped}, cache_text(held, dropped))
     return DONE

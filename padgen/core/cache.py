@@ -234,7 +234,6 @@ def clear() -> CacheInfo:
 PACKAGES = (
     "build123d",
     "cadquery-ocp-novtk",
-    "lib3mf",
     "manifold3d",
     "matplotlib",
     "netgen-mesher",

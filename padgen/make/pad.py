@@ -4,7 +4,7 @@ Tells whether a folder is up to date without importing numpy or a CAD kernel.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -15,13 +15,12 @@ from padgen.core.cache import code_hash, versions
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.finding import Finding
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
-from padgen.make.planning import plan_for, with_found_layout
+from padgen.make.planning import Progress, plan_for, with_found_layout
 from padgen.spec import Spec
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.solid.checks import Report
-    from padgen.solid.formats import Part
     from padgen.solid.mesh import Mesh
     from padgen.solid.pad_solid import PadSolid
 
@@ -29,7 +28,6 @@ __all__ = ["PARTS", "Built", "Pad", "parse_formats", "parse_parts", "up_to_date"
 
 PARTS = ("coupon", "coupon-tray", "tray")
 """Names of the parts that can be made beside the pad, see `padgen.solid.parts`."""
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -126,16 +124,6 @@ class Pad:
         self.progress("checking")
         return check_pad(solid, self.plan)
 
-    @cached_property
-    def _beside(self) -> "tuple[Part, ...]":
-        if not self.parts:
-            return ()
-        plan = self.plan
-        from padgen.solid.parts import build_part
-
-        self.progress(f"modelling {', '.join(self.parts)}")
-        return tuple(build_part(plan, name) for name in self.parts)
-
     def save(
         self,
         folder: str | Path,
@@ -164,28 +152,27 @@ class Pad:
             The folder cannot be written; its old files stay.
         """
         folder, formats = Path(folder), parse_formats(",".join(formats))
-        built = None if force else self._up_to_date(folder, formats, instances)
-        return built or self._written(folder, formats, instances)
-
-    def _up_to_date(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built | None:
         # With a tolerance, only planning decides on the model.
         spec = self.spec if self.tolerance is None else self.plan.spec
-        if self.given:
+        if self.given and not force:
             from padgen.planner import plan_to_json
 
-            if differs(folder, "plan.json", plan_to_json(self.given)):
-                return None
-        return up_to_date(spec, folder, formats, instances, self.parts)
+            force = differs(folder, "plan.json", plan_to_json(self.given))
+        built = None if force else up_to_date(spec, folder, formats, instances, self.parts)
+        return built or self._written(folder, formats, instances)
 
     def _written(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built:
         from padgen.driver.tables import drive_csv, drive_json
         from padgen.planner import plan_to_json
         from padgen.planner.printing import OTHER_SLICERS_FILE, PROFILE_FILE, other_slicers_text, profile_text
 
-        plan, pad, beside = self.plan, self.solid, self._beside
+        plan, pad = self.plan, self.solid
         from padgen.solid.formats import ExportJob, Part
-        from padgen.solid.parts import bill_of_materials
+        from padgen.solid.parts import bill_of_materials, build_part
 
+        if self.parts:
+            self.progress(f"modelling {', '.join(self.parts)}")
+        beside = [build_part(plan, name) for name in self.parts]
         inputs = _inputs(plan.spec, formats, instances, self.parts)
         about = f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils"
         whole = Part("pad", plan.name, about, pad.mesh, None, None)

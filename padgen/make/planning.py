@@ -19,7 +19,15 @@ from padgen.spec.load import answers, laid_over, without_none
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["parse_tolerance", "plan_for", "plan_to_compare", "recorded_spec", "spec_of", "with_found_layout"]
+__all__ = [
+    "Progress",
+    "parse_tolerance",
+    "plan_for",
+    "plan_to_compare",
+    "recorded_spec",
+    "spec_of",
+    "with_found_layout",
+]
 
 PLAN = "plan.json"
 
@@ -43,17 +51,12 @@ def spec_of(source: "str | Path | Mapping[str, Any] | Spec", fields: Mapping[str
         source = make_spec(dict(source))
     elif not isinstance(source, Spec):
         source = load_spec(str(source))
-    return make_spec(laid_over(without_none(asdict(source)), _by_dotted_name(fields))) if fields else source
-
-
-def _by_dotted_name(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return tables as fields with dotted names, so that a table's other fields stay."""
     flat: dict[str, Any] = {}
-    for name, value in fields.items():
-        flat |= (
-            {f"{name}.{key}": entry for key, entry in value.items()} if isinstance(value, Mapping) else {name: value}
-        )
-    return flat
+    for name, value in (fields or {}).items():
+        # By dotted names a table's other fields stay.
+        table = {f"{name}.{key}": entry for key, entry in value.items()} if isinstance(value, Mapping) else None
+        flat |= {name: value} if table is None else table
+    return make_spec(laid_over(without_none(asdict(source)), flat)) if fields else source
 
 
 def parse_tolerance(text: str) -> float:
@@ -162,17 +165,14 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
 
     path, beside = find_spec(spec), mesh.parent / PLAN
     if path.suffix == ".json":
-        return _with_source(read_plan(path), spec)
-    asked = load_spec(spec)
-    recover(mesh.parent)
-    if beside.is_file():
-        recorded = read_plan(beside)
-        if answers(recorded.spec, asked):
-            return _with_source(recorded, str(beside))
-    return _with_source(plan_for(asked, progress=progress), f"{spec}, planned anew")
-
-
-def _with_source(plan: "Plan", source: str) -> "tuple[Plan, str]":
-    """Return the plan, and its source with the models of its channels."""
+        plan, source = read_plan(path), spec
+    else:
+        asked = load_spec(spec)
+        recover(mesh.parent)
+        recorded = read_plan(beside) if beside.is_file() else None
+        if recorded and answers(recorded.spec, asked):
+            plan, source = recorded, str(beside)
+        else:
+            plan, source = plan_for(asked, progress=progress), f"{spec}, planned anew"
     models = " and ".join(sorted({channel.model for channel in plan.channels}))
     return plan, f"{source} ({models} model)"

@@ -6,11 +6,10 @@ plan whose taxels are all known loads neither a CAD kernel nor an engine.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import exp, log, pi
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -99,8 +98,10 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
         )
     asked, choice = spec, choose(spec)
     spec = choice.spec
-    beams, goals = choice.channels, _goals(spec, choice.channels)
-    tolerance = asked_error(spec)
+    beams, tolerance = choice.channels, asked_error(spec)
+    # With coarse printer steps the goal is the printable resonance.
+    coarse = steps_are_coarse(spec) and not spec.resonances_hz
+    goals = [float(c.model.resonance_hz) if coarse else c.target_hz for c in beams]
     trials: list[list[Trial]] = [[] for _ in goals]
     with TaxelSolver(tolerance, progress) as solver:
         for _ in range(ROUNDS):
@@ -113,17 +114,12 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
             if channels == choice.channels:
                 break
             choice = choice._replace(channels=channels)
-    best = [
-        _solid_or_beam(first, min(tried, key=lambda trial: abs(trial.miss)))
-        for first, tried in zip(beams, trials, strict=True)
-    ]
+    best = list(beams)
+    for index, tried in enumerate(trials):
+        sized, solved, _ = min(tried, key=lambda trial: abs(trial.miss))
+        if solved.error < beams[index].model.error_estimate:
+            best[index] = replace(sized, model=solved_model(sized.model, solved.modes, solved.error))
     return with_cures(asked, choice._replace(channels=tuple(best)))
-
-
-def _goals(spec: Spec, channels: Sequence[SizedChannel]) -> list[float]:
-    """Return each taxel's wanted resonance in Hz: its target, or with coarse printer steps its printable one."""
-    coarse = steps_are_coarse(spec) and not spec.resonances_hz
-    return [float(c.model.resonance_hz) if coarse else c.target_hz for c in channels]
 
 
 def _next_trial(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: float) -> SizedChannel:
@@ -150,15 +146,6 @@ def _slope(tried: Sequence[Trial]) -> float:
     return float(np.clip((before.miss - last.miss) / step, FLATTEST, STEEPEST)) if step else RULE_SLOPE
 
 
-def _solid_or_beam(beam: SizedChannel, trial: Trial) -> SizedChannel:
-    """Return the channel with the solid's modes, or the `beam` model's where that has the smaller error estimate."""
-    sized, solved = trial.sized, trial.solved
-    if solved.error >= beam.model.error_estimate:
-        return beam
-    model = solved_model(sized.model, solved.modes, solved.error)
-    return SizedChannel(sized.target_hz, sized.topology, sized.beam, model)
-
-
 class TaxelSolver:
     """Solves the taxels of plans, each distinct one once, in processes of their own; a context manager.
 
@@ -175,9 +162,7 @@ class TaxelSolver:
     def __enter__(self) -> "TaxelSolver":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._runner:
             self._runner.close()
 
@@ -185,27 +170,23 @@ class TaxelSolver:
         """Return the modes of every channel's taxel; `settings` are the first settings of the elements to try."""
         tasks = list(zip(plan.channels, settings, strict=True))
         keys = [cache.key_of(self._inputs(plan, *task)) for task in tasks]
-        known = _from_cache(set(keys))
-        if len(known) < len(set(keys)):
-            with cache.claimed(KIND, set(keys) - set(known)):
-                known |= _from_cache(set(keys) - set(known))  # others may have stored them during the wait
+        known = _from_cache(keys)
+        unknown = set(keys) - set(known)
+        if unknown:
+            with cache.claimed(KIND, unknown):
+                known |= _from_cache(unknown)  # others may have stored them during the wait
                 missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in known}
-                known |= self._solved(plan, missing)
+                if missing:
+                    self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
+                    found = self._computed(plan, list(missing.values()))
+                    known |= dict(zip(missing, found, strict=True))
+                for key in missing:
+                    cache.store(KIND, key, _to_plain(known[key]))
         return [known[key] for key in keys]
-
-    def _solved(self, plan: Plan, missing: dict[str, Task]) -> dict[str, Solved]:
-        """Solve and keep the taxels that are missing, and return them by their keys."""
-        if not missing:
-            return {}
-        self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
-        found = dict(zip(missing, self._computed(plan, list(missing.values())), strict=True))
-        for key, solved in found.items():
-            cache.store(KIND, key, _to_plain(solved))
-        return found
 
     def _inputs(self, plan: Plan, channel: Channel, setting: int) -> dict[str, Any]:
         """Return all inputs on which the modes depend."""
-        spec = plan.spec
+        spec, packages = plan.spec, ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
         return {
             **shape_inputs(plan, channel),
             "material": asdict(spec.material),
@@ -214,14 +195,20 @@ class TaxelSolver:
             "tolerance": self.tolerance,
             "setting": setting,
             "code": cache.code_hash(*CODE),
-            "versions": [
-                cache.version(name) for name in ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
-            ],
+            "versions": [cache.version(name) for name in packages],
         }
 
     def _computed(self, plan: Plan, tasks: Sequence[Task]) -> list[Solved]:
         """Model taxels and solve them, as many at a time as there are cores."""
-        runner = self._started(len(tasks))
+        if self._runner is None:
+            from padgen.core.runner import Runner, core_count
+            from padgen.verify import require
+
+            require("ngsolve")
+            workers = min(len(tasks), core_count(), WORKERS)
+            self._runner = Runner(workers, ENGINE)
+            # Its processes load the engine while this one loads the CAD kernel.
+            self._runner.prepare(workers)
         from padgen.solid.formats.step import write_taxel_step
 
         with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -229,20 +216,9 @@ class TaxelSolver:
             for channel, setting in tasks:
                 path = Path(folder) / f"taxel-{channel.index}.step"
                 write_taxel_step(plan, channel, path)
-                jobs.append(runner.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, setting))
+                taxel = solid_taxel(plan, channel, path)
+                jobs.append(self._runner.submit(solve_step, taxel, self.tolerance, setting))
             return [_modes_of(job.result(), channel) for job, (channel, _) in zip(jobs, tasks, strict=True)]
-
-    def _started(self, tasks: int) -> "Runner":
-        """Return the runner; its processes load the engine while this one loads the CAD kernel."""
-        if self._runner is None:
-            from padgen.core.runner import Runner, core_count
-            from padgen.verify import require
-
-            require("ngsolve")
-            workers = min(tasks, core_count(), WORKERS)
-            self._runner = Runner(workers, ENGINE)
-            self._runner.prepare(workers)
-        return self._runner
 
 
 def _modes_of(answer: "Answer", channel: Channel) -> Solved:

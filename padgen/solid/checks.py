@@ -4,7 +4,7 @@ Checks of the mesh alone need a printer's limits only. With a plan, the built di
 ones, too.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite
@@ -19,7 +19,6 @@ from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, diffe
 from padgen.solid.measure import (
     Dimension,
     Narrow,
-    Section,
     measured,
     narrow,
     sections,
@@ -32,7 +31,7 @@ from padgen.solid.mesh import MOST_FOUND, Mesh, Topology, as_manifold, intersect
 from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
 from padgen.spec import Printer, Spec
 
-__all__ = ["Report", "check_against", "check_mesh", "check_pad", "few", "told", "volume_findings"]
+__all__ = ["BUILT_MM", "Report", "check_against", "check_mesh", "check_pad", "few", "told", "volume_findings"]
 
 BUILT_MM = 0.01
 """Largest allowed difference of a built dimension from the planned one."""
@@ -45,7 +44,8 @@ UNCOMPARED = Finding(
 )
 MOST_BODIES = 100
 """Most bodies of a mesh whose walls are measured; a mesh with more is no pad."""
-Spot = Callable[[Narrow], str]
+Wrong = tuple[str, Narrow, str]
+"""The code of a finding, its place, and what is told of it."""
 APART_MM = 1.0
 """Side of a square in the plane within which one narrow place is reported, whatever the heights."""
 SAID = 2
@@ -114,28 +114,60 @@ def _whole(
     mesh: Mesh, state: Topology, printer: Printer, density_g_per_cm3: float
 ) -> tuple[dict[str, Any], list[Finding]]:
     """Return the figures and findings that only the whole mesh can give."""
-    findings = [*_closed(mesh, state), *_one_body(state), *_on_bed(mesh, printer)]
-    return _shape_figures(mesh, state, density_g_per_cm3), findings
+    size = np.ptp(mesh.vertices_mm, axis=0) if len(mesh.vertices_mm) else np.zeros(3)
+    figures = {
+        "triangles": len(mesh.triangles),
+        "size_mm": [round(float(v), 4) for v in size],
+        "volume_mm3": state.volume_mm3,
+        "plastic_g": state.volume_mm3 * 1e-3 * density_g_per_cm3,
+        "bodies": state.shells,
+    }
+    bed = (printer.bed_x_mm, printer.bed_y_mm, printer.bed_z_mm)
+    small_enough = np.all(np.sort(size[:2]) <= np.sort(bed[:2])) and size[2] <= bed[2]
+    measures, room = (" x ".join(map(number, each)) for each in (size, bed))
+    first = _spot(*mesh.vertices_mm[state.first_broken].tolist()) if len(mesh.vertices_mm) else ""
+    open_edges, crowded, turned = state.open_edges, state.crowded_edges, state.turned_edges
+    bad = f"must be 0, the first near {first}"
+    cases = (
+        # What is wrong with one edge shows in others: only the first kind is told.
+        (open_edges, "mesh.closed", f"{open_edges} edges have a triangle on one side only, {bad}"),
+        (crowded and not open_edges, "mesh.closed", f"{crowded} edges join more than two triangles, {bad}"),
+        (
+            turned and not open_edges and not crowded,
+            "mesh.closed",
+            f"{turned} edges join triangles that disagree which side is out, {bad}",
+        ),
+        (
+            state.closed and state.volume_mm3 <= 0,
+            "mesh.inside_out",
+            "the triangles face inwards; turn them all round",
+        ),
+        (state.shells != 1, "mesh.bodies", f"it has {state.shells} separate bodies, must be 1"),
+        (not small_enough, "print.bed", f"it measures {measures} mm, the bed of {printer.name} is {room} mm"),
+    )
+    return figures, [Finding("error", code, "mesh", told) for wrong, code, told in cases if wrong]
 
 
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
     """Check the pad's distinct tiles and, where the pad is `closed`, a sample of it with their seams."""
     findings: list[Finding] = []
+    half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
-        findings += [*_pierced(tile.mesh, name), *_within_cell(tile.mesh, plan, name)]
+        findings += _pierced(tile.mesh, name)
+        beyond = float((np.abs(tile.mesh.vertices_mm[:, :2]) - half).max())
+        if beyond > BUILT_MM:
+            told = f"it reaches {number(beyond)} mm out of its sub-cell, must be 0"
+            findings.append(Finding("error", "mesh.cell", name, told))
     figures: dict[str, Any] = {"exact_volume_mm3": pad.volume_mm3, "measured_taxels": 0}
-    sample = sampled(plan, pad) if closed else None
-    if sample is None:
+    if not closed:
         return figures, findings
+    sample = sampled(plan, pad)
     mesh = sample.pad.mesh
-    solid, refused = _manifold(mesh)
-    if solid is None:
-        return figures, [*findings, *refused]
     print_figures, found = _kept_printable(
         mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
     )
     figures |= print_figures | {"measured_taxels": len(sample.plan.taxels)}
-    return figures, [*findings, *found, *_as_planned(sample.plan, solid, figures)]
+    return figures, [*findings, *found, *_as_planned(sample.plan, as_manifold(mesh, "the pad"), figures)]
 
 
 def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
@@ -149,8 +181,7 @@ def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding
     return [
         *told(off, [], None),
         *few(_washers_enter(spec, washer_rooms(plan, solid, plan.taxels))),
-        *few(_washers_sink_in(spec, dimensions)),
-        *few(_lines_and_layers(spec.printer, dimensions)),
+        *few(_as_printed(spec, dimensions)),
     ]
 
 
@@ -161,10 +192,10 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
         return True, []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
-    one, refused = _manifold(snapped)
-    other, _ = _manifold(planned)
-    if one is None:
-        return False, refused
+    try:
+        one, other = as_manifold(snapped, "the mesh"), as_manifold(planned, "the pad")
+    except GeometryError as error:
+        return False, [Finding("error", "mesh.manifold", "mesh", error.message)]
     if reached.mean() < 0.5:
         room = cells.room(reached)
         one, other = one ^ room, other ^ room
@@ -182,22 +213,23 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
     for d in off:
         built = f"{number(d.built_mm)} mm" if isfinite(d.built_mm) else "missing"
         text = f"{d.name} is {built}, planned are {number(d.planned_mm)} mm"
-        dimensions.setdefault(f"taxel {d.taxel}", []).append(text)
-    pieces: dict[str, list[Difference]] = {}
-    for piece in found:
-        pieces.setdefault(cells.named(*piece.place_mm[:2]) if cells else "mesh", []).append(piece)
-    alike: dict[Any, list[str]] = {}
-    for where in dict.fromkeys([*pieces, *dimensions]):
-        sizes = [(p.more, f"{p.volume_mm3:.2g}", np.round(p.extent_mm, 2).tolist()) for p in pieces.get(where, [])[:1]]
+        dimensions.setdefault(d.where, []).append(text)
+    largest: dict[str, Difference] = {}
+    for each in found:
+        largest.setdefault(cells.named(*each.place_mm[:2]) if cells else "mesh", each)
+    alike: dict[str, list[str]] = {}
+    for where in dict.fromkeys([*largest, *dimensions]):
+        piece = largest.get(where)
+        sizes = (piece.more, f"{piece.volume_mm3:.2g}", np.round(piece.extent_mm, 2).tolist()) if piece else None
         alike.setdefault(str((dimensions.get(where, [])[:SAID], sizes)), []).append(where)
     findings = []
     for first, *others in alike.values():
         said = dimensions.get(first, [])[:SAID]
-        for piece in pieces.get(first, [])[:1]:
+        if piece := largest.get(first):
             x, y, z = (number(round(v, 3)) for v in piece.place_mm)
             extent = " x ".join(number(round(v, 2)) for v in piece.extent_mm)
             what = "more than planned" if piece.more else "missing"
-            said = [*said, f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm"]
+            said.append(f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm")
         more = f"; so are {', '.join(others[:AT_ONCE])}{' and others' * (len(others) > AT_ONCE)}" if others else ""
         findings.append(Finding("error", "built.planned", first, "; ".join(said) + more))
     return list(few(findings))
@@ -226,71 +258,36 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
             )
 
 
-def _washers_sink_in(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
+def _as_printed(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
+    """Find recesses that washers do not sink into, lines too narrow, and heights that are no whole layers."""
+    printer, washer = spec.printer, spec.washer
     for d in dimensions:
-        if d.name == "recess depth" and d.built_mm < spec.washer.thickness_mm:
-            yield Finding(
-                "error",
+        if not isfinite(d.built_mm):
+            continue
+        is_beam, is_recess = d.name.endswith("thickness"), d.name == "recess depth"
+        layers = (d.built_mm - printer.first_layer_mm) / printer.layer_mm + 1
+        whole = max(round(layers), printer.smallest_beam_layers if is_beam else 1)
+        off_mm = abs(layers - whole) * printer.layer_mm
+        cases = (
+            (
+                is_recess and d.built_mm < washer.thickness_mm,
                 "washer.fit",
-                f"taxel {d.taxel}",
-                f"{d.name} is {number(d.built_mm)} mm, the washer {spec.washer.name} needs"
-                f" {number(spec.washer.thickness_mm)} mm",
-            )
-
-
-def _lines_and_layers(printer: Printer, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
-    for d in dimensions:
-        if d.name.endswith("width") and d.built_mm < printer.smallest_beam_mm - 1e-3:
-            yield Finding(
-                "error",
+                f"the washer {washer.name} needs {number(washer.thickness_mm)} mm",
+            ),
+            (
+                d.name.endswith("width") and d.built_mm < printer.smallest_beam_mm - 1e-3,
                 "print.beam",
-                f"taxel {d.taxel}",
-                f"{d.name} is {number(d.built_mm)} mm, {printer.name} prints at least"
-                f" {number(printer.smallest_beam_mm)} mm",
-            )
-        is_beam = d.name.endswith("thickness")
-        if (is_beam or d.name == "recess depth") and isfinite(d.built_mm):
-            layers = (d.built_mm - printer.first_layer_mm) / printer.layer_mm + 1
-            whole = max(round(layers), printer.smallest_beam_layers if is_beam else 1)
-            if abs(layers - whole) * printer.layer_mm > BUILT_MM:
-                nearest = printer.height_mm(whole)
-                yield Finding(
-                    "error",
-                    "print.layers",
-                    f"taxel {d.taxel}",
-                    f"{d.name} is {number(d.built_mm)} mm, not a whole number of layers; {number(nearest)} mm would be",
-                )
-
-
-def _shape_figures(mesh: Mesh, state: Topology, density_g_per_cm3: float) -> dict[str, Any]:
-    size = np.ptp(mesh.vertices_mm, axis=0) if len(mesh.vertices_mm) else np.zeros(3)
-    return {
-        "triangles": len(mesh.triangles),
-        "size_mm": [round(float(v), 4) for v in size],
-        "volume_mm3": state.volume_mm3,
-        "plastic_g": state.volume_mm3 * 1e-3 * density_g_per_cm3,
-        "bodies": state.shells,
-    }
-
-
-def _closed(mesh: Mesh, state: Topology) -> Iterator[Finding]:
-    for count, what in (
-        (state.open_edges, "edges have a triangle on one side only"),
-        (state.crowded_edges, "edges join more than two triangles"),
-        (state.turned_edges, "edges join triangles that disagree which side is out"),
-    ):
-        if count:
-            first = f", the first near {_spot(*mesh.vertices_mm[state.first_broken].tolist())}"
-            yield Finding("error", "mesh.closed", "mesh", f"{count} {what}, must be 0{first}")
-            # What is wrong with one edge shows in others.
-            return
-    if state.closed and state.volume_mm3 <= 0:
-        yield Finding("error", "mesh.inside_out", "mesh", "the triangles face inwards; turn them all round")
-
-
-def _one_body(state: Topology) -> Iterator[Finding]:
-    if state.shells != 1:
-        yield Finding("error", "mesh.bodies", "mesh", f"it has {state.shells} separate bodies, must be 1")
+                f"{printer.name} prints at least {number(printer.smallest_beam_mm)} mm",
+            ),
+            (
+                (is_beam or is_recess) and off_mm > BUILT_MM,
+                "print.layers",
+                f"not a whole number of layers; {number(printer.height_mm(whole))} mm would be",
+            ),
+        )
+        for wrong, code, told in cases:
+            if wrong:
+                yield Finding("error", code, d.where, f"{d.name} is {number(d.built_mm)} mm, {told}")
 
 
 def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
@@ -310,28 +307,6 @@ def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
         )
 
 
-def _within_cell(mesh: Mesh, plan: Plan, where: str) -> Iterator[Finding]:
-    half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
-    beyond = float((np.abs(mesh.vertices_mm[:, :2]) - half).max())
-    if beyond > BUILT_MM:
-        yield Finding("error", "mesh.cell", where, f"it reaches {number(beyond)} mm out of its sub-cell, must be 0")
-
-
-def _on_bed(mesh: Mesh, printer: Printer) -> Iterator[Finding]:
-    if not len(mesh.vertices_mm):
-        return
-    size = np.ptp(mesh.vertices_mm, axis=0)
-    bed = (printer.bed_x_mm, printer.bed_y_mm, printer.bed_z_mm)
-    if np.any(np.sort(size[:2]) > np.sort(bed[:2])) or size[2] > bed[2]:
-        yield Finding(
-            "error",
-            "print.bed",
-            "mesh",
-            f"it measures {number(size[0])} x {number(size[1])} x {number(size[2])} mm, the bed of {printer.name} is"
-            f" {number(bed[0])} x {number(bed[1])} x {number(bed[2])} mm",
-        )
-
-
 def volume_findings(built: float, exact: float) -> Iterator[Finding]:
     """Report a volume in mm³ that is not the exact one."""
     if not abs(built / exact - 1) <= VOLUME_SHARE:
@@ -342,13 +317,6 @@ def volume_findings(built: float, exact: float) -> Iterator[Finding]:
             f"its volume is {number(built)} mm³, the solids' is {number(exact)} mm³,"
             f" within {VOLUME_SHARE:.1%}; a finer chord would do",
         )
-
-
-def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
-    try:
-        return as_manifold(mesh, "the mesh"), []
-    except GeometryError as error:
-        return None, [Finding("error", "mesh.manifold", "mesh", error.message)]
 
 
 @lru_cache(maxsize=64)
@@ -362,9 +330,7 @@ def _kept_printable(
 
 def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
     """Measure walls, gaps, overhangs, skins and bridges; return figures and findings, with places in the pad."""
-    solid, refused = _manifold(mesh)
-    if solid is None:
-        return {}, refused
+    solid = as_manifold(mesh, "the mesh")
     cuts = sections(solid, mesh)
     bound, limit = 4 * max(printer.line_width_mm, printer.smallest_gap_mm), printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
@@ -373,39 +339,37 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
         "smallest_gap_mm": min((smallest(cut, True, bound) for cut in cuts), default=None),
         "longest_bridge_mm": span,
     }
+    wrong = [*_too_narrow(cuts, False, printer), *_too_narrow(cuts, True, printer), *_overhangs(mesh, printer)]
+    for thin in thin_skins(solid, mesh, printer.layer_mm):
+        told = f"{number(thin.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm"
+        wrong.append(("print.skin", thin, told))
+    if place and span > limit:
+        hangs = f"a face hangs free over {'at least ' * (span > limit + 0.99)}{number(span)} mm"
+        wrong.append(("print.bridge", place, f"{hangs}, {printer.name} bridges {number(limit)} mm"))
+    spots = [_spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm) for _, at, _ in wrong]
+    findings = (Finding("error", code, spot, told) for spot, (code, _, told) in zip(spots, wrong, strict=True))
+    return figures, list(few(findings))
 
-    def spot(at: Narrow) -> str:
-        return _spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm)
 
-    kinds = [_too_narrow(cuts, gaps, printer, spot) for gaps in (False, True)]
-    kinds += [_overhangs(mesh, printer, spot), _skins(solid, mesh, printer, spot), _bridges(place, span, printer, spot)]
-    return figures, [finding for kind in kinds for finding in few(kind)]
-
-
-def _too_narrow(cuts: list[Section], gaps: bool, printer: Printer, spot: Spot) -> Iterator[Finding]:
-    """Find walls, or gaps, that are thinner than the printer lays or keeps open."""
+def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> Iterator[Wrong]:
+    """Find walls, or gaps, too thin for the printer; of those above each other only the lowest."""
     limit = printer.smallest_gap_mm if gaps else min(printer.line_width_mm, printer.smallest_beam_mm)
-    for cut, place in _apart((each, place) for each in cuts for place in narrow(each, limit - FACET_MM, gaps)):
-        told = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
-        if not gaps:
-            told = (
-                f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays (at this height down to"
-                f" {number(smallest(cut, False, limit))} mm)"
-            )
-        yield Finding("error", "print.gap" if gaps else "print.wall", spot(place), told)
-
-
-def _apart(found: Iterable[tuple[Section, Narrow]]) -> Iterator[tuple[Section, Narrow]]:
-    """Yield only the lowest of places that lie above each other, with its cross-section."""
     seen: set[tuple[int, int]] = set()
-    for cut, place in found:
+    for cut, place in ((each, place) for each in cuts for place in narrow(each, limit - FACET_MM, gaps)):
         near = round(place.x_mm / APART_MM), round(place.y_mm / APART_MM)
-        if near not in seen:
-            seen.add(near)
-            yield cut, place
+        if near in seen:
+            continue
+        seen.add(near)
+        if gaps:
+            told = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
+            yield "print.gap", place, told
+        else:
+            least = f"at this height down to {number(smallest(cut, False, limit))} mm"
+            told = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays ({least})"
+            yield "print.wall", place, told
 
 
-def _overhangs(mesh: Mesh, printer: Printer, spot: Spot) -> Iterator[Finding]:
+def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Wrong]:
     corners = mesh.corners_mm
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(normal, axis=1)
@@ -416,36 +380,10 @@ def _overhangs(mesh: Mesh, printer: Printer, spot: Spot) -> Iterator[Finding]:
     area = float(size[steep].sum() / 2)
     if area > printer.line_width_mm**2:
         worst = np.flatnonzero(steep)[angle[steep].argmax()]
+        leans = f"{number(area)} mm² lean out by up to {number(float(angle[worst]))}°"
+        told = f"{leans}, {printer.name} prints {number(printer.steepest_overhang_deg)}° without supports"
         x, y, z = corners[worst].mean(0).tolist()
-        yield Finding(
-            "error",
-            "print.overhang",
-            spot(Narrow(x, y, z, area)),
-            f"{number(area)} mm² lean out by up to {number(float(angle[worst]))}°, {printer.name} prints"
-            f" {number(printer.steepest_overhang_deg)}° without supports",
-        )
-
-
-def _bridges(place: Narrow | None, span: float, printer: Printer, spot: Spot) -> Iterator[Finding]:
-    if place and span > printer.longest_bridge_mm:
-        at_least = "at least " if span > printer.longest_bridge_mm + 0.99 else ""
-        yield Finding(
-            "error",
-            "print.bridge",
-            spot(place),
-            f"a face hangs free over {at_least}{number(span)} mm, {printer.name} bridges"
-            f" {number(printer.longest_bridge_mm)} mm",
-        )
-
-
-def _skins(solid: Any, mesh: Mesh, printer: Printer, spot: Spot) -> Iterator[Finding]:
-    for place in thin_skins(solid, mesh, printer.layer_mm):
-        yield Finding(
-            "error",
-            "print.skin",
-            spot(place),
-            f"{number(place.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm",
-        )
+        yield "print.overhang", Narrow(x, y, z, area), told
 
 
 def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:
@@ -453,9 +391,11 @@ def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:
 
 
 def few(findings: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield the first findings of a kind, then one that says how many more there are."""
-    listed = list(findings)
-    yield from listed[:AT_ONCE]
-    if len(listed) > AT_ONCE:
-        last = listed[-1]
-        yield Finding(last.level, last.code, "elsewhere", f"{len(listed) - AT_ONCE} more like the last")
+    """Yield the first findings of each code, then one that says how many more there are."""
+    of_code: dict[str, list[Finding]] = {}
+    for finding in findings:
+        of_code.setdefault(finding.code, []).append(finding)
+    for code, listed in of_code.items():
+        yield from listed[:AT_ONCE]
+        if len(listed) > AT_ONCE:
+            yield Finding(listed[-1].level, code, "elsewhere", f"{len(listed) - AT_ONCE} more like the last")

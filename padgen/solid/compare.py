@@ -75,23 +75,23 @@ class Pose(NamedTuple):
 
     def findings(self) -> Iterator[Finding]:
         """Describe the pose in one finding: an error where the print would differ, else a note."""
-        x, y, z = (number(round(float(-v), 4)) for v in self.shift_mm)
-        turned = f"turned by {number(round(self.turned_deg, 3))}° about z" if self.turned_deg else ""
-        said = [turned] if turned else []
-        if self.mirrored:
-            said.append("mirrored: export it again without mirroring")
-        if self.flipped:
-            said.append("upside down: turn it over, bosses up")
-        if self.scale != 1:
-            said.append(f"{number(1 / self.scale)} times as large as planned: scale it by {number(self.scale)}")
-        if said[bool(turned) :]:
-            yield Finding("error", "built.pose", "mesh", f"it is {' and '.join(said)}; all else is compared as planned")
-        elif turned:
+        turned = f"turned by {number(round(self.turned_deg, 3))}° about z"
+        size = f"{number(1 / self.scale)} times as large as planned: scale it by {number(self.scale)}"
+        wrong = (
+            (self.mirrored, "mirrored: export it again without mirroring"),
+            (self.flipped, "upside down: turn it over, bosses up"),
+            (self.scale != 1, size),
+        )
+        if faults := [told for holds, told in wrong if holds]:
+            said = " and ".join([turned] * bool(self.turned_deg) + faults)
+            yield Finding("error", "built.pose", "mesh", f"it is {said}; all else is compared as planned")
+        elif self.turned_deg:
             told = "its coils' rows and columns turn with it; nothing else is to be done"
             yield Finding("note", "built.pose", "mesh", f"it is {turned}, {told}")
         elif (np.abs(self.shift_mm) > SAME_MM).any():
+            moved = ", ".join(number(round(float(-v), 4)) for v in self.shift_mm)
             told = "slicers place it anew anyway; nothing is to be done"
-            yield Finding("note", "built.pose", "mesh", f"it was moved by ({x}, {y}, {z}) mm, {told}")
+            yield Finding("note", "built.pose", "mesh", f"it was moved by ({moved}) mm, {told}")
 
 
 class Cells(NamedTuple):
@@ -117,13 +117,11 @@ class Cells(NamedTuple):
     def within(self, corners_mm: np.ndarray) -> np.ndarray:
         """Mark the cells (rows + 2, columns + 2) that triangles (n, 3, 3) reach into."""
         low, high = corners_mm[..., :2].min(1) - MARGIN_MM / 2, corners_mm[..., :2].max(1) + MARGIN_MM / 2
-        x0, x1 = np.searchsorted(self.x_mm, low[:, 0]), np.searchsorted(self.x_mm, high[:, 0])
-        y0, y1 = np.searchsorted(self.y_mm, low[:, 1]), np.searchsorted(self.y_mm, high[:, 1])
-        # Each adds one over a rectangle: at its four corners, then summed up both ways.
-        count = np.zeros((len(self.y_mm) + 2, len(self.x_mm) + 2), np.int64)
-        for row, column, step in ((y0, x0, 1), (y1 + 1, x0, -1), (y0, x1 + 1, -1), (y1 + 1, x1 + 1, 1)):
-            np.add.at(count, (row, column), step)
-        reached: np.ndarray = count.cumsum(0).cumsum(1)[:-1, :-1] > 0
+        x0, x1 = (np.searchsorted(self.x_mm, corner[:, 0]) for corner in (low, high))
+        y0, y1 = (np.searchsorted(self.y_mm, corner[:, 1]) for corner in (low, high))
+        reached = np.zeros((len(self.y_mm) + 1, len(self.x_mm) + 1), bool)
+        for left, right, below, above in np.unique(np.stack([x0, x1, y0, y1], -1), axis=0).tolist():
+            reached[below : above + 1, left : right + 1] = True
         return reached
 
     def room(self, reached: np.ndarray) -> Any:
@@ -223,16 +221,14 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
     known = nearest < count
     vertices = mesh.vertices_mm.copy()
     vertices[known] = planned.vertices_mm[nearest[known]]
-    keys, planned_keys = (_keys(triangles, count) for triangles in (nearest[mesh.triangles], planned.triangles))
-    loose = ~known[mesh.triangles].all(1) | ~np.isin(keys, planned_keys)
-    return loose, ~np.isin(planned_keys, keys), Mesh(vertices, mesh.triangles)
-
-
-def _keys(triangles: np.ndarray, count: int) -> np.ndarray:
-    """Return one number per triangle, the same for all three first corners (for up to two million vertices)."""
-    first = triangles.argmin(1)[:, None]
-    a, b, c = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1).T
-    return np.asarray((a * (count + 1) + b) * (count + 1) + c)
+    keys = []
+    for triangles in (nearest[mesh.triangles], planned.triangles):
+        # One number per triangle, the same for all three first corners (for up to two million vertices).
+        first = triangles.argmin(1)[:, None]
+        a, b, c = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1).T
+        keys.append((a * (count + 1) + b) * (count + 1) + c)
+    loose = ~known[mesh.triangles].all(1) | ~np.isin(*keys)
+    return loose, ~np.isin(*keys[::-1]), Mesh(vertices, mesh.triangles)
 
 
 def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:

@@ -1,4 +1,4 @@
-"""Checks of a mesh file that any program may have written: read by trimesh or lib3mf, welded, recognised, judged."""
+"""Checks of a mesh file that any program may have written: read, welded, recognised, judged."""
 
 import io
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from padgen.planner import Plan
 from padgen.solid.checks import Report, check_against, check_mesh
 from padgen.solid.compare import Pose, pose_of
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
-from padgen.solid.mesh import Mesh, joined, sound_mesh
+from padgen.solid.mesh import Mesh, sound_mesh
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.parts import TraySolid, build_coupon, build_tray, check_tray
 from padgen.spec import Spec
@@ -47,8 +47,10 @@ def read_mesh(path: Path) -> Mesh:
     if kind not in (".stl", ".obj", ".ply"):
         raise MeshFileError("is not a mesh that can be checked; must be an STL, 3MF, OBJ or PLY file", str(path))
     data = read_bounded(path, LARGEST_FILE, "a mesh")
-    if kind == ".stl":
-        _refuse_cut_short(data, path)
+    if kind == ".stl" and len(data) >= 84 and data[:5] != b"solid":
+        promised, held = int.from_bytes(data[80:84], "little"), (len(data) - 84) // 50
+        if held < promised:
+            raise MeshFileError(f"is cut short: it promises {promised} triangles and holds {held}", str(path))
     import trimesh
 
     try:
@@ -60,17 +62,7 @@ def read_mesh(path: Path) -> Mesh:
         raise MeshFileError("holds no triangles", str(path))
     if len(part.faces) > MOST_TRIANGLES:
         raise MeshFileError(f"has more than {MOST_TRIANGLES} triangles", str(path))
-    mesh = sound_mesh(np.asarray(part.vertices, float), np.asarray(part.faces, np.int64), str(path))
-    return joined(mesh, str(path))
-
-
-def _refuse_cut_short(data: bytes, path: Path) -> None:
-    """Refuse a binary STL that holds fewer triangles than it states."""
-    if len(data) < 84 or data[:5] == b"solid":
-        return
-    promised, held = int.from_bytes(data[80:84], "little"), (len(data) - 84) // 50
-    if held < promised:
-        raise MeshFileError(f"is cut short: it promises {promised} triangles and holds {held}", str(path))
+    return sound_mesh(np.asarray(part.vertices, float), np.asarray(part.faces, np.int64), str(path))
 
 
 def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:

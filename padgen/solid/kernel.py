@@ -94,14 +94,9 @@ def kernel_errors(what: str) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if not _from_kernel(error):
+        # OCCT has exceptions of its own, build123d raises Python's.
+        pythons = (RuntimeError, ValueError, TypeError, AttributeError, IndexError)
+        if not isinstance(error, pythons) and type(error).__module__.partition(".")[0] != "OCP":
             raise
         text = str(error).strip().splitlines()
         raise GeometryError(f"the CAD kernel refused {what} ({text[0] if text else type(error).__name__})") from error
-
-
-def _from_kernel(error: Exception) -> bool:
-    """Return whether OCCT (exceptions of its own) or build123d (Python's exceptions) may have raised `error`."""
-    if isinstance(error, (RuntimeError, ValueError, TypeError, AttributeError, IndexError)):
-        return True
-    return type(error).__module__.partition(".")[0] == "OCP"

@@ -6,24 +6,24 @@ narrow gap where it is done to the empty space.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from math import inf, isfinite, nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.planner.layout import coil_axis_mm, to_cell
-from padgen.planner.plan import Channel, Plan, Plate, Taxel
+from padgen.planner.plan import Channel, Plan, Taxel
 from padgen.planner.suspensions import BeamPath, PathPoint
 from padgen.solid.mesh import CHORD_MM, Mesh
 
 __all__ = [
     "Dimension",
     "Narrow",
-    "Section",
     "distance_to_sides",
+    "holes_of",
     "measured",
     "narrow",
+    "run_mm",
     "sections",
     "smallest",
     "thin_skins",
@@ -42,12 +42,12 @@ NEAR_MM = 0.05
 
 
 class Dimension(NamedTuple):
-    """One measured dimension of a taxel, as planned and as built, in mm (nan where it was not found).
+    """One measured dimension, where it is, as planned and as built, in mm (nan where it was not found).
 
     The triangles of a round face may change it by `facets_mm`.
     """
 
-    taxel: str
+    where: str
     name: str
     planned_mm: float
     built_mm: float
@@ -78,17 +78,16 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
         channel.index: [gauge._replace(rays=to_cell(gauge.rays, channel)) for gauge in _gauges(plan, channel)]
         for channel in plan.channels
     }
-    recesses = _holes(plan, solid.slice(plan.plate.recess_depth_mm / 2))
-    for taxel in plan.taxels if taxels is None else taxels:
-        hole = _hole_around(plan, recesses, taxel)
-        built, offset = (nan, nan) if hole is None else (hole.diameter_mm, _offset_mm(hole, taxel))
-        yield Dimension(taxel.id, "recess diameter", plan.plate.recess_diameter_mm, built)
-        yield Dimension(taxel.id, "recess centre offset", 0.0, offset)
+    taxels = plan.taxels if taxels is None else taxels
+    for taxel, (outline, centroid) in zip(taxels, _recesses(plan, solid, 0.5, taxels), strict=True):
+        where, offset = f"taxel {taxel.id}", centroid - (taxel.x_mm, taxel.y_mm)
+        yield Dimension(where, "recess diameter", plan.plate.recess_diameter_mm, _diameter_mm(outline, centroid))
+        yield Dimension(where, "recess centre offset", 0.0, float(np.hypot(*offset)))
         centre = np.array([*coil_axis_mm(plan.coils, *taxel.coil), 0.0])
         around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
         for gauge in gauges[taxel.channel]:
-            runs = [_run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
-            yield Dimension(taxel.id, gauge.name, gauge.planned_mm, gauge.combine(runs), gauge.facets_mm)
+            runs = [run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
+            yield Dimension(where, gauge.name, gauge.planned_mm, gauge.combine(runs), gauge.facets_mm)
 
 
 def washer_rooms(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[tuple[str, float]]:
@@ -97,11 +96,8 @@ def washer_rooms(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[tu
     The free diameter is that of the largest circle about the recess's middle that holds no plastic. In the mesh a
     round recess is a polygon, whose sides lie nearer to the middle than its corners do.
     """
-    cuts = [_holes(plan, solid.slice(plan.plate.recess_depth_mm * share)) for share in HEIGHTS]
-    for taxel in taxels:
-        found = [_hole_around(plan, holes, taxel) for holes in cuts]
-        rooms = [nan if hole is None else 2 * distance_to_sides(hole.outline, hole.centre) for hole in found]
-        yield taxel.id, float(np.min(rooms))
+    for taxel, *cuts in zip(taxels, *(_recesses(plan, solid, share, taxels) for share in HEIGHTS), strict=True):
+        yield taxel.id, float(np.min([2 * distance_to_sides(*cut) for cut in cuts]))
 
 
 def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
@@ -113,24 +109,26 @@ def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
 
 
 def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
-    arrangement = plan.arrangement(channel)
+    """Yield the gauges of a taxel's beams, recess and boss, in the taxel's axes."""
+    arrangement, plate = plan.arrangement(channel), plan.plate
     lowest_block = min(float(block.height_mm) for block in arrangement.blocks)
     for number, path in enumerate(arrangement.beams):
         name = f"beam {number + 1}" if len(arrangement.beams) > 1 else "beam"
-        yield from _beam_gauges(name, path, lowest_block)
-    yield from _recess_gauges(plan.plate, float(arrangement.washer_x_mm))
-
-
-def _beam_gauges(name: str, path: BeamPath, lowest_block: float) -> Iterator[_Gauge]:
-    yield _length_gauge(name, path, (float(path.thickness_mm) + lowest_block) / 2)
-    bends = [(k, 0.5) for k, segment in enumerate(path.segments) if segment.turn_rad]
-    straight = [(k, 0.5) for k, segment in enumerate(path.segments) if not segment.turn_rad]
-    stations = [(0, at) for at in STATIONS] if len(path.segments) == len(straight) == 1 else straight
-    for what, places, facets in (("", stations, 0.0), (" in its bends", bends, CHORD_MM)):
-        if places:
-            points = [path.within(*place) for place in places]
-            for gauge in _section_gauges(path, points, lowest_block):
-                yield gauge._replace(name=f"{name} {gauge.name}{what}", facets_mm=facets)
+        yield _length_gauge(name, path, (float(path.thickness_mm) + lowest_block) / 2)
+        bends = [(k, 0.5) for k, segment in enumerate(path.segments) if segment.turn_rad]
+        straight = [(k, 0.5) for k, segment in enumerate(path.segments) if not segment.turn_rad]
+        stations = [(0, at) for at in STATIONS] if len(path.segments) == len(straight) == 1 else straight
+        for what, places, facets in (("", stations, 0.0), (" in its bends", bends, CHORD_MM)):
+            if places:
+                for gauge in _section_gauges(path, [path.within(*place) for place in places], lowest_block):
+                    yield gauge._replace(name=f"{name} {gauge.name}{what}", facets_mm=facets)
+    washer = np.array([float(arrangement.washer_x_mm), 0.0, 0.0])
+    under = washer + np.array([0.0, (plate.post_diameter_mm + plate.recess_diameter_mm) / 4, -1.0])
+    up = np.array([[under, under + np.array([0, 0, plate.recess_depth_mm + 2])]])
+    yield _Gauge("recess depth", plate.recess_depth_mm, up, lambda runs: runs[0] - 1)
+    over = washer + np.array([0, 0, plate.boss_top_mm + 1])
+    down = np.array([[over, over - np.array([0, 0, plate.boss_top_mm])]])
+    yield _Gauge("boss height", plate.boss_top_mm, down, lambda runs: plate.boss_top_mm + 1 - runs[0])
 
 
 def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float) -> Iterator[_Gauge]:
@@ -171,66 +169,41 @@ def _worst(runs: list[float], planned: float, span: float, one: float, other: fl
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
 
-def _recess_gauges(plate: Plate, washer_x: float) -> Iterator[_Gauge]:
-    washer = np.array([washer_x, 0.0, 0.0])
-    aside = (plate.post_diameter_mm + plate.recess_diameter_mm) / 4
-    under = washer + np.array([0.0, aside, -1.0])
-    up = np.array([[under, under + np.array([0, 0, plate.recess_depth_mm + 2])]])
-    yield _Gauge("recess depth", plate.recess_depth_mm, up, lambda runs: runs[0] - 1)
-    over = washer + np.array([0, 0, plate.boss_top_mm + 1])
-    down = np.array([[over, over - np.array([0, 0, plate.boss_top_mm])]])
-    yield _Gauge("boss height", plate.boss_top_mm, down, lambda runs: plate.boss_top_mm + 1 - runs[0])
-
-
-class _Hole(NamedTuple):
-    """The outline (n, 2) of a hole in a cross-section, and the hole's centroid (2,), in mm."""
-
-    outline: np.ndarray
-    centre: np.ndarray
-
-    @property
-    def diameter_mm(self) -> float:
-        """The largest diameter: the corners of a round hole lie on its true circle."""
-        return 2 * float(np.hypot(*(self.outline - self.centre).T).max())
-
-
-Holes = dict[tuple[int, int], list[_Hole]]
-
-
-def _holes(plan: Plan, section: Any) -> Holes:
-    """Return the holes of a cross-section, by the sub-cell that they lie in."""
-    holes: Holes = {}
-    for contour in section.to_polygons():
-        following = np.roll(contour, -1, axis=0)
-        cross = contour[:, 0] * following[:, 1] - contour[:, 1] * following[:, 0]
-        if cross.sum() < 0:
-            centre = ((contour + following) * cross[:, None]).sum(0) / (3 * cross.sum())
-            holes.setdefault(_sub_cell(plan, *centre), []).append(_Hole(contour, centre))
-    return holes
-
-
-def _sub_cell(plan: Plan, x: float, y: float) -> tuple[int, int]:
-    return int(np.floor(x / plan.cell.width_mm)), int(np.floor(y / plan.cell.depth_mm))
-
-
-def _hole_around(plan: Plan, holes: Holes, taxel: Taxel) -> _Hole | None:
-    """Return the hole around a taxel's washer, which is its recess, or None."""
-    column, row = _sub_cell(plan, taxel.x_mm, taxel.y_mm)
-    near = [hole for i in (-1, 0, 1) for j in (-1, 0, 1) for hole in holes.get((column + i, row + j), [])]
+def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield for each taxel the outline (n, 2) and centroid (2,) of its recess at this share of its depth, else nan."""
+    outlines = holes_of(solid, plan.plate.recess_depth_mm * share)
+    sides = [(outline + np.roll(outline, -1, axis=0), _crosses(outline)) for outline in outlines]
+    centroids = [(both * crosses[:, None]).sum(0) / (3 * crosses.sum()) for both, crosses in sides]
+    diameters = np.array([_diameter_mm(*each) for each in zip(outlines, centroids, strict=True)])
     # The window around a plate may have the same centre as the recess, but it is larger.
-    most = LARGEST_RECESS * plan.plate.recess_diameter_mm
-    inside = [hole for hole in near if _offset_mm(hole, taxel) < hole.diameter_mm / 2 < most / 2]
-    return min(inside, key=lambda hole: hole.diameter_mm, default=None)
+    small = diameters < LARGEST_RECESS * plan.plate.recess_diameter_mm
+    for taxel in taxels:
+        offsets = np.hypot(*(np.reshape(centroids, (-1, 2)) - (taxel.x_mm, taxel.y_mm)).T)
+        around = np.flatnonzero(small & (offsets < diameters / 2))
+        k = min(around, key=diameters.__getitem__, default=None)
+        yield (np.full((3, 2), nan), np.full(2, nan)) if k is None else (outlines[k], centroids[k])
 
 
-def _offset_mm(hole: _Hole, taxel: Taxel) -> float:
-    return float(np.hypot(*(hole.centre - (taxel.x_mm, taxel.y_mm))))
+def _diameter_mm(outline: np.ndarray, centroid: np.ndarray) -> float:
+    """Return the largest diameter: the corners of a round hole lie on its true circle."""
+    return 2 * float(np.hypot(*(outline - centroid).T).max())
 
 
-def _run_mm(solid: Any, start: np.ndarray, stop: np.ndarray) -> float:
+def holes_of(solid: Any, z_mm: float) -> list[np.ndarray]:
+    """Return the outlines (n, 2) of the holes in a cross-section, which run clockwise."""
+    return [contour for contour in solid.slice(z_mm).to_polygons() if _crosses(contour).sum() < 0]
+
+
+def _crosses(outline: np.ndarray) -> np.ndarray:
+    """Return twice the signed areas (n,) of the triangles between the origin and each side."""
+    (x, y), (next_x, next_y) = outline.T, np.roll(outline, -1, axis=0).T
+    return np.asarray(x * next_y - next_x * y)
+
+
+def run_mm(solid: Any, start: Any, stop: Any) -> float:
     """Return the distance in mm from a ray's start to the first face, nan where it meets none."""
     hits = solid.ray_cast(tuple(start), tuple(stop))
-    return float(hits[0].distance * np.linalg.norm(stop - start)) if hits else float("nan")
+    return float(hits[0].distance * np.linalg.norm(np.subtract(stop, start))) if hits else nan
 
 
 LEVELS, MOST_HEIGHTS = 16, 100
@@ -239,13 +212,6 @@ STEP_MM = 1e-4
 AREA_MM2 = 1e-6
 ROOM_MM = 5.0
 SPLINTER_SHARE = 0.05
-
-
-class Section(NamedTuple):
-    """A horizontal cross-section: the height `z_mm` of the cut and its manifold3d cross-section."""
-
-    z_mm: float
-    shape: Any
 
 
 class Narrow(NamedTuple):
@@ -257,28 +223,37 @@ class Narrow(NamedTuple):
     area_mm2: float
 
 
-def sections(solid: Any, mesh: Mesh) -> list[Section]:
-    """Cut once between any two neighbouring heights of the vertices, at most `LEVELS` times."""
+def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
+    """Cut once between any two neighbouring heights of the vertices, at most `LEVELS` times.
+
+    Each cut is its height in mm and a manifold3d cross-section.
+    """
     heights = np.unique(np.round(mesh.vertices_mm[:, 2] / STEP_MM) * STEP_MM)
     if len(heights) > LEVELS + 1:
         heights = np.quantile(heights, np.linspace(0, 1, LEVELS + 1))
-    cuts = (Section(float(z), solid.slice(float(z))) for z in (heights[1:] + heights[:-1]) / 2)
+    cuts = ((z, solid.slice(z)) for z in ((heights[1:] + heights[:-1]) / 2).tolist())
     # A cut between two bodies that lie above each other is empty.
-    return [cut for cut in cuts if not cut.shape.is_empty()]
+    return [(z, shape) for z, shape in cuts if not shape.is_empty()]
 
 
-def narrow(section: Section, limit_mm: float, gaps: bool = False) -> list[Narrow]:
+def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> list[Narrow]:
     """Return the places where the material, or with `gaps` the empty space around and within it, is too narrow."""
+    from manifold3d import JoinType
+
+    z_mm, filled = section
+    if gaps:
+        x0, y0, x1, y1 = filled.bounds()
+        room = type(filled).square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
+        filled = room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - filled
     # Square corners survive; acute ones lose a splinter, which is no wall.
     splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
-    filled = _empty(section.shape) if gaps else section.shape
-    lost = filled - filled.offset(-half, _join("Miter")).offset(half * 1.001, _join("Miter"))
+    lost = filled - filled.offset(-half, JoinType.Miter).offset(half * 1.001, JoinType.Miter)
     if lost.area() < splinter:
         return []
-    return [_where(piece, section.z_mm) for piece in lost.decompose() if piece.area() > splinter]
+    return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
-def smallest(section: Section, gaps: bool, bound_mm: float) -> float:
+def smallest(section: tuple[float, Any], gaps: bool, bound_mm: float) -> float:
     """Return the width in mm of the narrowest wall, or gap, or `bound_mm` where none is narrower than that."""
     return _bisect(lambda width: bool(narrow(section, width, gaps)), bound_mm)
 
@@ -289,16 +264,21 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
     A horizontal face that looks down is bridged from the material beneath its rim. Its span is twice the largest
     distance from that material. The search stops at `bound_mm`.
     """
+    from manifold3d import JoinType
+
     worst, where = 0.0, None
     bed = float(mesh.vertices_mm[:, 2].min())
     for z in (height for height in _flat_heights_mm(mesh, up=False) if height > bed + 2 * STEP_MM):
         below = solid.slice(z - STEP_MM)
         hanging = solid.slice(z + STEP_MM) - below
 
-        left = partial(_beyond, hanging, below)
-        if left(worst + STEP_MM).area() > AREA_MM2:
-            worst = _bisect(partial(_spanned, left), bound_mm)
-            place = left(0.9 * worst)
+        def beyond(span: float, hanging: Any = hanging, below: Any = below) -> Any:
+            """Return what hangs farther than half of `span` (mm) from the material beneath."""
+            return hanging - below.offset(span / 2, JoinType.Round, 2.0, 64)
+
+        if beyond(worst + STEP_MM).area() > AREA_MM2:
+            worst = _bisect(lambda span: beyond(span).area() <= AREA_MM2, bound_mm)
+            place = beyond(0.9 * worst)
             where = _where(place if place.area() else hanging, z)
     return worst, where
 
@@ -311,15 +291,6 @@ def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[Narrow]:
         thin = surface - solid.slice(z - limit_mm + 2 * STEP_MM)
         found += [_where(piece, z) for piece in thin.decompose() if piece.area() > limit_mm**2]
     return found
-
-
-def _beyond(hanging: Any, below: Any, span: float) -> Any:
-    """Return the part of `hanging` that is farther than half of `span` (mm) from the material `below`."""
-    return hanging - below.offset(span / 2, _join("Round"), 2.0, 64)
-
-
-def _spanned(left: Callable[[float], Any], span: float) -> bool:
-    return bool(left(span).area() <= AREA_MM2)
 
 
 def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
@@ -337,13 +308,6 @@ def _where(shape: Any, z_mm: float) -> Narrow:
     return Narrow((x0 + x1) / 2, (y0 + y1) / 2, z_mm, float(shape.area()))
 
 
-def _empty(shape: Any) -> Any:
-    """Return the empty space around and within a cross-section."""
-    x0, y0, x1, y1 = shape.bounds()
-    room = type(shape).square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
-    return room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - shape
-
-
 def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:
     """Return the width at which `narrower` turns from false to true, within 0.1 % of `bound_mm`, or `bound_mm`."""
     if not narrower(bound_mm):
@@ -353,9 +317,3 @@ def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:
         middle = (low + high) / 2
         low, high = (low, middle) if narrower(middle) else (middle, high)
     return (low + high) / 2
-
-
-def _join(name: str) -> Any:
-    import manifold3d
-
-    return getattr(manifold3d.JoinType, name)

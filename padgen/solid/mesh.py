@@ -5,7 +5,6 @@ The tests are of any mesh: closed, consistently wound, in one piece, free of sel
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +20,6 @@ __all__ = [
     "Topology",
     "as_manifold",
     "intersecting_pairs",
-    "joined",
     "shells",
     "signed_volume_mm3",
     "sound_mesh",
@@ -98,33 +96,23 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
 
 
-def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str) -> Mesh:
-    """Return the arrays read from the file `where` as a mesh.
+def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str, weld: bool = True) -> Mesh:
+    """Return the arrays read from the file `where` as a mesh, with corners that agree within `FILE_WELD_MM` joined.
 
     Raises
     ------
     MeshFileError
-        A triangle names a vertex that does not exist, or a coordinate is beyond `LARGEST_MM` or not a number.
+        A triangle names a vertex that does not exist, a coordinate is beyond `LARGEST_MM` or not a number, or no
+        triangle has a size.
     """
     if not len(vertices_mm) or triangles.min() < 0 or triangles.max() >= len(vertices_mm):
         raise MeshFileError(f"has triangles with corners that are none of its {len(vertices_mm)} vertices", where)
     if not (np.abs(vertices_mm) <= LARGEST_MM).all():  # false for nan, too
         raise MeshFileError(f"has coordinates beyond {LARGEST_MM:g} mm, or none at all", where)
-    return Mesh(vertices_mm, triangles)
-
-
-def joined(mesh: Mesh, where: str) -> Mesh:
-    """Join the triangles read from the file `where` at corners that agree within `FILE_WELD_MM`.
-
-    Raises
-    ------
-    MeshFileError
-        No triangle is larger than that.
-    """
-    whole = welded(*mesh, FILE_WELD_MM)
-    if not len(whole.triangles):
+    mesh = welded(vertices_mm, triangles, FILE_WELD_MM) if weld else Mesh(vertices_mm, triangles)
+    if not len(mesh.triangles):
         raise MeshFileError(f"holds no triangle whose corners are {FILE_WELD_MM:g} mm apart", where)
-    return whole
+    return mesh
 
 
 def signed_volume_mm3(mesh: Mesh) -> float:
@@ -188,23 +176,6 @@ class Topology:
 
 def topology(mesh: Mesh) -> Topology:
     """Count the edges that are open, crowded or turned, and the shells; measure the volume."""
-    counts, forward, lower = _edge_counts(mesh)
-    broken = lower[(counts != 2) | (forward != 1)]
-    return Topology(
-        open_edges=int((counts == 1).sum()),
-        crowded_edges=int((counts > 2).sum()),
-        turned_edges=int(((counts == 2) & (forward != 1)).sum()),
-        shells=int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
-        volume_mm3=signed_volume_mm3(mesh),
-        first_broken=int(broken[0]) if len(broken) else 0,
-    )
-
-
-def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return three arrays, one entry per edge.
-
-    They are the number of its triangles, how many of these run along it from its lower vertex number, and that number.
-    """
     # An edge and its direction (the last bit) are packed into one number: sorting rows, or an argsort, would take many
     # times as long.
     count = max(len(mesh.vertices_mm), 1)
@@ -218,27 +189,31 @@ def _edge_counts(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         side += a < b
     key = sides.ravel()
     key.sort()
-    forward = (key & 1).astype(np.int32)
-    key >>= 1
-    start = np.flatnonzero(np.append(True, key[1:] != key[:-1])) if len(key) else np.empty(0, np.int64)
-    counts = np.diff(np.append(start, len(key)))
-    return counts, np.add.reduceat(forward, start) if len(key) else counts, key[start] // count
+    start = np.flatnonzero(np.diff(key >> 1, prepend=-1))
+    counts = np.diff(start, append=len(key))
+    # How many of an edge's triangles run along it from its lower vertex number.
+    forward = np.add.reduceat(key & 1, start) if len(key) else counts
+    broken = key[start[(counts != 2) | (forward != 1)]] // (2 * count)
+    return Topology(
+        open_edges=int((counts == 1).sum()),
+        crowded_edges=int((counts > 2).sum()),
+        turned_edges=int(((counts == 2) & (forward != 1)).sum()),
+        shells=int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
+        volume_mm3=signed_volume_mm3(mesh),
+        first_broken=int(broken[0]) if len(broken) else 0,
+    )
 
 
 def shells(mesh: Mesh) -> np.ndarray:
     """Return the number of each triangle's connected shell, from 0."""
-    label = np.arange(len(mesh.vertices_mm))
-    while True:
-        least = label[mesh.triangles].min(1)
-        new = label.copy()
+    label, before = np.arange(len(mesh.vertices_mm)), np.empty(0, int)
+    while not np.array_equal(label, before):
+        before, label = label, label.copy()
+        least = before[mesh.triangles].min(1)
         for corner in mesh.triangles.T:
-            np.minimum.at(new, corner, least)
-        new = new[new]
-        if np.array_equal(new, label):
-            break
-        label = new
-    _, number = np.unique(label[mesh.triangles[:, 0]], return_inverse=True)
-    return np.asarray(number)
+            np.minimum.at(label, corner, least)
+        label = label[label]
+    return np.asarray(np.unique(label[mesh.triangles[:, 0]], return_inverse=True)[1])
 
 
 def intersecting_pairs(mesh: Mesh) -> np.ndarray:
@@ -253,24 +228,6 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
     GeometryError
         There are more candidates than can be looked at.
     """
-    if len(mesh.triangles) > MOST_KEPT:
-        return _intersecting_pairs(mesh)
-    return _kept_pairs(mesh.vertices_mm.astype(float).tobytes(), mesh.triangles.astype(np.int64).tobytes())
-
-
-MOST_KEPT = 50_000
-
-
-@lru_cache(maxsize=64)
-def _kept_pairs(vertices_mm: bytes, triangles: bytes) -> np.ndarray:
-    """Return the result of `_intersecting_pairs`, remembered because variants of a pad have the same tiles."""
-    mesh = Mesh(np.frombuffer(vertices_mm).reshape(-1, 3), np.frombuffer(triangles, np.int64).reshape(-1, 3))
-    pairs = _intersecting_pairs(mesh)
-    pairs.setflags(write=False)
-    return pairs
-
-
-def _intersecting_pairs(mesh: Mesh) -> np.ndarray:
     corners = mesh.corners_mm
     low, high = corners.min(1), corners.max(1)
     found: list[np.ndarray] = []
@@ -334,43 +291,29 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         side *= 2
 
 
-def _crosses_plane(corners: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return where triangles `one` have corners on both sides of the planes of `other`, by the margin of `_through`."""
-    p, q, r = np.moveaxis(corners, 1, 0)
-    normal = np.cross(q - p, r - p)
-    margin = 1e-7 * np.maximum(np.linalg.norm(normal, axis=1), 1e-30)[other]
-    above = [np.einsum("ij,ij->i", corner[one] - p[other], normal[other]) for corner in (p, q, r)]
-    result: np.ndarray = (np.minimum.reduce(above) < -margin) & (np.maximum.reduce(above) > margin)
-    return result
-
-
 def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return where triangles `a` and `b` pierce each other, by all six pairs of an edge and a triangle."""
-    result, corners = np.zeros(len(a), dtype=bool), mesh.corners_mm
+    result = np.zeros(len(a), dtype=bool)
     for one, other in ((a, b), (b, a)):
-        near = np.flatnonzero(_crosses_plane(corners, one, other))
-        one, other = one[near], other[near]
         face = mesh.triangles[other]
+        corners = np.moveaxis(mesh.vertices_mm[face], 1, 0)
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        margin = 1e-7 * np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
+        ends = [mesh.triangles[one, i] for i in range(3)]
+        heights = [np.einsum("ij,ij->i", mesh.vertices_mm[end] - corners[0], normal) for end in ends]
         for i, j in ((0, 1), (1, 2), (2, 0)):
-            start, stop = mesh.triangles[one, i], mesh.triangles[one, j]
-            shared = ((face == start[:, None]) | (face == stop[:, None])).any(1)
-            result[near] |= ~shared & _through(mesh.vertices_mm[start], mesh.vertices_mm[stop], corners[other])
+            low, high = np.minimum(heights[i], heights[j]), np.maximum(heights[i], heights[j])
+            shared = ((face == ends[i][:, None]) | (face == ends[j][:, None])).any(1)
+            at = np.flatnonzero((low < -margin) & (high > margin) & ~shared)
+            start, stop = mesh.vertices_mm[ends[i][at]], mesh.vertices_mm[ends[j][at]]
+            result[at] |= _between(start, stop, corners[:, at], margin[at])
     return result
 
 
-def _through(start: np.ndarray, stop: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """Return where segments (n, 3) to (n, 3) pass through the inside of faces (n, 3, 3), by signed volumes."""
-    p, q, r = face[:, 0], face[:, 1], face[:, 2]
-    normal = np.cross(q - p, r - p)
-    size = np.linalg.norm(normal, axis=1)
-    margin = 1e-7 * np.maximum(size, 1e-30)
-    above = np.einsum("ij,ij->i", start - p, normal)
-    below = np.einsum("ij,ij->i", stop - p, normal)
-    crosses = (np.minimum(above, below) < -margin) & (np.maximum(above, below) > margin)
+def _between(start: np.ndarray, stop: np.ndarray, corners: np.ndarray, margin: np.ndarray) -> np.ndarray:
+    """Return where lines (n, 3) to (n, 3) pass between the corners (3, n, 3) of a face, by signed volumes."""
     along = stop - start
-    turns = [np.einsum("ij,ij->i", np.cross(v - start, w - start), along) for v, w in ((p, q), (q, r), (r, p))]
-    bound = 1e-7 * size * np.linalg.norm(along, axis=1)
-    inside = np.minimum.reduce(turns) > bound
-    outside = np.maximum.reduce(turns) < -bound
-    result: np.ndarray = crosses & (inside | outside)
-    return result
+    around = ((corners[k] - start, corners[k - 2] - start) for k in range(3))
+    turns = [np.einsum("ij,ij->i", np.cross(*each), along) for each in around]
+    bound = margin * np.linalg.norm(along, axis=1)
+    return (np.minimum.reduce(turns) > bound) | (np.maximum.reduce(turns) < -bound)

@@ -18,8 +18,8 @@ import numpy as np
 from padgen.core.errors import GeometryError
 from padgen.planner.layout import Outline, corner_groove, outline, taxel_places, to_cell
 from padgen.planner.plan import Channel, Plan
-from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, tessellated
-from padgen.solid.taxel import KnownSolid, kept_solid, taxel_key, taxel_solid
+from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
+from padgen.solid.taxel import Tile, kept_solid
 
 __all__ = [
     "PadSolid",
@@ -34,7 +34,6 @@ __all__ = [
     "sampled",
     "tile_grid",
     "turned_grid",
-    "turned_mesh",
     "washer_mesh",
 ]
 
@@ -158,19 +157,11 @@ SEAM_MM = 1e-7
 
 
 @dataclass(frozen=True)
-class Tile:
-    """A distinct tile: its triangles about the sub-cell's centre, turned as in the pad, and its exact volume."""
-
-    mesh: Mesh
-    volume_mm3: float
-
-
-@dataclass(frozen=True)
 class PadSolid:
     """The pad: its `mesh`, the exact `volume_mm3` of its solids, and what it was made from.
 
-    `tiles` has one tile per channel and, last, the bare tile; `grid` (rows, columns) of sub-cells
-    holds indices into it.
+    `tiles`, about their sub-cell's centre and turned as in the pad, has one tile per channel and, last, the
+    bare tile; `grid` (rows, columns) of sub-cells holds indices into it.
     """
 
     mesh: Mesh
@@ -206,22 +197,35 @@ class Sample(NamedTuple):
     places: Places
 
 
-def build_pad(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> PadSolid:
-    """Model each distinct taxel once and assemble the pad of `plan`.
+def build_pad(
+    plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD, groove: Outline | None = None
+) -> PadSolid:
+    """Model each distinct taxel once and assemble the pad of `plan`, with a `groove` or the corner's mark.
 
     Raises
     ------
     GeometryError
         A kernel refused a taxel, or a seam does not close.
     """
-    tiles = [_taxel_tile(plan, index, chord_mm, angle_rad) for index in range(len(plan.channels))]
-    tiles.append(_bare_tile(plan))
-    return _of_tiles(plan, tuple(tiles), chord_mm, angle_rad)
+    cell, height, tiles = plan.cell, plan.spec.pad.frame_thickness_mm, []
+    for channel in plan.channels:
+        known, sides = kept_solid(plan, channel, chord_mm, angle_rad), outline(plan, channel)
+        vertices = known.mesh.vertices_mm.copy()
+        # What is off the outline by rounding only is moved onto it.
+        for axis, value in ((0, sides.x0), (0, sides.x1), (1, sides.y0), (1, sides.y1)):
+            vertices[np.abs(vertices[:, axis] - value) < SEAM_MM, axis] = value
+        placed = to_cell(vertices, channel)
+        placed[:, :2] -= channel.site.centre_mm
+        tiles.append(Tile(Mesh(placed, known.mesh.triangles), known.volume_mm3))
+    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * (cell.width_mm, cell.depth_mm)
+    tiles.append(Tile(prism([corners], 0.0, height), cell.width_mm * cell.depth_mm * height))
+    return _of_tiles(plan, tuple(tiles), chord_mm, angle_rad, groove)
 
 
-def _of_tiles(plan: Plan, tiles: tuple[Tile, ...], chord_mm: float, angle_rad: float) -> PadSolid:
-    grid = tile_grid(plan)
-    mark = corner_groove(plan.spec)
+def _of_tiles(
+    plan: Plan, tiles: tuple[Tile, ...], chord_mm: float, angle_rad: float, groove: Outline | None = None
+) -> PadSolid:
+    grid, mark = tile_grid(plan), groove or corner_groove(plan.spec)
     border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad, mark), border_volume_mm3(plan, mark))
     counts = np.bincount(grid.ravel(), minlength=len(tiles))
     volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
@@ -304,7 +308,8 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
         r, c = np.nonzero((grid == index) & (turned == around))
         if not len(r):
             continue
-        mesh = turned_mesh(tile.mesh) if around else tile.mesh
+        # Turned by 180° about z, without rounding.
+        mesh = tile.mesh._replace(vertices_mm=tile.mesh.vertices_mm * ((-1, -1, 1) if around else 1))
         inner, corner, faces = _open_seams(mesh, plan.cell.width_mm / 2, plan.cell.depth_mm / 2, z)
         # Vertex numbers per place: the tile's own vertices follow each other, corners point into the lattice.
         number = np.empty((len(r), len(inner)), dtype=np.int64)
@@ -322,50 +327,10 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
     number = np.where(own, offset + np.cumsum(own) - 1, on_lattice)
     vertices.append(border.mesh.vertices_mm[own])
     triangles.append(number[faces])
-    return _compact(Mesh(np.concatenate(vertices), np.concatenate(triangles)))
-
-
-def turned_mesh(mesh: Mesh) -> Mesh:
-    """Return the mesh turned by 180° about z, without rounding."""
-    return Mesh(mesh.vertices_mm * (-1.0, -1.0, 1.0), mesh.triangles)
-
-
-def _taxel_tile(plan: Plan, index: int, chord_mm: float, angle_rad: float) -> Tile:
-    channel = plan.channels[index]
-    known = _known(plan, channel, chord_mm, angle_rad)
-    sides = outline(plan, channel)
-    placed = to_cell(_snapped(known.mesh.vertices_mm, sides), channel)
-    placed[:, :2] -= channel.site.centre_mm
-    return Tile(Mesh(placed, known.mesh.triangles), known.volume_mm3)
-
-
-def _known(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> KnownSolid:
-    """Return the taxel's triangles from the cache, or model the taxel and keep them."""
-    key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
-
-    def made() -> KnownSolid:
-        solid = taxel_solid(plan, channel)
-        return KnownSolid(tessellated(solid, chord_mm, angle_rad), float(solid.volume))
-
-    return kept_solid(key, made)
-
-
-def _snapped(vertices: np.ndarray, sides: Outline) -> np.ndarray:
-    """Return the vertices, those within rounding of the outline moved onto it."""
-    snapped = vertices.copy()
-    for axis, value in ((0, sides.x0), (0, sides.x1), (1, sides.y0), (1, sides.y1)):
-        near = np.abs(snapped[:, axis] - value) < SEAM_MM
-        snapped[near, axis] = value
-    return snapped
-
-
-def _bare_tile(plan: Plan) -> Tile:
-    cell, height = plan.cell, plan.spec.pad.frame_thickness_mm
-    sides = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * (cell.width_mm, cell.depth_mm)
-    vertices = np.concatenate([np.c_[sides, np.zeros(4)], np.c_[sides, np.full(4, height)]])
-    quads = [(3, 2, 1, 0), (4, 5, 6, 7)] + [(i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4) for i in range(4)]
-    triangles = np.array([tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))])
-    return Tile(Mesh(vertices, triangles), cell.width_mm * cell.depth_mm * height)
+    whole = Mesh(np.concatenate(vertices), np.concatenate(triangles))
+    used = np.zeros(len(whole.vertices_mm), dtype=bool)
+    used[whole.triangles] = True
+    return Mesh(whole.vertices_mm[used], (np.cumsum(used) - 1)[whole.triangles])
 
 
 def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -389,21 +354,5 @@ def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tup
     step = [np.abs(v[:, i, None] - axis).argmin(1) for i, axis in enumerate((x, y, z))]
     number = (step[0] * len(y) + step[1]) * 2 + step[2]
     on_lattice = np.where(inside, number, -1)
-    return on_lattice, mesh.triangles[~inside[mesh.triangles].all(1) | _flat(mesh)]
-
-
-def _flat(mesh: Mesh) -> np.ndarray:
-    """Return a mask of the triangles that lie in a horizontal plane."""
-    height = mesh.corners_mm[..., 2]
-    flat: np.ndarray = np.ptp(height, axis=1) < SEAM_MM
-    return flat
-
-
-def _compact(mesh: Mesh) -> Mesh:
-    """Drop the vertices that no triangle uses."""
-    used = np.zeros(len(mesh.vertices_mm), dtype=bool)
-    used[mesh.triangles] = True
-    if used.all():
-        return mesh
-    number = np.cumsum(used) - 1
-    return Mesh(mesh.vertices_mm[used], number[mesh.triangles])
+    flat = np.ptp(v[mesh.triangles, 2], axis=1) < SEAM_MM
+    return on_lattice, mesh.triangles[~inside[mesh.triangles].all(1) | flat]

@@ -1,14 +1,15 @@
 """Parts beside the pad, made on request: the coil tray, the coupon, and a tray for the coupon's coil.
 
 Each is modelled, checked and saved like the pad itself. The coupon is a small pad with a groove beside channel 0. The
-tray is three extruded layers, fused (`padgen.planner.tray` draws its section); its dimensions are compared with the
+tray is three extruded layers, fused (`padgen.planner.fixtures` draws its section); its dimensions are compared with the
 plan. The bill of materials counts the pad and these parts.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
 from math import isfinite, nan, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -25,26 +26,24 @@ from padgen.planner.fixtures import (
     tray_findings,
     washer_underside_mm,
 )
-from padgen.planner.layout import Outline
 from padgen.planner.plan import Plan
-from padgen.solid.checks import Report, check_mesh, check_pad, few, told, volume_findings
+from padgen.solid.checks import BUILT_MM, Report, check_mesh, check_pad, few, told, volume_findings
 from padgen.solid.compare import differences
 from padgen.solid.formats import Part
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.measure import distance_to_sides
-from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh, as_manifold, tessellated
-from padgen.solid.pad_solid import PadSolid, Tile, assembled, border_mesh, border_volume_mm3, build_pad
+from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
+from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, tessellated
+from padgen.solid.pad_solid import PadSolid, build_pad
+from padgen.solid.taxel import box, only_solid
 from padgen.spec import Pad, Spec
 
 __all__ = [
-    "Gauge",
     "TraySolid",
     "bill_of_materials",
     "build_coupon",
     "build_part",
     "build_tray",
     "check_tray",
-    "grooved",
     "measured_tray",
     "tray_solid",
 ]
@@ -60,49 +59,45 @@ class TraySolid:
     solid: Any
 
 
-def build_tray(plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
+def build_tray(plan: Plan) -> TraySolid:
     """Build the tray for the coils of `plan`.
 
     Raises
     ------
     InfeasibleError
-        See `padgen.planner.tray.plan_tray`.
+        See `padgen.planner.fixtures.plan_tray`.
     GeometryError
         A kernel refused a part.
     """
-    return tray_solid(plan_tray(plan), plan.spec.pad, chord_mm, angle_rad)
+    return tray_solid(plan_tray(plan), plan.spec.pad)
 
 
-def tray_solid(tray: Tray, pad: Pad, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> TraySolid:
+def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
     """Build the solid of a `tray` with the outline of `pad`."""
     b = build123d()
     with kernel_errors("the coil tray"):
+        rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
+        outside = rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
         seats = [b.Wire.make_circle(tray.seat_hole_mm / 2, b.Plane((x, y, 0))) for x, y in tray.coils_mm]
         sockets = [_socket(tray, x, y) for x, y in tray.coils_mm]
-        floor = _layer(_outside(pad), seats, 0.0, tray.floor_mm)
-        block = _layer(_outside(pad), sockets, tray.floor_mm, tray.socket_top_mm)
-        within = b.Wire.make_rect(pad.width_mm, pad.depth_mm)
-        rim = _layer(_outside(pad), [within], tray.socket_top_mm, tray.height_mm)
-        walls = rim.cut(*_prisms(tray.wire_slots, tray.socket_top_mm, tray.height_mm))
-        whole = floor.fuse(block, *walls.solids()).cut(*_prisms([tray.groove], 0.0, tray.height_mm), *_bores(tray))
-        solids = whole.solids()
-    if len(solids) != 1 or not solids[0].is_valid:
-        raise GeometryError(f"the coil tray came out as {len(solids)} solids, must be one valid solid")
-    (solid,) = solids
-    return TraySolid(tray, tessellated(solid, chord_mm, angle_rad), float(solid.volume), solid)
-
-
-def _layer(outside: Any, holes: list[Any], low: float, high: float) -> Any:
-    b = build123d()
-    solid = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, high - low))
-    return solid.moved(b.Location((0, 0, low)))
-
-
-def _outside(pad: Pad) -> Any:
-    """Return the pad's outline, with its round corners, as a wire."""
-    b = build123d()
-    wire = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
-    return wire.fillet_2d(pad.border_mm / 2, wire.vertices())
+        layers = []
+        for holes, low, high in (
+            (seats, 0.0, tray.floor_mm),
+            (sockets, tray.floor_mm, tray.socket_top_mm),
+            ([b.Wire.make_rect(pad.width_mm, pad.depth_mm)], tray.socket_top_mm, tray.height_mm),
+        ):
+            layer = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, high - low))
+            layers.append(layer.moved(b.Location((0, 0, low))))
+        floor, block, rim = layers
+        walls = rim.cut(*(box(slot, tray.height_mm, tray.socket_top_mm) for slot in tray.wire_slots))
+        cuts, screw = [box(tray.groove, tray.height_mm)], tray.screw
+        if screw:
+            low, radius = tray.height_mm - screw.hole_depth_mm, screw.hole_diameter_mm / 2
+            holes = [b.Plane((x, y, low)) for x, y in tray.holes_mm]
+            cuts += [b.Solid.make_cylinder(radius, screw.hole_depth_mm, plane) for plane in holes]
+        whole = floor.fuse(block, *walls.solids()).cut(*cuts)
+        solid = only_solid(whole, "the coil tray")
+    return TraySolid(tray, tessellated(solid), float(solid.volume), solid)
 
 
 def _socket(tray: Tray, x: float, y: float) -> Any:
@@ -124,43 +119,11 @@ def _socket(tray: Tray, x: float, y: float) -> Any:
     return wire
 
 
-def _bores(tray: Tray) -> list[Any]:
-    """Return the cylinders of the screw holes, from the top of the rim down."""
-    b, screw = build123d(), tray.screw
-    if screw is None:
-        return []
-    low = tray.height_mm - screw.hole_depth_mm
-    return [
-        b.Solid.make_cylinder(screw.hole_diameter_mm / 2, screw.hole_depth_mm, b.Plane((x, y, low)))
-        for x, y in tray.holes_mm
-    ]
-
-
-def _prisms(outlines: Iterable[Outline], low: float, high: float) -> list[Any]:
-    b = build123d()
-    return [
-        b.Solid.make_box(sides.x1 - sides.x0, sides.y1 - sides.y0, high - low, b.Plane((sides.x0, sides.y0, low)))
-        for sides in outlines
-    ]
-
-
-BUILT_MM = 0.01
-"""Largest allowed difference of a built height or depth from the planned one."""
-ROUND_MM = 2 * CHORD_MM + BUILT_MM
-"""Largest allowed difference of a diameter, whose polygon lies within the true circle."""
+ROUND_MM = 2 * CHORD_MM
+"""Largest change of a diameter by its triangles: a polygon lies within the true circle."""
 SEAT_RAYS = 3
 COIL_SIDES = 64
 BLOCKED_MM3 = 1e-3
-
-
-class Gauge(NamedTuple):
-    """One measured dimension: its place and name, planned and built in mm (nan: not found), and the tolerance."""
-
-    where: str
-    name: str
-    planned_mm: float
-    built_mm: float
-    within_mm: float = BUILT_MM
 
 
 def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report:
@@ -185,76 +148,48 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
         findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
     gauges = list(measured_tray(tray, spec, solid))
     findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
-    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and g.within_mm == BUILT_MM]
+    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
     figures["largest_difference_from_plan_mm"] = max(off, default=None)
     figures["measured_dimensions"] = len(gauges)
     return Report(figures, tuple(findings))
 
 
-def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Gauge]:
+def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
     """Measure sockets, seats, rim and screw holes of a tray on its manifold.
 
     A diameter is that of the largest circle about the planned axis that holds no material. A height is where a ray
     from above ends; a seat's is measured at several places about the axis.
     """
-    sockets = _holes(solid, (tray.floor_mm + tray.socket_top_mm) / 2)
+    sockets = holes_of(solid, (tray.floor_mm + tray.socket_top_mm) / 2)
+    # On a coil's seat, half way between the seat's hole and the coil's rim.
+    angles = 2 * np.pi * np.arange(SEAT_RAYS) / SEAT_RAYS
+    seat_mm = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4 * np.stack([np.cos(angles), np.sin(angles)], -1)
     for x, y in tray.coils_mm:
         where = f"the socket at ({number(x)}, {number(y)}) mm"
-        yield Gauge(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
-        yield from (
-            Gauge(where, "seat height", tray.floor_mm, _top(solid, tray, *at)) for at in _seat_places(tray, spec, x, y)
-        )
-    for x, y in _rim_places(tray, spec):
-        yield Gauge(f"the rim at ({number(x)}, {number(y)}) mm", "rim height", tray.height_mm, _top(solid, tray, x, y))
-    yield from _screw_gauges(tray, solid)
-
-
-def _screw_gauges(tray: Tray, solid: Any) -> Iterator[Gauge]:
-    screw = tray.screw
-    if screw is None:
+        yield Dimension(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
+        for at in (seat_mm + np.array([x, y])).tolist():
+            yield Dimension(where, "seat height", tray.floor_mm, _top(solid, tray, *at))
+    # Two places on each side of the rim, near the corners.
+    pad = spec.pad
+    off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+    for side, along in product((-1, 1), (-1, 1)):
+        for x, y in ((along * 0.49 * pad.width_mm, side * off_y), (side * off_x, along * 0.49 * pad.depth_mm)):
+            where = f"the rim at ({number(x)}, {number(y)}) mm"
+            yield Dimension(where, "rim height", tray.height_mm, _top(solid, tray, x, y))
+    if tray.screw is None:
         return
-    holes = _holes(solid, tray.height_mm - screw.hole_depth_mm / 2)
+    bores = holes_of(solid, tray.height_mm - tray.screw.hole_depth_mm / 2)
     for x, y in tray.holes_mm:
         where = f"the screw hole at ({number(x)}, {number(y)}) mm"
-        yield Gauge(where, "hole diameter", screw.hole_diameter_mm, _free_diameter(holes, x, y), ROUND_MM)
-        low = _top(solid, tray, x, y)
-        bottom = low if isfinite(low) else 0.0
-        yield Gauge(where, "hole depth", screw.hole_depth_mm, tray.height_mm - bottom)
-
-
-def _seat_places(tray: Tray, spec: Spec, x: float, y: float) -> Iterator[tuple[float, float]]:
-    """Yield places on a coil's seat, half way between the seat's hole and the coil's rim."""
-    radius = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4
-    for angle in 2 * np.pi * np.arange(SEAT_RAYS) / SEAT_RAYS:
-        yield x + radius * float(np.cos(angle)), y + radius * float(np.sin(angle))
-
-
-def _rim_places(tray: Tray, spec: Spec) -> Iterator[tuple[float, float]]:
-    """Yield two places on each side of the rim, near the corners."""
-    pad = spec.pad
-    x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
-    inner_x, inner_y = 0.49 * pad.width_mm, 0.49 * pad.depth_mm
-    for side in (-1, 1):
-        for along in (-1, 1):
-            yield along * inner_x, side * y
-            yield side * x, along * inner_y
+        yield Dimension(where, "hole diameter", tray.screw.hole_diameter_mm, _free_diameter(bores, x, y), ROUND_MM)
+        bottom = np.nan_to_num(_top(solid, tray, x, y))
+        yield Dimension(where, "hole depth", tray.screw.hole_depth_mm, float(tray.height_mm - bottom))
 
 
 def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
     """Return the height in mm of the tray's highest face at a place, nan where there is none."""
-    high, low = tray.height_mm + 1.0, -1.0
-    hits = solid.ray_cast((x, y, high), (x, y, low))
-    return high - float(hits[0].distance) * (high - low) if hits else nan
-
-
-def _holes(solid: Any, z_mm: float) -> list[np.ndarray]:
-    """Return the outlines (points, 2) of the holes in a cross-section."""
-    holes = []
-    for contour in solid.slice(z_mm).to_polygons():
-        x, y = contour.T
-        if np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1)) < 0:
-            holes.append(contour)
-    return holes
+    high = tray.height_mm + 1.0
+    return high - run_mm(solid, (x, y, high), (x, y, -1.0))
 
 
 def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
@@ -266,16 +201,17 @@ def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
     return nan
 
 
-def _off(gauges: list[Gauge]) -> Iterator[Finding]:
+def _off(gauges: list[Dimension]) -> Iterator[Finding]:
     """Report the dimensions that are not as planned."""
     for g in gauges:
-        if not abs(g.built_mm - g.planned_mm) <= g.within_mm:
+        within_mm = BUILT_MM + g.facets_mm
+        if not abs(g.built_mm - g.planned_mm) <= within_mm:
             built = f"{number(g.built_mm)} mm" if isfinite(g.built_mm) else "missing"
-            planned = f"{number(g.planned_mm)} mm within {number(g.within_mm)} mm"
+            planned = f"{number(g.planned_mm)} mm within {number(within_mm)} mm"
             yield Finding("error", "tray.built", g.where, f"its {g.name} is {built}, planned are {planned}")
 
 
-def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[Finding]:
+def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
     """Check the gap between coils and washers: rim over seat, less the coil, plus the washer's place in the pad.
 
     It is measured on the mesh. It may differ from the spec's gap by half a layer (which `tray_findings` reports) and by
@@ -301,48 +237,31 @@ def _gap(plan: Plan, gauges: list[Gauge], figures: dict[str, Any]) -> Iterator[F
 
 def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
     """Check that the coils' places, the room under the pad and every wire slot are empty."""
-    pad = spec.pad
-    yield from _coils_fit(tray, spec, solid)
-    x, y, z = mesh.vertices_mm.T
-    inside = (np.abs(x) < pad.width_mm / 2 - BUILT_MM) & (np.abs(y) < pad.depth_mm / 2 - BUILT_MM)
-    highest = float(z[inside].max(initial=0.0))
-    if highest > tray.coil_top_mm + BUILT_MM:
-        yield Finding(
-            "error",
-            "tray.room",
-            "mesh",
-            f"under the pad it rises to {number(highest)} mm, the coils' tops are at {number(tray.coil_top_mm)} mm",
-        )
-    for slot in tray.wire_slots:
-        if not _passes(solid, slot, tray, pad):
-            at = f"({number((slot.x0 + slot.x1) / 2)}, {number((slot.y0 + slot.y1) / 2)}) mm"
-            yield Finding("error", "tray.wires", f"the slot at {at}", "no wire passes from the sockets to the outside")
-
-
-def _coils_fit(tray: Tray, spec: Spec, solid: Any) -> Iterator[Finding]:
-    """Check that coils in their places, just above their seats, do not meet the tray."""
     import manifold3d
 
-    radius, low = spec.coil.outer_diameter_mm / 2, tray.floor_mm + BUILT_MM
+    pad, radius, low = spec.pad, spec.coil.outer_diameter_mm / 2, tray.floor_mm + BUILT_MM
     coil = manifold3d.Manifold.cylinder(tray.coil_top_mm - low, radius, radius, COIL_SIDES)
     coils = manifold3d.Manifold.compose([coil.translate((x, y, low)) for x, y in tray.coils_mm])
     blocked = [part for part in (coils ^ solid).decompose() if part.volume() > BLOCKED_MM3]
     if blocked:
-        x0, y0, z0, x1, y1, z1 = blocked[0].bounding_box()
-        yield Finding(
-            "error",
-            "tray.coil",
-            f"({number((x0 + x1) / 2)}, {number((y0 + y1) / 2)}, {number((z0 + z1) / 2)}) mm",
-            f"material lies where a coil stands; {len(blocked)} such places, must be 0",
-        )
-
-
-def _passes(solid: Any, slot: Outline, tray: Tray, pad: Pad) -> bool:
-    """Return whether a ray along the middle of a slot, from end to end, does not meet the tray."""
-    x, y, z = (slot.x0 + slot.x1) / 2, (slot.y0 + slot.y1) / 2, (tray.socket_top_mm + tray.height_mm) / 2
-    along_y = abs(y) > pad.depth_mm / 2
-    start, stop = ((x, slot.y0, z), (x, slot.y1, z)) if along_y else ((slot.x0, y, z), (slot.x1, y, z))
-    return not solid.ray_cast(start, stop)
+        box_mm = np.reshape(blocked[0].bounding_box(), (2, 3))
+        where = f"({', '.join(map(number, box_mm.mean(0)))}) mm"
+        told = f"material lies where a coil stands; {len(blocked)} such places, must be 0"
+        yield Finding("error", "tray.coil", where, told)
+    x, y, z = mesh.vertices_mm.T
+    inside = (np.abs(x) < pad.width_mm / 2 - BUILT_MM) & (np.abs(y) < pad.depth_mm / 2 - BUILT_MM)
+    highest = float(z[inside].max(initial=0.0))
+    if highest > tray.coil_top_mm + BUILT_MM:
+        told = f"under the pad it rises to {number(highest)} mm, the coils' tops are at {number(tray.coil_top_mm)} mm"
+        yield Finding("error", "tray.room", "mesh", told)
+    for slot in tray.wire_slots:
+        middle = np.array([slot.x0 + slot.x1, slot.y0 + slot.y1, tray.socket_top_mm + tray.height_mm]) / 2
+        # A ray along the middle of a slot, from end to end, does not meet the tray.
+        along_y = abs(middle[1]) > pad.depth_mm / 2
+        half = np.array([0.0, slot.y1 - slot.y0, 0.0] if along_y else [slot.x1 - slot.x0, 0.0, 0.0]) / 2
+        if isfinite(run_mm(solid, middle - half, middle + half)):
+            where = f"the slot at ({number(middle[0])}, {number(middle[1])}) mm"
+            yield Finding("error", "tray.wires", where, "no wire passes from the sockets to the outside")
 
 
 def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
@@ -354,14 +273,7 @@ def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
         A kernel refused a part.
     """
     coupon = coupon_plan(plan)
-    return coupon, grooved(coupon, build_pad(coupon), coupon_groove(coupon))
-
-
-def grooved(plan: Plan, pad: PadSolid, groove: Outline) -> PadSolid:
-    """Return `pad` with a `groove` cut from its border over the whole height."""
-    border = Tile(border_mesh(plan, pad.grid.shape, CHORD_MM, ANGLE_RAD, groove), border_volume_mm3(plan, groove))
-    volume = pad.volume_mm3 - pad.border.volume_mm3 + border.volume_mm3
-    return replace(pad, mesh=assembled(plan, pad.tiles, border, pad.grid), volume_mm3=volume, border=border)
+    return coupon, build_pad(coupon, groove=coupon_groove(coupon))
 
 
 def build_part(plan: Plan, name: str) -> Part:
@@ -385,14 +297,6 @@ def build_part(plan: Plan, name: str) -> Part:
     return Part(name, tray.tray.name, use, tray.mesh, tray.solid, check_tray(tray, over))
 
 
-def _screw_text(plan: Plan, tray: bool) -> str:
-    """Describe the screws: by their holes, and with a tray also by name and length."""
-    pad = plan.spec.pad
-    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm) if tray else None
-    holes = f"for {number(pad.hole_diameter_mm)} mm holes"
-    return holes if screw is None else f"{screw.name} x {number(screw.length_mm)} mm {holes}"
-
-
 def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float] | None = None) -> str:
     """Return the bill of materials as CSV text.
 
@@ -400,7 +304,11 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     """
     spec = plan.spec
     coils = plan.coils.rows * plan.coils.columns
-    washer, coil = spec.washer, spec.coil
+    washer, coil, pad = spec.washer, spec.coil, spec.pad
+    screws = f"for {number(pad.hole_diameter_mm)} mm holes"
+    if "tray" in (parts_g or {}):
+        screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm)
+        screws = f"{screw.name} x {number(screw.length_mm)} mm {screws}" if screw else screws
     rows = [
         (
             "washer",
@@ -418,7 +326,7 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         ),
         ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
-        ("screw", 4 if spec.pad.hole_diameter_mm else 0, "pieces", _screw_text(plan, "tray" in (parts_g or {}))),
+        ("screw", 4 if pad.hole_diameter_mm else 0, "pieces", screws),
     ]
     own, load, fitting = spec.amplifier, plan.load, fitting_amplifiers(plan)
     some = (

@@ -13,6 +13,7 @@ BACKGROUND = np.array([1.0, 1.0, 1.0])
 # In the viewer's axes: right, up, towards. Key light from the upper left, fill from the right.
 LIGHTS = ((np.array([-0.45, 0.75, 0.5]), 0.62), (np.array([0.7, -0.1, 0.7]), 0.28))
 AMBIENT = 0.24
+OVERSAMPLE = 2
 
 
 class View(NamedTuple):
@@ -28,101 +29,59 @@ def picture_png(
     """Draw meshes with their colours (red, green, blue in 0 … 1) as a PNG of this size, in parallel projection."""
     from PIL import Image
 
-    oversample = 2
-    width, height = (oversample * n for n in size_px)
-    axes = _camera(view or View())
-    scale, shift = _fit(np.concatenate([mesh.vertices_mm @ axes.T for mesh, _ in parts]), width, height)
+    width, height = (OVERSAMPLE * n for n in size_px)
+    azimuth, elevation = np.radians(view or View())
+    right = np.array([np.cos(azimuth), np.sin(azimuth), 0])
+    toward = np.array([np.sin(azimuth) * np.cos(elevation), -np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
+    axes = np.stack([right, np.cross(toward, right), toward])
+    seen = [mesh.vertices_mm @ axes.T for mesh, _ in parts]
+    low, high = np.min([each.min(0) for each in seen], 0), np.max([each.max(0) for each in seen], 0)
+    scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
+    shift = np.array([width, height, 0]) / 2 - (low + high) / 2 * (scale, -scale, scale)
     image, nearest = np.tile(BACKGROUND, (width * height, 1)), np.full(width * height, -np.inf)
-    for mesh, colour in parts:
-        for k in range(0, len(mesh.triangles), AT_ONCE):
-            corners = mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
-            across = corners[:, 1:] - corners[:, :1]
-            normal = np.cross(across[:, 0], across[:, 1])
-            facing = normal @ axes[2] > 0
-            normal = normal[facing] / np.maximum(np.linalg.norm(normal[facing], axis=1, keepdims=True), 1e-30)
-            shade = AMBIENT + sum(
-                share * np.clip(normal @ axes.T @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS
-            )
-            pixels, owner, depth = _visible(corners[facing] @ axes.T * scale + shift, width, height)
-            over = depth >= nearest[pixels]
-            nearest[pixels[over]] = depth[over]
-            image[pixels[over]] = np.clip(np.array(colour) * shade[:, None], 0, 1)[owner[over]]
+    for (mesh, colour), places in zip(parts, seen, strict=True):
+        for some in np.array_split(mesh.triangles, len(mesh.triangles) // AT_ONCE + 1):
+            corners = places[some]
+            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            facing = normal[:, 2] > 1e-9
+            normal = normal[facing] / np.linalg.norm(normal[facing], axis=1, keepdims=True)
+            lit = [share * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS]
+            shades = np.clip(np.array(colour) * (AMBIENT + sum(lit))[:, None], 0, 1)
+            pixel, owner, depth = _covered(corners[facing] * (scale, -scale, scale) + shift, width, height)
+            # Assigned in the order of depth, the nearest triangle comes last and stays.
+            order = np.argsort(depth, kind="stable")
+            order = order[depth[order] >= nearest[pixel[order]]]
+            nearest[pixel[order]], image[pixel[order]] = depth[order], shades[owner[order]]
     image = image.reshape(height, width, 3)
-    steps = range(oversample)
+    steps = range(OVERSAMPLE)
     # A mean over two axes would take ten times as long.
-    image = np.add.reduce([image[i::oversample, j::oversample] for i in steps for j in steps]) / oversample**2
+    image = np.add.reduce([image[i::OVERSAMPLE, j::OVERSAMPLE] for i in steps for j in steps]) / OVERSAMPLE**2
     result = io.BytesIO()
     Image.fromarray((image * 255 + 0.5).astype(np.uint8)).save(result, "PNG", optimize=False)
     return result.getvalue()
 
 
-def _camera(view: View) -> np.ndarray:
-    """Return unit vectors to the right, up and towards the viewer, as rows (3, 3)."""
-    a, e = np.radians(view.azimuth_deg), np.radians(view.elevation_deg)
-    right = np.array([np.cos(a), np.sin(a), 0])
-    toward = np.array([np.sin(a) * np.cos(e), -np.cos(a) * np.cos(e), np.sin(e)])
-    return np.stack([right, np.cross(toward, right), toward])
-
-
-def _fit(seen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return factors (3,) and shifts (3,) that turn right, up and depth of points (n, 3) in mm into pixels."""
-    low, high = (np.array([of(seen[:, 0]), of(seen[:, 1])]) for of in (np.min, np.max))
-    scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
-    centre = (low + high) / 2 * scale
-    return scale * np.array([1.0, -1.0, 1.0]), np.array([width / 2 - centre[0], height / 2 + centre[1], 0.0])
-
-
-def _visible(screen: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pixels that any triangle covers, the index of the nearest triangle, and its depth, by scan lines."""
-    x, y, z = np.moveaxis(screen, -1, 0)
-    # One row per triangle and scan line through pixel centres.
-    first = np.clip(np.ceil(y.min(1) - 0.5), 0, height).astype(np.int64)
-    last = np.clip(np.floor(y.max(1) - 0.5), -1, height - 1).astype(np.int64)
-    rows, line = _runs(first, last)
-    centre = (first[rows] + line) + 0.5
-    left, right = np.full(len(rows), np.inf), np.full(len(rows), -np.inf)
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        y0, y1 = y[rows, i], y[rows, j]
-        rise = np.where(y1 == y0, 1.0, y1 - y0)
-        share = (centre - y0) / rise
-        hit = (y1 != y0) & (share >= 0) & (share <= 1)
-        at = x[rows, i] + share * (x[rows, j] - x[rows, i])
-        left, right = np.where(hit, np.minimum(left, at), left), np.where(hit, np.maximum(right, at), right)
-    empty = left > right
-    left, right = np.where(empty, 0, left), np.where(empty, -1, right)
-    start = np.clip(np.ceil(left - 0.5), 0, width).astype(np.int64)
-    stop = np.clip(np.floor(right - 0.5), -1, width - 1).astype(np.int64)
-    spans, step = _runs(start, stop)
-    owner = rows[spans]
-    column, row = start[spans] + step, (first[rows] + line)[spans]
-    depth = _depth_at(x, y, z, owner, column + 0.5, row + 0.5)
-    pixel = row * width + column
-    order = np.argsort(depth, kind="stable")
-    # Assigned in the order of depth, the nearest triangle comes last and stays.
-    seen = np.full(width * height, -1)
-    seen[pixel[order]] = owner[order]
-    covered = np.flatnonzero(seen >= 0)
-    nearest = np.full(width * height, -np.inf)
-    nearest[pixel[order]] = depth[order]
-    return covered, seen[covered], nearest[covered]
+def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the pixels whose centres triangles (n, 3, 3) cover, each one's triangle, and its depth there."""
+    low, high = corners[..., 1].min(1), corners[..., 1].max(1)
+    owner, row = _runs(np.maximum(np.ceil(low - 0.5), 0), np.minimum(np.floor(high - 0.5), height - 1))
+    # The corners' weights and the depth are linear in the place: slopes to the right and down, and offsets.
+    depth = corners[..., 2:].copy()
+    planes = np.linalg.inv(np.concatenate([corners[..., :2], np.ones_like(depth)], axis=2))
+    along, down, offset = np.moveaxis(np.concatenate([planes, planes @ depth], axis=2)[owner], 1, 0)
+    offset += down * (row + 0.5)[:, None]
+    # Inside no weight is negative.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        edges = -offset[:, :3] / along[:, :3]
+    left = np.where(along[:, :3] > 0, edges, 0.0).max(1)
+    right = np.where(along[:, :3] < 0, edges, width).min(1)
+    line, column = _runs(np.ceil(left - 0.5), np.minimum(np.floor(right - 0.5), width - 1))
+    return row[line] * width + column, owner[line], offset[line, 3] + along[line, 3] * (column + 0.5)
 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Expand runs ``first … last`` into single steps: the index of each step's run, and its number within the run."""
-    count = np.maximum(last - first + 1, 0)
+    """Expand runs ``first … last`` into single steps: the index of each step's run, and its place."""
+    count = np.maximum(last - first + 1, 0).astype(np.int64)
     index = np.repeat(np.arange(len(count)), count)
-    return index, np.arange(len(index)) - np.repeat(np.cumsum(count) - count, count)
-
-
-def _depth_at(
-    x: np.ndarray, y: np.ndarray, z: np.ndarray, owner: np.ndarray, column: np.ndarray, row: np.ndarray
-) -> np.ndarray:
-    """Return the depth of the planes of the triangles `owner` at pixel centres."""
-    ax, ay = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]
-    bx, by = x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
-    za, zb = z[:, 1] - z[:, 0], z[:, 2] - z[:, 0]
-    area = ax * by - ay * bx
-    area = np.where(np.abs(area) < 1e-12, 1e-12, area)
-    slope_x, slope_y = (za * by - zb * ay) / area, (zb * ax - za * bx) / area
-    result: np.ndarray = z[owner, 0] + slope_x[owner] * (column - x[owner, 0]) + slope_y[owner] * (row - y[owner, 0])
-    return result
+    start = np.cumsum(count) - count
+    return index, first[index].astype(np.int64) + np.arange(len(index)) - start[index]

@@ -7,7 +7,6 @@ import numpy as np
 from padgen.core.errors import GeometryError
 from padgen.core.files import OutputFolder
 from padgen.planner.layout import to_cell
-from padgen.planner.plan import Plan
 from padgen.solid.formats import ExportJob
 from padgen.solid.mesh import Mesh
 from padgen.solid.pad_solid import washer_mesh
@@ -16,20 +15,17 @@ __all__ = ["write"]
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add ``pad.glb``; do nothing for parts beside the pad."""
-    if job.pad is not None:
-        out.write("pad.glb", _glb_bytes(job.plan, job.pad.mesh))
-
-
-def _glb_bytes(plan: Plan, mesh: Mesh) -> bytes:
-    """Return the pad and its washers as binary glTF, in metres with y up, as viewers expect."""
+    """Add the pad and its washers in metres with y up, as viewers expect; do nothing for parts beside the pad."""
+    if job.pad is None:
+        return
     import trimesh
 
+    plan = job.plan
     turn = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
     turn[:3] *= 1e-3
     scene = trimesh.Scene()
     colours = {"pad": (225, 222, 214, 255), "washer": (120, 125, 135, 255)}
-    scene.add_geometry(_coloured(mesh, colours["pad"]), geom_name="pad", node_name="pad", transform=turn)
+    scene.add_geometry(_coloured(job.pad.mesh, colours["pad"]), geom_name="pad", node_name="pad", transform=turn)
     for channel in plan.channels:
         washer = washer_mesh(plan, channel)
         vertices = to_cell(washer.vertices_mm, channel)
@@ -46,7 +42,7 @@ def _glb_bytes(plan: Plan, mesh: Mesh) -> bytes:
     back = trimesh.load(trimesh.util.wrap_as_stream(data), file_type="glb")
     if len(back.graph.nodes_geometry) != 1 + len(plan.taxels):
         raise GeometryError("read back, it lacks parts", "pad.glb")
-    return bytes(data)
+    out.write("pad.glb", bytes(data))
 
 
 def _coloured(mesh: Mesh, rgba: tuple[int, int, int, int]) -> Any:

@@ -50,16 +50,13 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
         cache.store_bytes(STEP_KIND, key, path.read_bytes())
         return path.read_bytes()
 
-    known = cache.once(STEP_KIND, key, lambda: _known_step(key), made)
+    def kept() -> bytes | None:
+        data = cache.load_bytes(STEP_KIND, key) or b""
+        ends = data.startswith(b"ISO-10303-21;"), data.rstrip().endswith(b"END-ISO-10303-21;")
+        return data if all(ends) and _UNNAMED.encode() in data else None
+
+    known = cache.once(STEP_KIND, key, kept, made)
     path.write_bytes(known.replace(_UNNAMED.encode(), f"{plan.name} taxel {channel.index}".encode()))
-
-
-def _known_step(key: str) -> bytes | None:
-    """Return the cached STEP text, or None where there is none or it is damaged."""
-    data = cache.load_bytes(STEP_KIND, key)
-    if data is None or not data.startswith(b"ISO-10303-21;") or not data.rstrip().endswith(b"END-ISO-10303-21;"):
-        return None
-    return data if _UNNAMED.encode() in data else None
 
 
 def _write_step(path: Path, label: str, *solids: Any) -> None:
@@ -69,13 +66,9 @@ def _write_step(path: Path, label: str, *solids: Any) -> None:
         whole = b.Compound(children=solids) if len(solids) > 1 else solids[0]
         whole.label = label
         b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
-        path.write_text(_renumbered(path.read_text()))
+        # Parts of an assembly are numbered from 1, since OCCT goes on counting through all files of a process.
+        part, number = r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", itertools.count(1)
+        path.write_text(re.sub(part, lambda match: f"{match[1]}{next(number)}'", path.read_text()))
         back = sorted(float(solid.volume) for solid in b.import_step(path).solids())
     if len(back) != len(planned) or not np.allclose(back, planned, rtol=1e-6):
         raise GeometryError(f"read back, its solids have {back} mm³, must have {planned} mm³", path.name)
-
-
-def _renumbered(step: str) -> str:
-    """Number the parts of an assembly from 1, since OCCT goes on counting through all files of a process."""
-    count = itertools.count(1)
-    return re.sub(r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", lambda match: f"{match[1]}{next(count)}'", step)
