@@ -21,10 +21,9 @@ from padgen.driver.ear import SETTLED_TAUS, Heard, ear_findings
 from padgen.driver.excitation import Excitation, excitation
 from padgen.driver.formats import DriveFormat, DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
-from padgen.driver.frames import read_frames, state_frame
+from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
 from padgen.driver.pad_drive import RATES_HZ, PadDrive
-from padgen.driver.patterns import pattern_frames, text_frames
 from padgen.driver.waveform import Timeline, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning
 from padgen.physics.resonator import ring_up_time

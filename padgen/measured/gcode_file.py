@@ -1,8 +1,9 @@
 """Reader of G-code files, layer by layer: where a slicer lays plastic, and how much.
 
-Only one layer is held at a time: the file may have any size. The reader knows straight moves and arcs (G0–G3), absolute and relative coordinates and extrusion (G90, G91, M82, M83,
-G92), millimetres and inches (G20, G21). From a slicer's comments it takes the kind and the height of the extrusions
-that follow. A new layer begins where the nozzle's height changes, whatever comments say.
+Only one layer is held at a time: the file may have any size. The reader knows straight moves and arcs (G0–G3),
+absolute and relative coordinates and extrusion (G90, G91, M82, M83, G92), millimetres and inches (G20, G21). From a
+slicer's comments it takes the kind and the height of the extrusions that follow. A new layer begins where the nozzle's
+height changes, whatever comments say.
 """
 
 import re
@@ -135,7 +136,7 @@ def _layer(numbers: array, filament_mm2: float) -> Layer:
 
 
 def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
-    """Yield the moves that lay plastic: from x, y, to x, y, z, fed filament and stated height, in mm; arcs as chords."""
+    """Yield moves that lay plastic: from x, y, to x, y, z, fed filament and stated height, in mm; arcs as chords."""
     at = dict.fromkeys("XYZE", 0.0)
     unit, is_relative, is_e_relative, is_beside, height = 1.0, False, False, False, nan
     with path.open("rb") as file:
