@@ -534,24 +534,6 @@ def test_the_sidecar(tmp_path, quads):
     assert len(text.splitlines()) < 750
 
 
-@pytest.mark.parametrize("seconds, sentence", [(1.01, r"whole periods of .* would do"), (0.01, "would do")])
-def test_a_loop_with_a_seam_is_refused(tmp_path, pair, seconds, sentence):
-    drive = make_drive(pair, 4000)
-    with pytest.raises(SpecError, match=sentence):
-        write_wave(tmp_path / "a.wav", drive, steady(all_on(pair), seconds))
-    uneven = Timeline(np.array([0, drive.period_s]), np.stack([all_on(pair), 0 * all_on(pair)]), True)
-    with pytest.raises(SpecError, match="end with the levels"):
-        write_wave(tmp_path / "a.wav", drive, uneven)
-    assert not list(tmp_path.iterdir())
-
-
-def test_channels_that_take_turns_are_not_on_together(tmp_path, quads):
-    plan = quads["time-shared"]
-    drive = make_drive(plan, 8000)
-    with pytest.raises(SpecError, match="two channels of coil"):
-        write_wave(tmp_path / "a.wav", drive, steady(all_on(plan), drive.period_s))
-
-
 def test_a_file_that_cannot_be_written(tmp_path, pair, monkeypatch):
     drive = make_drive(pair, 4000)
 
