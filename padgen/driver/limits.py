@@ -207,13 +207,7 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
     root = np.sqrt(constant_a2 + lines.sum(1))
     slope = np.sqrt(lines @ (2 * np.pi * coil.force_hz) ** 2 / 2)
     volts: np.ndarray = drive.resistance_ohm * root + drive.inductance_h * slope
-    return volts if drive.carrier_hz is None else _on_carrier(drive, volts, root)
-
-
-def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """Return the envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
-    assert drive.carrier_hz is not None
-    return on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
+    return volts if drive.carrier_hz is None else on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
 
 
 # ---- Peaks ---------------------------------------------------------------------------------------------------------
@@ -281,7 +275,7 @@ def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
         root = np.sqrt(np.maximum(constant[part, None] + states[part] @ cosine, SMALLEST))
         volts = drive.resistance_ohm * root + drive.inductance_h * (states[part] @ sine) / (2 * root)
         if drive.carrier_hz is not None:
-            volts = _on_carrier(drive, volts, root)
+            volts = on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
         peak = max(peak, BETWEEN * float(np.abs(volts[states[part].any(1)]).max(initial=0.0)))
     return peak
 
