@@ -289,8 +289,7 @@ def _states(count: int) -> np.ndarray:
 def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
     """Return the firmware's constants in A²: all on, those of all states of each group; and a group's size."""
     size = group_channels(max(len(c.taxels) for c in drive.coils))
-    shape = (coil.harmonic.tolist(), coil.line_a2.tolist(), coil.phase_rad.tolist())
-    all_on, groups = least_constants(*(tuple(part) for part in shape), size)
+    all_on, groups = least_constants(coil, size)
     return all_on, [np.array(group) for group in groups], size
 
 
@@ -317,11 +316,15 @@ def group_channels(channels: int) -> int:
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
+def least_constants(coil: CoilDrive, size: int) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """Return a coil's least constant with all channels on, and those of each group of `size` in every state, in A²."""
+    return _least_constants(*(tuple(part.tolist()) for part in (coil.harmonic, coil.line_a2, coil.phase_rad)), size)
+
+
 @lru_cache(maxsize=1024)
-def least_constants(
+def _least_constants(
     harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
 ) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """Return a coil's least constant with all channels on, and those of each group of `size` in every state, in A²."""
     harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
     groups = []
     for start in range(0, len(line), size):
