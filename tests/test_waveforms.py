@@ -194,14 +194,16 @@ def test_two_sets_of_channels(name):
     np.testing.assert_allclose(played(drive, times), due, rtol=0, atol=1e-7 * np.abs(due).max())
 
 
-def test_blocks_join_whatever_their_size(quads):
+def test_blocks_join_whatever_their_size(quads, monkeypatch):
     plan = quads["biased"]
     drive = make_drive(plan, 8000)
     times = timeline(plan, some_frames(plan, "grey", 2))
     whole = played(drive, times)
     # Their rows begin elsewhere: the same but for the last digits.
-    np.testing.assert_allclose(played(drive, times, block_samples=100), whole, rtol=0, atol=1e-12 * np.abs(whole).max())
-    starts = [(block.start, len(block.samples)) for block in blocks(drive, times, 100)]
+    monkeypatch.setattr(waveform, "BLOCK", 1)
+    monkeypatch.setattr(waveform, "ROW", 50)
+    np.testing.assert_allclose(played(drive, times), whole, rtol=0, atol=1e-12 * np.abs(whole).max())
+    starts = [(block.start, len(block.samples)) for block in blocks(drive, times)]
     assert all(a + n == b for (a, n), (b, _) in pairwise(starts))
     assert max(n for _, n in starts) == 100
 

@@ -352,11 +352,9 @@ def judge_limits(
     `shown` None: by the worst of all levels and changes that the firmware may be sent.
     """
     load = load_of(plan, drive, shown)
-    if not any(judge_load(where, plan, load, tuning, drive.voltage_limit_v)):
-        return ()
-    return tuple(
-        judge_load(where, plan, load, tuning, drive.voltage_limit_v, _level_text(plan, drive, shown, tuning, load))
-    )
+    found = tuple(judge_load(where, plan, load, tuning, drive.voltage_limit_v))
+    cure = _level_text(plan, drive, shown, tuning, load) if found else ""
+    return tuple(replace(finding, message=finding.message + cure) for finding in found)
 
 
 def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) -> None:
@@ -374,13 +372,11 @@ def judge_load(
     load: Load,
     tuning: Tuning | None = None,
     limit_v: float | None = None,
-    cure: str = "",
 ) -> Iterator[Finding]:
-    """Yield errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
-    for code, sentence, _ in _exceeded(
-        plan, load, tuning, plan.spec.drive.voltage_limit_v if limit_v is None else limit_v
-    ):
-        yield Finding("error", code, where, sentence + cure)
+    """Yield errors about a load; `limit_v` None is the spec's."""
+    limit_v = plan.spec.drive.voltage_limit_v if limit_v is None else limit_v
+    for code, sentence, _ in _exceeded(plan, load, tuning, limit_v):
+        yield Finding("error", code, where, sentence)
 
 
 def _exceeded(plan: Plan, load: Load, tuning: Tuning | None, limit_v: float) -> Iterator[tuple[str, str, float]]:

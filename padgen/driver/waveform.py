@@ -208,11 +208,9 @@ class _Ramp(NamedTuple):
     slope: np.ndarray
 
 
-def volts(
-    drive: PadDrive, timeline: Timeline, block_samples: int | None = None, signal: str = "voltage"
-) -> Iterator[np.ndarray]:
+def volts(drive: PadDrive, timeline: Timeline, signal: str = "voltage") -> Iterator[np.ndarray]:
     """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
-    return (block.samples for block in blocks(drive, timeline, block_samples, signal))
+    return (block.samples for block in blocks(drive, timeline, signal))
 
 
 def sample_count(drive: PadDrive, timeline: Timeline) -> int:
@@ -223,18 +221,15 @@ def sample_count(drive: PadDrive, timeline: Timeline) -> int:
 def blocks(
     drive: PadDrive,
     timeline: Timeline,
-    block_samples: int | None = None,
     signal: str = "voltage",
     periods: bool = False,
 ) -> Iterator[Block]:
-    """Yield blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'.
+    """Yield blocks without a gap; `signal` is 'voltage' or 'current'.
 
     `periods`: of levels that stay no more than one period of the comb, which is what all others are.
     """
-    if signal not in ("voltage", "current"):
-        raise ValueError(f"signal must be 'voltage' or 'current', got {signal!r}")
     coils = len(drive.coils)
-    size = block_samples or max(BLOCK // coils // ROW, 2) * ROW
+    size = max(BLOCK // coils // ROW, 2) * ROW
     groups = list(_groups(drive, timeline, signal))
     form = _FORMS[drive.scheme.kind.CURRENT]
     for key, (first, last) in enumerate(pairwise(edges(drive, timeline))):
