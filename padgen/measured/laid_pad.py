@@ -426,6 +426,8 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     First all quarter turns are tried on a coarse grid, by Fourier transforms. The two best are then moved until the
     beads lie deepest within the plan's bodies, which leaves gaps equally wide on both sides.
     """
+    from scipy.signal import correlate
+
     pad = maps.plan.spec.pad
     size = np.array([pad.width_mm, pad.depth_mm]) + 2 * pad.border_mm
     points, line = cut(layer, 0.2)
@@ -450,17 +452,13 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
         return np.asarray(maps.solid_at(at).reshape(shape[0], finer, shape[1], finer).mean((1, 3)))
 
     # The pad may lie beyond what is laid, by its own size, on the coarse grid.
-    shape = np.ceil((high - low) / coarse).astype(np.int64) + 1
     plan = fine = planned(coarse)
-    full = [1 << int(np.ceil(np.log2(n + max(plan.shape)))) for n in shape]
-    spectrum = np.fft.rfft2(image(points, low, shape, coarse), full)
-    found = []
+    laid, found = image(points, low, np.ceil((high - low) / coarse).astype(np.int64) + 1, coarse), []
     for quarters in range(4):
         kernel = np.rot90(plan - plan.mean(), quarters)
-        score = np.fft.irfft2(spectrum * np.conj(np.fft.rfft2(kernel, full)), full)
-        i, j = np.unravel_index(int(score.argmax()), score.shape)
-        shift = [k - n if k >= s else k for k, n, s in zip((i, j), full, shape, strict=True)]
-        found.append((float(score[i, j]), quarters, low + (np.array(shift) + np.array(kernel.shape) / 2) * coarse))
+        score = correlate(laid, kernel, method="fft")
+        shift = np.array(np.unravel_index(int(score.argmax()), score.shape)) + 1 - kernel.shape
+        found.append((float(score.max()), quarters, low + (shift + np.array(kernel.shape) / 2) * coarse))
     if coarse > IMAGE_MM:
         fine = planned(IMAGE_MM)
     middles = [(np.arange(n) + 0.5) * IMAGE_MM - n * IMAGE_MM / 2 for n in fine.shape]
