@@ -18,7 +18,8 @@ from scipy.linalg import expm
 from scipy.signal import lfilter
 
 from padgen.core.errors import FileError, SpecError
-from padgen.driver.tables import drive_json, drive_rows
+from padgen.driver.formats.csv import drive_rows
+from padgen.driver.formats.json import drive_json
 from padgen.physics.magnetics import (
     SteelRing,
     balanced_deflection,

@@ -8,7 +8,8 @@ from math import isclose, sqrt
 import numpy as np
 import pytest
 
-from padgen.driver.tables import coil_states, drive_csv, drive_json, drive_rows
+from padgen.driver.formats.csv import drive_csv, drive_rows
+from padgen.driver.formats.json import coil_states, drive_json
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 

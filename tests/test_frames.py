@@ -11,8 +11,15 @@ from PIL import Image
 
 from padgen.core.errors import FileError, SpecError
 from padgen.driver import frames as frames_module
-from padgen.driver.frames import frames_text, read_frames, state_frame, taxel_grid
-from padgen.driver.patterns import pattern_frames, text_frames, wiring_findings
+from padgen.driver.frames import (
+    frames_text,
+    pattern_frames,
+    read_frames,
+    state_frame,
+    taxel_grid,
+    text_frames,
+    wiring_findings,
+)
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 

@@ -21,7 +21,6 @@ import pytest
 import padgen as pg
 from padgen import cli
 from padgen.core.errors import FileError
-from padgen.measured import gcode_file
 from padgen.measured.gcode_file import read_layers, read_settings
 from padgen.measured.judge_laid import check_gcode
 from padgen.planner import make_plan
@@ -369,17 +368,15 @@ def test_moves_arcs_and_modes_by_hand(tmp_path):
     assert (above.top_mm, above.height_mm.tolist()) == (pytest.approx(25.4), [0.3])
 
 
-def test_blocks_do_not_matter(plan, tmp_path, monkeypatch):
-    """However a file is cut into blocks, the same layers are read, one at a time."""
-    path = Hand(plan).file(tmp_path, relative=True)
-    whole = list(read_layers(path, 1.75))
-    monkeypatch.setattr(gcode_file, "BLOCK_BYTES", 3001)
-    parts = list(read_layers(path, 1.75))
-    assert len(parts) == len(whole) == 49
-    for one, two in zip(whole, parts, strict=True):
-        assert one.top_mm == two.top_mm
+def test_relative_and_absolute_extrusion_are_the_same(plan, tmp_path):
+    """A file with M83 has the layers of one with M82."""
+    one = list(read_layers(Hand(plan).file(tmp_path), 1.75))
+    two = list(read_layers(Hand(plan).file(tmp_path, relative=True), 1.75))
+    assert len(one) == len(two) == 49
+    for a, b in zip(one, two, strict=True):
+        assert a.top_mm == b.top_mm
         for name in ("start", "stop", "area_mm2", "height_mm"):
-            np.testing.assert_allclose(getattr(one, name), getattr(two, name), atol=1e-9)
+            np.testing.assert_allclose(getattr(a, name), getattr(b, name), rtol=2e-4)
 
 
 def test_thick_filament_is_told_by_the_plastic(plan, tmp_path):

@@ -25,8 +25,8 @@ import pytest
 
 from padgen.core.errors import FileError, PadgenError, SpecError
 from padgen.core.files import json_text
+from padgen.driver.formats.csv import drive_csv
 from padgen.driver.pad_drive import make_drive
-from padgen.driver.tables import drive_csv
 from padgen.measured.advice import needed_db, trims
 from padgen.measured.fits import MethodFit, TaxelFit, fit_measured
 from padgen.measured.predict import levels_um, planned_tones, played, predicted, printed_channels, tones_at, worst_db

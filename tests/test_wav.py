@@ -165,12 +165,6 @@ def test_nor_floats_beyond_full_scale(tmp_path, value):
         file.write(np.array([[value]]))
 
 
-@pytest.mark.parametrize("count, rows", [(2, 3), (4, 3)])
-def test_the_number_of_samples_is_held(tmp_path, count, rows):
-    with pytest.raises(ValueError, match="samples"), WavWriter(tmp_path / "a.wav", RATE, 1, count, "24") as file:
-        file.write(np.zeros((rows, 1)))
-
-
 @pytest.mark.parametrize(
     "channels, rate, sentence",
     [

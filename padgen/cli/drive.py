@@ -192,7 +192,7 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def _wiring(options: argparse.Namespace) -> int:
-    from padgen.driver.patterns import wiring_findings
+    from padgen.driver.frames import wiring_findings
     from padgen.report.plans import findings_text, held_line
 
     with progress_line() as progress:

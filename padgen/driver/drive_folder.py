@@ -4,7 +4,7 @@ Tables, waveforms, what a microcontroller or another program needs. Made is what
 file is read back where it can be.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,23 +16,19 @@ from padgen.core.errors import FileError, SpecError, number, shown
 from padgen.core.files import OutputFolder, json_text, reason
 from padgen.core.finding import Finding
 from padgen.core.registry import FORMATS, names_in
-from padgen.core.units import MS
 from padgen.driver.ear import SETTLED_TAUS, Heard, ear_findings
 from padgen.driver.excitation import Excitation, excitation
 from padgen.driver.formats import DriveFormat, DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
-from padgen.driver.frames import read_frames, state_frame
+from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
 from padgen.driver.pad_drive import RATES_HZ, PadDrive
-from padgen.driver.patterns import pattern_frames, text_frames
 from padgen.driver.waveform import Timeline, ramp_s, steady, timeline
-from padgen.measured.tuning import Tuning
+from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
 
 __all__ = [
-    "DEFAULT_TABLES",
-    "DEFAULT_WAVES",
     "DEPTHS",
     "Drive",
     "Driven",
@@ -42,7 +38,6 @@ __all__ = [
 ]
 
 DEPTHS = ("24", "float")
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,59 +119,41 @@ def write_excitation(
     return played, findings
 
 
-def _timeline(drive: PadDrive, request: "Drive") -> Timeline:
-    plan, frames = request.plan, request.frames
-    assert frames is not None
-    in_turns = plan.scheme.takes_turns
+def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray) -> Timeline:
+    plan, seconds, in_turns = request.plan, request.seconds, request.plan.scheme.takes_turns
     if not request.loop:
-        seconds = request.seconds
         if seconds is None and request.held:
-            settled = SETTLED_TAUS * _slowest_s(plan, request.tuning)
+            known = (request.tuning or planned_tuning(plan)).taxels
+            settled = SETTLED_TAUS * max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in known)
             half_slot = max(ramp_s(plan), settled)
             seconds = 2 * len(plan.sets[0]) * half_slot if in_turns else ramp_s(plan) + settled + drive.period_s
         return timeline(plan, frames, seconds)
     if in_turns:
         raise SpecError("is for drives that play all channels at once, this one takes turns", "--loop")
-    seconds = request.seconds or drive.period_s
+    seconds = seconds or drive.period_s
     periods = round(seconds / drive.period_s)
     if periods < 1:
         raise SpecError(f"of a loop must be at least {number(drive.period_s)} s, got {number(seconds)} s", "--seconds")
     return steady(frames[0], periods * drive.period_s)
 
 
-def _judged(job: DriveJob, formats: dict[str, DriveFormat]) -> DriveJob:
+def _judged(job: DriveJob, formats: Iterable[DriveFormat]) -> None:
     """Fill in the drive of a job, its timeline, and the findings on both."""
     plan, request = job.plan, job.request
     job.progress("choosing phases")
     job.drive = job.drive_at(RATES_HZ)
     if request.frames is not None:
-        job.timeline = _timeline(job.drive, request)
-        for each in formats.values():
+        job.timeline = _timeline(job.drive, request, request.frames)
+        for each in formats:
             getattr(each, "refuse", lambda job: None)(job)
     job.progress("judging limits")
     # What a host will send is not known, nor what is made of tables alone.
-    played = [each for each in formats.values() if each.MADE_OF != "host"]
-    if job.timeline is not None and played:
-        job.shown = judge_limits(_where(played), plan, job.drive, job.timeline, request.tuning)
-    elif job.timeline is None and len(played) == len(formats):
-        job.findings += judge_limits(_where(played), plan, job.drive, tuning=request.tuning)
-    return job
-
-
-def _where(played: Sequence[DriveFormat]) -> str:
-    """Return the name of the file that says most of what is played."""
-    return min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF)).FILE
-
-
-def _slowest_s(plan: Plan, tuning: Tuning | None) -> float:
-    """Return the slowest taxel's time constant in s."""
-    if tuning is None:
-        return max(channel.ring_up_ms for channel in plan.channels) * MS
-    return max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in tuning.taxels)
-
-
-DEFAULT_TABLES, DEFAULT_WAVES = ("csv", "json"), ("csv", "json", "wav")
-"""Formats where none is named: without and with something to show."""
+    played = [each for each in formats if each.MADE_OF != "host"]
+    where = min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF), default=None)
+    if where and job.timeline is not None:
+        job.shown = judge_limits(where.FILE, plan, job.drive, job.timeline, request.tuning)
+    elif where and len(played) == len([*formats]):
+        job.findings += judge_limits(where.FILE, plan, job.drive, tuning=request.tuning)
 
 
 def levels_of(
@@ -193,12 +170,10 @@ def levels_of(
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
         raise SpecError(f"and {named[1]} are given; one of {', '.join(given)} is shown, not both", named[0])
-    if state is not None:
-        return state_frame(plan, state)
-    if text is not None:
-        return text_frames(plan, text)
-    if pattern is not None:
-        return pattern_frames(plan, pattern)
+    makers = {"state": state_frame, "text": text_frames, "pattern": pattern_frames}
+    for name in named:
+        if name in makers:
+            return makers[name](plan, given[name])
     if frames is None:
         return None
     if isinstance(frames, (str, Path)) or all(isinstance(frame, (str, Path)) for frame in frames):
@@ -287,7 +262,7 @@ class Drive:
         self, folder: Path, formats: Sequence[str] | None, depth: str = "24", hear: bool = False, gap: bool = False
     ) -> Driven:
         """Write a folder of files; parameters, result and errors are those of `save`."""
-        chosen = formats or (DEFAULT_TABLES if self.frames is None else DEFAULT_WAVES)
+        chosen = formats or ("csv", "json", *(() if self.frames is None else ("wav",)))
         written = in_order(names_in(",".join(chosen), FORMATS.names(), "--formats"))
         if self.frames is None:
             for name, drive_format in written.items():
@@ -299,7 +274,8 @@ class Drive:
             raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
-        job = _judged(DriveJob(self.plan, self, self.progress, depth, hear, gap), written)
+        job = DriveJob(self.plan, self, self.progress, depth, hear, gap)
+        _judged(job, written.values())
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))
             for drive_format in written.values():

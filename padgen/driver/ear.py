@@ -153,26 +153,6 @@ class Heard:
         return float(20 * np.log10(np.nanmin(on) / loudest)) if loudest > 0 else float("inf")
 
 
-class _Score(NamedTuple):
-    """The sidecar's account of the file (`padgen.driver.formats.wav.wave_json`); `channel`, `line_hz` (taxels,).
-
-    `step` are the samples from one window of the course to the next, half a window.
-    """
-
-    rate_hz: int
-    full_scale: float
-    by_voltage: bool
-    loops: bool
-    in_turns: bool
-    period_s: float
-    coils: tuple[tuple[int, int], ...]
-    channel: np.ndarray
-    line_hz: np.ndarray
-    time_s: np.ndarray
-    levels: np.ndarray
-    step: int
-
-
 def hear(
     plan: Plan,
     wave: Wave,
@@ -191,49 +171,35 @@ def hear(
     FileError
         No state is held long enough.
     """
-    taxels, rate_hz = sidecar["taxels"], sidecar["rate_hz"]
-    line_hz = np.array([entry["force_hz"] for entry in taxels])
-    score = _Score(
-        rate_hz=rate_hz,
-        full_scale=sidecar["full_scale"],
-        by_voltage=sidecar["signal"] == "voltage",
-        loops=sidecar["loops"],
-        in_turns=Scheme(sidecar["scheme"]).takes_turns,
-        period_s=sidecar["period_s"],
-        coils=tuple((row, column) for row, column in (entry["coil"] for entry in sidecar["coils"])),
-        channel=np.array([entry["wav_channel"] for entry in taxels], int),
-        line_hz=line_hz,
-        time_s=np.array([frame["time_s"] for frame in sidecar["keyframes"]]),
-        levels=np.array([frame["levels"] for frame in sidecar["keyframes"]], float),
-        step=max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * rate_hz), 2),
-    )
+    line_hz, coil_of = (np.array([taxel[key] for taxel in sidecar["taxels"]]) for key in ("force_hz", "wav_channel"))
+    step = max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * sidecar["rate_hz"]), 2)
     known = (tuning or planned_tuning(plan)).taxels
     resonance = np.array([taxel.resonance_hz for taxel in known])
     tau_s = np.array([taxel.q for taxel in known]) / (np.pi * resonance)
-    spans = _spans(score, len(plan.sets[0]), float(tau_s.max()))
+    spans = _spans(sidecar, len(plan.sets[0]), float(tau_s.max()), float(line_hz.min()))
     if not spans:
         raise FileError("holds no state long enough to listen to", WHERE)
     alike: dict[tuple, list[int]] = {}
     for k, (taxel, level) in enumerate(zip(plan.taxels, levels_um(plan, resonance).tolist(), strict=True)):
         alike.setdefault((taxel.channel, level, tuning and tuning.taxels[k]), []).append(k)
     groups = [
-        _Alike(plan, plan.channels[channel], level, tuned, np.array(which), score, spans, gap)
+        _Alike(plan, plan.channels[channel], level, tuned, np.array(which), sidecar, step, spans, gap)
         for (channel, level, tuned), which in alike.items()
     ]
-    coils = _play(plan, wave, score, groups, gap)
+    coils = _play(plan, wave, sidecar, groups, gap)
     order = np.argsort(np.concatenate([group.which for group in groups]))
     level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = (
         np.concatenate(parts, axis=-1)[..., order] for parts in zip(*(group.found() for group in groups), strict=True)
     )
-    at_s = np.arange(len(course_m)) * (score.step / score.rate_hz)
+    at_s = np.arange(len(course_m)) * (step / sidecar["rate_hz"])
     settled, rise_s = np.zeros(level_m.shape, bool), np.full(level_m.shape, np.nan)
     # A file that does nothing but hold one state, and loops, has done so for ever.
-    since_s = np.full(len(tau_s), -np.inf if score.loops and len(spans) == 1 else 0.0)
-    before = spans[0].levels if score.loops else np.zeros(len(tau_s))
+    since_s = np.full(len(tau_s), -np.inf if sidecar["loops"] and len(spans) == 1 else 0.0)
+    before = spans[0].levels if sidecar["loops"] else np.zeros(len(tau_s))
     for h, span in enumerate(spans):
         if span.in_turns:
             level_m[h] = tone_m[h] = course_m[(at_s > span.start_s) & (at_s <= span.stop_s)].max(0, initial=0.0)
-        switched = np.isin(score.channel, score.channel[span.levels != before])
+        switched = np.isin(coil_of, coil_of[span.levels != before])
         since_s = np.where(switched, span.start_s, since_s)
         settled[h] = span.in_turns | (span.window_s - since_s >= SETTLED_TAUS * tau_s * (1 - 1e-6))
         risen = (course_m >= RISEN * level_m[h]) & (at_s > span.begin_s)[:, None]
@@ -243,7 +209,7 @@ def hear(
     return Heard(
         name=plan.name,
         ids=tuple(taxel.id for taxel in plan.taxels),
-        coil_of=score.channel,
+        coil_of=coil_of,
         spans=spans,
         wanted_um=wanted_m / UM,
         level_um=level_m / UM,
@@ -253,22 +219,23 @@ def hear(
         settled=settled,
         pulled_in=pulled_in,
         coils=coils,
-        line_hz=score.line_hz,
-        period_s=score.period_s,
-        needs_s=SETTLED_TAUS * float(tau_s.max()) + score.period_s,
+        line_hz=line_hz,
+        period_s=sidecar["period_s"],
+        needs_s=SETTLED_TAUS * float(tau_s.max()) + sidecar["period_s"],
         with_gap=gap,
         asked_db=plan.selectivity.asked_db,
     )
 
 
-def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
+def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: float) -> tuple[Span, ...]:
     """Return the states that are held; where channels take turns, frames of so many `slots`, unless all is one state.
 
     `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
     """
-    time_s, levels = score.time_s.tolist(), score.levels
+    time_s = [frame["time_s"] for frame in sidecar["keyframes"]]
+    levels, period_s = np.array([frame["levels"] for frame in sidecar["keyframes"]], float), sidecar["period_s"]
     spans: list[Span] = []
-    if score.in_turns and len(time_s) > 2:
+    if Scheme(sidecar["scheme"]).takes_turns and len(time_s) > 2:
         each = 2 * slots if (len(time_s) - 1) % (2 * slots) == 0 else 2
         for k in range(0, len(time_s) - each, each):
             start_s, stop_s = time_s[k], time_s[k + each]
@@ -279,10 +246,10 @@ def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
         first, *_, last = [*run] * 2
         if held:
             start_s, stop_s = time_s[first], time_s[last + 1]
-            latest_s = stop_s - COURSE_PERIODS / float(score.line_hz.min())
+            latest_s = stop_s - COURSE_PERIODS / lowest_hz
             window_s = start_s + SETTLED_TAUS * tau_s
-            if whole := stop_s - start_s >= score.period_s * (1 - 1e-6):
-                window_s = stop_s - score.period_s
+            if whole := stop_s - start_s >= period_s * (1 - 1e-6):
+                window_s = stop_s - period_s
             elif window_s > latest_s:
                 window_s = max(min(latest_s, (start_s + stop_s) / 2), start_s)
             spans.append(Span(begin_s, start_s, stop_s, window_s, whole, False, levels[first]))
@@ -290,21 +257,23 @@ def _spans(score: _Score, slots: int, tau_s: float) -> tuple[Span, ...]:
     return tuple(spans)
 
 
-def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap: bool) -> tuple[dict[str, Any], ...]:
+def _play(
+    plan: Plan, wave: Wave, sidecar: Mapping[str, Any], groups: "Sequence[_Alike]", gap: bool
+) -> tuple[dict[str, Any], ...]:
     """Let all `groups` hear the file; return the figures of what flows in each coil."""
     from scipy.signal import lfilter
 
     resistance, inductance = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
-    late, coefficients = 0, (np.ones(1), np.ones(1))
-    if score.by_voltage:
-        late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, score.rate_hz)
+    rate_hz, late, coefficients = sidecar["rate_hz"], 0, (np.ones(1), np.ones(1))
+    if sidecar["signal"] == "voltage":
+        late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, rate_hz)
     memory = np.zeros((wave.channels, len(coefficients[0]) - 1))
     slowest_s = max(group.slowest_s for group in groups) + inductance / resistance
-    start = -int(np.ceil(LOOP_TAUS * slowest_s * score.rate_hz)) if score.loops else 0
+    start = -int(np.ceil(LOOP_TAUS * slowest_s * rate_hz)) if sidecar["loops"] else 0
     most_a, most, total, energy = np.zeros((4, wave.channels))
-    size = max(score.rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
+    size = max(rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
     for first, samples in _blocks(wave, start, wave.count + late, size):
-        signal = samples * score.full_scale
+        signal = samples * sidecar["full_scale"]
         current, memory = lfilter(*coefficients, signal, zi=memory)
         for group in groups:
             group.hear(first - late, current**2)
@@ -316,14 +285,14 @@ def _play(plan: Plan, wave: Wave, score: _Score, groups: "Sequence[_Alike]", gap
     square = energy / wave.count
     return tuple(
         {
-            "coil": coil,
+            "coil": tuple(entry["coil"]),
             "peak_a": float(most_a[k]),
             "rms_a": float(np.sqrt(square[k])),
             "copper_loss_w": float(square[k] * resistance),
             "signal_peak": float(most[k]),
             "signal_mean": float(total[k] / wave.count),
         }
-        for k, coil in enumerate(score.coils)
+        for k, entry in enumerate(sidecar["coils"])
     )
 
 
@@ -366,7 +335,8 @@ class _Alike:
         level_um: float,
         tuned: TunedTaxel | None,
         which: np.ndarray,
-        score: _Score,
+        sidecar: Mapping[str, Any],
+        step: int,
         spans: tuple[Span, ...],
         gap: bool,
     ) -> None:
@@ -385,22 +355,23 @@ class _Alike:
             gain = gain * (tuned.response_um_per_a2 / tuned.q / working * q if working > 0 else 0.0)
             hz, q = hz * (tuned.resonance_hz / channel.resonance_hz), tuned.q
         self.slowest_s = q / (np.pi * float(hz.min()))
-        self.which, self.coil, self.spans, self.gain = which, score.channel[which], spans, gain.T
-        self.filters = [mode_filter(float(each), q, score.rate_hz) for each in hz[:-1]]
+        rate_hz, own = sidecar["rate_hz"], [sidecar["taxels"][i] for i in which]
+        self.which, self.coil, self.spans, self.gain = which, [taxel["wav_channel"] for taxel in own], spans, gain.T
+        self.filters = [mode_filter(float(each), q, rate_hz) for each in hz[:-1]]
         self.memory = [np.zeros((len(which), len(THROUGH)))] * len(self.filters)
         self.gap_m = float(hanging_gap_um(plan.spec, channel.sag_um)) * UM if gap else None
         self.exponent, self.pulled_in = max(channel.pull_exponent, 0.0), np.zeros(len(which), bool)
         # Samples at which a span's switching begins, its level is taken from, and it ends; a comb has whole samples.
         edges = [(span.begin_s, span.window_s - span.stop_s, span.stop_s) for span in spans]
-        self.edges = np.rint(np.array(edges) * score.rate_hz).astype(int)
+        self.edges = np.rint(np.array(edges) * rate_hz).astype(int)
         self.edges[:, 1] += self.edges[:, 2]
-        self.turns = 2j * np.pi * score.line_hz[which][:, None] / score.rate_hz
+        self.turns = 2j * np.pi * np.array([[taxel["force_hz"]] for taxel in own]) / rate_hz
         self.mean, self.square = np.zeros((2, len(spans), 3, len(which)))
         self.tone, self.peak_m = np.zeros(self.mean.shape, complex), np.zeros((len(spans), len(which)))
-        self.step, at = score.step, (np.arange(2 * score.step) + 0.5) / (2 * score.step) - 0.5
+        self.step, at = step, (np.arange(2 * step) + 0.5) / (2 * step) - 0.5
         self.root = np.cos(np.pi * at) / np.sqrt((np.cos(np.pi * at) ** 2).sum())
         self.parabola = np.linalg.qr(self.root[:, None] * at[:, None] ** np.arange(3))[0]
-        self.loops = score.loops  # a loop is one state, whose course is not asked for
+        self.loops = sidecar["loops"]  # a loop is one state, whose course is not asked for
         self.course_m, self.tail = [np.zeros((1, len(which)))], np.zeros((3, len(which), 0))
 
     def hear(self, first: int, square_a2: np.ndarray) -> None:
@@ -518,18 +489,17 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
     for h, span in enumerate(heard.spans):
         for k in np.unique(heard.coil_of).tolist():
             which = by_line[heard.coil_of[by_line] == k]
-            quietest = min((i for i in which if span.levels[i] > 0), key=on[h].__getitem__, default=None)
-            loudest = max((i for i in which if span.levels[i] <= 0), key=off[h].__getitem__, default=None)
-            on_db = None if quietest is None else float(on[h, quietest])
-            off_db = None if loudest is None else float(off[h, loudest])
+            quiet = min(((float(on[h, i]), heard.ids[i]) for i in which if span.levels[i] > 0), default=None)
+            loud = max(((float(off[h, i]), heard.ids[i]) for i in which if span.levels[i] <= 0), default=None)
+            (on_db, on_taxel), (off_db, off_taxel) = quiet or (None, ""), loud or (None, "")
             yield {
                 "until_s": span.stop_s,
                 "coil": heard.coils[k]["coil"],
                 "state": "".join("0" if x <= 0 else "1" if x > 1 - 1e-9 else "+" for x in span.levels[which]),
                 "on_db": on_db,
-                "on_taxel": "" if quietest is None else heard.ids[quietest],
+                "on_taxel": on_taxel,
                 "off_db": off_db,
-                "off_taxel": "" if loudest is None else heard.ids[loudest],
+                "off_taxel": off_taxel,
                 "selectivity_db": None if on_db is None or off_db is None else on_db - off_db,
                 "settled": bool(heard.settled[h, which].all()),
             }
@@ -538,46 +508,56 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
 def ear_findings(heard: Heard) -> Iterator[Finding]:
     """Judge what was heard in the file."""
     if heard.pulled_in.any():
-        told = (
+        yield Finding(
+            "error",
+            "ear.pull_in",
+            heard.ids[int(heard.pulled_in.argmax())],
             f"is pulled onto its coil by {WHERE}, as {int(heard.pulled_in.sum())} of {len(heard.ids)} taxels are;"
-            " a lower drive.level_um or a wider coil.gap_mm would do"
+            " a lower drive.level_um or a wider coil.gap_mm would do",
         )
-        yield Finding("error", "ear.pull_in", heard.ids[int(heard.pulled_in.argmax())], told)
     tone = _tone_db(heard)
     missed = np.abs(tone) > MISSED_DB
     if missed.any():
         h, i = np.unravel_index(int(np.nanargmax(np.abs(tone))), tone.shape)
         span, hurried = heard.spans[h], heard.spans[h].in_turns or not heard.settled[h, i]
-        told = (
+        yield Finding(
+            "warning",
+            "ear.level",
+            heard.ids[i],
             f"is to be felt with {number(span.levels[i] * heard.wanted_um[i])} µm in the state that ends at"
             f" {number(span.stop_s)} s, has {number(heard.tone_um[h, i])} µm ({tone[h, i]:+.1f} dB), at most"
             f" {MISSED_DB:g} dB off is meant, which {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
-            f" miss; {'frames that last longer' if hurried else 'padgen retune, or a lower level,'} would do"
+            f" miss; {'frames that last longer' if hurried else 'padgen retune, or a lower level,'} would do",
         )
-        yield Finding("warning", "ear.level", heard.ids[i], told)
     asked, kept = heard.asked_db, heard.selectivity_db
     if kept is not None and kept < asked:
         h, i = np.unravel_index(int(np.nanargmax(heard.off)), heard.off.shape)
-        told = (
+        yield Finding(
+            "warning",
+            "ear.selectivity",
+            WHERE,
             f"keeps {kept:.1f} dB between the smallest ON and the loudest OFF taxel, {heard.ids[i]} in the state that"
-            f" ends at {number(heard.spans[h].stop_s)} s; asked: {asked:.1f} dB (Δy)"
+            f" ends at {number(heard.spans[h].stop_s)} s; asked: {asked:.1f} dB (Δy)",
         )
-        yield Finding("warning", "ear.selectivity", WHERE, told)
     late = ~heard.settled.all(1)
     if late.any():
         span = heard.spans[int(late.argmax())]
-        told = (
+        yield Finding(
+            "warning",
+            "ear.unsettled",
+            WHERE,
             f"holds the state that ends at {number(span.stop_s)} s for {number(span.stop_s - span.start_s)} s, too"
             f" short for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states"
-            f" are); {at_least(heard.needs_s)} s after each switch would do"
+            f" are); {at_least(heard.needs_s)} s after each switch would do",
         )
-        yield Finding("warning", "ear.unsettled", WHERE, told)
     if any(not span.whole and not span.in_turns for span in heard.spans):
-        told = (
+        yield Finding(
+            "note",
+            "ear.window",
+            WHERE,
             f"holds states for less than the comb's period of {number(heard.period_s)} s, so that their levels are"
-            " means over a part of it and lines close to each other are not told apart"
+            " means over a part of it and lines close to each other are not told apart",
         )
-        yield Finding("note", "ear.window", WHERE, told)
 
 
 def _tone_db(heard: Heard) -> np.ndarray:

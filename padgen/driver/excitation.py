@@ -32,8 +32,7 @@ VOLTAGE_SHARE = 0.9
 SAMPLES_OF_HIGHEST = 4
 MOST_SAMPLES = 1 << 25
 """Samples of one coil's turn that are held in memory."""
-LEAST_WIDTHS = 1.0
-"""A sweep shorter than so many over the narrowest bandwidth tells too little of it."""
+BLOCK_SAMPLES = 1 << 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,12 +65,11 @@ class Excitation:
         """Length of the whole."""
         return self.samples / self.rate_hz
 
-    def blocks(self, block_samples: int = 1 << 16, signal: str = "voltage") -> Iterator[np.ndarray]:
-        """Yield blocks (samples, coils) of the whole, in V (`signal` 'voltage') or A ('current')."""
-        turn = self.voltage_v if signal == "voltage" else self.current_a
+    def blocks(self) -> Iterator[np.ndarray]:
+        """Yield blocks (samples, coils) of the whole, in V."""
         for k in range(1 if self.together else len(self.coils)):
-            for start in range(0, len(turn), block_samples):
-                part = turn[start : start + block_samples]
+            for start in range(0, len(self.voltage_v), BLOCK_SAMPLES):
+                part = self.voltage_v[start : start + BLOCK_SAMPLES]
                 block = np.zeros((len(part), len(self.coils)))
                 block[:, slice(None) if self.together else slice(k, k + 1)] = part[:, None]
                 yield block
@@ -110,7 +108,7 @@ def excitation(
             "--rate",
         )
     sweep = sweep_s(plan) if seconds is None else seconds
-    shortest = LEAST_WIDTHS * max(c.q / c.resonance_hz for c in plan.channels)
+    shortest = max(c.q / c.resonance_hz for c in plan.channels)
     if not sweep >= shortest:
         raise SpecError(
             f"must be at least {at_least(shortest)} s, Q periods of the slowest taxel, got {number(sweep)} s",
@@ -132,14 +130,12 @@ def excitation(
         current, slope = (np.pad(v, silence) for v in noise_current_a(swept, rate_hz, band, line, q, seed))
     coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
-    square = float((current[:swept] ** 2).mean())
-    spec = plan.spec
-    scheme = plan.scheme
-    planned = max(mean_square_a2(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom) for own in plan.sets)
+    square, headroom = float((current[:swept] ** 2).mean()), plan.spec.drive.headroom
+    planned = max(mean_square_a2(plan.scheme, np.array([c.line_a2 for c in own]), headroom) for own in plan.sets)
     share = min(
         1.0,
-        (VOLTAGE_SHARE * spec.drive.voltage_limit_v / float(np.abs(volts).max())) ** 2,
-        spec.coil.power_limit_w / (square * spec.coil.resistance_ohm),
+        (VOLTAGE_SHARE * plan.spec.drive.voltage_limit_v / float(np.abs(volts).max())) ** 2,
+        coil.power_limit_w / (square * coil.resistance_ohm),
         (VOLTAGE_SHARE * amplifier.current_a / float(np.abs(current).max())) ** 2 if amplifier else 1.0,
         max(planned / square, 1e-6),
     )

@@ -1,4 +1,4 @@
-"""Read images, tables and states as levels of all taxels, in the plan's order.
+"""Frames: levels of all taxels, in the plan's order, from images, tables, states, text and patterns.
 
 Seen from the touch side a pad is an image: row 1 at the top (the largest y), column 1 at the left (the smallest x),
 one pixel for each sub-cell of each coil's cell. A level is a share of a taxel's ON amplitude, 0 … 1. Files of frames:
@@ -11,21 +11,30 @@ one pixel for each sub-cell of each coil's cell. A level is a share of a taxel's
               over 255, unsigned 16 bits over 65535, other whole numbers 0 and 1
 `.txt`        signs: ``1 #`` ON, ``0 .`` and blanks OFF, ``+`` a half; an empty line between frames
 ============  =========================================================================================
+
+Letters are 5 pixels wide and 7 high, a blank column between two. A pixel is as many whole rows and columns of taxels as
+fit and keep it nearly square in mm; on a pad of fewer than 7 rows or 5 columns it is a share of one, in levels of grey.
+Patterns check a new pad: `wiring_findings` says what was felt of them tells of its wiring.
 """
 
+import csv
 import re
+import unicodedata
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import groupby, islice, product
+from itertools import chain, groupby, islice, product
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError, number
-from padgen.core.files import read_bounded
+from padgen.core.errors import FileError, SpecError, number, shown
+from padgen.core.files import read_bounded, reason
+from padgen.core.finding import Finding
+from padgen.core.registry import unknown_name
 from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
 
@@ -34,18 +43,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LARGEST_TABLE",
+    "PATTERNS",
     "SUFFIXES",
-    "Check",
     "Frames",
-    "frame_images",
     "frames_text",
     "map_text",
+    "pattern_frames",
     "read_frames",
     "state_frame",
     "taxel_grid",
+    "text_frames",
+    "wiring_findings",
 ]
 
-Row = TypeVar("Row")
 Check = Callable[[int, int, int], None]
 """Called with each frame's number, rows and columns before it is decoded; raises where they do not fit."""
 MAGIC = b"\x93NUMPY"
@@ -58,14 +68,8 @@ LUMINANCE = np.array([299, 587, 114])
 """Weights of red, green and blue in the luminance, in thousandths (ITU-R BT.601)."""
 
 
-def frame_images(path: Path, check: Check) -> Iterator[np.ndarray]:
-    """Yield the frames of a file, each (rows, columns) with values in 0 … 1.
-
-    Raises
-    ------
-    FileError
-        The file is none of these, is damaged, or has what is no level.
-    """
+def _images(path: Path, check: Check) -> Iterator[np.ndarray]:
+    """Yield the frames of a file, each (rows, columns) with values in 0 … 1."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise FileError(f"is none of the files that hold frames: {', '.join(SUFFIXES)}", str(path))
@@ -73,11 +77,11 @@ def frame_images(path: Path, check: Check) -> Iterator[np.ndarray]:
     try:
         if path.exists() and not path.is_file():
             raise FileError("is not a file", str(path))
-        for image in reader(path, check):
-            frames += 1
+        for frames, image in enumerate(reader(path, check), start=1):
+            _refuse_levels(image, frames, path)
             yield image
     except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror or type(error).__name__})", str(path)) from error
+        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
     if not frames:
         raise FileError("is empty; a frame is due", str(path))
 
@@ -90,12 +94,15 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
 
     damage = (SyntaxError, ValueError, EOFError, IndexError, KeyError, struct.error, zlib.error)
     try:
-        with _opened(path) as image:
-            still = int(getattr(image, "default_image", False))  # a picture for viewers that show no animation
-            for k in range(still, getattr(image, "n_frames", 1)):
-                image.seek(k)
-                check(k + 1 - still, image.height, image.width)
-                yield _grey(image)
+        with warnings.catch_warnings():
+            # Of its size, which is checked before it is decoded, and of a palette's way to be transparent.
+            warnings.simplefilter("ignore")
+            with Image.open(path, formats=("PNG", "GIF")) as image:
+                still = int(getattr(image, "default_image", False))  # a picture for viewers that show no animation
+                for k in range(still, getattr(image, "n_frames", 1)):
+                    image.seek(k)
+                    check(k + 1 - still, image.height, image.width)
+                    yield _grey(image)
     except UnidentifiedImageError as error:
         raise FileError("is not a PNG or GIF picture", str(path)) from error
     except Image.DecompressionBombError as error:
@@ -106,20 +113,10 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
         raise FileError(f"is a damaged picture ({error})", str(path)) from error
 
 
-def _opened(path: Path) -> "Image.Image":
-    from PIL import Image
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of its size, which is checked before it is decoded
-        return Image.open(path, formats=("PNG", "GIF"))
-
-
 def _grey(image: "Image.Image") -> np.ndarray:
     if image.mode.startswith("I"):
         return np.asarray(np.asarray(image).astype(float) / 65535)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a palette's way to be transparent
-        colours = np.asarray(image.convert("RGBA")).astype(np.int64)
+    colours = np.asarray(image.convert("RGBA")).astype(np.int64)
     return np.asarray((colours[..., :3] @ LUMINANCE) * colours[..., 3] / (255_000 * 255))
 
 
@@ -132,45 +129,54 @@ def _text(path: Path) -> str:
 
 def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
     delimiter = next((sign for sign in ";\t," if sign in text), None)
+
+    def level(cell: str) -> float:
+        try:
+            return float("" if "_" in cell else cell)  # which Python takes in numbers
+        except ValueError as error:
+            got = f"got {cell if len(cell) <= 40 else cell[:40] + '…'!r}" if cell else "is empty"
+            hint = "; decimals take a point" if re.fullmatch(r"\d*,\d+", cell) else ""
+            raise ValueError(f"must be a number in 0 … 1, {got}{hint}") from error
+
     rows = ([cell.strip() for cell in line.split(delimiter)] for line in text.splitlines())
-    blocks = (_block(block, path) for filled, block in groupby(rows, key=any) if filled)
+    return _decoded(_blocks(rows, path), path, check, "numbers", level)
+
+
+def _blocks(rows: Iterable[Sequence[str]], path: Path) -> Iterator[Sequence[Sequence[str]]]:
+    """Yield the rows of each frame, between which there is an empty one; not more than a pad can have."""
+    for filled, rows_of_one in groupby(rows, key=any):
+        block = list(islice(rows_of_one, MOST_ROWS + 1))
+        if filled and len(block) > MOST_ROWS:
+            raise FileError(f"has a frame of more than {MOST_ROWS} rows", str(path))
+        if filled:
+            yield block
+
+
+def _decoded(
+    blocks: Iterable[Sequence[Sequence[str]]], path: Path, check: Check, what: str, level: Callable[[str], float]
+) -> Iterator[np.ndarray]:
+    """Yield the frames of a text, whose cells, called `what`, `level` decodes or refuses by a ValueError."""
     for frame, block in enumerate(blocks, start=1):
-        _refuse_ragged(block, frame, path, "numbers")
-        check(frame, len(block), len(block[0]))
-        values = np.empty((len(block), len(block[0])))
+        first = len(block[0])
         for row, cells in enumerate(block):
-            for column, cell in enumerate(cells):
-                try:
-                    values[row, column] = float("" if "_" in cell else cell)  # which Python takes in numbers
-                except ValueError as error:
-                    got = f"got {cell if len(cell) <= 40 else cell[:40] + '…'!r}" if cell else "is empty"
-                    hint = "; decimals take a point" if re.fullmatch(r"\d*,\d+", cell) else ""
-                    at = _place(frame, row, column)
-                    raise FileError(f"{at} must be a number in 0 … 1, {got}{hint}", str(path)) from error
-        _refuse_levels(values, frame, path)
+            if len(cells) != first:
+                raise FileError(
+                    f"frame {frame}, row {row + 1} has {len(cells)} {what}, its row 1 has {first}; all must have as"
+                    " many",
+                    str(path),
+                )
+        check(frame, len(block), first)
+        values = np.empty((len(block), first))
+        for row, column in np.ndindex(values.shape):
+            try:
+                values[row, column] = level(block[row][column])
+            except ValueError as error:
+                raise FileError(f"{_place(frame, row, column)} {error}", str(path)) from error
         yield values
-
-
-def _block(rows: Iterator[Row], path: Path) -> list[Row]:
-    """Return the rows of a frame, not more than a pad can have."""
-    block = list(islice(rows, MOST_ROWS + 1))
-    if len(block) > MOST_ROWS:
-        raise FileError(f"has a frame of more than {MOST_ROWS} rows", str(path))
-    return block
 
 
 def _place(frame: int, row: int, column: int) -> str:
     return f"frame {frame}, row {row + 1}, column {column + 1}"
-
-
-def _refuse_ragged(block: Sequence[Sequence[str]], frame: int, path: Path, what: str) -> None:
-    first = len(block[0])
-    for row, cells in enumerate(block):
-        if len(cells) != first:
-            raise FileError(
-                f"frame {frame}, row {row + 1} has {len(cells)} {what}, its row 1 has {first}; all must have as many",
-                str(path),
-            )
 
 
 def _refuse_levels(values: np.ndarray, frame: int, path: Path) -> None:
@@ -209,36 +215,29 @@ def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
                     f" nor of unsigned 16 bits, got {number(float(values[row, column]))}",
                     str(path),
                 )
-        _refuse_levels(values, frame, path)
         yield values
 
 
 def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
     text = _text(path)
     if any(sign in text for sign in ";\t,"):
-        yield from _tables(text, path, check)
-        return
+        return _tables(text, path, check)
     lines = text.splitlines()
     if all(re.fullmatch(r"[01]( [01])+ *", line) for line in lines if line):
         lines = [line.replace(" ", "") for line in lines]
     # Editors take blanks off the ends of lines: they are put back where blanks are what OFF is written as.
     pads = not any(sign in text for sign in "0.")
-    blocks = (_block(block, path) for filled, block in groupby(lines, key=bool) if filled)
-    for frame, block in enumerate(blocks, start=1):
-        width = max(len(line) for line in block)
-        rows = [line.ljust(width) if pads else line for line in block]
-        _refuse_ragged(rows, frame, path, "signs")
-        check(frame, len(rows), width)
-        for row, line in enumerate(rows):
-            for column, sign in enumerate(line):
-                if sign not in SIGNS:
-                    at = _place(frame, row, column)
-                    raise FileError(
-                        f"{at} must be 1 or # for ON, 0 or . or a blank for OFF or + for a half, got {sign!r};"
-                        " numbers go into a .csv file",
-                        str(path),
-                    )
-        yield np.array([[SIGNS[sign] for sign in line] for line in rows])
+
+    def level(sign: str) -> float:
+        if sign not in SIGNS:
+            raise ValueError(
+                f"must be 1 or # for ON, 0 or . or a blank for OFF or + for a half, got {sign!r}; numbers go into a"
+                " .csv file"
+            )
+        return SIGNS[sign]
+
+    blocks = ([line.ljust(pads * max(map(len, block))) for line in block] for block in _blocks(lines, path))
+    return _decoded(blocks, path, check, "signs", level)
 
 
 READERS: dict[str, Callable[[Path, Check], Iterator[np.ndarray]]] = {
@@ -274,6 +273,13 @@ def taxel_grid(plan: Plan) -> np.ndarray:
     return taxel_places(plan)[::-1]
 
 
+def _on_taxels(grid: np.ndarray, image: np.ndarray) -> np.ndarray:
+    """Return an image of the pad as levels (taxels,)."""
+    levels = np.zeros(int(grid.max()) + 1)
+    levels[grid[grid >= 0]] = image[grid >= 0]
+    return levels
+
+
 def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
     """Read the frames of files, folders and patterns (``frames/*.png``), one after the other.
 
@@ -290,9 +296,8 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
     lost, first = 0, ""
     images: list[np.ndarray] = []
     for path in _files([paths] if isinstance(paths, (str, Path)) else paths):
-        for frame, image in enumerate(frame_images(path, partial(_refuse_shape, plan, grid, images, path)), start=1):
-            images.append(np.zeros(len(plan.taxels)))
-            images[-1][grid[grid >= 0]] = image[grid >= 0]
+        for frame, image in enumerate(_images(path, partial(_refuse_shape, plan, grid, images, path)), start=1):
+            images.append(_on_taxels(grid, image))
             lit = np.argwhere((image > 0) & (grid < 0))
             if len(lit) and not lost:
                 first = f"{path}, frame {frame}, row {lit[0][0] + 1}, column {lit[0][1] + 1}"
@@ -329,7 +334,7 @@ def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
         try:
             found = [path] if path.is_file() else _several(path)
         except OSError as error:
-            raise FileError(f"cannot be read ({error.strerror})", text) from error
+            raise FileError(f"cannot be read ({reason(error)})", text) from error
         yield from sorted(found, key=_by_value)
 
 
@@ -393,16 +398,16 @@ def _asked(count: int) -> str:
 
 def _state(word: str, count: int, where: str) -> list[float]:
     cells = list(word) if re.fullmatch("[01]+", word) else word.split(",")
-    shown = repr(word if len(word) <= 40 else word[:40] + "…")
+    word_shown = repr(word if len(word) <= 40 else word[:40] + "…")
     try:
         levels = [float(cell) for cell in cells]
     except ValueError:
         levels = []
     if len(levels) != count or "_" in word or not word.isascii():
-        raise SpecError(f"must have {_asked(count)}, got {shown}", where)
+        raise SpecError(f"must have {_asked(count)}, got {word_shown}", where)
     for level in levels:
         if not 0 <= level <= 1:
-            raise SpecError(f"levels must be in 0 … 1, got {number(level)} in {shown}", where)
+            raise SpecError(f"levels must be in 0 … 1, got {number(level)} in {word_shown}", where)
     return levels
 
 
@@ -421,6 +426,234 @@ def frames_text(plan: Plan, levels: np.ndarray) -> str:
     pictures = []
     for frame in np.atleast_2d(levels):
         kind = np.where(frame >= 1, 2, np.where(frame > 0, 1, 0))
-        shown = signs[np.where(grid < 0, 3, kind[grid])]
-        pictures.append("".join("".join(row) + "\n" for row in shown))
+        drawn = signs[np.where(grid < 0, 3, kind[grid])]
+        pictures.append("".join("".join(row) + "\n" for row in drawn))
     return "\n".join(pictures)
+
+
+GLYPH_ROWS, GLYPH_COLUMNS = 7, 5
+FONT = """
+A     B     C     D     E     F     G     H     I     J     K     L     M
+.###. ####. .###. ####. ##### ##### .###. #...# .###. ..### #...# #.... #...#
+#...# #...# #...# #...# #.... #.... #...# #...# ..#.. ...#. #..#. #.... ##.##
+#...# #...# #.... #...# #.... #.... #.... #...# ..#.. ...#. #.#.. #.... #.#.#
+##### ####. #.... #...# ####. ####. #.### ##### ..#.. ...#. ##... #.... #.#.#
+#...# #...# #.... #...# #.... #.... #...# #...# ..#.. ...#. #.#.. #.... #...#
+#...# #...# #...# #...# #.... #.... #...# #...# ..#.. #..#. #..#. #.... #...#
+#...# ####. .###. ####. ##### #.... .###. #...# .###. .##.. #...# ##### #...#
+N     O     P     Q     R     S     T     U     V     W     X     Y     Z
+#...# .###. ####. .###. ####. .#### ##### #...# #...# #...# #...# #...# #####
+##..# #...# #...# #...# #...# #.... ..#.. #...# #...# #...# #...# #...# ....#
+##..# #...# #...# #...# #...# #.... ..#.. #...# #...# #...# .#.#. .#.#. ...#.
+#.#.# #...# ####. #...# ####. .###. ..#.. #...# #...# #.#.# ..#.. ..#.. ..#..
+#..## #...# #.... #.#.# #.#.. ....# ..#.. #...# .#.#. #.#.# .#.#. ..#.. .#...
+#..## #...# #.... #..#. #..#. ....# ..#.. #...# .#.#. ##.## #...# ..#.. #....
+#...# .###. #.... .##.# #...# ####. ..#.. .###. ..#.. #...# #...# ..#.. #####
+0     1     2     3     4     5     6     7     8     9     .     ,     :
+.###. ..#.. .###. .###. ...#. ##### .###. ##### .###. .###. ..... ..... .....
+#...# .##.. #...# #...# ..##. #.... #...# ....# #...# #...# ..... ..... ..#..
+#..## ..#.. ....# ....# .#.#. ####. #.... ...#. #...# #...# ..... ..... ..#..
+#.#.# ..#.. ...#. ..##. #..#. ....# ####. ...#. .###. .#### ..... ..... .....
+##..# ..#.. ..#.. ....# ##### ....# #...# ..#.. #...# ....# ..... ..#.. ..#..
+#...# ..#.. .#... #...# ...#. #...# #...# ..#.. #...# #...# .##.. ..#.. ..#..
+.###. .###. ##### .###. ...#. .###. .###. ..#.. .###. .###. .##.. .#... .....
+!     ?     -     +     =     /     (     )     '     "     #     *     _
+..#.. .###. ..... ..... ..... ....# ...#. .#... ..#.. .#.#. .#.#. ..... .....
+..#.. #...# ..... ..#.. ..... ....# ..#.. ..#.. ..#.. .#.#. .#.#. #.#.# .....
+..#.. ....# ..... ..#.. ##### ...#. ..#.. ..#.. ..... ..... ##### .###. .....
+..#.. ...#. ##### ##### ..... ..#.. ..#.. ..#.. ..... ..... .#.#. ##### .....
+..#.. ..#.. ..... ..#.. ##### .#... ..#.. ..#.. ..... ..... ##### .###. .....
+..... ..... ..... ..#.. ..... #.... ..#.. ..#.. ..... ..... .#.#. #.#.# .....
+..#.. ..#.. ..... ..... ..... #.... ...#. .#... ..... ..... .#.#. ..... #####
+"""
+LONGEST_TEXT = 1000
+LARGEST_FELT = 1 << 24
+"""Bytes of a table of what was felt."""
+
+
+def _glyphs() -> dict[str, np.ndarray]:
+    """Return the font: arrays (7, 5) of 0 and 1 by their character."""
+    lines = FONT.strip("\n").split("\n")
+    glyphs = {" ": np.zeros((GLYPH_ROWS, GLYPH_COLUMNS))}
+    for start in range(0, len(lines), GLYPH_ROWS + 1):
+        rows = [line.split() for line in lines[start + 1 : start + 1 + GLYPH_ROWS]]
+        for k, sign in enumerate(lines[start].split()):
+            glyphs[sign] = np.array([[float(pixel == "#") for pixel in row[k]] for row in rows])
+    return glyphs
+
+
+def text_frames(plan: Plan, text: str) -> np.ndarray:
+    """Return levels (k, taxels) in 0 … 1 that show `text`: one frame where it fits, else scrolled column by column.
+
+    Small letters are shown as capitals, and accents are left out.
+
+    Raises
+    ------
+    SpecError
+        There is no letter, one that the font does not have, or the text is too long.
+    """
+    grid, glyphs = taxel_grid(plan), _glyphs()
+    signs = [sign for sign in unicodedata.normalize("NFD", text.upper()) if not unicodedata.combining(sign)]
+    if not "".join(signs).strip() or len(signs) > LONGEST_TEXT:
+        raise SpecError(f"must have a letter to show, and {LONGEST_TEXT} at most, got {shown(text)}", "--text")
+    if unknown := next((sign for sign in signs if sign not in glyphs), None):
+        raise SpecError(f"{shown(unknown)} is none of the signs that are drawn: {''.join(glyphs).strip()}", "--text")
+    blank = np.zeros((GLYPH_ROWS, 1))
+    pixels = np.concatenate([part for sign in signs for part in (blank, glyphs[sign])][1:], axis=1)
+    rows, columns = grid.shape
+    high, wide = _pixel(rows, columns, plan.cell.depth_mm / plan.cell.width_mm)
+    drawn = _scaled(_scaled(pixels, wide).T, high).T
+    spare = [max(free, 0) for free in np.subtract(grid.shape, drawn.shape)]
+    drawn = np.pad(drawn, [(free // 2, free - free // 2) for free in spare])
+    windows = (drawn[:, at : at + columns] for at in range(drawn.shape[1] - columns + 1))
+    return _levels(plan, windows, "--text")
+
+
+def _pixel(rows: int, columns: int, aspect: float) -> tuple[float, float]:
+    """Return height and width of a font's pixel in rows and columns; `aspect` is a row's step over a column's."""
+    high = rows / GLYPH_ROWS
+    if rows >= GLYPH_ROWS:
+        high = max(int(min(high, columns / GLYPH_COLUMNS / aspect)), 1)
+    if columns < GLYPH_COLUMNS:
+        return high, columns / GLYPH_COLUMNS
+    return high, min(max(round(high * aspect), 1), columns // GLYPH_COLUMNS)
+
+
+def _scaled(pixels: np.ndarray, size: float) -> np.ndarray:
+    """Return `pixels` (…, n) with each of them `size` places wide; a place has the mean of what lies in it."""
+    count = pixels.shape[-1]
+    edge = np.minimum(np.arange(int(np.ceil(count * size - 1e-9)) + 1) / size, count)
+    pixel = np.minimum(edge.astype(int), count - 1)
+    up_to = np.pad(np.cumsum(pixels, -1), [(0, 0), (1, 0)])[:, pixel] + (edge - pixel) * pixels[:, pixel]
+    return np.asarray(np.round(np.diff(up_to) * size, 9))
+
+
+def _bars(grid: np.ndarray, axis: int, half_width: float) -> Iterator[np.ndarray]:
+    """Yield a bar across the pad at each row (axis 0) or column (axis 1), fading out on both sides."""
+    place = np.indices(grid.shape)[axis]
+    return (np.maximum(1 - np.abs(place - at) / half_width, 0.0) for at in range(grid.shape[axis]))
+
+
+PATTERNS: dict[str, Callable[[np.ndarray], Iterator[np.ndarray]]] = {
+    "each": lambda grid: (grid == index for index in range(int(grid.max()) + 1)),
+    "rows": lambda grid: _bars(grid, 0, 1),
+    "columns": lambda grid: _bars(grid, 1, 1),
+    "checkerboard": lambda grid: (np.indices(grid.shape).sum(0) % 2 == odd for odd in (0, 1)),
+    "sweep": lambda grid: chain(_bars(grid, 1, 2), _bars(grid, 0, 2)),
+}
+"""Images (rows, columns) of each pattern for the grid of a pad's taxels; 'each' goes in the plan's order, by coils."""
+
+
+def pattern_frames(plan: Plan, name: str) -> np.ndarray:
+    """Return levels (k, taxels) in 0 … 1 of the pattern called `name`; raises SpecError where there is none."""
+    if name not in PATTERNS:
+        raise unknown_name(name, list(PATTERNS), "pattern", "--pattern")
+    return _levels(plan, PATTERNS[name](taxel_grid(plan)), "--pattern")
+
+
+def _levels(plan: Plan, images: Iterable[np.ndarray], where: str) -> np.ndarray:
+    """Return images of the pad as levels (k, taxels); raises SpecError where they are too many."""
+    grid, most = taxel_grid(plan), MOST_LEVELS // len(plan.taxels)
+    frames: list[np.ndarray] = []
+    for image in images:
+        if len(frames) == most:
+            raise SpecError(
+                f"takes more than {most} frames of {len(plan.taxels)} taxels, which are held at once", where
+            )
+        frames.append(_on_taxels(grid, image))
+    return np.stack(frames)
+
+
+Coil = tuple[int, int]
+
+
+def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
+    """Say which coils are swapped by what was felt: rows ``played,felt`` of taxels, `felt` empty where nothing was.
+
+    Swapped leads of one coil cannot be felt and do no harm: it pulls with the square of its current.
+
+    Raises
+    ------
+    FileError
+        The file is no such table, or names a taxel that the pad does not have.
+    """
+    taxels = {taxel.id: taxel for taxel in plan.taxels}
+    felt: dict[Coil, list[Coil | None]] = {}
+    findings = []
+    for row, (played, got) in _felt_rows(path):
+        for name in filter(None, (played, got)):
+            if name not in taxels:
+                raise FileError(unknown_name(name, list(taxels), "taxel", "").message, f"{path}, row {row}")
+        own = taxels[played].coil
+        felt.setdefault(own, []).append(taxels[got].coil if got else None)
+        if got and got != played and taxels[got].coil == own:
+            told = (
+                f"was felt as {got} of the same coil: the two resonances are exchanged, or {played} is far off its own"
+            )
+            findings.append(Finding("warning", "wiring.taxel", played, f"{told}; measure the print (padgen retune)"))
+    moved: dict[Coil, Coil] = {}
+    for own, places in felt.items():
+        counts = Counter(place for place in places if place)
+        if not counts:
+            told = "nothing was felt when it was played: look at its wire, its plug and its amplifier channel"
+            findings.append(Finding("error", "wiring.silent", _coil(own), told))
+        elif len(counts) > 1:
+            where = " and ".join(_coil(place) for place in sorted(counts))
+            findings.append(Finding("error", "wiring.mixed", _coil(own), f"was felt at {where}: play its taxels again"))
+        elif None in places:
+            told = (
+                f"{places.count(None)} of its {len(places)} taxels were not felt: are their washers glued in, and free?"
+            )
+            findings.append(Finding("warning", "wiring.silent", _coil(own), told))
+        if len(counts) == 1 and own not in counts:
+            moved[own] = next(iter(counts))
+    findings += _moved_findings(plan, moved, set(felt))
+    if untried := plan.coils.rows * plan.coils.columns - len(felt):
+        findings.append(Finding("note", "wiring.untried", "coils", f"{untried} of them are not in the table"))
+    return findings
+
+
+def _felt_rows(path: Path) -> Iterator[tuple[int, tuple[str, str]]]:
+    try:
+        lines = read_bounded(path, LARGEST_FELT, "a table of what was felt").decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        raise FileError(f"is not text: byte {error.start} is not UTF-8", str(path)) from error
+    rows = [(k, [cell.strip() for cell in row]) for k, row in enumerate(csv.reader(lines), start=1) if any(row)]
+    if rows and rows[0][1] == ["played", "felt"]:
+        del rows[0]
+    for k, row in rows:
+        if len(row) != 2 or not row[0]:
+            raise FileError(
+                f"must have the taxel that was played and the one that was felt, has {len(row)} cells",
+                f"{path}, row {k}",
+            )
+        yield k, (row[0], row[1])
+    if not rows:
+        raise FileError("has no rows of played,felt", str(path))
+
+
+def _moved_findings(plan: Plan, moved: dict[Coil, Coil], tried: set[Coil]) -> Iterator[Finding]:
+    """Yield a finding for a plug that is on the wrong way, else for each pair that is swapped, else for each coil."""
+    rows, columns = plan.coils.rows, plan.coils.columns
+    whole: dict[str, Callable[[int, int], Coil]] = {
+        "in the opposite order, the last first": lambda r, c: (rows - 1 - r, columns - 1 - c),
+        "with left and right exchanged, as seen from the coils' side": lambda r, c: (r, columns - 1 - c),
+        "with the first row of coils at the top, where it belongs at the bottom": lambda r, c: (rows - 1 - r, c),
+        "column by column, where they belong row by row": lambda r, c: divmod(c * rows + r, columns),
+    }
+    for told, place in whole.items():
+        if len(moved) > 2 and all(moved.get(coil, coil) == place(*coil) for coil in tried):
+            yield Finding("error", "wiring.order", "coils", f"are all connected {told}")
+            return
+    for own, at in moved.items():
+        if moved.get(at) == own:
+            if own < at:
+                pair = f"{_coil(own)} and {_coil(at)}"
+                yield Finding("error", "wiring.swapped", pair, "are swapped: exchange their plugs")
+        else:
+            told = f"its amplifier channel is connected to {_coil(at)}"
+            yield Finding("error", "wiring.swapped", _coil(own), told)
+
+
+def _coil(coil: Coil) -> str:
+    return f"coil r{coil[0]}c{coil[1]}"

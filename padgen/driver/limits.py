@@ -206,13 +206,7 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
     root = np.sqrt(constant_a2 + lines.sum(1))
     slope = np.sqrt(lines @ (2 * np.pi * coil.force_hz) ** 2 / 2)
     volts: np.ndarray = drive.resistance_ohm * root + drive.inductance_h * slope
-    return volts if drive.carrier_hz is None else _on_carrier(drive, volts, root)
-
-
-def _on_carrier(drive: PadDrive, volts: np.ndarray, root: np.ndarray) -> np.ndarray:
-    """Return the envelope of the voltage of ``√2 root cos 2πf_c t``, with `volts` those of the root alone."""
-    assert drive.carrier_hz is not None
-    return on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
+    return volts if drive.carrier_hz is None else on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
 
 
 # ---- Peaks ---------------------------------------------------------------------------------------------------------
@@ -280,7 +274,7 @@ def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
         root = np.sqrt(np.maximum(constant[part, None] + states[part] @ cosine, SMALLEST))
         volts = drive.resistance_ohm * root + drive.inductance_h * (states[part] @ sine) / (2 * root)
         if drive.carrier_hz is not None:
-            volts = _on_carrier(drive, volts, root)
+            volts = on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
         peak = max(peak, BETWEEN * float(np.abs(volts[states[part].any(1)]).max(initial=0.0)))
     return peak
 
@@ -294,8 +288,7 @@ def _states(count: int) -> np.ndarray:
 def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
     """Return the firmware's constants in A²: all on, those of all states of each group; and a group's size."""
     size = group_channels(max(len(c.taxels) for c in drive.coils))
-    shape = (coil.harmonic.tolist(), coil.line_a2.tolist(), coil.phase_rad.tolist())
-    all_on, groups = least_constants(*(tuple(part) for part in shape), size)
+    all_on, groups = least_constants(coil, size)
     return all_on, [np.array(group) for group in groups], size
 
 
@@ -322,11 +315,15 @@ def group_channels(channels: int) -> int:
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
+def least_constants(coil: CoilDrive, size: int) -> tuple[float, tuple[tuple[float, ...], ...]]:
+    """Return a coil's least constant with all channels on, and those of each group of `size` in every state, in A²."""
+    return _least_constants(*(tuple(part.tolist()) for part in (coil.harmonic, coil.line_a2, coil.phase_rad)), size)
+
+
 @lru_cache(maxsize=1024)
-def least_constants(
+def _least_constants(
     harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
 ) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """Return a coil's least constant with all channels on, and those of each group of `size` in every state, in A²."""
     harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
     groups = []
     for start in range(0, len(line), size):
@@ -354,11 +351,9 @@ def judge_limits(
     `shown` None: by the worst of all levels and changes that the firmware may be sent.
     """
     load = load_of(plan, drive, shown)
-    if not any(judge_load(where, plan, load, tuning, drive.voltage_limit_v)):
-        return ()
-    return tuple(
-        judge_load(where, plan, load, tuning, drive.voltage_limit_v, _level_text(plan, drive, shown, tuning, load))
-    )
+    found = tuple(judge_load(where, plan, load, tuning, drive.voltage_limit_v))
+    cure = _level_text(plan, drive, shown, tuning, load) if found else ""
+    return tuple(replace(finding, message=finding.message + cure) for finding in found)
 
 
 def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) -> None:
@@ -376,13 +371,11 @@ def judge_load(
     load: Load,
     tuning: Tuning | None = None,
     limit_v: float | None = None,
-    cure: str = "",
 ) -> Iterator[Finding]:
-    """Yield errors about a load; `limit_v` None is the spec's, `cure` ends every sentence."""
-    for code, sentence, _ in _exceeded(
-        plan, load, tuning, plan.spec.drive.voltage_limit_v if limit_v is None else limit_v
-    ):
-        yield Finding("error", code, where, sentence + cure)
+    """Yield errors about a load; `limit_v` None is the spec's."""
+    limit_v = plan.spec.drive.voltage_limit_v if limit_v is None else limit_v
+    for code, sentence, _ in _exceeded(plan, load, tuning, limit_v):
+        yield Finding("error", code, where, sentence)
 
 
 def _exceeded(plan: Plan, load: Load, tuning: Tuning | None, limit_v: float) -> Iterator[tuple[str, str, float]]:

@@ -6,7 +6,7 @@ its taxel's resonance is made as much larger as the taxel answers less there.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, partial
 from itertools import product
 from math import ceil, floor, isfinite
 from typing import NamedTuple
@@ -170,102 +170,67 @@ def make_drive(
     if bandwidth_hz is not None and not (isfinite(bandwidth_hz) and bandwidth_hz > 0):
         raise SpecError(f"must be above 0 Hz, got {number(bandwidth_hz)} Hz", "bandwidth")
     band_hz = min(rate_hz / 2, bandwidth_hz or rate_hz / 2)
-    feed = _Feed(
+    unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
+    if unmoved:
+        raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
+    force_hz = harmonic / period_s
+    line_a2 = levels_um(plan, resonance) / response / np.sqrt(relative_energy(force_hz, resonance, q))
+
+    @cache
+    def shaped(harmonics: tuple[int, ...], lines: tuple[float, ...]) -> tuple[np.ndarray, RootMargin]:
+        """Return phases (n,) and margin of a coil; many coils of a pad are alike."""
+        k, line = np.array(harmonics, int), np.array(lines)
+        if scheme.has_constant:
+            phase = low_crest_phases(k, line) if len(k) else np.zeros(0)
+        else:  # a tone's phase in i² is twice the current's
+            alone = scheme.takes_turns or not len(k)
+            phase = np.zeros(len(k)) if alone else 2 * low_crest_phases(k // 2, np.sqrt(line))
+        if not scheme.is_root or not len(k):
+            return phase, RootMargin(np.zeros(len(k)), -np.inf, 0.0, 1.0)
+        margin = partial(
+            root_margin,
+            k,
+            line,
+            phase,
+            period_s=period_s,
+            rate_hz=rate_hz,
+            resistance_ohm=spec.coil.resistance_ohm,
+            inductance_h=spec.coil.inductance_mh * MH,
+            # How far the root's lines may reach: about a carrier they go to both sides.
+            bandwidth_hz=band_hz if carrier_hz is None else max(min(band_hz - carrier_hz, carrier_hz), 1.0),
+        )
+        # The margin is for the amplifier's band, and for its voltage as far as the planned constant goes: more of it
+        # would heat the coil and pull the washers by more than the plan was judged by.
+        most, wanted = 1 + spec.drive.headroom, margin(voltage_limit_v=spec.drive.voltage_limit_v)
+        if wanted.constant <= most:
+            return phase, wanted
+        least = margin(voltage_limit_v=np.inf)
+        if least.constant >= most:
+            return phase, least
+        part = (most - least.constant) / (wanted.constant - least.constant)
+        share = least.share + part * (wanted.share - least.share)
+        return phase, RootMargin(share, least.alias_db, least.peak_v, most)
+
+    coils, alias_db, taxels_of = [], [], coils_of(plan)
+    for place in product(range(plan.coils.rows), range(plan.coils.columns)):
+        taxels = np.array(taxels_of.get(place, ()), int)  # the lowest channel first
+        k, line = harmonic[taxels], line_a2[taxels]
+        phase, margin = shaped(tuple(k.tolist()), tuple(line.tolist()))
+        bias = bias_a(scheme, line) if scheme.is_biased and len(taxels) else 0.0
+        coils.append(CoilDrive(*place, taxels, force_hz[taxels], k, line, phase, bias, margin.share))
+        alias_db.append(margin.alias_db)
+    return PadDrive(
         scheme,
         rate_hz,
         period_s,
         spec.coil.resistance_ohm,
         spec.coil.inductance_mh * MH,
         spec.drive.voltage_limit_v,
-        # How far the root's lines may reach: about a carrier they go to both sides.
-        band_hz if carrier_hz is None else max(min(band_hz - carrier_hz, carrier_hz), 1.0),
-        1 + spec.drive.headroom,
-    )
-    unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
-    if unmoved:
-        raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
-    force_hz = harmonic / period_s
-    line_a2 = levels_um(plan, resonance) / response / np.sqrt(relative_energy(force_hz, resonance, q))
-    coils, alias_db, taxels_of = [], [], coils_of(plan)
-    for place in product(range(plan.coils.rows), range(plan.coils.columns)):
-        taxels = np.array(taxels_of.get(place, ()), int)  # the lowest channel first
-        k, line = harmonic[taxels], line_a2[taxels]
-        phase, margin = _shape(feed, tuple(k.tolist()), tuple(line.tolist()))
-        bias = bias_a(scheme, line) if scheme.is_biased and len(taxels) else 0.0
-        coils.append(CoilDrive(*place, taxels, force_hz[taxels], k, line, np.array(phase), bias, margin.share))
-        alias_db.append(margin.alias_db)
-    return PadDrive(
-        scheme,
-        rate_hz,
-        period_s,
-        feed.resistance_ohm,
-        feed.inductance_h,
-        feed.voltage_limit_v,
         tuple(coils),
         spec.drive.level_um,
         carrier_hz,
         max(alias_db) if scheme.is_root else None,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Feed:
-    """Figures that all coils of a pad share; `most_constant` is the planned constant of i² over the sum of lines."""
-
-    scheme: Scheme
-    rate_hz: int
-    period_s: float
-    resistance_ohm: float
-    inductance_h: float
-    voltage_limit_v: float
-    bandwidth_hz: float
-    most_constant: float
-
-
-@lru_cache(maxsize=1024)
-def _shape(feed: _Feed, harmonic: tuple[int, ...], line_a2: tuple[float, ...]) -> tuple[tuple[float, ...], RootMargin]:
-    """Return phases (n,) and margin of a coil; many coils of a pad are alike."""
-    k, line = np.array(harmonic, int), np.array(line_a2)
-    none = RootMargin(np.zeros(len(k)), -np.inf, 0.0, 1.0)
-    if not feed.scheme.has_constant or not len(k):
-        # A tone's phase in i² is twice the current's.
-        alone = feed.scheme.takes_turns or not len(k)
-        phase = np.zeros(len(k)) if alone else 2 * low_crest_phases(k // 2, np.sqrt(line))
-        return tuple(phase.tolist()), none
-    phase = low_crest_phases(k, line)
-    if feed.scheme.is_biased:
-        return tuple(phase.tolist()), none
-    return tuple(phase.tolist()), _margin(feed, k, line, phase)
-
-
-def _margin(feed: _Feed, harmonic: np.ndarray, line_a2: np.ndarray, phase: np.ndarray) -> RootMargin:
-    """Return the margin for the amplifier's band, and for its voltage as far as the planned constant goes.
-
-    More of it would heat the coil and pull the washers by more than the plan was judged by.
-    """
-
-    def within(limit_v: float) -> RootMargin:
-        return root_margin(
-            harmonic,
-            line_a2,
-            phase,
-            period_s=feed.period_s,
-            rate_hz=feed.rate_hz,
-            resistance_ohm=feed.resistance_ohm,
-            inductance_h=feed.inductance_h,
-            voltage_limit_v=limit_v,
-            bandwidth_hz=feed.bandwidth_hz,
-        )
-
-    wanted = within(feed.voltage_limit_v)
-    if wanted.constant <= feed.most_constant:
-        return wanted
-    least = within(np.inf)
-    if least.constant >= feed.most_constant:
-        return least
-    part = (feed.most_constant - least.constant) / (wanted.constant - least.constant)
-    share = least.share + part * (wanted.share - least.share)
-    return RootMargin(share, least.alias_db, least.peak_v, feed.most_constant)
 
 
 def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float, highest_hz: float) -> float:

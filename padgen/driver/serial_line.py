@@ -30,10 +30,17 @@ from padgen.driver.waveform import timeline
 from padgen.measured.tuning import Tuning, tuning_to_json
 from padgen.planner.plan import Plan, plan_to_json
 
+try:
+    import termios
+
+    LINE_ERRORS: tuple[type[Exception], type[Exception]] = (OSError, termios.error)
+except ImportError:
+    LINE_ERRORS = (OSError, OSError)
+"""Errors that a lost line raises; pyserial's is an OSError, that of a Unix terminal is not."""
+
 __all__ = [
     "BAUD",
     "EXTRA",
-    "GREETING_BYTES",
     "HOLD_WATCHDOGS",
     "VERSION",
     "Greeting",
@@ -61,10 +68,19 @@ SEQUENCES = 1 << 16
 HEAD, TAIL = struct.Struct("<BBH"), struct.Struct("<I")
 GREETING = struct.Struct(f"<{HASH_BYTES}sHHBBHIIIII")
 REFUSAL, COIL = struct.Struct("<BBH"), struct.Struct("<H")
-GREETING_BYTES = GREETING.size
 GIVEN = 4
 """Place, among the bytes of an ACK, of the share of the voltage that is given."""
 LONGEST_BLOCK = 254
+EXTRA = "play"
+BAUD, BITS_A_BYTE = 115_200, 10
+TRIES, LEAST_REPLY_S, BUSY_S = 8, 0.2, 0.005
+GREET_S = 5.0
+"""How long a device may take to answer at first: many a board starts anew when its port is opened."""
+PINGS = 3
+"""Signs of life in the time after which the device's watchdog would silence it."""
+HOLD_SHARE = 0.5
+"""Share of the time for which the device holds a frame after which it is sent again."""
+READ_BYTES = 4096
 HOLD_WATCHDOGS = 8
 """Times of the watchdog that a frame is held for, whatever else than a new frame comes."""
 
@@ -179,28 +195,12 @@ def frame_message(levels: np.ndarray, sequence: int) -> Message:
 
 
 def greeting(message: Message) -> Greeting:
-    """Read the payload of a `Kind.GREETING`; a longer one is a later version's.
-
-    Raises
-    ------
-    ValueError
-        It is shorter than this version's.
-    """
-    if len(message.payload) < GREETING.size:
-        raise ValueError(f"a greeting has {GREETING.size} bytes, got {len(message.payload)}")
+    """Read the payload of a `Kind.GREETING`; a longer one is a later version's."""
     return Greeting(*GREETING.unpack_from(message.payload), *message.payload[GREETING.size : GREETING.size + 1])
 
 
 def refusal(message: Message) -> Refusal:
-    """Read the payload of a `Kind.NAK`.
-
-    Raises
-    ------
-    ValueError
-        It is shorter than this version's.
-    """
-    if len(message.payload) < REFUSAL.size:
-        raise ValueError(f"a refusal has {REFUSAL.size} bytes, got {len(message.payload)}")
+    """Read the payload of a `Kind.NAK`."""
     return Refusal(*REFUSAL.unpack_from(message.payload))
 
 
@@ -239,28 +239,6 @@ def _unstuffed(packet: bytes) -> bytes | None:
         if code - 1 < LONGEST_BLOCK and start < len(packet):
             body.append(0)
     return bytes(body)
-
-
-try:
-    import termios
-
-    LINE_ERRORS: tuple[type[Exception], type[Exception]] = (OSError, termios.error)
-except ImportError:
-    LINE_ERRORS = (OSError, OSError)
-"""Errors that a lost line raises; pyserial's is an OSError, that of a Unix terminal is not."""
-EXTRA = "play"
-BAUD = 115_200
-BITS_A_BYTE = 10
-TRIES = 8
-LEAST_REPLY_S = 0.2
-GREET_S = 5.0
-"""How long a device may take to answer at first: many a board starts anew when its port is opened."""
-PINGS = 3
-"""Signs of life in the time after which the device's watchdog would silence it."""
-HOLD_SHARE = 0.5
-"""Share of the time for which the device holds a frame after which it is sent again."""
-BUSY_S = 0.005
-READ_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -319,12 +297,10 @@ def play_frames(
     frames = np.atleast_2d(np.asarray(frames, float))
     refuse_frames(plan, frames, tuning)
     bytes_each = max(len(encode(frame_message(frame, 0))) for frame in frames)
-    with _opened(port, baud) as line:
-        link = _Link(line, port, max(LEAST_REPLY_S, 4 * _seconds(bytes_each, baud)) if reply_s is None else reply_s)
-        with link.closing_in(f"frame 0 of {len(frames)}"):
-            device = link.greet(plan, tuning, greet_s)
-        each = frame_s or device.frame_us * 1e-6
-        least_s = _seconds(bytes_each, baud)
+    least_s = bytes_each * BITS_A_BYTE / baud
+    reply_s = max(LEAST_REPLY_S, 4 * least_s) if reply_s is None else reply_s
+    with _playing(port, plan, tuning, baud, reply_s, greet_s, f"frame 0 of {len(frames)}") as link:
+        each = frame_s or link.device.frame_us * 1e-6
         if each < least_s:
             raise SpecError(
                 f"must be at least {at_least(least_s)} s for a frame of {bytes_each} bytes at {baud} baud,"
@@ -332,13 +308,9 @@ def play_frames(
                 "frames",
             )
         began = time.monotonic()
-        try:
-            link.show_all(frames, each, told)
-            link.fall_silent()
-        except BaseException:
-            link.silence_if_it_can()
-            raise
-        return Played(device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
+        link.show_all(frames, each, told)
+        link.fall_silent()
+        return Played(link.device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
 
 
 def excite(
@@ -358,37 +330,42 @@ def excite(
     FileError, EngineMissingError
         As `play_frames` does.
     """
+    what = "the sweep"
+    with _playing(port, plan, tuning, baud, reply_s, greet_s, what) as link, link.closing_in(what):
+        link.ask(Kind.EXCITE, COIL.pack(coil))
+        link.wait_for([State.SILENT], 2 * sweep_table(plan).seconds)
+
+
+@contextmanager
+def _playing(
+    port: str, plan: Plan, tuning: Tuning | None, baud: int, reply_s: float, greet_s: float, what: str
+) -> "Iterator[_Link]":
+    """Open a line and meet its device; whatever error ends the playing, the device is silenced if it can be."""
     with _opened(port, baud) as line:
         link = _Link(line, port, reply_s)
-        with link.closing_in("the sweep"):
+        with link.closing_in(what):
             link.greet(plan, tuning, greet_s)
-            try:
-                link.sweep(coil, sweep_table(plan).seconds)
-            except BaseException:
-                link.silence_if_it_can()
-                raise
-
-
-def _seconds(count: int, baud: int) -> float:
-    return count * BITS_A_BYTE / baud
+        try:
+            yield link
+        except BaseException:
+            with suppress(*LINE_ERRORS, FileError):  # the error that is on its way matters more
+                link.ask(Kind.SILENCE)
+            raise
 
 
 class _Link:
-    """The computer's end of a line that is open."""
+    """The computer's end of a line that is open; `device` is known once it was met."""
+
+    device: Greeting
 
     def __init__(self, line: Any, port: str, reply_s: float) -> None:
         self.resent, self.given = 0, FULL_LEVEL
         self._line, self._port, self._reply_s = line, port, reply_s
-        self._rest = b""
-        self._tag = 0
-        self._device: Greeting | None = None
+        self._rest, self._tag, self._what_then = b"", 0, "the device is as it was"
 
-    def greet(self, plan: Plan, tuning: Tuning | None, greet_s: float) -> Greeting:
+    def greet(self, plan: Plan, tuning: Tuning | None, greet_s: float) -> None:
         """Meet the device; it must hold the same pad."""
-        wanted = plan_hash(plan, tuning)
-        message = Message(Kind.HELLO, self._next_tag(), wanted)
-        end = time.monotonic() + greet_s
-        answer = self._once(message)
+        wanted, end, answer = plan_hash(plan, tuning), time.monotonic() + greet_s, None
         while answer is None or (answer.version == VERSION and answer.kind != Kind.GREETING):
             if time.monotonic() > end:
                 raise FileError(
@@ -396,40 +373,39 @@ class _Link:
                     " and speed?",
                     self._port,
                 )
-            answer = self._once(message)
+            answer = self._once(Message(Kind.HELLO, 1, wanted))
         cure = "write its firmware anew with padgen drive --formats c, and compile it"
         if answer.version != VERSION:
             raise FileError(
                 f"speaks version {answer.version} of the protocol, this padgen version {VERSION}; {cure}", self._port
             )
-        device = greeting(answer)
-        if device.plan_hash != wanted:
+        self.device = greeting(answer)
+        if self.device.plan_hash != wanted:
             raise FileError(
-                f"holds another pad or print ({device.taxels} taxels, {device.plan_hash.hex()}) than"
+                f"holds another pad or print ({self.device.taxels} taxels, {self.device.plan_hash.hex()}) than"
                 f" {plan.name!r} ({len(plan.taxels)} taxels, {wanted.hex()}); {cure}, or name its tuning (--tuning)",
                 self._port,
             )
-        if device.faults:
-            found = ", ".join(str(fault.name).lower() for fault in Fault if fault & device.faults)
+        if self.device.faults:
+            found = ", ".join(str(fault.name).lower() for fault in Fault if fault & self.device.faults)
             raise FileError(
                 f"found its {found or 'self'} wrong when it tested itself, and stays silent; {cure}", self._port
             )
-        self._device = device
-        return self._device
+        seconds = round((self.device.watchdog_ms + self.device.silence_ms) * 1e-3, 2)
+        self._what_then = f"the device falls silent by itself within {number(seconds)} s"
 
     def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
         """Show every frame at its time; those that a late one would crowd come later, so that none is too short.
 
         A frame that is to last longer than the device holds one is sent again meanwhile, which no taxel feels.
         """
-        assert self._device is not None
-        least_s = self._device.least_frame_us * 1e-6
-        parts = ceil(each_s / (HOLD_SHARE * HOLD_WATCHDOGS * self._device.watchdog_ms * 1e-3))
-        sequence, due = self._device.next_sequence, time.monotonic()
+        least_s = self.device.least_frame_us * 1e-6
+        parts = ceil(each_s / (HOLD_SHARE * HOLD_WATCHDOGS * self.device.watchdog_ms * 1e-3))
+        sequence, due = self.device.next_sequence, time.monotonic()
         for k, frame in enumerate(frames):
             with self.closing_in(f"frame {k + 1} of {len(frames)}"):
                 for _ in range(parts):
-                    self._show(frame_message(frame, sequence % 65536))
+                    self._show(frame_message(frame, sequence % SEQUENCES))
                     sequence += 1
                     told(k + 1)
                     due = max(due + each_s / parts, time.monotonic() + least_s)
@@ -438,19 +414,9 @@ class _Link:
     def fall_silent(self) -> None:
         """Silence once the last frame is there, and wait for it."""
         with self.closing_in("the last frame"):
-            self._wait_for(lambda state: state != State.SWITCHING)
-            self._ask(Message(Kind.SILENCE, self._next_tag()))
-            self._wait_for(lambda state: state == State.SILENT)
-
-    def sweep(self, coil: int, seconds: float) -> None:
-        """Play a coil's sweep to its end."""
-        self._ask(Message(Kind.EXCITE, self._next_tag(), COIL.pack(coil)))
-        self._wait_for(lambda state: state == State.SILENT, 2 * seconds)
-
-    def silence_if_it_can(self) -> None:
-        """Silence, on the way out with an error that matters more than another one."""
-        with suppress(*LINE_ERRORS, FileError):
-            self._ask(Message(Kind.SILENCE, self._next_tag()))
+            self.wait_for([State.SILENT, State.HOLDING])
+            self.ask(Kind.SILENCE)
+            self.wait_for([State.SILENT])
 
     @contextmanager
     def closing_in(self, what: str) -> Iterator[None]:
@@ -458,22 +424,25 @@ class _Link:
         try:
             yield
         except LINE_ERRORS as error:
-            raise FileError(
-                f"the line closed in {what} ({_reason(error)}); {self._what_then}",
-                self._port,
-            ) from error
+            raise FileError(f"the line closed in {what} ({_reason(error)}); {self._what_then}", self._port) from error
 
-    @property
-    def _what_then(self) -> str:
-        if self._device is None:
-            return "the device is as it was"
-        seconds = (self._device.watchdog_ms + self._device.silence_ms) * 1e-3
-        return f"the device falls silent by itself within {number(round(seconds, 2))} s"
+    def ask(self, kind: Kind, payload: bytes = b"") -> Message:
+        """Send a message that is no frame, and return its answer."""
+        self._tag = (self._tag + 1) % SEQUENCES
+        return self._ask(Message(kind, self._tag, payload))
+
+    def wait_for(self, states: list[State], longest_s: float = 0.0) -> None:
+        """Wait until the device is in one of these states."""
+        longest_s = max(longest_s, self.device.silence_ms * 1e-3, 2e-6 * self.device.least_frame_us)
+        end = time.monotonic() + longest_s + TRIES * self._reply_s
+        while self.ask(Kind.PING).payload[1] not in states:
+            if time.monotonic() > end:
+                raise FileError("the device does not come to rest", self._port)
+            time.sleep(BUSY_S)
 
     def _show(self, message: Message) -> None:
         """Send a frame until the device has it; one that is busy with the frame before is asked again."""
-        assert self._device is not None
-        end = time.monotonic() + 2 * self._device.least_frame_us * 1e-6 + TRIES * self._reply_s
+        end = time.monotonic() + 2 * self.device.least_frame_us * 1e-6 + TRIES * self._reply_s
         while True:
             answer = self._ask(message, (Reason.DUPLICATE, Reason.BUSY))
             if answer.kind == Kind.ACK or refusal(answer).reason == Reason.DUPLICATE:
@@ -484,27 +453,11 @@ class _Link:
 
     def _wait(self, until: float) -> None:
         """Wait, with signs of life."""
-        assert self._device is not None
-        pause = self._device.watchdog_ms * 1e-3 / PINGS
-        while (left := until - time.monotonic()) > 0:
-            if left <= pause:
-                time.sleep(left)
-                return
+        pause = self.device.watchdog_ms * 1e-3 / PINGS
+        while (left := until - time.monotonic()) > pause:
             time.sleep(pause)
-            self._state()
-
-    def _wait_for(self, reached: Callable[[int], bool], longest_s: float = 0.0) -> None:
-        assert self._device is not None
-        longest_s = max(longest_s, self._device.silence_ms * 1e-3, 2e-6 * self._device.least_frame_us)
-        end = time.monotonic() + longest_s + TRIES * self._reply_s
-        while not reached(self._state()):
-            if time.monotonic() > end:
-                raise FileError("the device does not come to rest", self._port)
-            time.sleep(BUSY_S)
-
-    def _state(self) -> int:
-        answer = self._ask(Message(Kind.PING, self._next_tag()))
-        return answer.payload[1]
+            self.ask(Kind.PING)
+        time.sleep(max(left, 0.0))
 
     def _ask(self, message: Message, expected: tuple[Reason, ...] = ()) -> Message:
         """Send a message until it is answered; an answer that is neither ACK nor expected is an error."""
@@ -518,10 +471,7 @@ class _Link:
             if answer.kind == Kind.ACK or refusal(answer).reason in expected:
                 return answer
             raise FileError(self._refused(refusal(answer).reason), self._port)
-        raise FileError(
-            f"no answer in {TRIES} tries of {number(self._reply_s)} s each; {self._what_then}",
-            self._port,
-        )
+        raise FileError(f"no answer in {TRIES} tries of {number(self._reply_s)} s each; {self._what_then}", self._port)
 
     def _refused(self, reason: int) -> str:
         if reason == Reason.KIND:
@@ -545,22 +495,15 @@ class _Link:
                     return None if damaged and refusal(answer).reason == Reason.DAMAGED else answer
         return None
 
-    def _next_tag(self) -> int:
-        self._tag = (self._tag + 1) % 65536
-        return self._tag
-
 
 def _answers(answer: Message, message: Message) -> bool:
     """Tell whether an answer is to this message; a damaged one has no name, one of another version no form."""
     if answer.version != VERSION:
         return message.kind == Kind.HELLO and answer.kind >= Kind.GREETING
-    if answer.kind == Kind.NAK and len(answer.payload) >= 4:
-        damaged = refusal(answer).reason == Reason.DAMAGED
-        return damaged or (refusal(answer).kind == message.kind and answer.sequence == message.sequence)
-    if answer.kind == Kind.ACK and len(answer.payload) >= 2:
-        return answer.payload[0] == message.kind and answer.sequence == message.sequence
-    whole = len(answer.payload) >= GREETING_BYTES
-    return answer.kind == Kind.GREETING and message.kind == Kind.HELLO and whole
+    if answer.kind in (Kind.ACK, Kind.NAK) and len(answer.payload) >= (2 if answer.kind == Kind.ACK else REFUSAL.size):
+        damaged = answer.kind == Kind.NAK and refusal(answer).reason == Reason.DAMAGED
+        return damaged or (answer.payload[0], answer.sequence) == (message.kind, message.sequence)
+    return answer.kind == Kind.GREETING and message.kind == Kind.HELLO and len(answer.payload) >= GREETING.size
 
 
 @contextmanager

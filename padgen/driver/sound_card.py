@@ -27,13 +27,12 @@ LOOK_S, LATE, FEWEST_LOOKS = 0.1, 2, 50
 
 @dataclass(frozen=True, slots=True)
 class AudioDevice:
-    """An output, or an input, of the computer; `is_default` where none was named."""
+    """An output, or an input, of the computer."""
 
     index: int
     name: str
     channels: int
     rate_hz: float
-    is_default: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +40,6 @@ class Sounded:
     """The result of playing a file; `missed` blocks came too late and left a gap."""
 
     device: AudioDevice
-    channels: int
-    rate_hz: int
     seconds: float
     missed: int
 
@@ -55,12 +52,7 @@ def list_devices(kind: str = "output") -> list[AudioDevice]:
     EngineMissingError
         sounddevice or its library PortAudio is not installed.
     """
-    sound = _sounddevice()
-    try:
-        default = int(sound.query_devices(kind=kind)["index"])
-    except (ValueError, sound.PortAudioError):
-        default = -1
-    devices = [_device(entry, default, kind) for entry in sound.query_devices()]
+    devices = [_device(entry, kind) for entry in _sounddevice().query_devices()]
     return [device for device in devices if device.channels > 0]
 
 
@@ -117,7 +109,7 @@ def play_wave(
             missed = _stream(stream, wave, loops)
     except sound.PortAudioError as error:
         raise FileError(f"{chosen.name} stopped ({error})", str(path)) from error
-    return Sounded(chosen, wave.channels, wave.rate_hz, wave.seconds * loops, missed)
+    return Sounded(chosen, wave.seconds * loops, missed)
 
 
 def _stream(stream: Any, wave: Wave, loops: int) -> int:
@@ -143,15 +135,10 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
 
 def _faded_out(wave: Wave, done: int, fade: int) -> np.ndarray:
     """Return what follows sample `done`, going out smoothly; a file that ends in silence is silent here too."""
-    places = (done + np.arange(fade)) % wave.count
-    after = wave.read()[places] if wave.count <= fade else _around(wave, int(places[0]), fade)
+    start = done % wave.count
+    again = np.resize(wave.read(0, fade), (fade, wave.channels))
+    after = np.concatenate([wave.read(start, start + fade), again])[:fade]
     return np.ascontiguousarray(after * blend(1 - np.arange(fade) / fade)[:, None], np.float32)
-
-
-def _around(wave: Wave, start: int, count: int) -> np.ndarray:
-    """Return samples from `start` on, the file's beginning after its end."""
-    first = wave.read(start, min(start + count, wave.count))
-    return np.concatenate([first, wave.read(0, count - len(first))])
 
 
 def audio_device(device: int | str | None, kind: str = "output", where: str = "--audio") -> AudioDevice:
@@ -168,7 +155,7 @@ def audio_device(device: int | str | None, kind: str = "output", where: str = "-
     if isinstance(device, str) and device.isdigit():
         device = int(device)
     try:
-        return _device(sound.query_devices(device, kind), -1 if device is not None else None, kind)
+        return _device(sound.query_devices(device, kind), kind)
     except (ValueError, sound.PortAudioError) as error:
         there = "; ".join(f"{d.index} {d.name} ({d.channels} channels)" for d in list_devices(kind)) or "none"
         named = f"no {kind} device was found" if device is None else f"no {kind} device {device!r}"
@@ -176,11 +163,10 @@ def audio_device(device: int | str | None, kind: str = "output", where: str = "-
         raise SpecError(f"{named} ({reason}); there are: {there}", where) from error
 
 
-def _device(entry: Any, default: int | None, kind: str) -> AudioDevice:
-    """Read a device as sounddevice tells of it; `default` is the number of the first choice, None if this is it."""
-    index = int(entry["index"])
+def _device(entry: Any, kind: str) -> AudioDevice:
+    """Read a device as sounddevice tells of it."""
     rate, channels = float(entry["default_samplerate"]), int(entry[f"max_{kind}_channels"])
-    return AudioDevice(index, str(entry["name"]), channels, rate, default is None or index == default)
+    return AudioDevice(int(entry["index"]), str(entry["name"]), channels, rate)
 
 
 def recorded(

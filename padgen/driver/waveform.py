@@ -208,11 +208,9 @@ class _Ramp(NamedTuple):
     slope: np.ndarray
 
 
-def volts(
-    drive: PadDrive, timeline: Timeline, block_samples: int | None = None, signal: str = "voltage"
-) -> Iterator[np.ndarray]:
+def volts(drive: PadDrive, timeline: Timeline, signal: str = "voltage") -> Iterator[np.ndarray]:
     """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
-    return (block.samples for block in blocks(drive, timeline, block_samples, signal))
+    return (block.samples for block in blocks(drive, timeline, signal))
 
 
 def sample_count(drive: PadDrive, timeline: Timeline) -> int:
@@ -223,18 +221,15 @@ def sample_count(drive: PadDrive, timeline: Timeline) -> int:
 def blocks(
     drive: PadDrive,
     timeline: Timeline,
-    block_samples: int | None = None,
     signal: str = "voltage",
     periods: bool = False,
 ) -> Iterator[Block]:
-    """Yield blocks of at most `block_samples` (None: what is fastest), without a gap; `signal` 'voltage' or 'current'.
+    """Yield blocks without a gap; `signal` is 'voltage' or 'current'.
 
     `periods`: of levels that stay no more than one period of the comb, which is what all others are.
     """
-    if signal not in ("voltage", "current"):
-        raise ValueError(f"signal must be 'voltage' or 'current', got {signal!r}")
     coils = len(drive.coils)
-    size = block_samples or max(BLOCK // coils // ROW, 2) * ROW
+    size = max(BLOCK // coils // ROW, 2) * ROW
     groups = list(_groups(drive, timeline, signal))
     form = _FORMS[drive.scheme.kind.CURRENT]
     for key, (first, last) in enumerate(pairwise(edges(drive, timeline))):
@@ -350,7 +345,6 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     square = force.sum(0) / group.gain**2
     root = np.sqrt(np.maximum(force, SMALLEST, out=force), out=force)
     if drive.carrier_hz is not None:
-        assert drive.carrier_hz is not None
         harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
         angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
         cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
@@ -372,8 +366,11 @@ def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
     else:
         # i² rises with the blend b as a whole, so that both it and its root are smooth.
         levels = _levels(timeline, group, where.key)[fed.index(True)]
-        steady = _sums(drive, group, where, levels * group.weight, group.bias)
-        value, slope = _rooted(_ramp(drive, timeline, where), fed[1], group.tau_s, *steady)
+        value, slope = _sums(drive, group, where, levels * group.weight, group.bias)
+        ramp = _ramp(drive, timeline, where)
+        root = np.sqrt(ramp.after if fed[1] else ramp.before)
+        root_slope = (1 if fed[1] else -1) * group.tau_s * ramp.slope / (2 * np.maximum(root, SMALLEST))
+        value, slope = value * root, slope * root + value * root_slope
     return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
@@ -383,48 +380,22 @@ def is_fed(timeline: Timeline, key: int) -> bool:
     return timeline.loops or not ends or bool(timeline.levels[key].any())
 
 
-def _rooted(
-    ramp: _Ramp, rises: bool, tau_s: float, value: np.ndarray, slope: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return a sum and its slope times √b, or times √(1 − b)."""
-    share, sign = (ramp.after, 1) if rises else (ramp.before, -1)
-    root = np.sqrt(share)
-    root_slope = sign * tau_s * ramp.slope / (2 * np.maximum(root, SMALLEST))
-    return value * root, slope * root + value * root_slope
-
-
 def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
     before, after = _levels(timeline, group, where.key)
     if not (before.any() or after.any()):
         return None
     steady = before == after
     value, slope = _sums(drive, group, where, np.sqrt(before) * steady * group.weight)
-    if not steady.all():
-        ramp = _ramp(drive, timeline, where)
-        for rises, level, other in ((True, after, before), (False, before, after)):
-            moving = np.sqrt(level) * (other == 0) * ~steady
-            if moving.any():
-                part = _sums(drive, group, where, moving * group.weight)
-                more, more_slope = _rooted(ramp, rises, group.tau_s, *part)
-                value, slope = value + more, slope + more_slope
-        for j in np.flatnonzero(((before > 0) & (after > 0) & ~steady).any(0)):
-            more, more_slope = _grey(drive, group, where, ramp, int(j), before[:, j], after[:, j])
-            value, slope = value + more, slope + more_slope
+    ramp = _ramp(drive, timeline, where)
+    for j in np.flatnonzero((~steady).any(0)):
+        one = (before != after) & (np.arange(before.shape[1]) == j)
+        tone, tone_slope = _sums(drive, group, where, one * group.weight)
+        low, high = before[:, j], after[:, j]
+        envelope = np.sqrt(low * ramp.before + high * ramp.after)
+        envelope_slope = group.tau_s * ramp.slope * (high - low) / (2 * np.maximum(envelope, SMALLEST))
+        value, slope = value + tone * envelope, slope + tone_slope * envelope + tone * envelope_slope
     square = np.einsum("sm,sm->m", value, value) / group.gain**2
     return value + slope, square
-
-
-def _grey(
-    drive: PadDrive, group: _Group, where: _Stretch, ramp: _Ramp, j: int, before: np.ndarray, after: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return what channel j adds to the current of coils (m,) where it goes from one level to another, neither 0."""
-    changes = (before > 0) & (after > 0) & (before != after)
-    weight = np.zeros_like(group.weight)
-    weight[:, j] = group.weight[:, j] * changes
-    value, slope = _sums(drive, group, where, weight)
-    envelope = np.sqrt(np.where(changes, before, 1) * ramp.before + np.where(changes, after, 1) * ramp.after)
-    envelope_slope = group.tau_s * ramp.slope * (after - before) / (2 * envelope)
-    return value * envelope, slope * envelope + value * envelope_slope
 
 
 Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]

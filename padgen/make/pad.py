@@ -162,7 +162,8 @@ class Pad:
         return built or self._written(folder, formats, instances)
 
     def _written(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built:
-        from padgen.driver.tables import drive_csv, drive_json
+        from padgen.driver.formats.csv import drive_csv
+        from padgen.driver.formats.json import drive_json
         from padgen.planner import plan_to_json
         from padgen.planner.printing import OTHER_SLICERS_FILE, PROFILE_FILE, other_slicers_text, profile_text
 

@@ -9,8 +9,7 @@ Where no single weight is enough, taxels are lowered one after the other, each t
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import log
-from typing import NamedTuple
+from math import inf, log
 
 import numpy as np
 
@@ -29,7 +28,6 @@ __all__ = [
     "TrimStep",
     "judge_print",
     "needed_db",
-    "trim_text",
     "trims",
 ]
 
@@ -75,18 +73,6 @@ class Trim:
         return self.after_db >= self.needed_db - 0.05
 
 
-class _Coil(NamedTuple):
-    """Taxels (n,) of one coil, and the limit that their OFF energies must stay below."""
-
-    plan: Plan
-    hz: np.ndarray
-    q: np.ndarray
-    response: np.ndarray
-    mass_mg: np.ndarray
-    scheme: Scheme
-    limit: float
-
-
 def needed_db(plan: Plan) -> float:
     """Return the dB that are enough for a coil: those asked for or, where the plan keeps less, 1 dB below the plan."""
     figures = plan.selectivity
@@ -110,10 +96,11 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
     hz = np.array([taxel.resonance_hz for taxel in tuning.taxels])
     for place, index in sorted(coils_of(plan).items()):
         if place in short and all(tuning.taxels[i].response_um_per_a2 > 0 for i in index):
-            share = _lowering(_coil(plan, tuning, index, short[place], need))
-            hz[index] *= 1 - share
-            lowered[place] = share
-    trimmed = _with_resonances(tuning, hz)
+            lowered[place] = _lowering(plan, tuning, index, short[place], need)
+            hz[index] *= 1 - lowered[place]
+    # Added weight leaves stiffness and response alone.
+    taxels = (replace(taxel, resonance_hz=float(f)) for taxel, f in zip(tuning.taxels, hz, strict=True))
+    trimmed = replace(tuning, taxels=tuple(taxels))
     figures = {(c.row, c.column): c for c in predicted(plan, trimmed, tones_at(plan, trimmed))}
     sensitivity = sensitivities(plan)
     found = []
@@ -126,93 +113,53 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
     return tuple(found)
 
 
-def _with_resonances(tuning: Tuning, hz: np.ndarray) -> Tuning:
-    """Return the print with resonances lowered to `hz` by added weight, which leaves stiffness and response alone."""
-    taxels = (replace(t, resonance_hz=float(f)) for t, f in zip(tuning.taxels, hz, strict=True))
-    return replace(tuning, taxels=tuple(taxels))
+def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
+    """Search the shares (n,) by which to lower the taxels of a coil, so that it keeps `need` dB."""
+    known = [tuning.taxels[i] for i in index]
+    hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]
+    mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])
 
+    def energies(share: np.ndarray) -> np.ndarray:
+        """Return OFF energies (n, columns) for resonances lowered by shares, with tones on the resonances."""
+        lower = hz * (1 - share)
+        line = levels_um(plan, lower.ravel()).reshape(lower.shape) / response
+        return off_energy(Channels(lower, q, line), plan.scheme)
 
-def _coil(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> _Coil:
-    taxels = [tuning.taxels[i] for i in index]
-    mass = [plan.channels[plan.taxels[i].channel].effective_mass_g * GRAM / MG for i in index]
-    bare = _Coil(
-        plan,
-        np.array([t.resonance_hz for t in taxels]),
-        np.array([t.q for t in taxels]),
-        np.array([t.response_um_per_a2 for t in taxels]),
-        np.array(mass),
-        plan.scheme,
-        1.0,
-    )
     # The other modes are assumed to cost as many dB after the trim as before.
-    own_db = -10 * np.log10(_energies(bare, np.zeros((len(index), 1))).max())
+    own_db = -10 * np.log10(energies(np.zeros(hz.shape)).max())
     cost = max(own_db - (figures.all_states_db or 0.0), 0.0) if np.isfinite(own_db) else 0.0
-    return bare._replace(limit=10 ** (-(need + cost) / 10))
+    limit = 10 ** (-(need + cost) / 10)
 
+    def excess(share: np.ndarray) -> np.ndarray:
+        """Return by how much the OFF energies exceed the limit, relative and summed over taxels (columns,)."""
+        return np.asarray(np.maximum(energies(share) / limit - 1, 0.0).sum(0))
 
-def _energies(coil: _Coil, share: np.ndarray) -> np.ndarray:
-    """Return OFF energies (n, columns) for resonances lowered by shares (n, columns), with tones on the resonances."""
-    hz = coil.hz[:, None] * (1 - share)
-    line = levels_um(coil.plan, hz.ravel()).reshape(hz.shape) / coil.response[:, None]
-    which = Channels(hz, coil.q[:, None], line)
-    return off_energy(which, coil.scheme)
-
-
-def _lowering(coil: _Coil) -> np.ndarray:
-    """Search the shares (n,) by which to lower the taxels of a coil."""
-    share = np.zeros(len(coil.hz))
-    excess = float(_excess(coil, share[:, None])[0])
+    steps = np.geomspace(min(1 / (8 * float(q.max())), LARGEST / 8), LARGEST, STEPS)
+    share = np.zeros(len(hz))
+    least = float(excess(share[:, None])[0])
     for _ in range(MOST_STEPS):
-        tried = _each_lowered(coil, share)
-        excesses = _excess(coil, tried)
+        # Each taxel in turn is lowered further, the others not.
+        tried = np.repeat(share[:, None], len(hz) * STEPS, 1)
+        for i in range(len(hz)):
+            tried[i, i * STEPS : (i + 1) * STEPS] = np.maximum(share[i], steps)
+        excesses = excess(tried)
         enough = tried[:, excesses == 0]
         if enough.shape[1]:
-            return np.asarray(enough[:, _weight_mg(coil, enough).argmin()])
+            return np.asarray(enough[:, (mass * ((1 - enough) ** -2 - 1)).sum(0).argmin()])
         best = int(excesses.argmin())
-        if excesses[best] >= excess:
+        if excesses[best] >= least:
             break
-        share, excess = tried[:, best], float(excesses[best])
+        share, least = tried[:, best], float(excesses[best])
     return share
 
 
-def _excess(coil: _Coil, share: np.ndarray) -> np.ndarray:
-    """Return by how much the OFF energies exceed the limit, relative and summed over taxels (columns,)."""
-    excess: np.ndarray = np.maximum(_energies(coil, share) / coil.limit - 1, 0.0).sum(0)
-    return excess
-
-
-def _weight_mg(coil: _Coil, share: np.ndarray) -> np.ndarray:
-    weight: np.ndarray = (coil.mass_mg[:, None] * ((1 - share) ** -2 - 1)).sum(0)
-    return weight
-
-
-def _each_lowered(coil: _Coil, base: np.ndarray) -> np.ndarray:
-    """Return shares (n, columns) in which each taxel in turn is lowered further than in `base`, the others not."""
-    least = min(1 / (8 * float(coil.q.max())), LARGEST / 8)
-    steps = np.geomspace(least, LARGEST, STEPS)
-    tried = np.repeat(base[:, None], len(base) * STEPS, 1)
-    for i in range(len(base)):
-        tried[i, i * STEPS : (i + 1) * STEPS] = np.maximum(base[i], steps)
-    return tried
-
-
 def _step(plan: Plan, tuning: Tuning, index: int, share: float, sensitivity: np.ndarray) -> TrimStep:
-    taxel = tuning.taxels[index]
-    channel = plan.channels[plan.taxels[index].channel]
-    width, thickness, _ = sensitivity[channel.index]
-    mass_mg = channel.effective_mass_g * GRAM / MG
-    return TrimStep(
-        taxel.id,
-        taxel.resonance_hz,
-        taxel.resonance_hz * (1 - share),
-        mass_mg * ((1 - share) ** -2 - 1),
-        _filed_mm(channel.beam.thickness_mm, share, float(thickness)),
-        _filed_mm(channel.beam.width_mm, share, float(width)),
-    )
-
-
-def _filed_mm(size_mm: float, share: float, sensitivity: float) -> float:
-    return size_mm * (1 - (1 - share) ** (1 / sensitivity)) if sensitivity > 0 else float("inf")
+    taxel, channel = tuning.taxels[index], plan.channels[plan.taxels[index].channel]
+    width, thickness, _ = sensitivity[channel.index].tolist()
+    sizes = (channel.beam.thickness_mm, thickness), (channel.beam.width_mm, width)
+    filed = (size * (1 - (1 - share) ** (1 / s)) if s > 0 else inf for size, s in sizes)
+    add_mg = channel.effective_mass_g * GRAM / MG * ((1 - share) ** -2 - 1)
+    return TrimStep(taxel.id, taxel.resonance_hz, taxel.resonance_hz * (1 - share), add_mg, *filed)
 
 
 LOW_Q = 0.8
@@ -242,28 +189,15 @@ def judge_print(
     `after` and `loads` are each coil's figures and load with the new tones, row by row; `schemes_db` is what every
     drive scheme would keep; `trimmed` is the trim advice.
     """
-    yield from _unpulled(tuning)
-    yield from _close(plan, tuning, after, schemes_db, trimmed)
-    yield from _level(plan, after, loads)
-    yield from _low_q(plan, tuning)
-    yield from _order(plan, tuning)
-    yield from _far(plan, tuning)
-    yield from _coarse(tuning)
-    yield from _disagree(fits)
-    for sensor in ("velocity", "acceleration"):
-        own = [fit.id for fit in fits if fit.sensor == sensor]
-        if own:
-            told = f"the data are taken to be of {sensor}, as stated or by their slope over frequency"
-            yield Finding("note", "retune.sensor", _named(own), told)
-    yield from _unmeasured(plan, tuning)
-
-
-def _unpulled(tuning: Tuning) -> Iterator[Finding]:
     lost = [taxel.id for taxel in tuning.taxels if taxel.response_um_per_a2 <= 0]
     if lost:
-        yield Finding(
-            "error", "retune.pull", _named(lost), "not moved by any current of the coil: the tables cannot drive it"
-        )
+        told = "not moved by any current of the coil: the tables cannot drive it"
+        yield Finding("error", "retune.pull", _named(lost), told)
+    yield from _close(plan, tuning, after, schemes_db, trimmed)
+    yield from _level(plan, after, loads)
+    yield from _of_taxels(plan, tuning)
+    yield from _of_fits(fits)
+    yield from _unmeasured(plan, tuning)
 
 
 def _close(
@@ -278,19 +212,23 @@ def _close(
     other = min(others, key=lambda name: Scheme(name).takes_turns, default=None)
     short = [(c.all_states_db, c) for c in after if c.all_states_db is not None and c.all_states_db < need - ROUNDED_DB]
     short.sort(key=lambda entry: entry[0])
+    taxels = {taxel.id: taxel for taxel in tuning.taxels}
     for db, coil in short[:MOST_NAMED]:
         trim = by_coil.get((coil.row, coil.column))
         ways = [f"drive = {other!r} would keep enough"] if other else []
-        ways += [trim_text(trim)] if trim else []
+        ways += [_trim_text(trim)] if trim else []
+        off, heard = taxels[coil.off], taxels[coil.heard]
         yield Finding(
             "warning",
             "retune.close",
             f"coil r{coil.row}c{coil.column}",
-            f"re-tuned it keeps {db:.1f} dB in all states, needed: {need:.1f} dB; {_pair_text(tuning, coil)};"
+            f"re-tuned it keeps {db:.1f} dB in all states, needed: {need:.1f} dB; {off.id} at"
+            f" {number(off.resonance_hz)} Hz is moved most by the tone of {heard.id} at"
+            f" {number(heard.resonance_hz)} Hz, {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a"
+            f" bandwidth of {1 / off.q:.1%};"
             f" {'; or '.join(ways) or 'no trim that was tried helps'}",
         )
-    if len(short) > MOST_NAMED:
-        more = len(short) - MOST_NAMED
+    if more := len(short[MOST_NAMED:]):
         yield Finding(
             "warning",
             "retune.close",
@@ -300,33 +238,21 @@ def _close(
         )
 
 
-def _pair_text(tuning: Tuning, coil: CoilFigures) -> str:
-    taxels = {taxel.id: taxel for taxel in tuning.taxels}
-    off, heard = taxels[coil.off], taxels[coil.heard]
-    return (
-        f"{off.id} at {number(off.resonance_hz)} Hz is moved most by the tone of {heard.id} at"
-        f" {number(heard.resonance_hz)} Hz, {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a"
-        f" bandwidth of {1 / off.q:.1%}"
-    )
-
-
-def trim_text(trim: Trim) -> str:
+def _trim_text(trim: Trim) -> str:
     """Return a clause that says how to mend a coil."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
         return "they are too close for any weight or file to part them; print that pad, or these taxels' cells, again"
-    steps = " and ".join(_step_text(step) for step in trim.steps)
+    steps = " and ".join(
+        f"lower {step.id} to {step.to_hz:.1f} Hz ({float(f'{step.add_mg:.2g}'):g} mg of weight, or beams filed"
+        f" {float(f'{step.file_width_mm:.2g}'):g} mm narrower)"
+        for step in trim.steps
+    )
     reach = "keeps" if trim.reaches else "then keeps no more than"
     return f"{steps}: it {reach} {trim.after_db:.1f} dB; measure again after it"
 
 
-def _step_text(step: TrimStep) -> str:
-    weight, filed = (f"{float(f'{value:.2g}'):g}" for value in (step.add_mg, step.file_width_mm))
-    return f"lower {step.id} to {step.to_hz:.1f} Hz ({weight} mg of weight, or beams filed {filed} mm narrower)"
-
-
 def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) -> Iterator[Finding]:
-    spec = plan.spec
-    level = spec.drive.level_um
+    spec, level = plan.spec, plan.spec.drive.level_um
     beyond = [(c, load) for c, load in zip(after, loads, strict=True) if load.reachable_level_um < level]
     if not beyond:
         return
@@ -350,30 +276,23 @@ def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) 
     )
 
 
-def _low_q(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
-    low = [
-        tuned
-        for taxel, tuned in zip(plan.taxels, tuning.taxels, strict=True)
-        if tuned.measured and tuned.q < LOW_Q * plan.channels[taxel.channel].q
-    ]
+def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
+    """Find taxels that came out unlike the plan, or that are not known well enough."""
+    planned = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
+    measured = [taxel for taxel in tuning.taxels if taxel.measured]
+    low = [taxel for taxel in measured if taxel.q < LOW_Q * planned[taxel.id].q]
     if low:
-        worst = min(low, key=lambda tuned: tuned.q)
+        worst = min(low, key=lambda taxel: taxel.q)
         yield Finding(
             "warning",
             "retune.q",
-            _named([tuned.id for tuned in low]),
+            _named([taxel.id for taxel in low]),
             f"Q is as low as {number(worst.q)} ({worst.id}), planned: {number(plan.channels[0].q)}; soft glue, a crack"
             f" at a root or a beam that touches the frame would explain it; a spec with q_min = {at_most(worst.q)}"
             " plans for it",
         )
-
-
-def _order(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
-    swapped = []
-    for index in coils_of(plan).values():
-        for low, high in pairwise(tuning.taxels[i] for i in index):
-            if low.resonance_hz > high.resonance_hz:
-                swapped.append(f"{low.id} above {high.id}")
+    pairs = [pair for index in coils_of(plan).values() for pair in pairwise(tuning.taxels[i] for i in index)]
+    swapped = [f"{one.id} above {other.id}" for one, other in pairs if one.resonance_hz > other.resonance_hz]
     if swapped:
         yield Finding(
             "note",
@@ -382,28 +301,18 @@ def _order(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
             "the print has their resonances in another order than the plan; tones follow the taxels, but check that"
             " the measurement has not taken one for the other",
         )
-
-
-def _far(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
-    far = []
-    for taxel, tuned in zip(plan.taxels, tuning.taxels, strict=True):
-        channel = plan.channels[taxel.channel]
-        ratio = tuned.resonance_hz / channel.resonance_hz
-        if tuned.measured and abs(log(ratio)) > SIGMAS * max(channel.print_spread, 0.02):
-            far.append((max(ratio, 1 / ratio), tuned, channel.resonance_hz))
+    off = {taxel.id: abs(log(taxel.resonance_hz / planned[taxel.id].resonance_hz)) for taxel in measured}
+    far = [taxel for taxel in measured if off[taxel.id] > SIGMAS * max(planned[taxel.id].print_spread, 0.02)]
     if far:
-        _, worst, planned = max(far, key=lambda entry: entry[0])
+        worst = max(far, key=lambda taxel: off[taxel.id])
         yield Finding(
             "warning",
             "retune.far",
-            _named([tuned.id for _, tuned, _ in far]),
-            f"{worst.id} is at {number(worst.resonance_hz)} Hz, planned: {number(planned)} Hz, farther than printing"
-            " explains: another mode, another taxel or another unit may have been measured",
+            _named([taxel.id for taxel in far]),
+            f"{worst.id} is at {number(worst.resonance_hz)} Hz, planned: {number(planned[worst.id].resonance_hz)} Hz,"
+            " farther than printing explains: another mode, another taxel or another unit may have been measured",
         )
-
-
-def _coarse(tuning: Tuning) -> Iterator[Finding]:
-    coarse = [t for t in tuning.taxels if t.measured and t.resonance_error_hz > COARSE * t.resonance_hz / (2 * t.q)]
+    coarse = [t for t in measured if t.resonance_error_hz > COARSE * t.resonance_hz / (2 * t.q)]
     if coarse:
         worst = max(coarse, key=lambda t: t.resonance_error_hz * t.q / t.resonance_hz)
         yield Finding(
@@ -416,35 +325,33 @@ def _coarse(tuning: Tuning) -> Iterator[Finding]:
         )
 
 
-def _disagree(fits: Sequence[TaxelFit]) -> Iterator[Finding]:
+def _of_fits(fits: Sequence[TaxelFit]) -> Iterator[Finding]:
     split = [fit for fit in fits if not fit.agree]
     if split:
-        worst = split[0]
-        told = ", ".join(f"{m.method} {number(m.resonance_hz)} Hz" for m in worst.methods)
+        told = ", ".join(f"{m.method} {number(m.resonance_hz)} Hz" for m in split[0].methods)
         yield Finding(
             "warning",
             "retune.fit",
             _named([fit.id for fit in split]),
-            f"the methods differ by more than their errors ({worst.id}: {told}): a second resonance, a nonlinear one, a"
-            " disturbed record, or a voltage taken for a current (--excitation voltage); look at its data",
+            f"the methods differ by more than their errors ({split[0].id}: {told}): a second resonance, a nonlinear"
+            " one, a disturbed record, or a voltage taken for a current (--excitation voltage); look at its data",
         )
+    for sensor in ("velocity", "acceleration"):
+        own = [fit.id for fit in fits if fit.sensor == sensor]
+        if own:
+            told = f"the data are taken to be of {sensor}, as stated or by their slope over frequency"
+            yield Finding("note", "retune.sensor", _named(own), told)
 
 
 def _unmeasured(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
-    missing = [
-        (taxel, planned) for taxel, planned in zip(tuning.taxels, plan.taxels, strict=True) if not taxel.measured
-    ]
-    if not missing:
-        return
-    moved = any(taxel.resonance_hz != plan.channels[p.channel].resonance_hz for taxel, p in missing)
-    error = max(taxel.resonance_error_hz / taxel.resonance_hz for taxel, _ in missing)
-    what = "get the tones that the measured ones make likely" if moved else "keep the plan's tones"
-    yield Finding(
-        "warning",
-        "retune.unmeasured",
-        _named([taxel.id for taxel, _ in missing]),
-        f"{len(missing)} of {len(tuning.taxels)} taxels were not measured and {what}, good to {error:.1%} (one sigma)",
-    )
+    missing = {taxel.id: taxel for taxel in tuning.taxels if not taxel.measured}
+    if missing:
+        planned = ((missing[t.id], plan.channels[t.channel]) for t in plan.taxels if t.id in missing)
+        moved = any(taxel.resonance_hz != channel.resonance_hz for taxel, channel in planned)
+        error = max(taxel.resonance_error_hz / taxel.resonance_hz for taxel in missing.values())
+        what = "get the tones that the measured ones make likely" if moved else "keep the plan's tones"
+        told = f"{len(missing)} of {len(tuning.taxels)} taxels were not measured and {what}, good to {error:.1%}"
+        yield Finding("warning", "retune.unmeasured", _named(list(missing)), f"{told} (one sigma)")
 
 
 def _named(names: Sequence[str]) -> str:

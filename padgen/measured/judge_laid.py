@@ -27,6 +27,8 @@ from padgen.planner.taxel_model import TaxelModel, plate_shape
 
 __all__ = ["LaidReport", "check_gcode"]
 
+Wrong = Mapping[str, Mapping[str, str]]
+"""Settings to change, by the plan's names: each one's `name` for people, what it `has` and what it `needs` to be."""
 LAID_SHARE = 0.25
 """Share of the planned width below which a layer of a beam counts as missing."""
 WIDTH_MM, DEPTH_MM, MASS_SHARE = 0.05, 0.02, 0.02
@@ -106,20 +108,33 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
     settings = read_settings(path)
     laid = laid_pad(plan, path, _numeric(settings.get("filament_diameter", "")))
     beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
-    has = _inferred(plan, laid, beams) | {
-        name: settings[key] for name, keys in SETTINGS.items() for key in keys if key in settings
-    }
+    stated = {name: settings[key] for name, keys in SETTINGS.items() for key in keys if key in settings}
+    has = _inferred(laid, beams) | stated
     wrong = _wrong(plan.printing, has)
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
-    raft = f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft"
     findings = [
-        *([Finding("error", "laid.raft", "pad", raft)] if laid.bottom_mm > DEPTH_MM else ()),
         *_of_beams(plan, beams, wrong),
         *_of_taxels(plan, laid, plastic, wrong),
         *_resonance_findings(plan, laid_hz),
     ]
-    return LaidReport(_figures(plan, laid, beams, plastic, laid_hz, settings, has, wrong), tuple(findings))
+    if laid.bottom_mm > DEPTH_MM:
+        raft = f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft"
+        findings.insert(0, Finding("error", "laid.raft", "pad", raft))
+    figures = {
+        "slicer": settings.get("slicer", "unknown"),
+        "layers": len(laid.all_steps_mm),
+        "height_mm": round(float(laid.all_steps_mm.sum()), 4),
+        "centre_mm": [round(laid.placing.x_mm, 3), round(laid.placing.y_mm, 3)],
+        "turned_deg": 90 * laid.placing.quarters,
+        "match": round(laid.placing.match, 4),
+        "filament_mm": laid.filament_mm,
+        "plastic_mm3": round(laid.volume_mm3, 3),
+        "settings": has,
+        "settings_to_change": [*wrong.values()],
+        "taxels": _taxel_figures(plan, laid, beams, plastic, laid_hz),
+    }
+    return LaidReport(figures, tuple(findings))
 
 
 def _channels(plan: Plan) -> np.ndarray:
@@ -183,15 +198,7 @@ def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> n
     return result
 
 
-class _Wrong(NamedTuple):
-    """A setting to change: its name in the plan, its value in the file, and the value that the plan needs."""
-
-    name: str
-    has: str
-    needs: str
-
-
-def _inferred(plan: Plan, laid: LaidPad, beams: list[list[_Beams]]) -> dict[str, str]:
+def _inferred(laid: LaidPad, beams: list[list[_Beams]]) -> dict[str, str]:
     """Infer settings from the extrusions, for files whose comments do not state them."""
     steps = laid.all_steps_mm.round(4)
     values, counts = np.unique(steps[1:] if len(steps) > 1 else steps, return_counts=True)
@@ -208,17 +215,15 @@ def _inferred(plan: Plan, laid: LaidPad, beams: list[list[_Beams]]) -> dict[str,
     return found
 
 
-def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, _Wrong]:
+def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """Return the settings that differ from those that the plan counts on."""
     found = {}
     for name in SETTINGS:
-        if name not in needs or name not in has:
+        if name not in needs or name not in has or _plain(has[name]) == _plain(needs[name]):
             continue
-        one, other = _plain(has[name]), _plain(needs[name])
-        if one != other:
-            unit = " mm" * (needs[name].endswith("mm") and "mm" not in has[name])
-            shown = {"0": "off", "1": "on"}.get(has[name], has[name]) if needs[name] in ("on", "off") else has[name]
-            found[name] = _Wrong(name.replace("_", " "), f"{shown}{unit}", needs[name])
+        unit = " mm" * (needs[name].endswith("mm") and "mm" not in has[name])
+        shown = {"0": "off", "1": "on"}.get(has[name], has[name]) if needs[name] in ("on", "off") else has[name]
+        found[name] = {"name": name.replace("_", " "), "has": f"{shown}{unit}", "needs": needs[name]}
     return found
 
 
@@ -238,18 +243,19 @@ def _numeric(text: str) -> float | None:
         return None
 
 
-def _cause(wrong: Mapping[str, _Wrong], *names: str) -> str:
-    """Return the end of a sentence that names the wrong settings among `names`, which may be the cause of a fault."""
-    told = [f"{w.name} is {w.has}, must be {w.needs}" for name in names if (w := wrong.get(name))]
-    return f": {'; '.join(told)}" if told else ""
+def _told(
+    level: str, code: str, names: Iterable[str], of: str, told: str, wrong: Wrong, *causes: str
+) -> Iterator[Finding]:
+    """Yield one finding that names the first few of `names`, or none where there are no names.
 
-
-def _told(level: str, code: str, names: Iterable[str], of: str, told: str, cause: str) -> Iterator[Finding]:
-    """Yield one finding that names the first few of `names`, or none where there are no names."""
+    Its sentence ends with those of the settings `causes`, which may cause the fault, that are wrong.
+    """
     names = list(names)
     if names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        yield Finding(level, code, f"{len(names)} of {of}", f"{told} ({', '.join(names[:NAMED])}{more}){cause}")
+        cause = "; ".join("{name} is {has}, must be {needs}".format(**wrong[name]) for name in causes if name in wrong)
+        told = f"{told} ({', '.join(names[:NAMED])}{more}){': ' * bool(cause)}{cause}"
+        yield Finding(level, code, f"{len(names)} of {of}", told)
 
 
 def _range(values: np.ndarray) -> str:
@@ -257,7 +263,7 @@ def _range(values: np.ndarray) -> str:
     return " … ".join(dict.fromkeys(ends))
 
 
-def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[Finding]:
     """Find faults of beams: missing beams, pieces and layers, wrong thickness and widths."""
     each = [
         (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' * (len(own) > 1)}", beam, at)
@@ -268,13 +274,16 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]
     of = f"{len(each)} beams"
     laid = [item for item in each if item[2].is_laid[:, item[3]].any()]
     whole = [item for item in laid if np.isnan(item[2].broken_mm[item[3]])]
-    cause = _cause(wrong, "wall_generator", "elephant_foot_compensation", "nozzle")
+    walls = ("wall_generator", "elephant_foot_compensation", "nozzle")
     lost = [name for _, name, b, i in each if not b.is_laid[:, i].any()]
-    yield from _told("error", "laid.beam", lost, of, "are not laid at all", cause)
-    broken = [f"{n} at {number(round(float(b.broken_mm[i]), 2))} mm" for _, n, b, i in laid if b.broken_mm[i] >= 0]
-    yield from _told("error", "laid.beam", broken, of, "are laid with a piece missing, so far from the root", cause)
-    thin = [f"{n} at {number(round(float(b.thin_mm[i]), 2))} mm" for _, n, b, i in whole if b.thin_mm[i] >= 0]
-    yield from _told("error", "laid.beam", thin, of, "have a layer with a piece missing, so far from the root", cause)
+    yield from _told("error", "laid.beam", lost, of, "are not laid at all", wrong, *walls)
+    for items, attribute, told in (
+        (laid, "broken_mm", "are laid with a piece missing, so far from the root"),
+        (whole, "thin_mm", "have a layer with a piece missing, so far from the root"),
+    ):
+        places = [(name, float(getattr(b, attribute)[i])) for _, name, b, i in items]
+        names = [f"{name} at {number(round(at, 2))} mm" for name, at in places if at >= 0]
+        yield from _told("error", "laid.beam", names, of, told, wrong, *walls)
     off: dict[tuple[float, int, float, int], list[str]] = {}
     for beam, name, b, i in laid:
         thick = round(float(b.thickness_mm[i]), 4)
@@ -285,57 +294,53 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Mapping[str, _Wrong]
         told = (
             f"are laid {number(thick)} mm thick in {count} layer{'s' * (count > 1)}, planned are {number(planned)} mm"
         )
-        cause = _cause(wrong, "layer_height", "first_layer_height")
-        yield from _told("error", "laid.layers", names, of, f"{told} in {layers}", cause)
+        causes = "layer_height", "first_layer_height"
+        yield from _told("error", "laid.layers", names, of, f"{told} in {layers}", wrong, *causes)
     for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
         misses = [((b.width_mm[part, i] - beam.width_mm)[b.is_laid[part, i]], name) for beam, name, b, i in whole]
         for sign, word in ((-1, "narrower"), (1, "wider")):
             names = [name for miss, name in misses if (sign * miss > WIDTH_MM).any()]
             most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
             foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
-            cause = _cause(wrong, *foot, "xy_size_compensation", "wall_generator", "nozzle")
             told = f"in the {what} are laid {most} mm {word} than planned"
-            yield from _told("warning", "laid.width", names, of, told, cause)
+            causes = *foot, "xy_size_compensation", "wall_generator", "nozzle"
+            yield from _told("warning", "laid.width", names, of, told, wrong, *causes)
 
 
-def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Mapping[str, _Wrong]) -> Iterator[Finding]:
+def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:
     """Find faults of gaps, recesses and plates, taxel by taxel."""
     ids, washer, plate = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate
-    of, depth, gap = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm
-    cause = _cause(wrong, "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap")
-    closed = gap < CLOSED_MM
-    for which, level, word in (
-        (closed, "error", "closed"),
-        (~closed & (gap < NARROW_SHARE * plate.gap_mm), "warning", "narrow"),
-    ):
+    of, depth, closed = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm < CLOSED_MM
+    narrow = ~closed & (laid.gap_mm < NARROW_SHARE * plate.gap_mm)
+    for which, level, word in ((closed, "error", "closed"), (narrow, "warning", "narrow")):
         told = (
-            f"the gap around what moves is {word}: {_range(gap[which])} mm between beads at z ="
+            f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads at z ="
             f" {_range(laid.gap_top_mm[which])} mm, planned are {number(plate.gap_mm)} mm"
         )
-        yield from _told(level, "laid.gap", ids[which], of, told, cause)
-    cause = _cause(wrong, "thick_bridges", "layer_height", "first_layer_height")
+        causes = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
+        yield from _told(level, "laid.gap", ids[which], of, told, wrong, *causes)
     hangs, deep = laid.recess_mm < depth - DEPTH_MM, laid.recess_mm > depth + DEPTH_MM
     told = (
         f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
         f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
         f" {number(washer.thickness_mm)} mm"
     )
-    fits = laid.recess_mm.min() >= washer.thickness_mm - 1e-6
-    yield from _told("warning" if fits else "error", "laid.recess", ids[hangs], of, told, cause)
+    level = "warning" if laid.recess_mm.min() >= washer.thickness_mm - 1e-6 else "error"
+    roof = "thick_bridges", "layer_height", "first_layer_height"
+    yield from _told(level, "laid.recess", ids[hangs], of, told, wrong, *roof)
     told = f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
-    yield from _told("warning", "laid.recess", ids[deep], of, told, cause)
+    yield from _told("warning", "laid.recess", ids[deep], of, told, wrong, *roof)
     tight = laid.room_mm < washer.outer_diameter_mm
     told = (
         f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the washer {washer.name} has"
         f" {number(washer.outer_diameter_mm)} mm"
     )
-    cause = _cause(wrong, "xy_size_compensation", "wall_generator", "layer_height")
-    yield from _told("error", "laid.washer", ids[tight], of, told, cause)
+    sides = "xy_size_compensation", "wall_generator", "layer_height"
+    yield from _told("error", "laid.washer", ids[tight], of, told, wrong, *sides)
     off = np.abs(plastic - 1) > MASS_SHARE
     told = f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
-    yield from _told(
-        "warning", "laid.mass", ids[off], of, told, _cause(wrong, "infill", "infill_overlap", "thick_bridges")
-    )
+    fills = "infill", "infill_overlap", "thick_bridges"
+    yield from _told("warning", "laid.mass", ids[off], of, told, wrong, *fills)
 
 
 def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
@@ -362,17 +367,10 @@ def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
         )
 
 
-def _figures(
-    plan: Plan,
-    laid: LaidPad,
-    beams: list[list[_Beams]],
-    plastic: np.ndarray,
-    laid_hz: np.ndarray,
-    settings: Mapping[str, str],
-    has: Mapping[str, str],
-    wrong: Mapping[str, _Wrong],
-) -> dict[str, Any]:
-    """Return all measured figures as plain data."""
+def _taxel_figures(
+    plan: Plan, laid: LaidPad, beams: list[list[_Beams]], plastic: np.ndarray, laid_hz: np.ndarray
+) -> list[dict[str, Any]]:
+    """Return what was measured of each taxel as plain data."""
     gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / MG
     taxels: list[Any] = [None] * len(plan.taxels)
     for channel, own in zip(plan.channels, beams, strict=True):
@@ -402,19 +400,7 @@ def _figures(
                 "recess_room_mm": _number(laid.room_mm[index]),
                 "gap_mm": _number(laid.gap_mm[index]),
             }
-    return {
-        "slicer": settings.get("slicer", "unknown"),
-        "layers": len(laid.all_steps_mm),
-        "height_mm": round(float(laid.all_steps_mm.sum()), 4),
-        "centre_mm": [round(laid.placing.x_mm, 3), round(laid.placing.y_mm, 3)],
-        "turned_deg": 90 * laid.placing.quarters,
-        "match": round(laid.placing.match, 4),
-        "filament_mm": laid.filament_mm,
-        "plastic_mm3": round(laid.volume_mm3, 3),
-        "settings": dict(has),
-        "settings_to_change": [w._asdict() for w in wrong.values()],
-        "taxels": taxels,
-    }
+    return taxels
 
 
 def _number(value: float) -> float | None:

@@ -10,7 +10,7 @@ of all taxels at once.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -328,30 +328,52 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     placing, layer, step, full = _placed(maps, reading, where)
     found = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
     share = 1.0 if filament_mm else (found / FILAMENTS_MM[0]) ** 2
-    measuring = _Measuring(maps, placing, layer.top_mm - step)
-    top = layer.top_mm - step
-    while True:
-        if layer.top_mm <= top:
-            if measuring.is_whole:
-                break  # what comes after the pad
+    bottom, top, last, rows = layer.top_mm - step, 0.0, step, []
+    whole = max(plan.plate.boss_top_mm, plan.spec.pad.frame_thickness_mm)
+    layer_mm = plan.spec.printer.layer_mm
+    for each in chain([layer], reading):
+        step = each.top_mm - bottom - top
+        is_whole = top > whole - max(last, layer_mm) - 0.05
+        if step <= 0 and is_whole:
+            break  # what comes after the pad
+        if step <= 0:
             raise FileError(
-                f"lays something at z = {number(layer.top_mm)} mm after z = {number(top)} mm; must be laid layer by"
-                " layer, all objects together",
+                f"lays something at z = {number(each.top_mm)} mm after z = {number(bottom + top)} mm; must be laid"
+                " layer by layer, all objects together",
                 where,
             )
-        measuring.add(replace(layer, area_mm2=share * layer.area_mm2), layer.top_mm - top)
-        top = layer.top_mm
-        after = next(reading, None)
-        if after is None:
-            break
-        layer = after
-    if not measuring.is_whole:
+        rows.append(_laid_layer(maps, placing, replace(each, area_mm2=share * each.area_mm2), top, step))
+        top, last = top + step, step
+    if not top > whole - max(last, layer_mm) - 0.05:
         raise FileError(
-            f"ends at {number(measuring.top)} mm of the {number(measuring.whole_mm)} mm that the pad {plan.name} is"
-            " high: the file is cut short, or of another pad",
+            f"ends at {number(top)} mm of the {number(whole)} mm that the pad {plan.name} is high: the file is cut"
+            " short, or of another pad",
             where,
         )
-    return measuring.done(found)
+    steps, areas, plate, roof, strands, room, gap, volume = (np.array(part) for part in zip(*rows, strict=True))
+    tops, taxels = np.cumsum(steps), np.arange(len(plan.taxels))
+    beam_layers = int((tops - steps < _beams_top_mm(plan)).sum())
+    # A recess ends at the first layer with plastic over it; without a roof it is as deep as the pad is high.
+    has_roof, first = (roof > 0).any(0), (roof > 0).argmax(0)
+    strand = np.divide(strands[first, taxels], roof[first, taxels], out=np.full(len(taxels), np.nan), where=has_roof)
+    below = np.arange(len(steps))[:, None] < np.where(has_roof, first, len(steps))
+    narrowest = gap.argmin(0)
+    return LaidPad(
+        placing,
+        bottom,
+        found,
+        areas[:beam_layers],
+        steps[:beam_layers],
+        tuple(tuple(m.beams) for m in maps.maps),
+        plate.sum(0),
+        np.where(has_roof, tops[first] - strand, top),
+        strand,
+        np.where(below[:, None], room, np.inf).min(0).max(0),
+        gap.min(0),
+        np.where(np.isfinite(gap.min(0)), tops[narrowest], np.nan),
+        steps,
+        float(volume.sum()),
+    )
 
 
 def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
@@ -404,6 +426,8 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     First all quarter turns are tried on a coarse grid, by Fourier transforms. The two best are then moved until the
     beads lie deepest within the plan's bodies, which leaves gaps equally wide on both sides.
     """
+    from scipy.signal import correlate
+
     pad = maps.plan.spec.pad
     size = np.array([pad.width_mm, pad.depth_mm]) + 2 * pad.border_mm
     points, line = cut(layer, 0.2)
@@ -428,17 +452,13 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
         return np.asarray(maps.solid_at(at).reshape(shape[0], finer, shape[1], finer).mean((1, 3)))
 
     # The pad may lie beyond what is laid, by its own size, on the coarse grid.
-    shape = np.ceil((high - low) / coarse).astype(np.int64) + 1
     plan = fine = planned(coarse)
-    full = [1 << int(np.ceil(np.log2(n + max(plan.shape)))) for n in shape]
-    spectrum = np.fft.rfft2(image(points, low, shape, coarse), full)
-    found = []
+    laid, found = image(points, low, np.ceil((high - low) / coarse).astype(np.int64) + 1, coarse), []
     for quarters in range(4):
         kernel = np.rot90(plan - plan.mean(), quarters)
-        score = np.fft.irfft2(spectrum * np.conj(np.fft.rfft2(kernel, full)), full)
-        i, j = np.unravel_index(int(score.argmax()), score.shape)
-        shift = [k - n if k >= s else k for k, n, s in zip((i, j), full, shape, strict=True)]
-        found.append((float(score[i, j]), quarters, low + (np.array(shift) + np.array(kernel.shape) / 2) * coarse))
+        score = correlate(laid, kernel, method="fft")
+        shift = np.array(np.unravel_index(int(score.argmax()), score.shape)) + 1 - kernel.shape
+        found.append((float(score.max()), quarters, low + (shift + np.array(kernel.shape) / 2) * coarse))
     if coarse > IMAGE_MM:
         fine = planned(IMAGE_MM)
     middles = [(np.arange(n) + 0.5) * IMAGE_MM - n * IMAGE_MM / 2 for n in fine.shape]
@@ -497,124 +517,78 @@ def _depth(maps: PadMaps, points: np.ndarray) -> float:
     return float(np.clip(maps.depth_mm[pixel[taxel >= 0]], -0.5, 0.25).sum())
 
 
-class _Measuring:
-    """A pad that is being measured: sums and extremes over the layers added so far."""
+def _beams_top_mm(plan: Plan) -> float:
+    """Return the height up to which layers count for beams: a little above the thickest one."""
+    return max(c.beam.thickness_mm for c in plan.channels) + plan.spec.printer.layer_mm + 0.25
 
-    def __init__(self, maps: PadMaps, placing: Placing, bottom_mm: float) -> None:
-        self.maps, self.plan, self.placing, self.bottom = maps, maps.plan, placing, bottom_mm
-        plan, count = maps.plan, len(maps.plan.taxels)
-        self.beams_top = max(c.beam.thickness_mm for c in plan.channels) + plan.spec.printer.layer_mm + 0.25
-        self.fine_top = max(self.beams_top, plan.plate.recess_depth_mm + 0.3)
-        self.width = max(len(m.node_mm) for m in maps.maps)
-        self.node_mm = np.ones((count, self.width))
-        for taxel, channel in enumerate(maps.channel):
-            own = maps.maps[channel].node_mm
-            self.node_mm[taxel, : len(own)] = own
-        self.stations = max(max(m.stations for m in maps.maps), 1)
-        self.areas: list[np.ndarray] = []
-        self.steps: list[float] = []
-        self.plate = np.zeros(count)
-        self.recess, self.strand = np.full(count, np.nan), np.full(count, np.nan)
-        self.room = np.full((len(SHIFTS_MM), count), np.inf)
-        self.gap, self.gap_top = np.full(count, np.inf), np.full(count, np.nan)
-        self.top = self.volume = 0.0
-        self.whole_mm = max(plan.plate.boss_top_mm, plan.spec.pad.frame_thickness_mm)
 
-    @property
-    def is_whole(self) -> bool:
-        """True where the pad's height is reached, within about a layer."""
-        return self.top > self.whole_mm - max(self.steps[-1], self.plan.spec.printer.layer_mm) - 0.05
+def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, step_mm: float) -> tuple[Any, ...]:
+    """Measure the layer that begins at `below_mm`, for each taxel.
 
-    def add(self, layer: Layer, step_mm: float) -> None:
-        """Measure the next layer, `step_mm` higher than the last."""
-        below, self.top = self.top, self.top + step_mm
-        self.steps.append(step_mm)
-        count, open_yet = len(self.plate), np.isnan(self.recess)
-        shared = np.zeros(count * self.width + 1)
-        roof, strands, room = np.zeros(count), np.zeros(count), np.full_like(self.room, np.inf)
-        sides = np.full(count * self.stations * 2, np.inf)
-        for pieces in self._pieces(layer, step_mm, FINE_MM if below < self.fine_top else COARSE_MM):
-            taxel, volume = pieces.taxel, pieces.volume
-            self.plate += np.bincount(taxel, volume * (self.maps.owner[pieces.pixel] == PLATE), count)
-            node = self.maps.node[pieces.pixel]
-            at, ahead = taxel * self.width + np.maximum(node, 0).astype(np.int64), node % 1
-            volume_on = np.where(node >= 0, volume, 0.0)
-            # Shared between the nodes before and behind, so that where pieces are cut does not matter.
-            shared += np.bincount(at, volume_on * (1 - ahead), len(shared))
-            shared += np.bincount(at + 1, volume_on * ahead, len(shared))
-            station = self.maps.station[pieces.pixel]
-            on = station >= 0
-            free = self.maps.aside_mm[pieces.pixel] - pieces.width / 2
-            side = (taxel * self.stations + station) * 2 + self.maps.side[pieces.pixel]
-            np.minimum.at(sides, side[on], free[on])
-            if open_yet.any():
-                self._add_recesses(pieces, roof, strands, room)
-        begins = open_yet & (roof > 0)
-        self.strand[begins] = strands[begins] / roof[begins]
-        self.recess[begins] = self.top - self.strand[begins]
-        still = open_yet & ~begins
-        self.room[:, still] = np.minimum(self.room, room)[:, still]
-        if below < self.beams_top:
-            self.areas.append(shared[:-1].reshape(count, self.width) / self.node_mm)
-        gap = sides.reshape(count, self.stations, 2).sum(2).min(1)
-        self.gap_top[gap < self.gap] = self.top
-        self.gap = np.minimum(self.gap, gap)
-
-    def _pieces(self, layer: Layer, step_mm: float, piece_mm: float) -> Iterator[_Pieces]:
-        """Yield the pieces within the sub-cells of taxels, `MOST_PIECES` or fewer at a time; sum the pad's plastic."""
-        height = np.where(np.isnan(layer.height_mm), step_mm, layer.height_mm)
-        wide = layer.area_mm2 / height
-        strand = np.isnan(layer.height_mm) & (wide > STRAND * np.median(wide))
-        height = np.where(strand, np.sqrt(4 / np.pi * layer.area_mm2), height)
-        width = layer.area_mm2 / height + ROUND_EDGES * height
-        run = np.cumsum(np.hypot(*(layer.stop - layer.start).T) / piece_mm + 1)
-        ends = np.searchsorted(run, np.arange(MOST_PIECES, run[-1], MOST_PIECES))
-        pad = self.plan.spec.pad
-        half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm
-        for first, last in pairwise((0, *ends.tolist(), len(run))):
-            part = replace(layer, start=layer.start[first:last], stop=layer.stop[first:last])
-            points, line = cut(part, piece_mm)
-            points = turned(points - (self.placing.x_mm, self.placing.y_mm), -self.placing.quarters)
-            inside = (np.abs(points) < half + 0.1).all(1)
-            volume = layer.volume_mm3[first:last] / np.bincount(line, minlength=last - first)
-            self.volume += float(volume[line[inside]].sum())
-            taxel, own, pixel = self.maps.found(points)
-            on = taxel >= 0
-            line = line[on]
-            yield _Pieces(
-                volume[line], width[first:last][line], height[first:last][line], taxel[on], own[on], pixel[on]
-            )
-
-    def _add_recesses(self, pieces: _Pieces, roof: np.ndarray, strands: np.ndarray, room: np.ndarray) -> None:
-        """Add each recess's roof plastic, the same times its height, and the room between beads about its middle."""
-        radius, post = self.plan.plate.recess_diameter_mm / 2, self.plan.plate.post_diameter_mm / 2
+    Return its thickness; areas (taxels, nodes) of the beams in mm²; plastic (taxels,) of the plates, of the recesses'
+    roofs, and the same times its height; room (shifts, taxels) about the recess's middle; gap (taxels,); and the volume
+    of all of the pad's plastic.
+    """
+    plan, count = maps.plan, len(maps.plan.taxels)
+    nodes, stations = max(len(m.node_mm) for m in maps.maps), max(1, *(m.stations for m in maps.maps))
+    shared, sides = np.zeros(count * nodes + 1), np.full(count * stations * 2, np.inf)
+    plate, roof, strands = np.zeros((3, count))
+    room, volume = np.full((len(SHIFTS_MM), count), np.inf), 0.0
+    is_fine = below_mm < max(_beams_top_mm(plan), plan.plate.recess_depth_mm + 0.3)
+    radius, post = plan.plate.recess_diameter_mm / 2, plan.plate.post_diameter_mm / 2
+    for pieces, whole in _pieces(maps, placing, layer, step_mm, FINE_MM if is_fine else COARSE_MM):
+        volume += whole
+        taxel = pieces.taxel
+        plate += np.bincount(taxel, pieces.volume * (maps.owner[pieces.pixel] == PLATE), count)
+        node = maps.node[pieces.pixel]
+        at, ahead = taxel * nodes + np.maximum(node, 0).astype(np.int64), node % 1
+        volume_on = np.where(node >= 0, pieces.volume, 0.0)
+        # Shared between the nodes before and behind, so that where pieces are cut does not matter.
+        shared += np.bincount(at, volume_on * (1 - ahead), len(shared))
+        shared += np.bincount(at + 1, volume_on * ahead, len(shared))
+        station = maps.station[pieces.pixel]
+        on = station >= 0
+        free = maps.aside_mm[pieces.pixel] - pieces.width / 2
+        np.minimum.at(sides, ((taxel * stations + station) * 2 + maps.side[pieces.pixel])[on], free[on])
         near = np.abs(pieces.own).max(1) < radius + 1
-        own, taxel, width, height = (part[near] for part in (pieces.own, pieces.taxel, pieces.width, pieces.height))
+        own, taxel, height = pieces.own[near], taxel[near], pieces.height[near]
         away = np.hypot(*own.T)
         beside = away > post + WITHIN_RECESS_MM if post else np.ones(len(away), bool)
         above = beside & (away < radius - WITHIN_RECESS_MM)
-        volume = pieces.volume[near][above]
-        roof += np.bincount(taxel[above], volume, len(roof))
-        strands += np.bincount(taxel[above], volume * height[above], len(roof))
+        roof += np.bincount(taxel[above], pieces.volume[near][above], count)
+        strands += np.bincount(taxel[above], (pieces.volume[near] * height)[above], count)
         for k, shift in enumerate(SHIFTS_MM):
-            np.minimum.at(room[k], taxel[beside], 2 * np.hypot(*(own[beside] - shift).T) - width[beside])
+            free = 2 * np.hypot(*(own - shift).T) - pieces.width[near]
+            np.minimum.at(room[k], taxel[beside], free[beside])
+    areas = shared[:-1].reshape(count, nodes)
+    for k, channel in enumerate(maps.channel):
+        own_mm = maps.maps[channel].node_mm
+        areas[k, : len(own_mm)] /= own_mm
+    gap = sides.reshape(count, stations, 2).sum(2).min(1)
+    return step_mm, areas, plate, roof, strands, room, gap, volume
 
-    def done(self, filament_mm: float) -> LaidPad:
-        """Return all measurements; a recess without a roof is as deep as the pad is high."""
-        self.recess[np.isnan(self.recess)] = self.top
-        return LaidPad(
-            self.placing,
-            self.bottom,
-            filament_mm,
-            np.array(self.areas),
-            np.array(self.steps[: len(self.areas)]),
-            tuple(tuple(m.beams) for m in self.maps.maps),
-            self.plate,
-            self.recess,
-            self.strand,
-            self.room.max(0),
-            self.gap,
-            self.gap_top,
-            np.array(self.steps),
-            self.volume,
-        )
+
+def _pieces(
+    maps: PadMaps, placing: Placing, layer: Layer, step_mm: float, piece_mm: float
+) -> Iterator[tuple[_Pieces, float]]:
+    """Yield the pieces within the sub-cells of taxels, `MOST_PIECES` or fewer at a time, and all the pad's plastic."""
+    height = np.where(np.isnan(layer.height_mm), step_mm, layer.height_mm)
+    wide = layer.area_mm2 / height
+    strand = np.isnan(layer.height_mm) & (wide > STRAND * np.median(wide))
+    height = np.where(strand, np.sqrt(4 / np.pi * layer.area_mm2), height)
+    width = layer.area_mm2 / height + ROUND_EDGES * height
+    run = np.cumsum(np.hypot(*(layer.stop - layer.start).T) / piece_mm + 1)
+    ends = np.searchsorted(run, np.arange(MOST_PIECES, run[-1], MOST_PIECES))
+    pad = maps.plan.spec.pad
+    half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm
+    for first, last in pairwise((0, *ends.tolist(), len(run))):
+        part = replace(layer, start=layer.start[first:last], stop=layer.stop[first:last])
+        points, line = cut(part, piece_mm)
+        points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
+        inside = (np.abs(points) < half + 0.1).all(1)
+        volume = layer.volume_mm3[first:last] / np.bincount(line, minlength=last - first)
+        taxel, own, pixel = maps.found(points)
+        on = taxel >= 0
+        at = line[on]
+        found = _Pieces(volume[at], width[first:last][at], height[first:last][at], taxel[on], own[on], pixel[on])
+        yield found, float(volume[line[inside]].sum())

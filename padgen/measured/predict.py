@@ -83,9 +83,8 @@ class CoilFigures:
 def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
     """Return the ON amplitudes (t,) in µm that the plan's level law gives at these resonances."""
     law = level_law(plan.spec)
-    first = np.array([plan.channels[0].resonance_hz])
-    levels: np.ndarray = law(resonance_hz) * (plan.spec.drive.level_um / law(first)[0])
-    return levels
+    lowest = law(np.array([plan.channels[0].resonance_hz]))[0]
+    return np.asarray(law(resonance_hz) * (plan.spec.drive.level_um / lowest))
 
 
 def tones_at(plan: Plan, tuning: Tuning) -> Tones:
@@ -116,12 +115,11 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
     Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse. The response
     gives the pull. The effects of the mean pull are those of the coil below the taxel.
     """
-    level = levels_um(plan, _of(tuning, "resonance_hz"))
+    level, spec = levels_um(plan, _of(tuning, "resonance_hz")), one_coil_spec(plan)
     moved = [
         _printed(plan.channels[taxel.channel], tuned.resonance_hz, tuned.q, tuned.response_um_per_a2, float(um))
         for taxel, tuned, um in zip(plan.taxels, tuning.taxels, level, strict=True)
     ]
-    spec = one_coil_spec(plan)
     for index in coils_of(plan).values():
         own = driven(spec, [moved[i] for i in index], plan.scheme)
         for i, channel in zip(index, own, strict=True):
@@ -180,36 +178,26 @@ def predicted(
     response = np.maximum(response, UNPULLED * (response.max() or 1.0))
     wanted = levels_um(plan, _of(tuning, "resonance_hz")) if wanted_um is None else wanted_um
     truth = Channels(_of(tuning, "resonance_hz"), _of(tuning, "q"), wanted / response)
-    return tuple(
-        _figures(plan, place, index, truth, tones, scheme, coil_modes(spec, [channels[i] for i in index]))
-        for place, index in sorted(coils_of(plan).items())
-    )
-
-
-def _figures(
-    plan: Plan,
-    place: tuple[int, int],
-    index: Sequence[int],
-    truth: Channels,
-    tones: Tones,
-    scheme: Scheme,
-    modes: ModalTaxels,
-) -> CoilFigures:
-    own = np.array(index)
-    which = Channels(*(part[own] for part in truth))
-    result = played(which, Channels(tones.hz[own], which.q, tones.line_a2[own]), scheme, modes)
-    weakest, lone = int(result.on.argmin()), len(own) < 2
-    worst = int(result.off.argmax())
-    smallest = float(result.on[weakest])
-    return CoilFigures(
-        *place,
-        None if lone else _db(smallest, float(result.alone.max())),
-        None if lone else _db(smallest, float(result.off[worst])),
-        plan.taxels[index[worst]].id,
-        plan.taxels[index[int(result.loudest[worst])]].id,
-        smallest**0.5,
-        plan.taxels[index[weakest]].id,
-    )
+    found = []
+    for place, index in sorted(coils_of(plan).items()):
+        own = np.array(index)
+        which = Channels(*(part[own] for part in truth))
+        modes = coil_modes(spec, [channels[i] for i in index])
+        result = played(which, Channels(tones.hz[own], which.q, tones.line_a2[own]), scheme, modes)
+        weakest, worst, lone = int(result.on.argmin()), int(result.off.argmax()), len(own) < 2
+        smallest = float(result.on[weakest])
+        found.append(
+            CoilFigures(
+                *place,
+                None if lone else _db(smallest, float(result.alone.max())),
+                None if lone else _db(smallest, float(result.off[worst])),
+                plan.taxels[index[worst]].id,
+                plan.taxels[index[int(result.loudest[worst])]].id,
+                smallest**0.5,
+                plan.taxels[index[weakest]].id,
+            )
+        )
+    return tuple(found)
 
 
 def worst_db(coils: Sequence[CoilFigures]) -> float | None:

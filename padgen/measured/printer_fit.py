@@ -7,6 +7,7 @@ channel share. The three terms are found by generalised least squares, in Gauss-
 linear over some hundredths of a millimetre.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
@@ -66,6 +67,8 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
         There are too few taxels, they cannot tell the three terms apart, or the measurements contradict each other, or
         are of another pad or printer.
     """
+    from scipy.stats import chi2
+
     place = {taxel.id: i for i, taxel in enumerate(plan.taxels)}
     index = [np.array([place[fit.id] for fit in fits]) for fits in prints]
     measured = np.log([fit.resonance_hz for fits in prints for fit in fits])
@@ -87,7 +90,12 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
         weighed = np.linalg.solve(lower, slope[channel])
         left = np.linalg.solve(lower, measured - value[channel])
         if k == 0:  # by the beams as drawn: measurements of another pad lead far away from them
-            _refuse_alike(weighed)
+            size = np.linalg.svd(weighed / np.linalg.norm(weighed, axis=0), compute_uv=False)
+            if not size[-1] > ALIKE * size[0]:
+                raise SolverError(
+                    "the beams that were measured differ too little in thickness and width to tell height, width and"
+                    " modulus apart; measure a pad whose channels differ in both (padgen build calibration)"
+                )
             _refuse_vague(plan.spec, np.sqrt(np.diag(np.linalg.inv(weighed.T @ weighed))))
         step = np.linalg.lstsq(weighed, left, rcond=None)[0]
         # Measurements that contradict each other must not make a beam vanish.
@@ -98,7 +106,11 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
     sigma = np.sqrt(np.diag(spread))
     rest = left - weighed @ step
     chi_square, freedom = float(rest @ rest), len(measured) - len(TERMS)
-    _refuse_contradiction(chi_square, freedom)
+    if chi2.sf(chi_square, freedom) < LEAST_LIKELY:
+        raise SolverError(
+            f"the measurements lie {number((chi_square / freedom) ** 0.5)} times as far from any one printer as prints"
+            f" differ (chi-square {number(chi_square)} of {freedom}): {SAME_PAD}"
+        )
     _refuse_far(plan.spec, terms - start, sigma)
     modulus = plan.spec.material.youngs_modulus_gpa * float(np.exp(terms[2]))
     return Calibration(
@@ -123,14 +135,8 @@ def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     move = np.array([terms[1] - printer.width_offset_mm, terms[0] - printer.z_offset_mm, 0.0])
     steps = STEP_MM * np.array([[0, 0, 0], [0, 1, 0], [0, -1, 0], [1, 0, 0], [-1, 0, 0]])
     log_hz = log_resonances(plan, sizes[:, None] + move + steps) + 0.5 * terms[2]
-    slope = np.stack(
-        [
-            (log_hz[:, 1] - log_hz[:, 2]) / (2 * STEP_MM),
-            (log_hz[:, 3] - log_hz[:, 4]) / (2 * STEP_MM),
-            np.full(len(sizes), 0.5),
-        ],
-        axis=1,
-    )
+    thicker, wider = (log_hz[:, [1, 3]] - log_hz[:, [2, 4]]).T / (2 * STEP_MM)
+    slope = np.stack([thicker, wider, np.full(len(sizes), 0.5)], axis=1)
     # The resonance as drawn is the plan's, which may be solved by finite elements; the beam model gives the shift.
     drawn = log_resonances(plan, sizes[:, None])[:, 0]
     return np.log([c.resonance_hz for c in plan.channels]) + log_hz[:, 0] - drawn, slope
@@ -153,15 +159,6 @@ def _scatter(
         total[here, here] += np.diag([(fit.resonance_error_hz / fit.resonance_hz) ** 2 for fit in fits])
         first += len(part)
     return total
-
-
-def _refuse_alike(weighed: np.ndarray) -> None:
-    size = np.linalg.svd(weighed / np.linalg.norm(weighed, axis=0), compute_uv=False)
-    if not size[-1] > ALIKE * size[0]:
-        raise SolverError(
-            "the beams that were measured differ too little in thickness and width to tell height, width and modulus"
-            " apart; measure a pad whose channels differ in both (padgen build calibration)"
-        )
 
 
 def _before(spec: Spec) -> tuple[tuple[str, str, float], ...]:
@@ -198,16 +195,6 @@ def _refuse_far(spec: Spec, change: np.ndarray, sigma: np.ndarray) -> None:
             )
 
 
-def _refuse_contradiction(chi_square: float, freedom: int) -> None:
-    from scipy.stats import chi2
-
-    if chi2.sf(chi_square, freedom) < LEAST_LIKELY:
-        raise SolverError(
-            f"the measurements lie {number((chi_square / freedom) ** 0.5)} times as far from any one printer as prints"
-            f" differ (chi-square {number(chi_square)} of {freedom}): {SAME_PAD}"
-        )
-
-
 def printer_toml(spec: Spec, found: Calibration, name: str) -> str:
     """Return the TOML file of a calibrated printer, which a spec names as ``printer = "my-printer.toml"``."""
     told = f"padgen calibrate: {found.prints} prints, {found.taxels} taxels, chi-square {number(found.chi_square)}"
@@ -233,9 +220,5 @@ def printer_toml(spec: Spec, found: Calibration, name: str) -> str:
 
 
 def _toml(value: object) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        quoted = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{quoted}"'
-    return repr(value)
+    # JSON's words for what a spec has are TOML's too.
+    return json.dumps(value, ensure_ascii=False)

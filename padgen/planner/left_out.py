@@ -4,7 +4,7 @@ The frame's flexibility is bounded by hand formulas. A taxel's resonance is plan
 held. The real frame yields in two ways: the rib at the beams' root twists, and the pad bends as a plate. In series with
 a spring of stiffness k a compliance c lowers the resonance by k c/2.
 
-A finger is not bounded but estimated: resonance, Q and selectivity of touched taxels by `padgen.physics.skin`.
+A finger is not bounded but estimated: resonance, Q and selectivity of touched taxels by `padgen.physics.resonator`.
 """
 
 from collections.abc import Iterator, Sequence

@@ -6,11 +6,11 @@ after an hour as after the first period no phase is off by more than period_samp
 """
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
 from math import ceil, exp, expm1, floor, inf, log2, pi
 from pathlib import Path
 from textwrap import fill
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -53,18 +53,6 @@ TURN = 1 << 32
 NO_TAXEL = 0xFFFF
 
 
-@dataclass(frozen=True, slots=True)
-class _Kind:
-    """The data that coils that play alike share: the channels (n,) of one coil, as the header's tables have them."""
-
-    harmonic: tuple[int, ...]
-    line_a2: tuple[float, ...]
-    phase_rad: tuple[float, ...]
-    margin: tuple[float, ...]
-    bias_a: float
-    slot: tuple[int, ...]
-
-
 def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the header and the firmware; the worst that a host may send is judged."""
     drive = job.drive_at(CONTROLLER_RATES_HZ)
@@ -94,11 +82,18 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
     if len(plan.taxels) >= NO_TAXEL:
         raise SpecError(f"a frame has at most {NO_TAXEL - 1} taxels, got {len(plan.taxels)}", plan.name)
     slots = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
-    of_coil = [_kind(coil, [slots[plan.taxels[t].channel] for t in coil.taxels]) for coil in drive.coils]
-    kinds = list(dict.fromkeys(of_coil))
+    kinds: dict[tuple[Any, ...], CoilDrive] = {}
+    keys = []
+    for coil in drive.coils:
+        own = tuple(slots[plan.taxels[t].channel] for t in coil.taxels)
+        parts = (coil.harmonic, coil.line_a2, coil.phase_rad, coil.margin)
+        keys.append((own, coil.bias_a, *(part.tobytes() for part in parts)))
+        kinds.setdefault(keys[-1], coil)
+    # At least 1: an empty table is no C.
+    channels = max(1, *(len(coil.taxels) for coil in drive.coils))
     name = _plain(plan.name)
     print_of = "as planned" if tuning is None else f"for the print of tuning {tuning_hash(tuning)}"
-    parts = [
+    header = [
         (
             f"/* What the coils of the pad '{name}' play, {print_of} ({drive.scheme.name}).\n"
             " * Do not edit: padgen writes it anew.\n"
@@ -108,15 +103,16 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
             f" * with the next: no phase is ever off by more than {drive.period_samples / 2 / TURN:.2g} of a turn.\n */"
         ),
         "#ifndef PADGEN_PAD_DRIVE_H\n#define PADGEN_PAD_DRIVE_H\n\n#include <stdint.h>\n",
-        _defines(plan, drive, kinds),
+        _defines(plan, drive, len(kinds), channels),
         _table("uint8_t padgen_plan_hash[8]", [f"0x{byte:02x}" for byte in plan_hash(plan, tuning)]),
-        *_pad_tables(plan, drive, kinds, of_coil),
-        *_kind_tables(drive, kinds),
+        _table("uint16_t padgen_coil_kind[PADGEN_COILS]", [str(list(kinds).index(key)) for key in keys]),
+        _taxel_table(plan, drive, channels),
+        *_kind_tables(drive, list(kinds.values()), [key[0] for key in kinds], channels),
         *_sweep(sweep_table(plan), drive.rate_hz),
     ]
     if drive.scheme.is_root:
-        parts += _constant_tables(kinds)
-    return sealed("\n".join([*parts, "#endif\n"]))
+        header += _constant_tables(list(kinds.values()), channels)
+    return sealed("\n".join([*header, "#endif\n"]))
 
 
 def sealed(header: str) -> str:
@@ -134,26 +130,18 @@ def sealed(header: str) -> str:
     return header.removesuffix("#endif\n") + lines + "#endif\n"
 
 
-def _kind(coil: CoilDrive, slots: Iterable[int]) -> _Kind:
-    lists = (part.tolist() for part in (coil.harmonic, coil.line_a2, coil.phase_rad, coil.margin))
-    harmonic, line_a2, phase_rad, margin = (tuple(part) for part in lists)
-    return _Kind(harmonic, line_a2, phase_rad, margin, coil.bias_a, tuple(slots))
-
-
 def _plain(text: str) -> str:
     """Replace what cannot stand in a C comment."""
     return "".join(c if c.isascii() and c.isprintable() and c not in "*/\\?" else "_" for c in text)
 
 
-def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
-    rate = drive.rate_hz
-    turns = drive.scheme.takes_turns
+def _defines(plan: Plan, drive: PadDrive, kinds: int, channels: int) -> str:
+    rate, turns = drive.rate_hz, drive.scheme.takes_turns
     slots = len(plan.sets[0]) if turns else 1
     ramp = ceil((frame_s(plan) / slots / 2 if turns else ramp_s(plan)) * rate)
     step = 2 * ramp if turns else ramp
     frame = max(round(frame_s(plan) * rate), step * slots)
     watchdog = max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)
-    channels = _channels(kinds)
     lines = {
         **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
         "PADGEN_HEADER": HEADER,
@@ -168,7 +156,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind]) -> str:
         "PADGEN_WATCHDOG_SAMPLES": f"{watchdog}u",
         "PADGEN_HOLD_SAMPLES": f"{min(HOLD_WATCHDOGS * watchdog, MOST_SAMPLES)}u",
         "PADGEN_COILS": len(drive.coils),
-        "PADGEN_KINDS": len(kinds),
+        "PADGEN_KINDS": kinds,
         "PADGEN_CHANNELS": channels,
         "PADGEN_TAXELS": len(plan.taxels),
         "PADGEN_RESISTANCE_OHM": _float(drive.resistance_ohm),
@@ -237,54 +225,45 @@ def _upper(scheme: str) -> str:
     return scheme.upper().replace("-", "_")
 
 
-def _channels(kinds: Sequence[_Kind]) -> int:
-    """Return the channels of the coil that has most, at least 1: an empty table is no C."""
-    return max(1, *(len(kind.line_a2) for kind in kinds))
-
-
-def _pad_tables(plan: Plan, drive: PadDrive, kinds: Sequence[_Kind], of_coil: Sequence[_Kind]) -> Iterable[str]:
-    number = {kind: k for k, kind in enumerate(kinds)}
-    channels = _channels(kinds)
-    yield _table("uint16_t padgen_coil_kind[PADGEN_COILS]", [str(number[kind]) for kind in of_coil])
+def _taxel_table(plan: Plan, drive: PadDrive, channels: int) -> str:
     rows = []
     for coil in drive.coils:
         ids = ", ".join(_plain(plan.taxels[t].id) for t in coil.taxels)
         numbers = [*map(str, coil.taxels), *[hex(NO_TAXEL)] * (channels - len(coil.taxels))]
         rows.append(f"{_braces(numbers)}, /* row {coil.row}, column {coil.column}: {ids or 'no taxel'} */")
-    yield _rows("uint16_t padgen_coil_taxel[PADGEN_COILS][PADGEN_CHANNELS]", rows)
-    yield _table("uint8_t padgen_kind_channels[PADGEN_KINDS]", [str(len(kind.line_a2)) for kind in kinds])
+    return _rows("uint16_t padgen_coil_taxel[PADGEN_COILS][PADGEN_CHANNELS]", rows)
 
 
-def _kind_tables(drive: PadDrive, kinds: Sequence[_Kind]) -> Iterable[str]:
+def _kind_tables(drive: PadDrive, kinds: list[CoilDrive], slots: list[tuple[int, ...]], channels: int) -> Iterable[str]:
     samples, share = drive.period_samples, 1.0 if drive.scheme.has_constant else 0.5
+    yield _table("uint8_t padgen_kind_channels[PADGEN_KINDS]", [str(len(kind.taxels)) for kind in kinds])
     # Whole numbers before they are divided: what is rounded is the increment alone.
-    increments = ([f"{_turns(k * share / samples)}u" for k in kind.harmonic] for kind in kinds)
-    yield _by_kind("uint32_t padgen_increment", kinds, increments, "0u")
-    phases = ([f"{_turns(rad * share / (2 * pi))}u" for rad in kind.phase_rad] for kind in kinds)
-    yield _by_kind("uint32_t padgen_phase", kinds, phases, "0u")
-    hertz = ([_float(k * share * drive.rate_hz / samples) for k in kind.harmonic] for kind in kinds)
-    yield _by_kind("float padgen_tone_hz", kinds, hertz, "0.0f")
-    yield _by_kind("float padgen_line_a2", kinds, ([_float(line) for line in kind.line_a2] for kind in kinds), "0.0f")
-    yield _by_kind("uint8_t padgen_slot", kinds, ([str(slot) for slot in kind.slot] for kind in kinds), "0")
+    increments = ([f"{_turns(k * share / samples)}u" for k in kind.harmonic.tolist()] for kind in kinds)
+    yield _by_kind("uint32_t padgen_increment", channels, increments, "0u")
+    phases = ([f"{_turns(rad * share / (2 * pi))}u" for rad in kind.phase_rad.tolist()] for kind in kinds)
+    yield _by_kind("uint32_t padgen_phase", channels, phases, "0u")
+    hertz = ([_float(k * share * drive.rate_hz / samples) for k in kind.harmonic.tolist()] for kind in kinds)
+    yield _by_kind("float padgen_tone_hz", channels, hertz, "0.0f")
+    lines = ([_float(line) for line in kind.line_a2.tolist()] for kind in kinds)
+    yield _by_kind("float padgen_line_a2", channels, lines, "0.0f")
+    yield _by_kind("uint8_t padgen_slot", channels, ([str(slot) for slot in own] for own in slots), "0")
     yield _table("float padgen_bias_a[PADGEN_KINDS]", [_float(kind.bias_a) for kind in kinds])
 
 
-def _by_kind(declared: str, kinds: Sequence[_Kind], entries: Iterable[list[str]], empty: str) -> str:
+def _by_kind(declared: str, channels: int, entries: Iterable[list[str]], empty: str) -> str:
     """Write a table with a row for each kind, filled up with `empty`."""
-    channels = _channels(kinds)
     rows = [_braces([*own, *[empty] * (channels - len(own))]) + "," for own in entries]
     return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
 
 
-def _constant_tables(kinds: Sequence[_Kind]) -> Iterable[str]:
+def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
     """Yield, for spur-free drives, the least constants of all states of each group, of all on, and the margins."""
-    size = group_channels(_channels(kinds))
-    groups = ceil(_channels(kinds) / size)
+    size = group_channels(channels)
+    groups = ceil(channels / size)
     yield f"#define PADGEN_GROUPS {groups}\n"
-    shares = (zip(kind.margin, kind.line_a2, strict=True) for kind in kinds)
-    margins = ([_float_above(share * line) for share, line in own] for own in shares)
-    yield _by_kind("float padgen_margin_a2", kinds, margins, "0.0f")
-    tables = [least_constants(kind.harmonic, kind.line_a2, kind.phase_rad, size) for kind in kinds]
+    margins = ([_float_above(a2) for a2 in (kind.margin * kind.line_a2).tolist()] for kind in kinds)
+    yield _by_kind("float padgen_margin_a2", channels, margins, "0.0f")
+    tables = [least_constants(kind, size) for kind in kinds]
     yield _table("float padgen_all_on_a2[PADGEN_KINDS]", [_float_above(all_on) for all_on, _ in tables])
     rows = []
     for _, least in tables:

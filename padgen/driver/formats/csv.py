@@ -1,11 +1,18 @@
-"""The driver frequency table as CSV, and with a tuning that of the print as measured."""
+"""The driver frequency table as CSV: what each channel's line of the current must be.
+
+A coil pulls with the square of its current (paper Eq. 5); what lines that makes is the drive
+scheme's doing, see `padgen.physics.selectivity`. With a tuning the table of the print as measured is beside it.
+"""
+
+from dataclasses import astuple
 
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
-from padgen.driver.tables import drive_csv
 from padgen.measured.tuned_folder import tuned_drive_csv
+from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
+from padgen.planner.plan import Plan, carrier_hz
 
-__all__ = ["FILE", "MADE_OF", "ORDER", "write"]
+__all__ = ["FILE", "MADE_OF", "ORDER", "drive_csv", "drive_rows", "planned_carrier_hz", "write"]
 
 ORDER, MADE_OF, FILE = 0, "plan", "drive.csv"
 
@@ -15,3 +22,25 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     out.write(FILE, drive_csv(job.plan))
     if job.request.tuning is not None:
         out.write("drive-tuned.csv", tuned_drive_csv(job.plan, job.request.tuning))
+
+
+def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
+    """Return the table: a row per channel and, where the current has a constant part, its row."""
+    spec, scheme, carrier = plan.spec, plan.scheme, planned_carrier_hz(plan)
+    rows: dict[int | str, DriveRow] = {}
+    constant: list[DriveRow] = []
+    for kind, own in enumerate(plan.sets):
+        rows |= {row.channel: row for row in coil_rows(spec, scheme, own, carrier)}
+        if scheme.has_constant and carrier is None:
+            constant.append(bias_row(spec, scheme, own, BIAS if len(plan.sets) == 1 else f"{BIAS} of set {kind}"))
+    return (*(rows[c.index] for c in plan.channels), *constant)
+
+
+def planned_carrier_hz(plan: Plan) -> float | None:
+    """Return the carrier in Hz that the spec's amplifier needs; None where it needs none."""
+    return carrier_hz(plan.spec, plan.scheme, max(channel.resonance_hz for channel in plan.channels))
+
+
+def drive_csv(plan: Plan) -> str:
+    """Write the table as CSV."""
+    return table_csv(COLUMNS, (astuple(row) for row in drive_rows(plan)))

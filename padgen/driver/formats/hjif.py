@@ -14,7 +14,7 @@ resonances are the devices'. The required date is a constant: the same pad makes
 import json
 from collections.abc import Iterator
 from math import ceil, floor, isfinite, pi, sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -50,12 +50,8 @@ LONGEST_EFFECT = 60_000
 """Ticks of an effect: the format's binary form counts them in 16 bits."""
 
 
-class _Course(NamedTuple):
-    """Levels (m, taxels) at ticks (m,), straight between them; the timeline's keyframes are those at `keys`."""
-
-    tick: np.ndarray
-    level: np.ndarray
-    keys: np.ndarray
+Course = tuple[np.ndarray, np.ndarray]
+"""Ticks (m,), and levels (m, taxels) at them, straight between."""
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
@@ -107,17 +103,16 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
         "syncs": [],
     }
     text = json_text(table)
+    tick, levels = course or (np.zeros(0), np.zeros(0))
     channels = json.loads(text)["perceptions"][0]["channels"]
     same = [channel["description"].split()[0] for channel in channels] == [taxel.id for taxel in plan.taxels]
-    for k, channel in enumerate(channels if same else ()):
-        if course is None:
-            break
+    for k, channel in enumerate(channels if same and course else ()):
         effects = channel["bands"][0]["effects"]
         frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
         # Between two effects that meet, both have the level there.
         at, level = [tick for tick, _ in frames] or [0], [f["amplitude_modulation"] for _, f in frames] or [0]
-        read = np.interp(course.tick, at, level, left=0.0, right=0.0)
-        same &= bool(np.abs(read - course.level[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
+        read = np.interp(tick, at, level, left=0.0, right=0.0)
+        same &= bool(np.abs(read - levels[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
     if not same:
         raise FileError("did not read back as it was written; this is a fault of padgen's", "pad.hjif")
     return text
@@ -133,11 +128,9 @@ def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int
         if key not in known:
             known[key] = len(devices)
             channel, coil, hz, q = plan.channels[taxel.channel], plan.spec.coil, tuned.resonance_hz, tuned.q
-            scheme = plan.scheme
-            drive_hz = hz if scheme.has_constant else hz / 2
+            drive_hz = hz if plan.scheme.has_constant else hz / 2
             as_planned = (hz, q) == (channel.resonance_hz, channel.q)
-            half = 1 / (2 * q)
-            middle = sqrt(1 + half**2)
+            half, middle = 1 / (2 * q), sqrt(1 + 1 / (2 * q) ** 2)
             entry = {
                 "id": (len(devices) + 1),
                 "name": f"{plan.name} " + (f"channel {taxel.channel}" if as_planned else tuned.id),
@@ -167,7 +160,7 @@ def _gain(plan: Plan) -> float:
 
 
 def _channels(
-    plan: Plan, devices: list[dict[str, Any]], device_of: list[int], course: _Course | None
+    plan: Plan, devices: list[dict[str, Any]], device_of: list[int], course: Course | None
 ) -> Iterator[dict[str, Any]]:
     grid = taxel_grid(plan)
     rows, columns = grid.shape
@@ -200,7 +193,7 @@ def _channels(
         yield channel
 
 
-def _course(timeline: Timeline) -> _Course:
+def _course(timeline: Timeline) -> Course:
     """Turn the smooth steps between the keyframes into straight pieces on whole ticks."""
     key = np.round(timeline.time_s * TICKS_PER_S).astype(int)
     key = np.maximum.accumulate(key - np.arange(len(key))) + np.arange(len(key))  # no two on one tick
@@ -214,12 +207,12 @@ def _course(timeline: Timeline) -> _Course:
     before = np.clip(np.searchsorted(key, tick, side="right") - 1, 0, len(key) - 2)
     share = blend((tick - key[before]) / (key[before + 1] - key[before]))[:, None]
     level = (1 - share) * timeline.levels[before] + share * timeline.levels[before + 1]
-    return _Course(tick, np.round(level, 6), np.searchsorted(tick, key))
+    return tick, np.round(level, 6)
 
 
-def _effects(course: _Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
+def _effects(course: Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
     """Yield the stretches in which a taxel vibrates, cut where they would get too long; the phase leads on."""
-    tick, level = course.tick, course.level[:, k]
+    tick, level = course[0], course[1][:, k]
     cut = tick % LONGEST_EFFECT == 0
     sounds = np.append((level[:-1] > 0) | (level[1:] > 0), False)  # from each tick to the next
     before = np.concatenate([[False], sounds[:-1]])

@@ -1,14 +1,150 @@
-"""The driver frequency table as JSON, with the recipe of the current and where every coil lies."""
+"""The driver frequency table as JSON: the current's recipe, every on/off state of one coil, where coils lie."""
 
-from padgen.core.files import OutputFolder
+from collections.abc import Iterator
+from dataclasses import asdict
+from itertools import combinations, product
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from padgen.core.errors import number
+from padgen.core.files import OutputFolder, json_text
+from padgen.core.units import MN
 from padgen.driver.formats import DriveJob
-from padgen.driver.tables import drive_json
+from padgen.driver.formats.csv import drive_rows, planned_carrier_hz
+from padgen.driver.frames import LARGEST_TABLE, taxel_grid
+from padgen.physics.schemes import bias_a, current_lines_a, formula, mean_square_a2
+from padgen.physics.selectivity import Scheme
+from padgen.planner.drive_scheme import slot_ms
+from padgen.planner.plan import Channel, Plan
 
-__all__ = ["FILE", "MADE_OF", "ORDER", "write"]
+__all__ = ["FILE", "MADE_OF", "ORDER", "coil_states", "drive_json", "write"]
 
 ORDER, MADE_OF, FILE = 1, "plan", "drive.json"
+SMALLEST_LINE = 1e-300
+"""In A²: a coil that pulls no washer has none."""
+SPUR_KEYS = ("channels", "kind", "force_hz", "force_mn", "near_channel", "offset_hz")
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the table."""
     out.write(FILE, drive_json(job.plan))
+
+
+def coil_states(plan: Plan) -> list[dict[str, Any]]:
+    """Return every state of a coil of each set, the lowest channel changing slowest; none above `LARGEST_TABLE`.
+
+    `set` says of which coils (see `CoilGrid`), `state` has a 1 for every channel that is on, the lowest first. `lines`
+    of the force are wanted, `spurs` are not: their force is on a washer that is pulled like those of their own channels
+    (their geometric mean), and they fall nearest to a third channel (None: there is none). `static_force_mn` is the
+    mean pull on the lowest channel's washer.
+    """
+    states: list[dict[str, Any]] = []
+    for number_of, own in enumerate(plan.sets if len(plan.sets[0]) <= LARGEST_TABLE else ()):
+        lines = np.array([c.line_a2 for c in own])
+        for bits in product((0, 1), repeat=len(own)):
+            on = [c for c, bit in zip(own, bits, strict=True) if bit]
+            square_a2 = mean_square_a2(plan.scheme, lines, plan.spec.drive.headroom, np.array(bits, dtype=bool))
+            states.append(
+                {
+                    "set": number_of,
+                    "state": "".join(map(str, bits)),
+                    "drive_hz": [c.drive_hz for c in on],
+                    "lines": [{"channel": c.index, "force_hz": c.resonance_hz, "force_mn": c.force_mn} for c in on],
+                    "spurs": list(_spurs(plan.scheme, own, on)) if plan.scheme.has_pair_spurs else [],
+                    "static_force_mn": square_a2 * own[0].force_constant_n_per_a2 / MN,
+                }
+            )
+    return states
+
+
+def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Iterator[dict[str, Any]]:
+    scale = 4 * scheme.bias_ratio * max(*(c.line_a2 for c in own), SMALLEST_LINE)
+
+    def spur(kind: str, hz: float, force_mn: float, *which: int) -> dict[str, Any]:
+        thirds = [c for c in own if c.index not in which]
+        near = min(thirds, key=lambda c: abs(c.resonance_hz - hz), default=None)
+        beside = (near.index, hz - near.resonance_hz) if near else (None, None)
+        return dict(zip(SPUR_KEYS, (list(which), kind, hz, force_mn, *beside), strict=True))
+
+    for a, b in combinations(on, 2):
+        force_mn = 2 * sqrt(a.force_mn * b.force_mn)
+        if scheme.is_biased:
+            force_mn *= sqrt(a.line_a2 * b.line_a2) / scale
+        yield spur("sum", (a.resonance_hz + b.resonance_hz) * scheme.pair_scale, force_mn, a.index, b.index)
+        yield spur("difference", abs(a.resonance_hz - b.resonance_hz) * scheme.pair_scale, force_mn, a.index, b.index)
+    for c in on if scheme.is_biased else ():
+        yield spur("harmonic", 2 * c.resonance_hz, c.force_mn * c.line_a2 / scale, c.index)
+
+
+def drive_json(plan: Plan) -> str:
+    """The table, the recipe of the current, the states of one coil (up to six channels), where the coils
+    lie and which taxel is which.
+
+    A pixel is [row, column] of an image of the pad, from its top left. Places are from the pad's centre, x to the
+    right and y upwards seen from the touch side.
+    """
+    grid = taxel_grid(plan)
+    pixels = {int(grid[row, column]): [int(row), int(column)] for row, column in np.argwhere(grid >= 0)}
+    table = {
+        "name": plan.name,
+        "scheme": plan.selectivity.drive,
+        "current": [_recipe(plan, kind) for kind in range(len(plan.sets))],
+        "channels": [asdict(row) for row in drive_rows(plan)],
+        "frames_per_s": {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive],
+        "states": coil_states(plan),
+        "states_note": ""
+        if len(plan.sets[0]) <= LARGEST_TABLE
+        else f"{number(2 ** len(plan.sets[0]))} states are not spelled out; at most {LARGEST_TABLE} channels are",
+        "coils": [
+            {
+                "coil": [row, column],
+                "set": (row + column) % len(plan.sets),
+                "x_mm": (column - (plan.coils.columns - 1) / 2) * plan.coils.pitch_x_mm,
+                "y_mm": (row - (plan.coils.rows - 1) / 2) * plan.coils.pitch_y_mm,
+            }
+            for row in range(plan.coils.rows)
+            for column in range(plan.coils.columns)
+        ],
+        "taxels": [
+            {
+                "id": t.id,
+                "coil": list(t.coil),
+                "channel": t.channel,
+                "x_mm": t.x_mm,
+                "y_mm": t.y_mm,
+                "pixel": pixels[index],
+            }
+            for index, t in enumerate(plan.taxels)
+        ],
+    }
+    return json_text(table)
+
+
+def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
+    """Describe the current of a coil of set `kind` by a formula and its numbers in A and A²."""
+    scheme, own = plan.scheme, plan.sets[kind]
+    lines, headroom = np.array([c.line_a2 for c in own]), plan.spec.drive.headroom
+    recipe: dict[str, Any] = {
+        "channels": [c.index for c in own],
+        "squared_lines_a2": lines.tolist(),
+        "formula": formula(scheme),
+    }
+    tones_a = current_lines_a(scheme, lines).tolist()
+    if scheme.is_root:
+        recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"
+        recipe["a0_all_on_a2"] = mean_square_a2(scheme, lines, headroom)
+    elif scheme.is_biased:
+        recipe["bias_a"] = bias_a(scheme, lines)
+        recipe["bias_note"] = "B flows in every state, with all channels OFF too"
+        recipe["b_a"] = tones_a
+    else:
+        recipe["I_a"] = tones_a
+    if carrier := planned_carrier_hz(plan):
+        recipe["carrier_hz"] = carrier
+        recipe["formula"] += ", times sqrt(2) cos(2 pi carrier_hz t)"
+    if scheme.takes_turns:
+        recipe["slot_ms"] = slot_ms(plan.channels, plan.coils.sets)
+        recipe["ramp_ms"] = slot_ms(plan.channels, plan.coils.sets) / 2
+    return recipe

@@ -12,13 +12,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from math import floor, log10
 from pathlib import Path
-from types import TracebackType
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_most, number
-from padgen.core.files import OutputFolder, json_text
+from padgen.core.files import OutputFolder, json_text, reason
 from padgen.core.finding import Finding
 from padgen.core.wav_reader import EXTENSIBLE, FLOAT, IN_DS64, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
@@ -70,7 +69,11 @@ def wav_header(rate_hz: int, channels: int, count: int, depth: str, comment: str
         most = min(MOST_CHANNELS // width, IN_DS64 // (width * rate_hz))
         raise FileError(f"of {depth} can have at most {most} channels at {rate_hz} Hz, got {channels}", "WAV")
     data = count * channels * width
-    chunks = _format_chunk(rate_hz, channels, depth)
+    code, frame = PCM if depth == "24" else FLOAT, channels * width
+    tag, more = code, b"\0\0"
+    if channels > 2 or depth == "24":
+        tag, more = EXTENSIBLE, struct.pack("<HHIIHH8s", 22, 8 * width, 0, code, *SUBFORMAT)
+    chunks = _chunk(b"fmt ", struct.pack("<HHIIHH", tag, channels, rate_hz, frame * rate_hz, frame, 8 * width) + more)
     if depth == "float":
         chunks += _chunk(b"fact", struct.pack("<I", min(count, IN_DS64)))
     if comment:
@@ -87,17 +90,6 @@ def _chunk(name: bytes, data: bytes) -> bytes:
     return name + struct.pack("<I", len(data)) + data + b"\0" * (len(data) % 2)
 
 
-def _format_chunk(rate_hz: int, channels: int, depth: str) -> bytes:
-    width, code = (3, PCM) if depth == "24" else (4, FLOAT)
-    frame = channels * width
-    extended = channels > 2 or depth == "24"
-    tag = EXTENSIBLE if extended else code
-    head = struct.pack("<HHIIHH", tag, channels, rate_hz, frame * rate_hz, frame, 8 * width)
-    if not extended:
-        return _chunk(b"fmt ", head + struct.pack("<H", 0))
-    return _chunk(b"fmt ", head + struct.pack("<HHIIHH8s", 22, 8 * width, 0, code, *SUBFORMAT))
-
-
 class WavWriter:
     """Writes a WAV file block by block; a context manager. The number of samples is given beforehand.
 
@@ -105,28 +97,21 @@ class WavWriter:
     """
 
     def __init__(self, path: Path, rate_hz: int, channels: int, count: int, depth: str, comment: str = "") -> None:
-        self._header = wav_header(rate_hz, channels, count, depth, comment)
-        self._path, self._depth, self._channels, self._left = path, depth, channels, count
-        self._odd = count * channels * (3 if depth == "24" else 4) % 2
-        self.checksum = 0
-        self._file: BinaryIO
+        self.checksum, self._odd = 0, count * channels * (3 if depth == "24" else 4) % 2
+        self._packed = _packed_24 if depth == "24" else _packed_float
+        header = wav_header(rate_hz, channels, count, depth, comment)
+        try:
+            self._file = path.open("wb")
+            self._file.write(header)
+        except OSError as error:
+            raise FileError(f"cannot be written ({reason(error)})", str(path)) from error
 
     def __enter__(self) -> "WavWriter":
-        try:
-            self._file = self._path.open("wb")
-        except OSError as error:
-            raise FileError(f"cannot be written ({error.strerror})", str(self._path)) from error
-        self._file.write(self._header)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         with self._file:
-            if kind is None:
-                self._file.write(b"\0" * self._odd)
-        if kind is None and self._left:
-            raise ValueError(f"{self._left} samples are missing")
+            self._file.write(b"\0" * self._odd)
 
     def write(self, samples: np.ndarray) -> None:
         """Append samples (s, channels) in −1 … 1.
@@ -134,12 +119,9 @@ class WavWriter:
         Raises
         ------
         ValueError
-            A sample would be clipped, or there are more samples than were announced.
+            A sample would be clipped.
         """
-        if samples.shape[1] != self._channels or len(samples) > self._left:
-            raise ValueError(f"{samples.shape} samples, at most {(self._left, self._channels)} are due")
-        raw = (_packed_24(samples) if self._depth == "24" else _packed_float(samples)).data
-        self._left -= len(samples)
+        raw = self._packed(samples).data
         self.checksum = zlib.crc32(raw, self.checksum)
         self._file.write(raw)
 
@@ -206,15 +188,6 @@ class WaveReport:
         return self.count / self.rate_hz
 
 
-class _Tally(NamedTuple):
-    """Sums of a pass over all blocks: largest sample, sum of i² (coils,), checksum, the first samples."""
-
-    peak: float
-    square_a2: np.ndarray
-    checksum: int
-    first: np.ndarray
-
-
 def refuse(job: DriveJob) -> None:
     """Refuse a wave that is longer than a file takes."""
     drive, timeline = job.played()
@@ -235,15 +208,14 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     if drive.scheme.is_root and drive.has_constant and not job.shown:
         carrier = carrier_text(job.plan, timeline, request.rate_hz, request.tuning)
     job.progress(f"writing {timeline.seconds:.3g} s of {len(drive.coils)} coils")
-    reports: list[WaveReport] = []
 
     def put(path: Path) -> None:
-        reports.append(write_wave(path, drive, timeline, job.depth, request.signal, job.shown, carrier))
+        job.report = write_wave(path, drive, timeline, job.depth, request.signal, job.shown, carrier)
 
     path = out.write_by(FILE, put)
-    sidecar = wave_json(job.plan, drive, timeline, reports[0], tuning=request.tuning)
+    assert job.report is not None
+    sidecar = wave_json(job.plan, drive, timeline, job.report, tuning=request.tuning)
     out.write(SIDECAR, sidecar)
-    job.report = reports[0]
     if job.hear:
         job.progress("listening to the file")
         job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning, job.gap)
@@ -269,45 +241,25 @@ def write_wave(
     ------
     FileError
         The file cannot be written, or is not on disk what was written.
-    SpecError
-        A timeline that loops and is not whole periods of the comb, or that has two channels of a coil on where they
-        take turns.
     """
-    if timeline.loops:
-        periods = sample_count(drive, timeline) / drive.period_samples
-        if abs(periods - round(periods)) * drive.period_samples > 0.5 or round(periods) < 1:
-            whole = max(round(periods), 1) * drive.period_s
-            raise SpecError(
-                f"of a loop must be whole periods of {number(drive.period_s)} s, got {number(timeline.seconds)} s;"
-                f" {number(whole)} s would do",
-                "--seconds",
-            )
-        if not np.array_equal(timeline.levels[0], timeline.levels[-1]):
-            raise SpecError("that loop must end with the levels that they begin with", "frames")
-    for coil in drive.coils if drive.scheme.takes_turns else ():
-        if ((timeline.levels[:, coil.taxels] > 0).sum(1) > 1).any():
-            raise SpecError(
-                f"has two channels of coil ({coil.row}, {coil.column}) on at once, and time-shared they take turns",
-                "frames",
-            )
     scale = full_scale(drive, signal)
     beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in judged)
-    tally = _write(path, drive, timeline, depth, signal, scale, beyond)
-    if tally.peak > scale * LARGEST_24:
-        scale = _round_up(tally.peak / LARGEST_24)
-        tally = _write(path, drive, timeline, depth, signal, scale, beyond)
+    peak, square_a2, checksum, first = _write(path, drive, timeline, depth, signal, scale, beyond)
+    if peak > scale * LARGEST_24:
+        scale = _round_up(peak / LARGEST_24)
+        peak, square_a2, checksum, first = _write(path, drive, timeline, depth, signal, scale, beyond)
     count = sample_count(drive, timeline)
     wave = read_wav(path)
     said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
     due = drive.rate_hz, len(drive.coils), count, *(("pcm", 24) if depth == "24" else ("float", 32))
-    checksum = 0
+    read = 0
     for part in wave.data():
-        checksum = zlib.crc32(part, checksum)
+        read = zlib.crc32(part, read)
     # Half a step of 24 bits; a float's rounding is as large, at full scale.
-    near = np.abs(wave.read(0, len(tally.first)) - tally.first).max(initial=0) <= 0.5001 * 2.0**-23
-    if said != due or checksum != tally.checksum or not near:
+    near = np.abs(wave.read(0, len(first)) - first).max(initial=0) <= 0.5001 * 2.0**-23
+    if said != due or read != checksum or not near:
         raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
-    mean_square = tally.square_a2 / max(count, 1)
+    mean_square = square_a2 / max(count, 1)
     seconds = np.diff(timeline.time_s)
     mean = seconds @ (timeline.levels[:-1] + timeline.levels[1:]) / 2
     tones_a2 = float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils)) * drive.rate_hz
@@ -317,10 +269,10 @@ def write_wave(
         depth=depth,
         signal=signal,
         full_scale=scale,
-        peak=tally.peak,
+        peak=peak,
         rms_current_a=tuple(np.sqrt(mean_square).tolist()),
         copper_loss_w=tuple((drive.resistance_ohm * mean_square).tolist()),
-        loss_over_tones=float(tally.square_a2.sum() / tones_a2) if tones_a2 > 0 else None,
+        loss_over_tones=float(square_a2.sum() / tones_a2) if tones_a2 > 0 else None,
         period_s=drive.period_s,
         loops=timeline.loops,
         scheme=drive.scheme.name,
@@ -348,8 +300,11 @@ def _round_up(value: float) -> float:
 
 def _write(
     path: Path, drive: PadDrive, timeline: Timeline, depth: str, signal: str, scale: float, beyond: str
-) -> _Tally:
-    """Write the file in one pass; once a sample would be clipped only the largest is looked for, for another pass."""
+) -> tuple[float, np.ndarray, int, np.ndarray]:
+    """Write the file in one pass; return the largest sample, sums of i² (coils,), a checksum and the first samples.
+
+    Once a sample would be clipped, silence is written, for another pass.
+    """
     count, coils = sample_count(drive, timeline), len(drive.coils)
     peak, square, first = 0.0, np.zeros(coils), np.zeros((0, coils))
     comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
@@ -358,24 +313,13 @@ def _write(
             for block in blocks(drive, timeline, signal=signal):
                 peak = max(peak, float(block.samples.max()), -float(block.samples.min()))
                 square += block.square_a2
-                if peak > scale * LARGEST_24:
-                    continue
-                samples = block.samples * (1 / scale)
+                samples = block.samples * (1 / scale if peak <= scale * LARGEST_24 else 0.0)
                 file.write(samples)
                 if not len(first):
                     first = samples[:CHECKED_BLOCK].copy()
-            if peak > scale * LARGEST_24:
-                raise _WouldClipError
-            checksum = file.checksum
-    except _WouldClipError:
-        return _Tally(peak, square, 0, first)
     except OSError as error:
-        raise FileError(f"cannot be written ({error.strerror or type(error).__name__})", str(path)) from error
-    return _Tally(peak, square, checksum, first)
-
-
-class _WouldClipError(Exception):
-    """Leaves a file whose scale was too small."""
+        raise FileError(f"cannot be written ({reason(error)})", str(path)) from error
+    return peak, square, file.checksum, first
 
 
 def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
