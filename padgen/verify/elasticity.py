@@ -11,7 +11,8 @@ edges and where a clamp ends; the error sits there. Netgen lays shrinking layers
 restores the order of the elements.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,11 +33,11 @@ __all__ = [
     "WASHER",
     "Eigen",
     "Elastic",
-    "Factored",
     "Fineness",
     "Orthotropy",
     "SolidModes",
     "SolidTaxel",
+    "Solver",
     "System",
     "accurate",
     "assembled",
@@ -59,8 +60,11 @@ __all__ = [
 ]
 
 PRINTED, WASHER, CLAMPED = "printed", "washer", "clamped"
-CLAMPS = ("sides", "bottom", "root")
-"""Clamped faces: the outer vertical faces of the frame, its underside, or the face of smallest x only."""
+CLAMPS = {"sides": ((0, 0), (0, 1), (1, 0), (1, 1)), "bottom": ((2, 0),), "root": ((0, 0),)}
+"""Clamped faces: the outer vertical faces of the frame, its underside, or the face of smallest x only.
+
+Each by its axis, and 0 for the smallest or 1 for the largest place there.
+"""
 REENTRANT_DEG = 190.0
 VOLUME_SHARE = 0.01
 LOST_VOLUME = 1e-9
@@ -139,13 +143,11 @@ def clamped_shape(shape: Any, clamp: str) -> Any:
         No face lies there.
     """
     printed = next(solid for solid in shape.solids if solid.name == PRINTED)
-    low, high = (np.array(_xyz(corner)) for corner in printed.bounding_box)
-    sides = {"sides": ((0, low), (0, high), (1, low), (1, high)), "bottom": ((2, low),), "root": ((0, low),)}[clamp]
-    near = 1e-5 * float((high - low).max())
-    held = []
+    bounds = np.array([_xyz(corner) for corner in printed.bounding_box])
+    near, held = 1e-5 * float(np.ptp(bounds, axis=0).max()), []
     for face in printed.faces:
         ends = np.array([_xyz(corner) for corner in face.bounding_box])
-        if any((abs(ends[:, axis] - bound[axis]) < near).all() for axis, bound in sides):
+        if any((abs(ends[:, axis] - bounds[end, axis]) < near).all() for axis, end in CLAMPS[clamp]):
             held.append(face)
     if not held:
         raise SolverError(f"has no face to clamp by its {clamp}", "taxel")
@@ -449,18 +451,11 @@ def _strain(u: Any) -> Any:
     return ng.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
 
 
-class Factored(NamedTuple):
-    """``K⁻¹`` on all unknowns, zero where held: call it with a load (n,) in N, get (n,) in m."""
-
-    inverse: Any
-    into: Any
-    out: Any
-
-    def __call__(self, load: np.ndarray) -> np.ndarray:
-        return _applied(self.inverse, self.into, self.out, load)
+Solver = Callable[[np.ndarray], np.ndarray]
+"""``K⁻¹`` on all unknowns, zero where held: takes a load (n,) in N, returns (n,) in m."""
 
 
-def factored(system: System) -> Factored:
+def factored(system: System) -> Solver:
     """Factor the stiffness by Cholesky.
 
     Raises
@@ -472,10 +467,11 @@ def factored(system: System) -> Factored:
         inverse = system.stiffness.Inverse(system.space.FreeDofs(), inverse="sparsecholesky")
     except Exception as error:
         raise SolverError("the stiffness matrix cannot be factored: the solid is not held", "elasticity") from error
-    return Factored(inverse, system.stiffness.CreateColVector(), system.stiffness.CreateColVector())
+    into, out = system.stiffness.CreateColVector(), system.stiffness.CreateColVector()
+    return partial(_applied, inverse, into, out)
 
 
-def accurate(system: System, solve: Factored, loads: np.ndarray, answers: np.ndarray) -> bool:
+def accurate(system: System, solve: Solver, loads: np.ndarray, answers: np.ndarray) -> bool:
     """Tell whether `answers` (n, k) to `loads` (n, k) hold: for the softest, by the energy of its correction.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
@@ -493,7 +489,7 @@ def _applied(matrix: Any, into: Any, out: Any, vector: np.ndarray) -> np.ndarray
     return np.array(out.FV().NumPy())
 
 
-def eigenmodes(system: System, solve: Factored, modes: int, start: np.ndarray | None = None) -> Eigen:
+def eigenmodes(system: System, solve: Solver, modes: int, start: np.ndarray | None = None) -> Eigen:
     """Return the lowest `modes` of ``K x = (2πf)² M x`` by block Lanczos on K⁻¹ M from `start` (n, b).
 
     Static answers to loads on the washer are a good start: two blocks more do. Each block is
