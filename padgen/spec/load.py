@@ -411,7 +411,7 @@ OWN_AMPLIFIER = "own"
 """Name of an amplifier that a spec gives none."""
 CARRIED_HEADROOM = 1.0
 """Spur-free headroom where an AC-coupled amplifier needs a carrier: lines about it have less room, so bends are blunter
-(the largest margin that `padgen.physics.root_margin` tries)."""
+(the largest margin that `padgen.physics.crest.root_margin` tries)."""
 CALIBRATED = ("printer", "spread", "material")
 """Tables that the file of a calibrated printer may have."""
 WINDING = ("turns", "resistance_ohm", "inductance_mh")
