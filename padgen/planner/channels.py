@@ -223,8 +223,8 @@ LOW, RANGE, GAPS = 0.35 * MM, 3, 5
 def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
     """Return the coil and the washer of a spec in SI units."""
     washer = spec.washer
-    sizes = (v * MM for v in (washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm))
-    return coil_source(spec.coil), SteelRing(*sizes, washer.relative_permeability)
+    outer, inner, height = (v * MM for v in (washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm))
+    return coil_source(spec.coil), SteelRing(outer, inner, height, washer.relative_permeability)
 
 
 def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:

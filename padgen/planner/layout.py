@@ -441,7 +441,7 @@ SAME_MM = 0.05
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
     """Return the distances in mm of neighbouring columns and rows, and the share of their crossings with a taxel."""
-    crossings, steps = 1, []
+    crossings, steps = 1, list[tuple[float, ...]]()
     for places_mm in ([t.x_mm for t in taxels], [t.y_mm for t in taxels]):
         lines: list[float] = []
         for at in sorted(places_mm):
@@ -451,4 +451,4 @@ def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
         apart = [round(b - a, 3) for a, b in pairwise(lines)]
         steps.append((min(apart), max(apart)) if apart else ())
     ratio = max((step[1] / step[0] for step in steps if step), default=1.0)
-    return Pitch(*steps, ratio, len(taxels) / crossings)
+    return Pitch(steps[0], steps[1], ratio, len(taxels) / crossings)
