@@ -15,10 +15,10 @@ import numpy as np
 from padgen.core.errors import PadgenError
 from padgen.core.units import decibel
 from padgen.planner import Plan, make_plan
-from padgen.planner.layout import SLACK_MM, candidates
+from padgen.planner.layout import SLACK_MM, candidates, coil_reach_mm
 from padgen.planner.make import Choice, _assemble, _decided_specs, _driven, choose
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
-from padgen.planner.search import _beams, _within_reach, channel_limit
+from padgen.planner.search import _beams, channel_limit, sites_of
 from padgen.spec import Spec, load_spec, parse_spec
 from padgen.spec.load import template_paths
 
@@ -59,7 +59,8 @@ def every_layout(spec: Spec) -> Iterator[Choice]:
     for decided in _decided_specs(spec):
         for layout in candidates(decided, channel_limit(decided)):
             beams = layout.margin_mm >= -SLACK_MM and _beams(decided, layout)
-            if beams and _within_reach(decided, layout, beams):
+            reach_mm = coil_reach_mm(decided) + SLACK_MM
+            if beams and all(s.coil_distance_mm <= reach_mm for s in sites_of(decided, layout, beams)):
                 yield Choice(decided, layout, beams)
 
 
