@@ -60,7 +60,7 @@ def every_layout(spec: Spec) -> Iterator[Choice]:
         for layout in candidates(decided, channel_limit(decided)):
             beams = layout.margin_mm >= -SLACK_MM and _beams(decided, layout)
             reach_mm = coil_reach_mm(decided) + SLACK_MM
-            if beams and all(site.coil_distance_mm <= reach_mm for site in sites_of(decided, layout, beams)):
+            if beams and all(s.coil_distance_mm <= reach_mm for s in sites_of(decided, layout, beams)):
                 yield Choice(decided, layout, beams)
 
 

@@ -11,7 +11,7 @@ import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import Field, asdict, dataclass, field, fields, is_dataclass, replace
-from itertools import product
+from itertools import chain, pairwise, product
 from math import ceil, floor, prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,6 +46,7 @@ __all__ = [
 
 LONGEST, LONGEST_SHOWN = 1000, 80
 """Characters of a condition, and of what errors repeat of it."""
+NAMES = (ast.Name, ast.Attribute)
 LARGEST_WHOLE = 2**53
 """Whole numbers beyond are taken as floats, whose arithmetic takes no time and no room."""
 OPERATORS: dict[type, Callable[..., Any]] = {
@@ -93,7 +94,7 @@ class Expression:
             It cannot be worked out, as a division by zero.
         """
         try:
-            return bool(_evaluated(self.tree, values, spec))
+            return bool(_value(self.tree, values, spec))
         except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
             raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)) from error
 
@@ -126,9 +127,8 @@ def _where(text: str) -> str:
 
 def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
     """Raise `SpecError` unless the node is a condition's: fields, comparisons, arithmetic, and, or, not."""
-    name = _dotted(node)
-    if name is not None:
-        _field(name, spec, where)
+    if isinstance(node, NAMES):
+        _field(ast.unparse(node), spec, where)
         return
     operators = [getattr(node, "op", None), *getattr(node, "ops", ())]
     if any(not isinstance(op, (ast.And, ast.Or)) and type(op) not in OPERATORS for op in operators if op):
@@ -138,68 +138,54 @@ def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
     allowed = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)
     if not isinstance(node, allowed):
         raise SpecError(f"uses {ast.unparse(node)!r}, which is none of comparison, arithmetic, and, or, not", where)
-    if isinstance(node, ast.Call) and (_dotted(node.func) not in FUNCTIONS or node.keywords):
+    if isinstance(node, ast.Call) and (ast.unparse(node.func) not in FUNCTIONS or node.keywords):
         raise SpecError(f"calls {ast.unparse(node.func)!r}, known are {', '.join(FUNCTIONS)}", where)
     for child in node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node):
         if isinstance(child, ast.expr):
             _refuse(child, spec, where)
 
 
-def _evaluated(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
-    value = _value(node, values, spec)
-    return float(value) if isinstance(value, int) and abs(value) > LARGEST_WHOLE else value
-
-
 def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
-    name = _dotted(node)
-    if name is not None:
-        # A table stands for what names it, which the variant's spec knows.
-        return values[name] if name in values and not isinstance(values[name], dict) else _field(name, spec, "")
+    """Return the value of a node that `_refuse` has let pass."""
+
+    def of(part: ast.expr) -> Any:
+        return _value(part, values, spec)
+
     match node:
+        case ast.Name() | ast.Attribute():
+            name = ast.unparse(node)
+            # A table stands for what names it, which the variant's spec knows.
+            value = values[name] if name in values and not isinstance(values[name], dict) else _field(name, spec, "")
         case ast.Constant():
-            return node.value
+            value = node.value
         case ast.BoolOp():
-            decide = all if isinstance(node.op, ast.And) else any
-            return decide(_evaluated(part, values, spec) for part in node.values)
+            value = (all if isinstance(node.op, ast.And) else any)(map(of, node.values))
         case ast.UnaryOp():
-            return OPERATORS[type(node.op)](_evaluated(node.operand, values, spec))
+            value = OPERATORS[type(node.op)](of(node.operand))
         case ast.BinOp():
-            left, right = _evaluated(node.left, values, spec), _evaluated(node.right, values, spec)
-            if not isinstance(left, (int, float)) or not isinstance(right, (int, float)):
+            pair = of(node.left), of(node.right)
+            if not all(isinstance(side, (int, float)) for side in pair):
                 raise TypeError("arithmetic is of numbers")  # of text it might take all memory
-            return OPERATORS[type(node.op)](left, right)
+            value = OPERATORS[type(node.op)](*pair)
         case ast.Compare():
-            parts = [_evaluated(part, values, spec) for part in (node.left, *node.comparators)]
-            pairs = zip(node.ops, parts, parts[1:], strict=False)
-            return all(OPERATORS[type(op)](left, right) for op, left, right in pairs)
+            pairs = zip(node.ops, pairwise(map(of, (node.left, *node.comparators))), strict=True)
+            value = all(OPERATORS[type(op)](left, right) for op, (left, right) in pairs)
         case ast.Subscript():
-            return _evaluated(node.value, values, spec)[_evaluated(node.slice, values, spec)]
+            value = of(node.value)[of(node.slice)]
         case ast.Call():
-            return FUNCTIONS[_dotted(node.func) or ""](*(_evaluated(part, values, spec) for part in node.args))
-    raise TypeError(ast.unparse(node))
-
-
-def _dotted(node: ast.expr) -> str | None:
-    """Return ``a.b.c`` as text, None for anything else."""
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.Attribute):
-        before = _dotted(node.value)
-        return None if before is None else f"{before}.{node.attr}"
-    return None
+            value = FUNCTIONS[ast.unparse(node.func)](*map(of, node.args))
+    return float(value) if isinstance(value, int) and abs(value) > LARGEST_WHOLE else value
 
 
 def _field(name: str, spec: Spec, where: str) -> Any:
     value: Any = spec
     for part in name.split("."):
-        if not hasattr(type(value), "__dataclass_fields__") or part not in type(value).__dataclass_fields__:
+        if part not in getattr(type(value), "__dataclass_fields__", ()):
             raise SpecError(f"names {name!r}, which a spec does not have; words stand in quotes", where)
         value = getattr(value, part)
     # A table stands for what names it, as in TOML: material == 'pla', drive == 'tones'.
-    for word in ("name", "scheme", "structure"):
-        if is_dataclass(value) and hasattr(value, word):
-            return getattr(value, word)
-    return value
+    words = [word for word in ("name", "scheme", "structure") if is_dataclass(value) and hasattr(value, word)]
+    return getattr(value, words[0]) if words else value
 
 
 STAGES = ("plan", "yield", "build", "study")
@@ -396,12 +382,12 @@ def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     """Return dotted names and values: ``pad.width_mm = …`` is a nested table in TOML."""
     pairs = []
     for key, value in table.items():
-        if isinstance(value, dict) and not set(value) & set(RANGE_KEYS):
-            if not value:
-                raise SpecError("is empty; it would name fields, and their values", f"axes.{prefix}{key}")
+        if not isinstance(value, dict) or set(value) & set(RANGE_KEYS):
+            pairs.append((prefix + key, value))
+        elif value:
             pairs += _flat(value, f"{prefix}{key}.")
         else:
-            pairs.append((prefix + key, value))
+            raise SpecError("is empty; it would name fields, and their values", f"axes.{prefix}{key}")
     return pairs
 
 
@@ -516,11 +502,9 @@ def variants(sweep: Sweep) -> Iterator[Variant]:
     """Yield the variants that the constraints leave, in the order of their numbers."""
     count_points(sweep)
     points = product(*(axis.values for axis in sweep.axes)) if sweep.sample.method == "grid" else _sample(sweep)
+    names = [name for axis in sweep.axes for name in axis.fields]
     for place, chosen in enumerate(points):
-        pairs = zip(sweep.axes, chosen, strict=True)
-        variant = Variant(
-            place, {name: value for axis, row in pairs for name, value in zip(axis.fields, row, strict=True)}
-        )
+        variant = Variant(place, dict(zip(names, chain(*chosen), strict=True)))
         spec = sweep.spec
         with suppress(PadgenError):  # its row will tell what is wrong with it
             # A constraint may ask for what a varied field brings along, as a printer its default material.

@@ -216,10 +216,9 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str
 
 def pareto_csv(overview: Overview) -> str:
     """Return the front as CSV: its rows of the index, each with the objectives in which it is best."""
-    columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
-    rows, best = [], overview.best()
-    for index, row in enumerate(overview.rows):
-        rows.append([*(row[i] for i in columns), " ".join(name for name, which in best.items() if which == index)])
+    columns, best = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT], overview.best()
+    best_in = [" ".join(name for name, which in best.items() if which == k) for k in range(len(overview.rows))]
+    rows = [[*(row[i] for i in columns), told] for row, told in zip(overview.rows, best_in, strict=True)]
     return table_csv([*(overview.header[i] for i in columns), "best_in"], rows)
 
 
@@ -256,6 +255,10 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
     import matplotlib
     from matplotlib.figure import Figure
 
+    labels = [
+        f"{OBJECTIVES[name].axis}\n({'more' if OBJECTIVES[name].best == 'most' else 'less'} is better)"
+        for name in overview.objectives
+    ]
     title, shown = _title(overview, name), _with_places(overview)
     hue, side = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i])), len(differ) - 1
     with matplotlib.rc_context(STYLE):
@@ -267,13 +270,13 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
                 points = _panel(axis, shown, (differ[j], differ[i + 1]), hue)
         below, beside = [axis.xaxis for axis in axes[-1]], [axis.yaxis for axis in axes[:, 0]]
         for axis, objective in zip([*below, *beside], [*differ[:-1], *differ[1:]], strict=True):
-            axis.set_label_text(_label(overview, objective))
+            axis.set_label_text(labels[objective])
             if _is_wide(overview, objective):
                 axis._set_axes_scale("log")
                 axis.set_major_formatter("{x:g}")
         handles = axes[0, 0].get_legend_handles_labels()
         figure.legend(*handles, loc="outside right upper", frameon=False)
-        figure.colorbar(points, ax=axes, shrink=0.5, format="{x:g}", label=f"colour: {_label(overview, hue)}")
+        figure.colorbar(points, ax=axes, shrink=0.5, format="{x:g}", label=f"colour: {labels[hue]}")
         figure.suptitle(title, x=0.01, ha="left", fontsize=9)
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
@@ -333,11 +336,6 @@ def _is_wide(overview: Overview, objective: int) -> bool:
     finite = finite[np.isfinite(finite)]
     wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()
     return bool(wide and overview.objectives[objective] in RATIOS)
-
-
-def _label(overview: Overview, objective: int) -> str:
-    name = overview.objectives[objective]
-    return f"{OBJECTIVES[name].axis}\n({'more' if OBJECTIVES[name].best == 'most' else 'less'} is better)"
 
 
 def _title(overview: Overview, name: str) -> str:

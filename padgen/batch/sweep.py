@@ -1,8 +1,8 @@
 """Run a sweep over any executor: a bounded window of tasks, every record kept at once, whatever breaks down.
 
 What is submitted makes variants in a watched worker process (`padgen.core.runner`), on this machine or wherever the
-executor's own workers are. Only ``submit`` of an executor is used, and of its futures ``result`` with
-``add_done_callback`` or, where they lack that, ``done``: `concurrent.futures`, Dask, executorlib and submitit will do.
+executor's own workers are. Only ``submit`` of an executor is used, and of its futures ``result`` and ``done``
+with, where there is one, ``add_done_callback``: `concurrent.futures`, Dask, executorlib and submitit will do.
 
 `connect` makes an executor of a Dask cluster whose workers would make the same variants as this machine.
 """

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
+from padgen.physics.currents import mean_square_a2
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
@@ -28,7 +29,6 @@ from padgen.physics.resonator import (
     ring_up_time,
     without_quiet_modes,
 )
-from padgen.physics.schemes import mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.coils import coil_source
 from padgen.planner.plan import TURNS, Beam, Channel, Plan, Site, channel_sets, level_law
@@ -223,8 +223,8 @@ LOW, RANGE, GAPS = 0.35 * MM, 3, 5
 def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
     """Return the coil and the washer of a spec in SI units."""
     washer = spec.washer
-    outer, inner, thickness = (v * MM for v in (washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm))
-    return coil_source(spec.coil), SteelRing(outer, inner, thickness, washer.relative_permeability)
+    outer, inner, height = (v * MM for v in (washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm))
+    return coil_source(spec.coil), SteelRing(outer, inner, height, washer.relative_permeability)
 
 
 def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:

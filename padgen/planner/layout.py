@@ -441,8 +441,7 @@ SAME_MM = 0.05
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
     """Return the distances in mm of neighbouring columns and rows, and the share of their crossings with a taxel."""
-    crossings = 1
-    steps: list[tuple[float, ...]] = []
+    crossings, steps = 1, list[tuple[float, ...]]()
     for places_mm in ([t.x_mm for t in taxels], [t.y_mm for t in taxels]):
         lines: list[float] = []
         for at in sorted(places_mm):

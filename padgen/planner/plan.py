@@ -564,14 +564,14 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
 
 def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     """Return the `value` of an entry as its `kind`; raises `ValueError` if it is of another kind."""
-    origin, kinds = get_origin(kind), get_args(kind)
-    if (is_dataclass(kind) or origin is dict) and not isinstance(value, dict):
+    origin, kinds, is_table = get_origin(kind), get_args(kind), is_dataclass(kind)
+    if (is_table or origin is dict) and not isinstance(value, dict):
         raise ValueError(f"{where} must be a table")
     if kind is Any:  # the value of a field of the spec, as in a cure
         return value
     if kind is Spec:
         return make_spec(without_none(value))
-    if is_dataclass(kind):
+    if is_table:
         entries = {}
         for item in fields(kind):
             place = item.name if kind is Plan else f"{where}.{item.name}"
