@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain, groupby, islice, product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -56,6 +56,7 @@ __all__ = [
     "wiring_findings",
 ]
 
+Row = TypeVar("Row", list[str], str)
 Check = Callable[[int, int, int], None]
 """Called with each frame's number, rows and columns before it is decoded; raises where they do not fit."""
 MAGIC = b"\x93NUMPY"
@@ -142,7 +143,7 @@ def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
     return _decoded(_blocks(rows, path), path, check, "numbers", level)
 
 
-def _blocks(rows: Iterable[Sequence[str]], path: Path) -> Iterator[Sequence[Sequence[str]]]:
+def _blocks(rows: Iterable[Row], path: Path) -> Iterator[list[Row]]:
     """Yield the rows of each frame, between which there is an empty one; not more than a pad can have."""
     for filled, rows_of_one in groupby(rows, key=any):
         block = list(islice(rows_of_one, MOST_ROWS + 1))
