@@ -21,8 +21,8 @@ import pytest
 import padgen as pg
 from padgen import cli
 from padgen.core.errors import FileError
-from padgen.measured.gcode_file import read_layers, read_settings
 from padgen.measured.judge_laid import check_gcode
+from padgen.measured.laid_pad import read_layers, read_settings
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 

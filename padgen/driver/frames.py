@@ -56,6 +56,7 @@ __all__ = [
     "wiring_findings",
 ]
 
+Row = TypeVar("Row", list[str], str)
 Check = Callable[[int, int, int], None]
 Row = TypeVar("Row", bound=Sequence[str])
 """Called with each frame's number, rows and columns before it is decoded; raises where they do not fit."""

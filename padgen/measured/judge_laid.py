@@ -18,8 +18,7 @@ import numpy as np
 from padgen.core.errors import number
 from padgen.core.finding import Finding
 from padgen.core.units import G_PER_CM3, MG, MM
-from padgen.measured.gcode_file import read_settings
-from padgen.measured.laid_pad import LaidPad, laid_pad
+from padgen.measured.laid_pad import LaidPad, laid_pad, read_settings
 from padgen.physics.ladder import slot_half_width
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.suspensions import Arrangement, BeamShape

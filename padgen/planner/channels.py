@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
-from padgen.physics.currents import mean_square_a2
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
