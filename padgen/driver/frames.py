@@ -58,7 +58,6 @@ __all__ = [
 
 Row = TypeVar("Row", list[str], str)
 Check = Callable[[int, int, int], None]
-Row = TypeVar("Row", bound=Sequence[str])
 """Called with each frame's number, rows and columns before it is decoded; raises where they do not fit."""
 MAGIC = b"\x93NUMPY"
 LARGEST_TEXT = 1 << 25

@@ -26,7 +26,6 @@ import numpy as np
 
 from padgen.core.errors import FileError, number, shown
 from padgen.core.files import reason
-from padgen.measured.laid_pad import Layer, read_layers
 from padgen.planner.layout import outline, taxel_places
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath

@@ -28,6 +28,7 @@ from padgen.physics.resonator import (
     ring_up_time,
     without_quiet_modes,
 )
+from padgen.physics.schemes import mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.coils import coil_source
 from padgen.planner.plan import TURNS, Beam, Channel, Plan, Site, channel_sets, level_law

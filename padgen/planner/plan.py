@@ -578,7 +578,7 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
             if item.name not in value:
                 raise ValueError(f"{place} is missing")
             entries[item.name] = _read(item.type, value[item.name], place, kind in DRAWN)
-        return kind(**entries)  # type: ignore[operator]
+        return kind(**entries)
     if origin is dict:
         return {name: _read(kinds[1], entry, f"{where}.{name}") for name, entry in value.items()}
     if origin is tuple:
