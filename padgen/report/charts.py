@@ -229,18 +229,14 @@ def print_map(axis: Any, plan: "Plan") -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
-    pad, coils, least = plan.spec.pad, plan.coils, plan.spec.print_share
+    coils, least = plan.coils, plan.spec.print_share
     shade = ScalarMappable(Normalize(least, 1.0), LinearSegmentedColormap.from_list("prints", ("#f0bf5a", "white")))
-    many = coils.rows * coils.columns > MOST_LABELLED
-    cells = []
-    for row in range(coils.rows):
-        for column in range(coils.columns):
-            x, y = coil_axis_mm(coils, row, column)
-            half = np.array([coils.pitch_x_mm, coils.pitch_y_mm]) / 2
-            cells.append(np.array([x, y]) + half * [(-1, -1), (1, -1), (1, 1), (-1, 1)])
-            share = plan.prints.coil_shares[row * coils.columns + column]
-            if not many:
-                axis.annotate(f"{100 * share:.3g} %", cells[-1][0], (2, 2), textcoords="offset points", fontsize=8)
+    half = np.array([coils.pitch_x_mm, coils.pitch_y_mm]) / 2
+    places = [coil_axis_mm(coils, row, column) for row in range(coils.rows) for column in range(coils.columns)]
+    cells = [place + half * [(-1, -1), (1, -1), (1, 1), (-1, 1)] for place in places]
+    for cell, share in zip(cells, plan.prints.coil_shares, strict=True):
+        if len(cells) <= MOST_LABELLED:
+            axis.annotate(f"{100 * share:.3g} %", cell[0], (2, 2), textcoords="offset points", fontsize=8)
     fills = shade.to_rgba(plan.prints.coil_shares)
     axis.add_collection(PolyCollection(cells, facecolors=fills, edgecolors=PALE, linewidths=0.4, gid="cells"))
     colours = colours_of(len(plan.channels))

@@ -3,7 +3,7 @@
 Everything is drawn from the plan, in two dimensions. Parts have their names as the artists' ``gid``.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
 from math import cos, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,11 +13,12 @@ import numpy as np
 from padgen.core.display import COLOURS, INK, PALE
 from padgen.core.errors import InfeasibleError, number
 from padgen.planner.fixtures import coil_axis_mm, plan_tray, washer_underside_mm
+from padgen.planner.plan import TURNS
 from padgen.planner.suspensions import BeamPath, Segment
 from padgen.planner.tile import Outline, corner_groove, outline, to_cell
 
 if TYPE_CHECKING:
-    from padgen.planner.plan import Channel, Plan, Taxel
+    from padgen.planner.plan import Channel, Plan
 
 __all__ = ["draw_exploded", "draw_pad", "draw_section", "draw_wiring", "title_of"]
 
@@ -34,6 +35,9 @@ FILLS = {
     "recess": "#ffffff",
     "window": "#ffffff",
     "behind": "#f6f2ea",
+    "inside": "#7d786c",
+    "socket": "#55666f",
+    "hole": "#55524b",
 }
 SMALL_PT, NAME_PT = 8.0, 9.0
 CIRCLE = np.linspace(0, 2 * pi, 49)
@@ -45,31 +49,41 @@ def title_of(plan: "Plan", words: str) -> str:
     return plan.name.replace("$", r"\$") + f": {words}"
 
 
-class Room(NamedTuple):
-    """Space in inches around a drawing for its words, and the largest width and height of the whole picture."""
+class Note(NamedTuple):
+    """Words beside a drawing: a name, a sentence about it (or none), and the place in mm that they are about."""
 
-    left: float = 0.3
-    right: float = 0.3
-    below: float = 0.3
-    above: float = 0.6
-    width: float = 9.0
-    height: float = 7.5
+    name: str
+    sentence: str
+    place: tuple[float, float]
 
 
 class Sheet:
-    """A figure with a single axis in mm, to scale, without ticks; `mm` is how many mm an inch shows."""
+    """A figure with a single axis in mm, to scale, without ticks; `mm` is how many mm an inch shows.
 
-    def __init__(self, title: str, area: Outline, room: Room) -> None:
+    Around the `area` in mm is room in inches for words: (left, right, below, above). `most` is the largest width and
+    height in inches.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        area: Outline,
+        room: tuple[float, float, float, float] = (0.3, 0.3, 0.75, 0.85),
+        most: tuple[float, float] = (9.5, 7.6),
+    ) -> None:
         from matplotlib.figure import Figure
 
+        left, right, below, above = room
         wide, deep = area.x1 - area.x0, area.y1 - area.y0
-        self.mm = max(wide / (room.width - room.left - room.right), deep / (room.height - room.below - room.above))
-        size = (wide / self.mm + room.left + room.right, deep / self.mm + room.below + room.above)
+        self.mm = mm = max(wide / (most[0] - left - right), deep / (most[1] - below - above))
+        size = wide / mm + left + right, deep / mm + below + above
         self.figure = Figure(figsize=size)
-        self.axis = axis = self.figure.add_axes((0, 0, 1, 1))
-        axis.set_axis_off()
-        axis.set_xlim(area.x0 - room.left * self.mm, area.x1 + room.right * self.mm)
-        axis.set_ylim(area.y0 - room.below * self.mm, area.y1 + room.above * self.mm)
+        limits = {
+            "xlim": (area.x0 - left * mm, area.x1 + right * mm),
+            "ylim": (area.y0 - below * mm, area.y1 + above * mm),
+        }
+        self.axis = self.figure.add_axes((0, 0, 1, 1), **limits)
+        self.axis.set_axis_off()
         self.figure.suptitle(title, x=0.15 / size[0], y=1 - 0.12 / size[1], ha="left", va="top")
 
     def part(self, name: str, shapes: Iterable[Points], **style: Any) -> Any:
@@ -99,26 +113,21 @@ class Sheet:
             bare = {"color": "white", "pad": 0.6}  # hides the lines that other dimensions begin with
             self.words(*(sum(ends) / 2, at + gap)[turn], text, bbox=bare, **side)
 
-    def column(self, x: float, to_right: bool, notes: Sequence[tuple[str, str, str, tuple[float, float]]]) -> None:
-        """Write notes (part, name, sentence, place that is meant) below each other at `x`, with lines to the places."""
-        notes = sorted(notes, key=lambda note: -note[3][1])
-        heights = [self.mm * (0.24 + 0.135 * (note[2].count("\n") + bool(note[2]))) for note in notes]
+    def column(self, x: float, to_right: bool, notes: Sequence[Note]) -> None:
+        """Write notes below each other at `x`, each with a line to the place that it is about."""
+        notes = sorted(notes, key=lambda note: -note.place[1])
+        heights = [self.mm * (0.24 + 0.135 * (note.sentence.count("\n") + bool(note.sentence))) for note in notes]
         tops, low = [], np.inf
         for note, height in zip(notes, heights, strict=True):
-            tops.append(min(low, note[3][1] + height / 2))
+            tops.append(min(low, note.place[1] + height / 2))
             low = tops[-1] - height
-        # What the lowest were pushed down for want of room, all come up by half of.
-        shift = max(notes[-1][3][1] - heights[-1] / 2 - low, 0.0) / 2
+        # All come up by half of what the lowest was pushed down by for want of room.
+        shift = max(notes[-1].place[1] - heights[-1] / 2 - low, 0.0) / 2
         ha, out = ("left", 0.08 * self.mm) if to_right else ("right", -0.08 * self.mm)
-        for (part, name, sentence, place), top in zip(notes, tops, strict=True):
+        thin = {"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0}
+        for (name, sentence, place), top in zip(notes, tops, strict=True):
             y = top + shift - 0.1 * self.mm
-            self.axis.annotate(
-                "",
-                place,
-                (x, y),
-                gid=f"to {part}",
-                arrowprops={"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0},
-            )
+            self.axis.annotate("", place, (x, y), gid=f"to {name}", arrowprops=thin)
             self.axis.plot(*place, ".", color=INK, markersize=3, zorder=9)
             self.words(x + out, y, name, ha=ha, fontsize=NAME_PT, weight="bold" if sentence else "normal")
             self.words(x + out, y - 0.09 * self.mm, sentence, ha=ha, va="top", color="#555555")
@@ -168,16 +177,20 @@ def taxel_shapes(plan: "Plan", channel: "Channel") -> dict[str, list[Points]]:
     }
 
 
-def on_pad(plan: "Plan", taxel: "Taxel", points: Points) -> Points:
-    """Turn and shift points (n, 2) from a taxel's own axes to the pad's."""
-    placed = to_cell(points, plan.channels[taxel.channel])
-    return np.array(coil_axis_mm(plan.coils, *taxel.coil)) + (-placed if taxel.turned else placed)
-
-
 def all_shapes(plan: "Plan", names: Sequence[str]) -> dict[str, list[Points]]:
     """Return the outlines of these parts of all taxels, in the pad's axes."""
-    own = [taxel_shapes(plan, channel) for channel in plan.channels]
-    return {name: [on_pad(plan, t, shape) for t in plan.taxels for shape in own[t.channel][name]] for name in names}
+    own = [
+        {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
+        for channel in plan.channels
+    ]
+    return {
+        name: [
+            coil_axis_mm(plan.coils, *taxel.coil) + (-shape if taxel.turned else shape)
+            for taxel in plan.taxels
+            for shape in own[taxel.channel][name]
+        ]
+        for name in names
+    }
 
 
 def border(plan: "Plan", grow: float = 1.0) -> Points:
@@ -187,48 +200,51 @@ def border(plan: "Plan", grow: float = 1.0) -> Points:
     return rectangle(-x, x, -y, y)
 
 
-def draw_pad(plan: "Plan") -> Any:
-    """Draw the pad from the touch side and, turned over about its y axis, from below."""
-    pad = plan.spec.pad
-    wide, deep = (side + 2 * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
-    apart = wide + 0.12 * wide
-    area = Outline(-wide / 2, apart + wide / 2, -deep / 2, deep / 2)
-    sheet = Sheet(title_of(plan, "the printed pad, in mm"), area, Room(left=0.75, below=1.1, above=0.85, width=10.0))
-    hole = [circle(x, y, pad.hole_diameter_mm) for x, y in (border(plan) + border(plan, 0)) / 2]
-    shapes = all_shapes(plan, ("window", "beam", "plate", "boss", "recess", "washer"))
-    radius = pad.border_mm / 2
-    corners = (border(plan) - np.sign(border(plan)) * radius)[[2, 3, 0, 1]]
-    turns = [CIRCLE[:13] + k * pi / 2 for k in range(4)]
-    rounded = np.vstack(
-        [c + radius * np.stack([np.cos(t), np.sin(t)], -1) for c, t in zip(corners, turns, strict=True)]
-    )
-    thin = {"linewidth": 0.3 if len(plan.taxels) > MANY else 0.6}
-    for shift, mirror, names in (
-        (0.0, 1.0, ("window", "beam", "plate", "boss")),
-        (apart, -1.0, ("window", "plate", "beam", "recess", "washer")),
-    ):
-        place = np.array([mirror, 1.0])
+def both_sides(
+    plan: "Plan", title: str, sides: tuple[str, str], most: tuple[float, float] = (9.5, 7.6)
+) -> tuple[Sheet, list[Callable[[Points], Points]]]:
+    """Return a sheet with the pad's outline from the touch side and, turned over about its y axis, from below.
 
-        def seen(them: list[Points], shift: float = shift, place: Points = place) -> list[Points]:
-            return [shape * place + (shift, 0) for shape in them]
-
-        sheet.part("frame", seen([rounded]))
+    The functions bring points (n, 2) from the pad's axes to each side's place on the sheet.
+    """
+    pad, groove, radius = plan.spec.pad, corner_groove(plan.spec), plan.spec.pad.border_mm / 2
+    (left, low), (right, high) = border(plan)[[0, 2]]
+    apart = 1.12 * (right - left)
+    sheet = Sheet(title_of(plan, title), Outline(left, right + apart, low, high), (0.7, 0.3, 1.1, 0.85), most)
+    corners = border(plan, 0.5)[[2, 3, 0, 1]]
+    bows = [corner + circle(0, 0, 2 * radius)[12 * k : 12 * k + 13] for k, corner in enumerate(corners)]
+    notch = rectangle(groove.x0, groove.x1, low, groove.y1)
+    views = [lambda shape: shape, lambda shape: shape * (-1, 1) + (apart, 0)]
+    for view, side in zip(views, sides, strict=True):
+        sheet.part("frame", [view(np.vstack(bows))])
+        sheet.part("groove", [view(notch)], facecolor=INK)
         if pad.hole_diameter_mm:
-            sheet.part("window", seen(hole))
-        groove = corner_groove(plan.spec)
-        sheet.part("groove", seen([rectangle(groove.x0, groove.x1, -deep / 2, groove.y1)]), facecolor=INK)
+            sheet.part("hole", [view(circle(x, y, pad.hole_diameter_mm)) for x, y in corners], facecolor="white")
+        sheet.words(
+            *view(np.array([(0, high + 0.12 * sheet.mm)]))[0], side, va="bottom", weight="bold", fontsize=NAME_PT
+        )
+    return sheet, views
+
+
+def draw_pad(plan: "Plan") -> Any:
+    """Draw the printed pad from the touch side and from below, with its dimensions."""
+    pad, (x, y), (inner_x, inner_y) = plan.spec.pad, border(plan)[2], border(plan, 0)[2]
+    sides = ("touch side: bosses to feel", "underside: beams, recesses and washers")
+    sheet, views = both_sides(plan, "the printed pad, in mm", sides)
+    parts = ("window", "beam", "plate", "boss"), ("window", "plate", "beam", "recess", "washer")
+    shapes = all_shapes(plan, {*parts[0], *parts[1]})
+    for view, names in zip(views, parts, strict=True):
         for name in names:
-            sheet.part(name, seen(shapes[name]), **thin)
-        side = "touch side: bosses to feel" if mirror > 0 else "underside: beams, recesses and washers"
-        sheet.words(shift, deep / 2 + 0.12 * sheet.mm, side, va="bottom", fontsize=NAME_PT, weight="bold")
-    step, low = 0.3 * sheet.mm, -deep / 2
-    sheet.dimension((-pad.width_mm / 2, pad.width_mm / 2), low - step, -pad.depth_mm / 2, f"{number(pad.width_mm)}")
-    sheet.dimension((-wide / 2, wide / 2), low - 2 * step, low, f"{number(wide)}")
-    sheet.dimension((-deep / 2, deep / 2), -wide / 2 - step, -wide / 2, f"{number(deep)}", tall=True)
+            thin = 0.3 if len(plan.taxels) > MANY else 0.6
+            sheet.part(name, [view(shape) for shape in shapes[name]], linewidth=thin)
+    step = 0.3 * sheet.mm
+    sheet.dimension((-inner_x, inner_x), -y - step, -inner_y, number(pad.width_mm))
+    sheet.dimension((-x, x), -y - 2 * step, -y, number(2 * x))
+    sheet.dimension((-y, y), -x - step, -x, number(2 * y), tall=True)
     holes = f", holes {number(pad.hole_diameter_mm)}" if pad.hole_diameter_mm else ""
     told = f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes};"
     told += f" washers {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
-    sheet.words(-wide / 2, low - 2 * step - 0.2 * sheet.mm, told, ha="left", va="top")
+    sheet.words(-x, -y - 2 * step - 0.2 * sheet.mm, told, ha="left", va="top")
     return sheet.figure
 
 
@@ -238,109 +254,102 @@ MANY = 128
 
 def draw_section(plan: "Plan") -> Any:
     """Draw the taxel of the lowest channel from the touch side and, below, cut along its beam, to one scale."""
-    channel, spec, plate = plan.channels[0], plan.spec, plan.plate
-    coil, washer, thick = spec.coil, spec.washer, spec.pad.frame_thickness_mm
-    own, arrangement, shapes = outline(plan, channel), plan.arrangement(channel), taxel_shapes(plan, channel)
+    channel, spec, plate, washer = plan.channels[0], plan.spec, plan.plate, plan.spec.washer
+    coil, thick, own, arrangement = (
+        spec.coil,
+        spec.pad.frame_thickness_mm,
+        outline(plan, channel),
+        plan.arrangement(channel),
+    )
+    shapes, beam = taxel_shapes(plan, channel), arrangement.beams[0]
     length, x = float(arrangement.window_mm[0]), float(arrangement.washer_x_mm)
-    thin, low = channel.beam.thickness_mm, washer_underside_mm(plan)
+    thin, low, peak = channel.beam.thickness_mm, washer_underside_mm(plan), plate.boss_top_mm
     roof, top = low + washer.thickness_mm, low - coil.gap_mm
-    coil_x, coil_y = coil_place(channel)
     bottom, reach = top - coil.length_mm, coil.outer_diameter_mm / 2
+    inner, core = coil.inner_diameter_mm / 2, coil.core_diameter_mm / 2
+    (cosine, sine), (ahead, aside) = TURNS[channel.site.along], channel.site.origin_mm
+    coil_x, coil_y = -cosine * ahead - sine * aside, sine * ahead - cosine * aside
     left, right = min(own.x0, coil_x - reach), max(own.x1, coil_x + reach)
     # Room for a line of words and a dimension between both views, at whichever scale comes out.
-    apart = max(0.13 * (right - left), 0.08 * (plate.boss_top_mm - bottom + own.y1 - own.y0))
-    lift = plate.boss_top_mm + apart - own.y0
-    room = Room(left=2.3, right=2.75, below=0.35, above=0.95, width=9.2, height=7.6)
+    apart = max(0.13 * (right - left), 0.08 * (peak - bottom + own.y1 - own.y0))
+    lift, above = peak + apart - own.y0, peak + apart + own.y1 - own.y0
+    up = np.array([0.0, lift])
     title = (
         f"one taxel from the touch side and, below, cut along its beam (mm; channel 0, {channel.resonance_hz:.4g} Hz)"
     )
-    sheet = Sheet(title_of(plan, title), Outline(left, right, bottom, own.y1 + lift), room)
+    sheet = Sheet(title_of(plan, title), Outline(left, right, bottom, above), (2.3, 2.75, 0.35, 0.95))
 
-    from_above = np.array([0.0, lift])
-    sheet.part("view", [rectangle(*own) + from_above], facecolor=FILLS["frame"])
-    for name in ("window", "beam", "plate", "boss"):
-        sheet.part(f"{name} from above", [s + from_above for s in shapes[name]], facecolor=FILLS[name])
-    hidden = {"facecolor": "none", "linestyle": (0, (4, 2)), "edgecolor": FILLS["washer"]}
-    sheet.part("washer from above", [shapes["washer"][0] + from_above], **hidden)
-    under = sheet.part("coil from above", [circle(coil_x, coil_y + lift, 2 * reach)], **hidden)
-    under.set(edgecolor=FILLS["coil"], clip_path=sheet.axis.patches[0])
+    for name in ("frame", "window", "beam", "plate", "boss"):
+        drawn = [rectangle(*own)] if name == "frame" else shapes[name]
+        sheet.part(f"{name} from above", [shape + up for shape in drawn], facecolor=FILLS[name])
+    below = (("washer", shapes["washer"][0]), ("coil", circle(coil_x, coil_y, 2 * reach)))
+    for name, shape in below:
+        dashed = {"facecolor": "none", "edgecolor": FILLS[name], "linestyle": (0, (4, 2))}
+        sheet.part(f"{name} from above", [shape + up], **dashed).set_clip_path(sheet.axis.patches[0])
     sheet.axis.plot([own.x0, own.x1], [lift, lift], color=INK, linewidth=0.7, linestyle=(0, (8, 2, 1, 2)), zorder=8)
     sheet.words(own.x1 + 0.05 * sheet.mm, lift, "cut", ha="left")
     sheet.words(own.x0, own.y0 + lift - 0.05 * sheet.mm, "dashed: washer and coil below", ha="left", va="top")
 
-    cut, behind = beam_cuts(shapes["beam"]), np.concatenate(shapes["beam"])[:, 0]
-    sheet.part("behind", [rectangle(0, length, 0, thick)], linewidth=0.4)
-    sheet.part("beam behind", [rectangle(behind.min(), behind.max(), 0, thin)], facecolor="#f6ddaa", linewidth=0.4)
-    sheet.part("frame", [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)])
-    sheet.part("beam", [rectangle(*ends, 0, thin) for ends in cut] or [rectangle(behind.min(), behind.max(), 0, thin)])
+    cuts, along = beam_cuts(shapes["beam"]), np.concatenate(shapes["beam"])[:, 0]
+    side = rectangle(float(along.min()), float(along.max()), 0, thin)
     blocks = [[float(v) for v in b] for b in arrangement.blocks if float(b.low_y_mm) < 0 < float(b.high_y_mm)]
-    sheet.part("plate", [rectangle(b[0], b[1], 0, b[4]) for b in blocks])
-    hollow, post = plate.recess_diameter_mm / 2, plate.post_diameter_mm / 2
-    sheet.part("recess", [rectangle(x - hollow, x + hollow, 0, plate.recess_depth_mm)])
-    if post:
-        sheet.part("post", [rectangle(x - post, x + post, 0, plate.recess_depth_mm)], facecolor=FILLS["plate"])
-    half, edge, peak = plate.boss_diameter_mm / 2, plate.boss_edge_mm, plate.boss_top_mm
-    across = np.array([-half, half, half, half - edge, edge - half, -half])
-    levels = [plate.thickness_mm] * 2 + [peak - edge, peak, peak, peak - edge]
-    sheet.part("boss", [np.stack([x + across, levels], -1)])
-    outer, bore = washer.outer_diameter_mm / 2, washer.inner_diameter_mm / 2
+    hollow, post, half = (d / 2 for d in (plate.recess_diameter_mm, plate.post_diameter_mm, plate.boss_diameter_mm))
+    outer, bore, edge = washer.outer_diameter_mm / 2, washer.inner_diameter_mm / 2, plate.boss_edge_mm
+    profile = [(half, plate.thickness_mm), (half, peak - edge), (half - edge, peak)]
+    profile += [(-across, z) for across, z in reversed(profile)]
+    sheet.part("behind", [rectangle(0, length, 0, thick)], linewidth=0.4)
+    sheet.part("beam behind", [side], facecolor="#f6ddaa", linewidth=0.4)
+    sheet.part("frame", [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)])
+    sheet.part("beam", [rectangle(*ends, 0, thin) for ends in cuts] or [side])
+    sheet.part("plate", [rectangle(block[0], block[1], 0, block[4]) for block in blocks])
+    sheet.part("recess", [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)])
+    sheet.part("boss", [np.array([(x + across, z) for across, z in profile])])
     sheet.part("washer", [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)])
-    inner, core = coil.inner_diameter_mm / 2, coil.core_diameter_mm / 2
     sheet.part("coil", [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)])
     if core:
         sheet.part("core", [rectangle(coil_x - core, coil_x + core, bottom, top)])
-    middle = (length + own.x1) / 2
 
-    beam_x = sum(cut[0]) / 2 if cut else (behind.min() + blocks[0][0]) / 2
-    steel, wire = x + (bore + outer) / 2, coil_x + (inner + reach) / 2
-    wall = max((x + hollow + blocks[0][1]) / 2, x + half)
-    around = f"steel, {number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)};\nglued in, and pulled by the coil"
+    steel, size = x + (bore + outer) / 2, f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
+    spring = sum(cuts[0]) / 2 if cuts else (float(along.min()) + blocks[0][0]) / 2
+    wall, rib = max((x + hollow + blocks[0][1]) / 2, x + half), (length + own.x1) / 2
+    winding = f"copper, {number(2 * reach)} across: the frequency\nof its current chooses among taxels"
     notes = [
-        ("boss", "boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
-        ("plate", "plate", "swings up and down\nwith boss and washer", (wall, 0.8 * plate.thickness_mm)),
-        ("frame", "frame", "holds all taxels; printed in one piece\nwith beams, plates and bosses", (middle, thick / 2)),
-        ("washer", "washer", around, (steel, (low + roof) / 2)),
-        ("gap", "gap", "air between washer and coil", (steel, (low + top) / 2)),
-        ("core", "core", f"iron, {number(2 * core)} across: leads the field up", (coil_x + core / 2, top - coil.length_mm / 4)),
-        ("coil", "coil", f"copper, {number(2 * reach)} across: the frequency\nof its current chooses among taxels", (wire, (top + bottom) / 2)),
-    ]  # fmt: skip
-    sheet.column(right + 0.35 * sheet.mm, True, [note for note in notes if core or note[0] != "core"])
+        ("boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
+        ("plate", "swings up and down\nwith boss and washer", (wall, 0.8 * plate.thickness_mm)),
+        ("frame", "holds all taxels; printed in one piece\nwith beams, plates and bosses", (rib, thick / 2)),
+        ("washer", f"steel, {size};\nglued in, and pulled by the coil", (steel, (low + roof) / 2)),
+        ("gap", "air between washer and coil", (steel, (low + top) / 2)),
+        (
+            "core",
+            f"iron, {number(2 * core)} across: leads the field up",
+            (coil_x + core / 2, bottom + 0.75 * (top - bottom)),
+        ),
+        ("coil", winding, (coil_x + (inner + reach) / 2, (top + bottom) / 2)),
+    ]
+    sheet.column(right + 0.35 * sheet.mm, True, [Note(*note) for note in notes if core or note[0] != "core"])
 
-    step, beam = 0.2 * sheet.mm, arrangement.beams[0]
-    beside, wide = lift + float(beam.root_mm[1]), float(beam.width_mm) / 2
-    sizes = [
-        ("boss", "high", 1, plate.thickness_mm, peak, x - half),
-        ("frame", "high", 1, 0.0, thick, own.x0),
-        ("beam", "thick", 2, 0.0, thin, 0.0),
-        ("gap", "", 1, top, low, coil_x - reach),
-        ("coil", "high", 1, bottom, top, coil_x - reach),
-        ("beam", "wide", 1, beside - wide, beside + wide, float(beam.root_mm[0])),
-    ]
-    for _, _, place, start, end, beginning in sizes:
-        sheet.dimension((start, end), left - place * step, beginning, tall=True)
-    told = [
-        (f"{name} size", f"{name} {end - start:.3g} {word}".strip(), "", (left - place * step, (start + end) / 2))
-        for name, word, place, start, end, _ in sizes
-    ]
-    told.append(("beam", "beam", "the spring: its width,\nthickness and length\nset the frequency", (beam_x, thin / 2)))
-    sheet.column(left - 3 * step, False, told)
-    if np.hypot(coil_y, 0) > SAME_PLACE_MM:
+    notes, step, at_y = [], 0.2 * sheet.mm, lift + float(beam.root_mm[1])
+    for text, place, low_end, high_end, start in (
+        ("boss {:.3g} high", 1, plate.thickness_mm, peak, x - half),
+        ("frame {:.3g} high", 1, 0.0, thick, own.x0),
+        ("beam {:.3g} thick", 2, 0.0, thin, 0.0),
+        ("gap {:.3g}", 1, top, low, coil_x - reach),
+        ("coil {:.3g} high", 1, bottom, top, coil_x - reach),
+        ("beam {:.3g} wide", 1, at_y - beam.width_mm / 2, at_y + beam.width_mm / 2, float(beam.root_mm[0])),
+    ):
+        sheet.dimension((low_end, high_end), left - place * step, start, tall=True)
+        notes.append(Note(text.format(high_end - low_end), "", (left - place * step, (low_end + high_end) / 2)))
+    notes.append(Note("beam", "the spring: its width,\nthickness and length\nset the frequency", (spring, thin / 2)))
+    sheet.column(left - 3 * step, False, notes)
+    if abs(coil_y) > SAME_PLACE_MM:
         sheet.words(coil_x, bottom - 0.08 * sheet.mm, "cut through its axis, which lies beside the beam", va="top")
-    above, first = own.y1 + lift, shapes["beam"][0][:, 0]
-    long = f"beam {float(beam.length_mm):.3g} long" + ("" if beam.is_straight else ", along its path")
+    first, bent = shapes["beam"][0][:, 0], "" if beam.is_straight else ", along its path"
+    long = f"beam {float(beam.length_mm):.3g} long{bent}"
     sheet.dimension((float(first.min()), float(first.max())), above + 0.1 * sheet.mm, lift, long)
-    sheet.dimension(
-        (blocks[0][0], blocks[0][1]), above + 0.32 * sheet.mm, lift, f"plate {blocks[0][1] - blocks[0][0]:.3g}"
-    )
+    plate_ends = blocks[0][0], blocks[0][1]
+    sheet.dimension(plate_ends, above + 0.32 * sheet.mm, lift, f"plate {plate_ends[1] - plate_ends[0]:.3g}")
     sheet.dimension((x - half, x + half), peak + 0.08 * sheet.mm, peak, f"boss {2 * half:.3g}")
     return sheet.figure
-
-
-def coil_place(channel: "Channel") -> tuple[float, float]:
-    """Return the place of the coil's axis in the own axes of a channel's taxel."""
-    ahead, aside = (to_cell(np.array([end]), channel)[0] - channel.site.origin_mm for end in ((1.0, 0.0), (0.0, 1.0)))
-    away = -np.array(channel.site.origin_mm)
-    return float(away @ ahead), float(away @ aside)
 
 
 def beam_cuts(beams: Sequence[Points]) -> list[tuple[float, float]]:
@@ -356,186 +365,166 @@ def beam_cuts(beams: Sequence[Points]) -> list[tuple[float, float]]:
 CUT_POINTS, SAME_PLACE_MM = 4001, 0.05
 
 
-LEFT_TURN, UP = np.radians(30), np.radians(24)
-"""The direction that the stack is seen from: degrees about the vertical, and above the horizon."""
+TURN, UP = np.array([(cos(pi / 6), sin(pi / 6)), (-sin(pi / 6), cos(pi / 6))]), pi / 7.5
+"""The direction that the stack is seen from: right and away in the pad's x and y, and the angle above the horizon."""
 
 
 def projected(x: Any, y: Any, z: Any) -> Points:
     """Project places in mm onto the picture's plane, in parallel and from above: (n, 2)."""
-    away = -np.sin(LEFT_TURN) * x + np.cos(LEFT_TURN) * y
-    return np.stack(
-        np.broadcast_arrays(np.cos(LEFT_TURN) * x + np.sin(LEFT_TURN) * y, z * np.cos(UP) + away * np.sin(UP)), -1
-    )
+    (cosine, sine), _ = TURN
+    right, up = cosine * x + sine * y, z * np.cos(UP) + (cosine * y - sine * x) * np.sin(UP)
+    return np.stack(np.broadcast_arrays(right, up), -1)
 
 
 def draw_exploded(plan: "Plan") -> Any:
     """Draw the parts above each other in the order in which they are put together, in parallel projection."""
+    from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
 
-    spec, coils, thick = plan.spec, plan.coils, plan.spec.pad.frame_thickness_mm
-    edges = border(plan)
-    (x0, y0), (x1, y1) = edges.min(0), edges.max(0)
+    spec, thick, edges, count = plan.spec, plan.spec.pad.frame_thickness_mm, border(plan), len(plan.taxels)
+    coil, washer, hole_mm = spec.coil, spec.washer, spec.pad.hole_diameter_mm
+    (x0, y0), (x1, y1) = edges[[0, 2]]
+    faces: list[tuple[str, Points, float]] = []
+
+    def face(name: str, shape: Points, z: float) -> None:
+        faces.append((name, projected(*shape.T, z), 1.0))
+
+    def disc(name: str, x: float, y: float, low: float, high: float, diameter: float, hole: float = 0.0) -> None:
+        ring = (x, y) + circle(0, 0, diameter) @ TURN
+        # The outline of the side: the front of the lower edge, then the back of the upper one.
+        sides = [projected(*ring[24:].T, low), projected(*ring[:25].T, high)]
+        faces.append((name, np.vstack(sides), 0.8))
+        face(name, ring, high)
+        if hole:
+            face("hole", circle(x, y, hole), high)
+
+    def slab(name: str, low: float, high: float) -> None:
+        z = np.array([low, low, high, high])
+        faces.append((name, projected(np.array([x0, x1, x1, x0]), y0, z), 0.85))
+        faces.append((name, projected(x1, np.array([y0, y1, y1, y0]), z), 0.7))
+        face(name, edges, high)
+        notes.append(
+            Note("1 pad" if name == "frame" else "1 tray", SLABS[name], tuple(projected(x1, 0.0, (low + high) / 2)))
+        )
+
     try:
         tray = plan_tray(plan)
     except InfeasibleError:
         tray = None
-    step = 0.8 * float(np.ptp(projected(*edges.T, 0.0)[:, 1]))
-    faces: list[tuple[str, Points, float]] = []
-
-    def disc(name: str, x: float, y: float, low: float, high: float, diameter: float, hole: float = 0.0) -> None:
-        # The outline of the side: the front of the lower edge, then the back of the upper one.
-        turned = CIRCLE + LEFT_TURN
-        ring = np.cos(turned) * diameter / 2, np.sin(turned) * diameter / 2
-        front, back = (slice(24, None), slice(None, 25))
-        sides = [projected(x + ring[0][part], y + ring[1][part], z) for part, z in ((front, low), (back, high))]
-        faces.append((name, np.vstack(sides), 0.8))
-        faces.append((name, projected(x + ring[0], y + ring[1], high), 1.0))
-        if hole:
-            faces.append(("hole", projected(x + ring[0] * hole / diameter, y + ring[1] * hole / diameter, high), 1.0))
-
-    def slab(name: str, low: float) -> float:
-        high = low + (tray.height_mm if tray and name == "tray" else thick)
-        faces.append((name, projected(np.array([x0, x1, x1, x0]), y0, np.array([low, low, high, high])), 0.85))
-        faces.append((name, projected(x1, np.array([y0, y1, y1, y0]), np.array([low, low, high, high])), 0.7))
-        faces.append((name, projected(*edges.T, high), 1.0))
-        return high
-
-    places = [coil_axis_mm(coils, r, c) for r in range(coils.rows - 1, -1, -1) for c in range(coils.columns)]
-    taxels = sorted(plan.taxels, key=lambda t: np.sin(LEFT_TURN) * t.x_mm - np.cos(LEFT_TURN) * t.y_mm)
-    holes = (edges + border(plan, 0)) / 2
-    notes = []
-
-    def note(part: str, name: str, sentence: str, z: float, place: Points | None = None) -> None:
-        at = projected(x1, (y0 + y1) / 2, z) if place is None else place
-        notes.append((part, name, sentence, tuple(at.tolist())))
-
-    z = 0.0
+    step, notes, z = 0.8 * float(np.ptp(projected(*edges.T, 0.0)[:, 1])), [], 0.0
+    grid = [coil_axis_mm(plan.coils, r, c) for r in reversed(range(plan.coils.rows)) for c in range(plan.coils.columns)]
+    taxels = sorted(plan.taxels, key=lambda taxel: -float(projected(taxel.x_mm, taxel.y_mm, 0.0)[1]))
     if tray:
-        high = slab("tray", z)
-        for x, y in places:
-            faces.append(("socket", projected(*circle(x, y, tray.socket_diameter_mm).T, high), 1.0))
-        note("tray", "1 tray", "printed: sockets that set the gap", high / 2)
-        z = high + step / 2
-    for x, y in places:
-        disc("coil", x, y, z, z + spec.coil.length_mm, spec.coil.outer_diameter_mm)
-        if spec.coil.core_diameter_mm:
-            faces.append(("core", projected(*circle(x, y, spec.coil.core_diameter_mm).T, z + spec.coil.length_mm), 1.0))
-    last = coil_axis_mm(coils, coils.rows // 2, coils.columns - 1)
-    reach = spec.coil.outer_diameter_mm / 2 * 0.9
-    count = coils.rows * coils.columns
-    note("coil", f"{count} coils" if count > 1 else "1 coil", "an amplifier output each", 0,
-         projected(last[0] + reach * np.cos(LEFT_TURN), last[1] + reach * np.sin(LEFT_TURN), z + spec.coil.length_mm / 2))  # fmt: skip
-    z += spec.coil.length_mm + step
+        z = tray.height_mm
+        slab("tray", 0.0, z)
+        for x, y in grid:
+            face("socket", circle(x, y, tray.socket_diameter_mm), z)
+        z += step / 2
+    top = z + coil.length_mm
+    for x, y in grid:
+        disc("coil", x, y, z, top, coil.outer_diameter_mm)
+        face("core", circle(x, y, coil.core_diameter_mm), top)
+    x, y = max(grid) + 0.45 * coil.outer_diameter_mm * TURN[0]
+    notes.append(
+        Note(
+            f"{len(grid)} coil{'s' * (len(grid) > 1)}",
+            "an amplifier output each",
+            tuple(projected(x, y, (z + top) / 2)),
+        )
+    )
+    z = top + step
     for taxel in taxels:
         disc(
             "washer",
             taxel.x_mm,
             taxel.y_mm,
             z,
-            z + spec.washer.thickness_mm,
-            spec.washer.outer_diameter_mm,
-            spec.washer.inner_diameter_mm,
+            z + washer.thickness_mm,
+            washer.outer_diameter_mm,
+            washer.inner_diameter_mm,
         )
-    out = max(plan.taxels, key=lambda t: (t.x_mm, -abs(t.y_mm)))
-    rim = (spec.washer.outer_diameter_mm + spec.washer.inner_diameter_mm) / 4
-    note(
-        "washer",
-        f"{len(taxels)} washers",
-        "glued into the plates from below",
-        0,
-        projected(out.x_mm + rim, out.y_mm, z + spec.washer.thickness_mm),
+    last = max(plan.taxels, key=lambda taxel: taxel.x_mm)
+    x = last.x_mm + (washer.outer_diameter_mm + washer.inner_diameter_mm) / 4
+    notes.append(
+        Note(
+            f"{count} washer{'s' * (count > 1)}",
+            "glued into the plates from below",
+            tuple(projected(x, last.y_mm, z + washer.thickness_mm)),
+        )
     )
-    z = slab("frame", z + step)
-    shapes = [taxel_shapes(plan, channel) for channel in plan.channels]
+    z += step
+    slab("frame", z, z + thick)
+    for name, shapes in all_shapes(plan, ("window", "plate")).items():
+        for shape in shapes:
+            face(
+                "inside" if name == "window" else name,
+                shape,
+                z + (thick if name == "window" else plan.plate.thickness_mm),
+            )
     for taxel in taxels:
-        for name, height in (("window", thick), ("plate", plan.plate.thickness_mm)):
-            for shape in shapes[taxel.channel][name]:
-                faces.append(
-                    (
-                        "inside" if name == "window" else name,
-                        projected(*on_pad(plan, taxel, shape).T, z - thick + height),
-                        1.0,
-                    )
-                )
         disc(
             "boss",
             taxel.x_mm,
             taxel.y_mm,
-            z - thick + plan.plate.thickness_mm,
-            z - thick + plan.plate.boss_top_mm,
+            z + plan.plate.thickness_mm,
+            z + plan.plate.boss_top_mm,
             plan.plate.boss_diameter_mm,
         )
-    note("frame", "1 pad", "printed: frame, beams, plates, bosses", z - thick / 2)
-    if spec.pad.hole_diameter_mm:
-        faces += [("hole", projected(*circle(x, y, spec.pad.hole_diameter_mm).T, z), 1.0) for x, y in holes]
+    for x, y in border(plan, 0.5)[[3, 2, 0, 1]] if hole_mm else ():
+        face("hole", circle(x, y, hole_mm), z + thick)
+        if tray and tray.screw:
+            low, head = z + thick + step / 2, tray.screw.head_mm
+            disc("screw", x, y, low, low + tray.screw.length_mm, 0.9 * hole_mm)
+            disc("screw", x, y, low + tray.screw.length_mm, low + tray.screw.length_mm + head / 2, head)
     if tray and tray.screw:
-        z += step / 2
-        for x, y in holes[[3, 2, 0, 1]]:
-            disc("screw", x, y, z - tray.screw.length_mm, z, spec.pad.hole_diameter_mm * 0.9)
-            disc("screw", x, y, z, z + tray.screw.head_mm / 2, tray.screw.head_mm)
-        nut = " and nuts" if tray.screw.nut else ""
-        note("screw", f"4 screws{nut}", f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long", 0,
-             projected(*(holes[2] + (tray.screw.head_mm / 4, 0)), z + tray.screw.head_mm / 2))  # fmt: skip
-
-    from matplotlib.collections import PolyCollection
+        x, y, name = *border(plan, 0.5)[2], "4 screws, 4 nuts" if tray.screw.nut else "4 screws"
+        high = z + thick + step / 2 + tray.screw.length_mm + tray.screw.head_mm / 2
+        notes.append(
+            Note(name, f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long", tuple(projected(x, y, high)))
+        )
 
     points = np.concatenate([shape for _, shape, _ in faces])
     (left, bottom), (right, top) = points.min(0), points.max(0)
-    area = Outline(left, right, bottom, top)
-    sheet = Sheet(title_of(plan, "what lies above what"), area, Room(right=2.9, height=8.0))
-    fills = {**FILLS, "inside": "#7d786c", "socket": "#55666f", "hole": "#55524b"}
-    colours = [tuple(shade * v for v in to_rgb(fills[name])) for name, _, shade in faces]
-    drawn = PolyCollection(
-        [s for _, s, _ in faces],
-        facecolors=colours,
-        edgecolors=INK,
-        linewidths=0.25 if len(plan.taxels) > MANY else 0.4,
+    sheet = Sheet(
+        title_of(plan, "what lies above what"), Outline(left, right, bottom, top), (0.3, 2.9, 0.3, 0.6), (9.0, 8.0)
     )
-    sheet.axis.add_collection(drawn, autolim=False)
+    colours = [tuple(shade * v for v in to_rgb(FILLS[name])) for name, _, shade in faces]
+    thin = 0.25 if count > MANY else 0.4
+    stack = PolyCollection([shape for _, shape, _ in faces], facecolors=colours, edgecolors=INK, linewidths=thin)
+    sheet.axis.add_collection(stack, autolim=False)
     sheet.column(right + 0.35 * sheet.mm, True, notes)
     return sheet.figure
 
 
+SLABS = {"frame": "printed: frame, beams, plates, bosses", "tray": "printed: sockets that set the gap"}
+
+
 def draw_wiring(plan: "Plan") -> Any:
-    """Draw which coil is fed by which amplifier output, from the touch side and as the wires are seen, from below."""
-    pad, coils = plan.spec.pad, plan.coils
-    wide, deep = (side + 2 * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
-    apart = 1.12 * wide
-    area = Outline(-wide / 2, apart + wide / 2, -deep / 2, deep / 2)
-    # At least so large that a number of three digits fits into the circle of its coil.
-    least = LEAST_CELL_IN * 2.12 * wide / min(coils.pitch_x_mm, coils.pitch_y_mm, plan.spec.coil.outer_diameter_mm)
-    room = Room(below=0.75, above=0.85, width=max(9.0, least), height=max(7.5, least))
-    sheet = Sheet(title_of(plan, "which amplifier output feeds which coil"), area, room)
-    amplifier, groove = plan.spec.amplifier, corner_groove(plan.spec)
-    cell_in = min(coils.pitch_x_mm, coils.pitch_y_mm) / sheet.mm
-    for shift, mirror, side in ((0.0, 1, "from the touch side"), (apart, -1, "from below, where the wires are")):
-        sheet.part("frame", [border(plan) * (mirror, 1) + (shift, 0)], facecolor="#fbfaf7")
-        sheet.part("active", [border(plan, 0) * (mirror, 1) + (shift, 0)], linestyle=":", edgecolor=PALE)
-        notch = rectangle(groove.x0, groove.x1, -deep / 2, groove.y1) * (mirror, 1) + (shift, 0)
-        sheet.part("groove", [notch], facecolor=INK)
-        sheet.words(shift, deep / 2 + 0.12 * sheet.mm, side, va="bottom", fontsize=NAME_PT, weight="bold")
+    """Draw which coil is fed by which amplifier output, from the touch side and from below, where the wires are."""
+    coils, amplifier, diameter = plan.coils, plan.spec.amplifier, plan.spec.coil.outer_diameter_mm
+    # So large that a number of three digits fits into the circle of its coil.
+    least = LEAST_COIL_IN * 2.12 * float(np.ptp(border(plan)[:, 0])) / diameter
+    sides = ("from the touch side", "from below, where the wires are")
+    sheet, views = both_sides(
+        plan, "which amplifier output feeds which coil", sides, (max(9.5, least), max(7.6, least))
+    )
+    roomy = bool(diameter > ROOMY_COIL_IN * sheet.mm)
+    for view in views:
         for index in range(coils.rows * coils.columns):
             row, column = divmod(index, coils.columns)
-            x, y = coil_axis_mm(coils, row, column)
-            x = shift + mirror * x
-            sheet.part(
-                "coil", [circle(x, y, plan.spec.coil.outer_diameter_mm)], facecolor="#f3dfd0", edgecolor=FILLS["coil"]
-            )
-            output = (
-                f"{index // amplifier.channels + 1}.{index % amplifier.channels + 1}" if amplifier else f"{index + 1}"
-            )
-            roomy = cell_in > ROOMY_CELL_IN
-            sheet.words(
-                x, y + (0.08 * sheet.mm if roomy else 0), output, fontsize=11 if roomy else SMALL_PT, weight="bold"
-            )
+            ring = view(circle(*coil_axis_mm(coils, row, column), diameter))
+            sheet.part("winding", [ring], facecolor="#f3dfd0", edgecolor=FILLS["coil"])
+            x, y = (ring.min(0) + ring.max(0)) / 2
+            outputs = amplifier.channels if amplifier else len(plan.taxels)
+            output = f"{index // outputs + 1}." * bool(amplifier) + f"{index % outputs + 1}"
+            sheet.words(x, y + 0.08 * sheet.mm * roomy, output, fontsize=11 if roomy else SMALL_PT, weight="bold")
             if roomy:
                 sheet.words(x, y - 0.11 * sheet.mm, f"r{row}c{column}", color="#555555")
     numbers = "amplifier.output" if amplifier else "amplifier output = channel of the WAV file, counted from 1"
     told = f"bold: {numbers}; row by row from the corner with the black groove (row 0, column 0)"
-    if cell_in > ROOMY_CELL_IN:
-        told += "\nr1c2: row 1, column 2, as in the names of taxels"
-    sheet.words(-wide / 2, -deep / 2 - 0.15 * sheet.mm, told, ha="left", va="top")
+    told += "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
+    sheet.words(*(border(plan)[0] - (0, 0.15 * sheet.mm)), told, ha="left", va="top")
     return sheet.figure
 
 
-LEAST_CELL_IN, ROOMY_CELL_IN = 0.33, 0.55
+LEAST_COIL_IN, ROOMY_COIL_IN = 0.28, 0.45
