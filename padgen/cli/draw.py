@@ -29,8 +29,9 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "draw",
         help="pictures that explain the pad, as SVG and PNG",
-        description="Draw the pad from the plan alone: both sides with dimensions, a section through one taxel, the parts"
-        " above each other, the ladder of resonances, the taxels' responses, selectivity, what prints keep, the wiring.",
+        description="Draw the pad from its plan: both sides with dimensions, a section through one taxel, the parts"
+        " above each other, the ladder of resonances, the taxels' responses, selectivity, what prints keep, the"
+        " wiring.",
     )
     add_spec(parser)
     parser.add_argument("--only", metavar="PICTURES", help=f"some of {', '.join(NAMES)}, with commas between")
