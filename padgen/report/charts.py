@@ -40,13 +40,13 @@ def new_figure(plan: "Plan", words: str, width_in: float, height_in: float) -> A
 
 def hz_axis(axis: Any, low_hz: float, high_hz: float) -> None:
     """Make the x axis logarithmic in Hz, with plain numbers."""
-    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
     axis.set(xscale="log", xlim=(low_hz, high_hz))
-    wide = high_hz > WIDE * low_hz
-    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)) if wide else MaxNLocator(7, steps=(1, 2, 5, 10)))
-    axis.xaxis.set_minor_locator(NullLocator())
-    axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    locator = LogLocator(subs=(1, 2, 5)) if high_hz > WIDE * low_hz else MaxNLocator(7, steps=(1, 2, 5, 10))
+    ticks = [tick for tick in locator.tick_values(low_hz, high_hz) if low_hz <= tick <= high_hz]
+    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.minorticks_off()
     axis.grid(axis="x")
 
 
@@ -136,7 +136,7 @@ def draw_responses(plan: "Plan") -> Any:
         heard = of_kind[:, of_kind[2] > 0]
         if heard.size:
             size, colour = 10 * np.log10(heard[2]), colours[heard[3].astype(int)]
-            top.scatter(heard[0], size, 45, colour, mark, edgecolors="white", linewidths=0.8, zorder=5)
+            top.scatter(heard[0], size, 45, colour, marker=mark, edgecolors="white", linewidths=0.8, zorder=5)
             top.plot([], [], mark, color=PALE, label=f"{name} of others, as the\nloudest OFF taxel hears it")
     top.set(ylim=(FLOOR_DB, 8), ylabel="motion, dB of the ON level")
     bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")

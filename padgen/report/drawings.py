@@ -4,7 +4,7 @@ Everything is drawn from the plan, in two dimensions. Parts have their names as 
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import groupby
+from itertools import chain, groupby
 from math import cos, pi, sin
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -32,6 +32,7 @@ FILLS = {
     "core": "#43474d",
     "tray": "#b9cad3",
     "screw": "#8d979f",
+    "shank": "#8d979f",
     "recess": "#ffffff",
     "window": "#ffffff",
     "behind": "#f6f2ea",
@@ -40,7 +41,7 @@ FILLS = {
     "hole": "#55524b",
 }
 SMALL_PT, NAME_PT = 8.0, 9.0
-CIRCLE = np.linspace(0, 2 * pi, 49)
+CIRCLE = np.linspace(0, 2 * pi, 48, endpoint=False)
 Points = np.ndarray
 
 
@@ -212,7 +213,7 @@ def both_sides(
     apart = 1.12 * (right - left)
     sheet = Sheet(title_of(plan, title), Outline(left, right + apart, low, high), (0.7, 0.3, 1.1, 0.85), most)
     corners = border(plan, 0.5)[[2, 3, 0, 1]]
-    bows = [corner + circle(0, 0, 2 * radius)[12 * k : 12 * k + 13] for k, corner in enumerate(corners)]
+    bows = [corner + circle(0, 0, 2 * radius)[np.arange(12 * k, 12 * k + 13) % 48] for k, corner in enumerate(corners)]
     notch = rectangle(groove.x0, groove.x1, low, groove.y1)
     views = [lambda shape: shape, lambda shape: shape * (-1, 1) + (apart, 0)]
     for view, side in zip(views, sides, strict=True):
@@ -369,11 +370,19 @@ TURN, UP = np.array([(cos(pi / 6), sin(pi / 6)), (-sin(pi / 6), cos(pi / 6))]), 
 """The direction that the stack is seen from: right and away in the pad's x and y, and the angle above the horizon."""
 
 
-def projected(x: Any, y: Any, z: Any) -> Points:
-    """Project places in mm onto the picture's plane, in parallel and from above: (n, 2)."""
-    (cosine, sine), _ = TURN
-    right, up = cosine * x + sine * y, z * np.cos(UP) + (cosine * y - sine * x) * np.sin(UP)
-    return np.stack(np.broadcast_arrays(right, up), -1)
+class Prism(NamedTuple):
+    """A part with an upright side: its convex outline (n, 2) in mm, anticlockwise, between two heights in mm."""
+
+    part: str
+    outline: Points
+    low: float
+    high: float
+
+
+def projected(places: Points, z: float) -> Points:
+    """Project places (n, 2) at a height in mm onto the picture's plane, in parallel and from above."""
+    right, away = (places @ TURN.T).T
+    return np.stack([right, z * cos(UP) + away * sin(UP)], -1)
 
 
 def draw_exploded(plan: "Plan") -> Any:
@@ -381,127 +390,80 @@ def draw_exploded(plan: "Plan") -> Any:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
 
-    spec, thick, edges, count = plan.spec, plan.spec.pad.frame_thickness_mm, border(plan), len(plan.taxels)
-    coil, washer, hole_mm = spec.coil, spec.washer, spec.pad.hole_diameter_mm
-    (x0, y0), (x1, y1) = edges[[0, 2]]
-    faces: list[tuple[str, Points, float]] = []
-
-    def face(name: str, shape: Points, z: float) -> None:
-        faces.append((name, projected(*shape.T, z), 1.0))
-
-    def disc(name: str, x: float, y: float, low: float, high: float, diameter: float, hole: float = 0.0) -> None:
-        ring = (x, y) + circle(0, 0, diameter) @ TURN
-        # The outline of the side: the front of the lower edge, then the back of the upper one.
-        sides = [projected(*ring[24:].T, low), projected(*ring[:25].T, high)]
-        faces.append((name, np.vstack(sides), 0.8))
-        face(name, ring, high)
-        if hole:
-            face("hole", circle(x, y, hole), high)
-
-    def slab(name: str, low: float, high: float) -> None:
-        z = np.array([low, low, high, high])
-        faces.append((name, projected(np.array([x0, x1, x1, x0]), y0, z), 0.85))
-        faces.append((name, projected(x1, np.array([y0, y1, y1, y0]), z), 0.7))
-        face(name, edges, high)
-        notes.append(
-            Note("1 pad" if name == "frame" else "1 tray", SLABS[name], tuple(projected(x1, 0.0, (low + high) / 2)))
-        )
-
+    spec, coil, washer, plate, edges = plan.spec, plan.spec.coil, plan.spec.washer, plan.plate, border(plan)
+    grid = [coil_axis_mm(plan.coils, r, c) for r in reversed(range(plan.coils.rows)) for c in range(plan.coils.columns)]
+    bosses = np.array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
+    bosses = bosses[np.argsort(-(bosses @ TURN[1]), kind="stable")]
     try:
         tray = plan_tray(plan)
     except InfeasibleError:
         tray = None
-    step, notes, z = 0.8 * float(np.ptp(projected(*edges.T, 0.0)[:, 1])), [], 0.0
-    grid = [coil_axis_mm(plan.coils, r, c) for r in reversed(range(plan.coils.rows)) for c in range(plan.coils.columns)]
-    taxels = sorted(plan.taxels, key=lambda taxel: -float(projected(taxel.x_mm, taxel.y_mm, 0.0)[1]))
+    step, layers = 0.8 * float(np.ptp(projected(edges, 0.0)[:, 1])), []
+
+    def prisms(part: str, centres: Any, diameter: float, low: float, high: float | None = None) -> list[Prism]:
+        return [Prism(part, circle(x, y, diameter), low, low if high is None else high) for x, y in centres]
+
+    z = 0.0
     if tray:
         z = tray.height_mm
-        slab("tray", 0.0, z)
-        for x, y in grid:
-            face("socket", circle(x, y, tray.socket_diameter_mm), z)
+        sockets = prisms("socket", grid, tray.socket_diameter_mm, z)
+        layers.append(("tray", "1 tray", "printed: sockets that set the gap", [Prism("tray", edges, 0.0, z), *sockets]))
         z += step / 2
     top = z + coil.length_mm
-    for x, y in grid:
-        disc("coil", x, y, z, top, coil.outer_diameter_mm)
-        face("core", circle(x, y, coil.core_diameter_mm), top)
-    x, y = max(grid) + 0.45 * coil.outer_diameter_mm * TURN[0]
-    notes.append(
-        Note(
-            f"{len(grid)} coil{'s' * (len(grid) > 1)}",
-            "an amplifier output each",
-            tuple(projected(x, y, (z + top) / 2)),
-        )
-    )
+    windings = [prisms("coil", [at], coil.outer_diameter_mm, z, top) for at in grid]
+    cores = [prisms("core", [at], coil.core_diameter_mm, top) for at in grid]
+    told = f"{len(grid)} coil{'s' * (len(grid) > 1)}"
+    layers.append(("coil", told, "an amplifier output each", list(chain(*chain(*zip(windings, cores, strict=True))))))
     z = top + step
-    for taxel in taxels:
-        disc(
-            "washer",
-            taxel.x_mm,
-            taxel.y_mm,
-            z,
-            z + washer.thickness_mm,
-            washer.outer_diameter_mm,
-            washer.inner_diameter_mm,
-        )
-    last = max(plan.taxels, key=lambda taxel: taxel.x_mm)
-    x = last.x_mm + (washer.outer_diameter_mm + washer.inner_diameter_mm) / 4
-    notes.append(
-        Note(
-            f"{count} washer{'s' * (count > 1)}",
-            "glued into the plates from below",
-            tuple(projected(x, last.y_mm, z + washer.thickness_mm)),
-        )
-    )
-    z += step
-    slab("frame", z, z + thick)
-    for name, shapes in all_shapes(plan, ("window", "plate")).items():
-        for shape in shapes:
-            face(
-                "inside" if name == "window" else name,
-                shape,
-                z + (thick if name == "window" else plan.plate.thickness_mm),
-            )
-    for taxel in taxels:
-        disc(
-            "boss",
-            taxel.x_mm,
-            taxel.y_mm,
-            z + plan.plate.thickness_mm,
-            z + plan.plate.boss_top_mm,
-            plan.plate.boss_diameter_mm,
-        )
-    for x, y in border(plan, 0.5)[[3, 2, 0, 1]] if hole_mm else ():
-        face("hole", circle(x, y, hole_mm), z + thick)
-        if tray and tray.screw:
-            low, head = z + thick + step / 2, tray.screw.head_mm
-            disc("screw", x, y, low, low + tray.screw.length_mm, 0.9 * hole_mm)
-            disc("screw", x, y, low + tray.screw.length_mm, low + tray.screw.length_mm + head / 2, head)
+    top = z + washer.thickness_mm
+    rings = prisms("washer", bosses, washer.outer_diameter_mm, z, top)
+    rings += prisms("hole", bosses, washer.inner_diameter_mm, top)
+    told = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
+    layers.append(("washer", told, "glued into the plates from below", rings))
+    z = top + step
+    top, height = z + spec.pad.frame_thickness_mm, z + plate.thickness_mm
+    shapes = all_shapes(plan, ("window", "plate"))
+    pad = [Prism("frame", edges, z, top), *(Prism("inside", shape, top, top) for shape in shapes["window"])]
+    pad += [Prism("plate", shape, height, height) for shape in shapes["plate"]]
+    pad += prisms("boss", bosses, plate.boss_diameter_mm, height, z + plate.boss_top_mm)
+    corners = border(plan, 0.5)[[3, 2, 0, 1]] if spec.pad.hole_diameter_mm else []
+    pad += prisms("hole", corners, spec.pad.hole_diameter_mm, top)
+    layers.append(("frame", "1 pad", "printed: frame, beams, plates, bosses", pad))
     if tray and tray.screw:
-        x, y, name = *border(plan, 0.5)[2], "4 screws, 4 nuts" if tray.screw.nut else "4 screws"
-        high = z + thick + step / 2 + tray.screw.length_mm + tray.screw.head_mm / 2
-        notes.append(
-            Note(name, f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long", tuple(projected(x, y, high)))
-        )
+        low, high = top + step / 2, top + step / 2 + tray.screw.length_mm
+        shanks = prisms("shank", corners, 0.9 * spec.pad.hole_diameter_mm, low, high)
+        heads = prisms("screw", corners, tray.screw.head_mm, high, high + tray.screw.head_mm / 2)
+        name = "4 screws, 4 nuts" if tray.screw.nut else "4 screws"
+        told = f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long"
+        layers.append(("screw", name, told, shanks + heads))
 
+    faces, notes = [], []
+    for meant, name, sentence, solids in layers:
+        places = []
+        for part, shape, low, high in solids:
+            if high > low:
+                # The edges of an anticlockwise outline that are seen from the front lead to the right.
+                leads = (np.roll(shape, -1, 0) - shape) @ TURN[0] > 0
+                first = int(np.argmax(leads & ~np.roll(leads, 1)))
+                front = shape[np.arange(first, first + leads.sum() + 1) % len(shape)]
+                faces.append((part, np.vstack([projected(front, low), projected(front[::-1], high)]), 0.8))
+                places += [tuple(projected(front[-2:], (low + high) / 2).mean(0).tolist())] if part == meant else []
+            faces.append((part, projected(shape, high), 1.0))
+        notes.append(Note(name, sentence, max(places)))
     points = np.concatenate([shape for _, shape, _ in faces])
-    (left, bottom), (right, top) = points.min(0), points.max(0)
-    sheet = Sheet(
-        title_of(plan, "what lies above what"), Outline(left, right, bottom, top), (0.3, 2.9, 0.3, 0.6), (9.0, 8.0)
-    )
-    colours = [tuple(shade * v for v in to_rgb(FILLS[name])) for name, _, shade in faces]
-    thin = 0.25 if count > MANY else 0.4
+    area = Outline(*np.stack([points.min(0), points.max(0)]).T.ravel())
+    sheet = Sheet(title_of(plan, "what lies above what"), area, (0.3, 2.9, 0.3, 0.6), (9.0, 8.0))
+    colours = [tuple(shade * v for v in to_rgb(FILLS[part])) for part, _, shade in faces]
+    thin = 0.25 if len(bosses) > MANY else 0.4
     stack = PolyCollection([shape for _, shape, _ in faces], facecolors=colours, edgecolors=INK, linewidths=thin)
     sheet.axis.add_collection(stack, autolim=False)
-    sheet.column(right + 0.35 * sheet.mm, True, notes)
+    sheet.column(area.x1 + 0.35 * sheet.mm, True, notes)
     return sheet.figure
-
-
-SLABS = {"frame": "printed: frame, beams, plates, bosses", "tray": "printed: sockets that set the gap"}
 
 
 def draw_wiring(plan: "Plan") -> Any:
     """Draw which coil is fed by which amplifier output, from the touch side and from below, where the wires are."""
-    coils, amplifier, diameter = plan.coils, plan.spec.amplifier, plan.spec.coil.outer_diameter_mm
+    coils, diameter = plan.coils, plan.spec.coil.outer_diameter_mm
     # So large that a number of three digits fits into the circle of its coil.
     least = LEAST_COIL_IN * 2.12 * float(np.ptp(border(plan)[:, 0])) / diameter
     sides = ("from the touch side", "from below, where the wires are")
@@ -515,14 +477,15 @@ def draw_wiring(plan: "Plan") -> Any:
             ring = view(circle(*coil_axis_mm(coils, row, column), diameter))
             sheet.part("winding", [ring], facecolor="#f3dfd0", edgecolor=FILLS["coil"])
             x, y = (ring.min(0) + ring.max(0)) / 2
-            outputs = amplifier.channels if amplifier else len(plan.taxels)
-            output = f"{index // outputs + 1}." * bool(amplifier) + f"{index % outputs + 1}"
-            sheet.words(x, y + 0.08 * sheet.mm * roomy, output, fontsize=11 if roomy else SMALL_PT, weight="bold")
+            sheet.words(
+                x, y + 0.08 * sheet.mm * roomy, f"{index + 1}", fontsize=11 if roomy else SMALL_PT, weight="bold"
+            )
             if roomy:
                 sheet.words(x, y - 0.11 * sheet.mm, f"r{row}c{column}", color="#555555")
-    numbers = "amplifier.output" if amplifier else "amplifier output = channel of the WAV file, counted from 1"
-    told = f"bold: {numbers}; row by row from the corner with the black groove (row 0, column 0)"
-    told += "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
+    told = (
+        "bold: the amplifier's output, and the WAV file's channel counted from 1; row by row from the corner with the"
+    )
+    told += " groove (black)" + "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
     sheet.words(*(border(plan)[0] - (0, 0.15 * sheet.mm)), told, ha="left", va="top")
     return sheet.figure
 
