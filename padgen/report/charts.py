@@ -88,8 +88,8 @@ def ladder(axis: Any, plan: "Plan") -> None:
             label="resonance, ± 1 sigma of prints" + words,
         )
     band = plan.spec.band_hz
-    for k, hz in enumerate(band):
-        axis.axvline(hz, color=PALE, linestyle=":", label="band asked for" if k == 0 else None)
+    axis.axvline(band[0], color=PALE, linestyle=":", label="band asked for")
+    axis.axvline(band[1], color=PALE, linestyle=":")
     hz_axis(axis, 0.93 * min(*low, band[0]), 1.07 * max(*high, band[1]))
     every = -(-len(plan.channels) // MOST_TICKS)
     axis.set_yticks(
@@ -237,7 +237,7 @@ def print_map(axis: Any, plan: "Plan") -> None:
     for cell, share in zip(cells, plan.prints.coil_shares, strict=True):
         if len(cells) <= MOST_LABELLED:
             axis.annotate(f"{100 * share:.3g} %", cell[0], (2, 2), textcoords="offset points", fontsize=8)
-    fills = shade.to_rgba(plan.prints.coil_shares)
+    fills = shade.to_rgba(np.array(plan.prints.coil_shares))
     axis.add_collection(PolyCollection(cells, facecolors=fills, edgecolors=PALE, linewidths=0.4, gid="cells"))
     colours = colours_of(len(plan.channels))
     bosses = all_shapes(plan, ("boss",))["boss"]

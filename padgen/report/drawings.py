@@ -79,11 +79,9 @@ class Sheet:
         self.mm = mm = max(wide / (most[0] - left - right), deep / (most[1] - below - above))
         size = wide / mm + left + right, deep / mm + below + above
         self.figure = Figure(figsize=size)
-        limits = {
-            "xlim": (area.x0 - left * mm, area.x1 + right * mm),
-            "ylim": (area.y0 - below * mm, area.y1 + above * mm),
-        }
-        self.axis = self.figure.add_axes((0, 0, 1, 1), **limits)
+        self.axis: Any = self.figure.add_axes((0, 0, 1, 1))
+        x, y = (area.x0 - left * mm, area.x1 + right * mm), (area.y0 - below * mm, area.y1 + above * mm)
+        self.axis.set(xlim=x, ylim=y)
         self.axis.set_axis_off()
         self.figure.suptitle(title, x=0.15 / size[0], y=1 - 0.12 / size[1], ha="left", va="top")
 
@@ -96,9 +94,9 @@ class Sheet:
         style = {"facecolor": FILLS.get(name, "none"), "edgecolor": INK, "linewidth": 0.6, **style}
         return self.axis.add_patch(PathPatch(path, gid=name, **style))
 
-    def words(self, x: float, y: float, text: str, **style: Any) -> Any:
+    def words(self, place: Sequence[float] | Points, text: str, **style: Any) -> None:
         """Write text at a place in mm, centred unless `style` says otherwise."""
-        return self.axis.text(x, y, text, **{"ha": "center", "va": "center", "fontsize": SMALL_PT, **style})
+        self.axis.text(*place, text, **{"ha": "center", "va": "center", "fontsize": SMALL_PT, **style})
 
     def dimension(self, ends: tuple[float, float], at: float, start: float, text: str = "", tall: bool = False) -> None:
         """Draw a dimension line along x (or, `tall`, along z) at `at`, from lines that begin at `start`."""
@@ -112,7 +110,8 @@ class Sheet:
             side = {"rotation": 90, "ha": "right"} if tall else {"va": "bottom"}
             gap = 0.04 * self.mm * (-1 if tall else 1)
             bare = {"color": "white", "pad": 0.6}  # hides the lines that other dimensions begin with
-            self.words(*(sum(ends) / 2, at + gap)[turn], text, bbox=bare, **side)
+            place = [sum(ends) / 2, at + gap][turn]
+            self.words(place, text, bbox=bare, **side)
 
     def column(self, x: float, to_right: bool, notes: Sequence[Note]) -> None:
         """Write notes below each other at `x`, each with a line to the place that it is about."""
@@ -130,8 +129,8 @@ class Sheet:
             y = top + shift - 0.1 * self.mm
             self.axis.annotate("", place, (x, y), gid=f"to {name}", arrowprops=thin)
             self.axis.plot(*place, ".", color=INK, markersize=3, zorder=9)
-            self.words(x + out, y, name, ha=ha, fontsize=NAME_PT, weight="bold" if sentence else "normal")
-            self.words(x + out, y - 0.09 * self.mm, sentence, ha=ha, va="top", color="#555555")
+            self.words((x + out, y), name, ha=ha, fontsize=NAME_PT, weight="bold" if sentence else "normal")
+            self.words((x + out, y - 0.09 * self.mm), sentence, ha=ha, va="top", color="#555555")
 
 
 def rectangle(x0: float, x1: float, y0: float, y1: float) -> Points:
@@ -215,15 +214,14 @@ def both_sides(
     corners = border(plan, 0.5)[[2, 3, 0, 1]]
     bows = [corner + circle(0, 0, 2 * radius)[np.arange(12 * k, 12 * k + 13) % 48] for k, corner in enumerate(corners)]
     notch = rectangle(groove.x0, groove.x1, low, groove.y1)
-    views = [lambda shape: shape, lambda shape: shape * (-1, 1) + (apart, 0)]
+    views: list[Callable[[Points], Points]] = [lambda shape: shape, lambda shape: shape * (-1, 1) + (apart, 0)]
     for view, side in zip(views, sides, strict=True):
         sheet.part("frame", [view(np.vstack(bows))])
         sheet.part("groove", [view(notch)], facecolor=INK)
         if pad.hole_diameter_mm:
             sheet.part("hole", [view(circle(x, y, pad.hole_diameter_mm)) for x, y in corners], facecolor="white")
-        sheet.words(
-            *view(np.array([(0, high + 0.12 * sheet.mm)]))[0], side, va="bottom", weight="bold", fontsize=NAME_PT
-        )
+        place = view(np.array([(0.0, high + 0.12 * sheet.mm)]))[0]
+        sheet.words(place, side, va="bottom", weight="bold", fontsize=NAME_PT)
     return sheet, views
 
 
@@ -233,7 +231,7 @@ def draw_pad(plan: "Plan") -> Any:
     sides = ("touch side: bosses to feel", "underside: beams, recesses and washers")
     sheet, views = both_sides(plan, "the printed pad, in mm", sides)
     parts = ("window", "beam", "plate", "boss"), ("window", "plate", "beam", "recess", "washer")
-    shapes = all_shapes(plan, {*parts[0], *parts[1]})
+    shapes = all_shapes(plan, ("recess", "washer", *parts[0]))
     for view, names in zip(views, parts, strict=True):
         for name in names:
             thin = 0.3 if len(plan.taxels) > MANY else 0.6
@@ -245,7 +243,7 @@ def draw_pad(plan: "Plan") -> Any:
     holes = f", holes {number(pad.hole_diameter_mm)}" if pad.hole_diameter_mm else ""
     told = f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes};"
     told += f" washers {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
-    sheet.words(-x, -y - 2 * step - 0.2 * sheet.mm, told, ha="left", va="top")
+    sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), told, ha="left", va="top")
     return sheet.figure
 
 
@@ -288,8 +286,8 @@ def draw_section(plan: "Plan") -> Any:
         dashed = {"facecolor": "none", "edgecolor": FILLS[name], "linestyle": (0, (4, 2))}
         sheet.part(f"{name} from above", [shape + up], **dashed).set_clip_path(sheet.axis.patches[0])
     sheet.axis.plot([own.x0, own.x1], [lift, lift], color=INK, linewidth=0.7, linestyle=(0, (8, 2, 1, 2)), zorder=8)
-    sheet.words(own.x1 + 0.05 * sheet.mm, lift, "cut", ha="left")
-    sheet.words(own.x0, own.y0 + lift - 0.05 * sheet.mm, "dashed: washer and coil below", ha="left", va="top")
+    sheet.words((own.x1 + 0.05 * sheet.mm, lift), "cut", ha="left")
+    sheet.words((own.x0, own.y0 + lift - 0.05 * sheet.mm), "dashed: washer and coil below", ha="left", va="top")
 
     cuts, along = beam_cuts(shapes["beam"]), np.concatenate(shapes["beam"])[:, 0]
     side = rectangle(float(along.min()), float(along.max()), 0, thin)
@@ -315,19 +313,19 @@ def draw_section(plan: "Plan") -> Any:
     wall, rib = max((x + hollow + blocks[0][1]) / 2, x + half), (length + own.x1) / 2
     winding = f"copper, {number(2 * reach)} across: the frequency\nof its current chooses among taxels"
     notes = [
-        ("boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
-        ("plate", "swings up and down\nwith boss and washer", (wall, 0.8 * plate.thickness_mm)),
-        ("frame", "holds all taxels; printed in one piece\nwith beams, plates and bosses", (rib, thick / 2)),
-        ("washer", f"steel, {size};\nglued in, and pulled by the coil", (steel, (low + roof) / 2)),
-        ("gap", "air between washer and coil", (steel, (low + top) / 2)),
-        (
+        Note("boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
+        Note("plate", "swings up and down\nwith boss and washer", (wall, 0.8 * plate.thickness_mm)),
+        Note("frame", "holds all taxels; printed in one piece\nwith beams, plates and bosses", (rib, thick / 2)),
+        Note("washer", f"steel, {size};\nglued in, and pulled by the coil", (steel, (low + roof) / 2)),
+        Note("gap", "air between washer and coil", (steel, (low + top) / 2)),
+        Note(
             "core",
             f"iron, {number(2 * core)} across: leads the field up",
             (coil_x + core / 2, bottom + 0.75 * (top - bottom)),
         ),
-        ("coil", winding, (coil_x + (inner + reach) / 2, (top + bottom) / 2)),
+        Note("coil", winding, (coil_x + (inner + reach) / 2, (top + bottom) / 2)),
     ]
-    sheet.column(right + 0.35 * sheet.mm, True, [Note(*note) for note in notes if core or note[0] != "core"])
+    sheet.column(right + 0.35 * sheet.mm, True, [note for note in notes if core or note.name != "core"])
 
     notes, step, at_y = [], 0.2 * sheet.mm, lift + float(beam.root_mm[1])
     for text, place, low_end, high_end, start in (
@@ -343,7 +341,7 @@ def draw_section(plan: "Plan") -> Any:
     notes.append(Note("beam", "the spring: its width,\nthickness and length\nset the frequency", (spring, thin / 2)))
     sheet.column(left - 3 * step, False, notes)
     if abs(coil_y) > SAME_PLACE_MM:
-        sheet.words(coil_x, bottom - 0.08 * sheet.mm, "cut through its axis, which lies beside the beam", va="top")
+        sheet.words((coil_x, bottom - 0.08 * sheet.mm), "cut through its axis, which lies beside the beam", va="top")
     first, bent = shapes["beam"][0][:, 0], "" if beam.is_straight else ", along its path"
     long = f"beam {float(beam.length_mm):.3g} long{bent}"
     sheet.dimension((float(first.min()), float(first.max())), above + 0.1 * sheet.mm, lift, long)
@@ -426,7 +424,7 @@ def draw_exploded(plan: "Plan") -> Any:
     pad = [Prism("frame", edges, z, top), *(Prism("inside", shape, top, top) for shape in shapes["window"])]
     pad += [Prism("plate", shape, height, height) for shape in shapes["plate"]]
     pad += prisms("boss", bosses, plate.boss_diameter_mm, height, z + plate.boss_top_mm)
-    corners = border(plan, 0.5)[[3, 2, 0, 1]] if spec.pad.hole_diameter_mm else []
+    corners = border(plan, 0.5)[[3, 2, 0, 1] if spec.pad.hole_diameter_mm else []]
     pad += prisms("hole", corners, spec.pad.hole_diameter_mm, top)
     layers.append(("frame", "1 pad", "printed: frame, beams, plates, bosses", pad))
     if tray and tray.screw:
@@ -477,16 +475,15 @@ def draw_wiring(plan: "Plan") -> Any:
             ring = view(circle(*coil_axis_mm(coils, row, column), diameter))
             sheet.part("winding", [ring], facecolor="#f3dfd0", edgecolor=FILLS["coil"])
             x, y = (ring.min(0) + ring.max(0)) / 2
-            sheet.words(
-                x, y + 0.08 * sheet.mm * roomy, f"{index + 1}", fontsize=11 if roomy else SMALL_PT, weight="bold"
-            )
+            place, size = (x, y + 0.08 * sheet.mm * roomy), 11 if roomy else SMALL_PT
+            sheet.words(place, f"{index + 1}", fontsize=size, weight="bold")
             if roomy:
-                sheet.words(x, y - 0.11 * sheet.mm, f"r{row}c{column}", color="#555555")
+                sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
     told = (
-        "bold: the amplifier's output, and the WAV file's channel counted from 1; row by row from the corner with the"
+        "bold: amplifier output, and channel of the WAV file counted from 1; row by row from the corner with the groove"
     )
-    told += " groove (black)" + "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
-    sheet.words(*(border(plan)[0] - (0, 0.15 * sheet.mm)), told, ha="left", va="top")
+    told += "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
+    sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), told, ha="left", va="top")
     return sheet.figure
 
 
