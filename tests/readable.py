@@ -33,4 +33,4 @@ def assert_labels_point_into_their_parts(figure) -> None:
     assert places.keys() >= {"boss", "plate", "frame", "beam", "washer", "gap", "coil"}
     for name in places.keys() & parts.keys():
         assert parts[name].contains_point(places[name]), f"the label {name!r} points elsewhere"
-    assert not any(path.contains_point(places["gap"]) for path in parts.values())
+    assert not any(path.contains_point(places["gap"]) for name, path in parts.items() if "above" not in name)
