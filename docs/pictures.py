@@ -14,7 +14,7 @@ DRAWN = (
     ("ladder.svg", "pad-32", {}, "ladder"),
     ("spurs.svg", "quad-64", {"drive": {"scheme": "tones"}}, "responses"),
     ("heard.svg", "wide-11", {}, "selectivity"),
-    ("prints.svg", "pad-32", {"delta_y": 12}, "prints"),
+    ("prints.svg", "pad-32", {"delta_y": 11.3}, "prints"),
 )
 """File, template, changed fields of its spec, and the picture."""
 

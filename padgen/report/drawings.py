@@ -460,11 +460,11 @@ def draw_exploded(plan: "Plan") -> Any:
 
 
 def draw_wiring(plan: "Plan") -> Any:
-    """Draw which coil is fed by which amplifier output, from the touch side and from below, where the wires are."""
+    """Draw which coil is fed by which amplifier output, from the touch side and from below."""
     coils, diameter = plan.coils, plan.spec.coil.outer_diameter_mm
     # So large that a number of three digits fits into the circle of its coil.
     least = LEAST_COIL_IN * 2.12 * float(np.ptp(border(plan)[:, 0])) / diameter
-    sides = ("from the touch side", "from below, where the wires are")
+    sides = ("from the touch side", "from below")
     sheet, views = both_sides(
         plan, "which amplifier output feeds which coil", sides, (max(9.5, least), max(7.6, least))
     )
