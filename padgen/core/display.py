@@ -25,6 +25,8 @@ STYLE = {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.axisbelow": True,
+    "figure.constrained_layout.h_pad": 0.08,
+    "figure.constrained_layout.w_pad": 0.1,
     "figure.titlesize": 10,
     "grid.alpha": 0.25,
     "legend.frameon": False,

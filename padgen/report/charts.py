@@ -7,7 +7,6 @@ import numpy as np
 from padgen.core.display import COLOURS, INK, PALE
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.resonator import felt_energy
-from padgen.physics.selectivity import channels as resonators
 from padgen.physics.selectivity import line_energy, own_lines, pair_lines, tone_energy
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.fixtures import coil_axis_mm
@@ -15,7 +14,7 @@ from padgen.planner.pull_modes import coil_modes
 from padgen.report.drawings import all_shapes, border, title_of
 
 if TYPE_CHECKING:
-    from padgen.planner.plan import Channel, Plan
+    from padgen.planner.plan import Plan
 
 __all__ = ["draw_ladder", "draw_overview", "draw_prints", "draw_responses", "draw_selectivity"]
 
@@ -127,6 +126,9 @@ def draw_responses(plan: "Plan") -> Any:
     asked = plan.selectivity.asked_db
     top.axhline(-asked, color=PALE, linestyle="--", label=f"asked of OFF taxels: {asked:.0f} dB below")
     strongest = which.line.max()
+    told = (
+        "{} of others, as the loudest OFF\ntaxel hears it: off its curve by how much\nweaker or stronger it is played"
+    )
     for is_spur, mark, colour, name in ((0, "o", INK, "tone"), (1, "X", COLOURS[1], "spur")):
         of_kind = found[:, found[4] == is_spur]
         if not of_kind.size:
@@ -137,7 +139,7 @@ def draw_responses(plan: "Plan") -> Any:
         if heard.size:
             size, colour = 10 * np.log10(heard[2]), colours[heard[3].astype(int)]
             top.scatter(heard[0], size, 45, colour, marker=mark, edgecolors="white", linewidths=0.8, zorder=5)
-            top.plot([], [], mark, color=PALE, label=f"{name} of others, as the\nloudest OFF taxel hears it")
+            top.plot([], [], mark, color=PALE, label=told.format(name))
     top.set(ylim=(FLOOR_DB, 8), ylabel="motion, dB of the ON level")
     bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")
     hz_axis(bottom, low, high)
@@ -173,7 +175,9 @@ def draw_selectivity(plan: "Plan") -> Any:
     from matplotlib.patches import Rectangle
 
     figures = plan.selectivity
-    tables = [np.array(table) for table in figures.matrix_db] or [_alike_db(own) for own in plan.sets]
+    # Of many channels the plan has no table.
+    many = [placed_channels(plan.spec, own) for own in plan.sets if not figures.matrix_db]
+    tables = [np.array(table) for table in figures.matrix_db] or [-10 * np.log10(tone_energy(c, c)) for c in many]
     side = min(max(0.42 * len(tables[0]), 2.6), 7.5)
     words = "how much quieter an OFF taxel is than ON, at the tone of another"
     figure = new_figure(plan, words, max(len(tables) * (side + 0.9) + 1.5, 6.2), side + 1.5)
@@ -206,20 +210,11 @@ def draw_selectivity(plan: "Plan") -> Any:
 MOST_WRITTEN = 16
 
 
-def _alike_db(own: "tuple[Channel, ...]") -> Any:
-    """Return the table in dB (n, n) of a set with so many channels that the plan does not list it."""
-    hz, q, level, mass = (np.array([getattr(c, key) for c in own]) for key in KEYS)
-    taxels = resonators(hz, q, level, mass)
-    return -10 * np.log10(tone_energy(taxels, taxels)) + 0.0
-
-
-KEYS = ("resonance_hz", "q", "level_um", "effective_mass_g")
-
-
 def draw_prints(plan: "Plan") -> Any:
     """Draw the pad from the touch side, each coil's cell in the colour of the share of prints in which it is good."""
-    figure = new_figure(plan, "which coils' prints suffer", 6.6, 5.6)
+    figure = new_figure(plan, "which coils' prints suffer", 6.8, 5.9)
     print_map(figure.subplots(), plan)
+    figure.legend(loc="outside lower left", fontsize=8, ncols=6)
     return figure
 
 
@@ -241,6 +236,8 @@ def print_map(axis: Any, plan: "Plan") -> None:
     axis.add_collection(PolyCollection(cells, facecolors=fills, edgecolors=PALE, linewidths=0.4, gid="cells"))
     colours = colours_of(len(plan.channels))
     bosses = all_shapes(plan, ("boss",))["boss"]
+    for index, colour in enumerate(colours[: len(plan.channels) if len(plan.channels) <= MOST_NAMED else 0]):
+        axis.plot([], [], "o", color=colour, label=f"channel {index}")
     axis.add_collection(
         PolyCollection(
             bosses,
@@ -265,9 +262,9 @@ MOST_LABELLED = 64
 
 def draw_overview(plan: "Plan") -> Any:
     """Draw the pad with the prints that each coil survives, and beside it the ladder of resonances."""
-    figure = new_figure(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.2)
+    figure = new_figure(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.15, 1))
     print_map(left, plan)
     ladder(right, plan)
-    figure.legend(loc="outside lower right", fontsize=8, ncols=3)
+    figure.legend(loc="outside lower left", fontsize=8, ncols=6)
     return figure
