@@ -123,6 +123,10 @@ class Sheet:
             low = tops[-1] - height
         # All come up by half of what the lowest was pushed down by for want of room.
         shift = max(notes[-1].place[1] - heights[-1] / 2 - low, 0.0) / 2
+        bottom, top = self.axis.get_ylim()
+        if (lack := bottom - low - shift) > 0:
+            self.axis.set_ylim(bottom - lack, top)
+            self.figure.set_figheight(self.figure.get_figheight() + lack / self.mm)
         ha, out = ("left", 0.08 * self.mm) if to_right else ("right", -0.08 * self.mm)
         thin = {"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0}
         for (name, sentence, place), top in zip(notes, tops, strict=True):
