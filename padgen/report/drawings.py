@@ -329,7 +329,8 @@ def draw_section(plan: "Plan") -> Any:
         ),
         Note("coil", winding, (coil_x + (inner + reach) / 2, (top + bottom) / 2)),
     ]
-    sheet.column(right + 0.35 * sheet.mm, True, [note for note in notes if core or note.name != "core"])
+    absent = {name for name, size in (("core", core), ("boss", peak - plate.thickness_mm)) if size < LEAST_MM}
+    sheet.column(right + 0.35 * sheet.mm, True, [note for note in notes if note.name not in absent])
 
     notes, step, at_y = [], 0.2 * sheet.mm, lift + float(beam.root_mm[1])
     for text, place, low_end, high_end, start in (
@@ -365,7 +366,7 @@ def beam_cuts(beams: Sequence[Points]) -> list[tuple[float, float]]:
     return [(float(run[0]), float(run[-1])) for run in runs]
 
 
-CUT_POINTS, SAME_PLACE_MM = 4001, 0.05
+CUT_POINTS, SAME_PLACE_MM, LEAST_MM = 4001, 0.05, 1e-6
 
 
 TURN, UP = np.array([(cos(pi / 6), sin(pi / 6)), (-sin(pi / 6), cos(pi / 6))]), pi / 7.5
