@@ -69,7 +69,7 @@ def draw_lines(axes, drive, current, title) -> None:
     axes.set_ylim(1, 4e3)
     axes.set_ylabel("line of i², mA²")
     axes.set_title(f"{title}: what pulls the washers", fontsize=9)
-    axes.legend(loc="upper right", frameon=False)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
 
 
 if __name__ == "__main__":

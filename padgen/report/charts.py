@@ -139,7 +139,7 @@ def draw_responses(plan: "Plan") -> Any:
         if heard.size:
             size, colour = 10 * np.log10(heard[2]), colours[heard[3].astype(int)]
             top.scatter(heard[0], size, 45, colour, marker=mark, edgecolors="white", linewidths=0.8, zorder=5)
-            top.plot([], [], mark, color=PALE, label=told.format(name))
+            top.plot([], [], mark, color=PALE, markeredgecolor="white", markersize=8, label=told.format(name))
     top.set(ylim=(FLOOR_DB, 8), ylabel="motion, dB of the ON level")
     bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")
     hz_axis(bottom, low, high)
