@@ -238,8 +238,8 @@ def draw_pad(plan: "Plan") -> Any:
     shapes = all_shapes(plan, ("recess", "washer", *parts[0]))
     for view, names in zip(views, parts, strict=True):
         for name in names:
-            thin = 0.3 if len(plan.taxels) > MANY else 0.6
-            sheet.part(name, [view(shape) for shape in shapes[name]], linewidth=thin)
+            style = {"linewidth": 0.3, "rasterized": True} if len(plan.taxels) > MANY else {}
+            sheet.part(name, [view(shape) for shape in shapes[name]], **style)
     step = 0.3 * sheet.mm
     sheet.dimension((-inner_x, inner_x), -y - step, -inner_y, number(pad.width_mm))
     sheet.dimension((-x, x), -y - 2 * step, -y, number(2 * x))
@@ -252,7 +252,7 @@ def draw_pad(plan: "Plan") -> Any:
 
 
 MANY = 128
-"""More taxels than these are drawn with thinner lines."""
+"""More taxels than these are drawn with thinner lines, and in an SVG as an image, which is smaller."""
 
 
 def draw_section(plan: "Plan") -> Any:
@@ -457,8 +457,14 @@ def draw_exploded(plan: "Plan") -> Any:
     area = Outline(*np.stack([points.min(0), points.max(0)]).T.ravel())
     sheet = Sheet(title_of(plan, "what lies above what"), area, (0.3, 2.9, 0.3, 0.6), (9.0, 8.0))
     colours = [tuple(shade * v for v in to_rgb(FILLS[part])) for part, _, shade in faces]
-    thin = 0.25 if len(bosses) > MANY else 0.4
-    stack = PolyCollection([shape for _, shape, _ in faces], facecolors=colours, edgecolors=INK, linewidths=thin)
+    many = len(bosses) > MANY
+    style: dict[str, Any] = {
+        "facecolors": colours,
+        "edgecolors": INK,
+        "linewidths": 0.25 if many else 0.4,
+        "rasterized": many,
+    }
+    stack = PolyCollection([shape for _, shape, _ in faces], **style)
     sheet.axis.add_collection(stack, autolim=False)
     sheet.column(area.x1 + 0.35 * sheet.mm, True, notes)
     return sheet.figure
