@@ -8,7 +8,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from padgen.core.display import STYLE, plot_bytes
+from padgen.core.display import COLOURS, plot_bytes, plot_style
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme
@@ -22,7 +22,6 @@ QS, ASKED_DB, SPREADS = (10, 15, 30, 60), (14, 20), (0.0, 0.01, 0.02, 0.04, 0.08
 MOST = 40
 """Channels up to which random cases are judged."""
 DRAWN = [k * 0.0025 for k in range(41)]
-COLOURS = dict(zip(QS, ("#7b3fa0", "#1f5fa8", "#2f8a4c", "#c2571a"), strict=True))
 
 
 def closed(q: float, asked_db: float, name: str, spread: float) -> int:
@@ -74,13 +73,10 @@ def random_cases(cases: int = 150) -> Counter:
 
 
 def picture() -> bytes:
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(STYLE):
+    with plot_style():
         figure = Figure(figsize=(9, 3.8), layout="constrained")
-        FigureCanvasAgg(figure)
         axes = figure.subplots(1, 2, sharey=True)
         for axis, asked_db in zip(axes, ASKED_DB, strict=True):
             for q in QS:
@@ -88,10 +84,10 @@ def picture() -> bytes:
                     counts = [closed(q, asked_db, name, spread) for spread in DRAWN]
                     percent = [100 * spread for spread in DRAWN]
                     label = f"Q = {q}" if style == "-" else None
-                    axis.plot(percent, counts, style, color=COLOURS[q], drawstyle="steps-mid", label=label)
+                    axis.plot(percent, counts, style, color=COLOURS[QS.index(q)], drawstyle="steps-mid", label=label)
                 for spread in SPREADS[1:]:
                     found = simulated(q, asked_db, "spur-free", spread, closed(q, asked_db, "spur-free", spread))
-                    axis.plot([100 * spread], [found], "o", color=COLOURS[q], markersize=4)
+                    axis.plot([100 * spread], [found], "o", color=COLOURS[QS.index(q)], markersize=4)
             axis.set(xlabel="spread of a ratio of neighbours, %", title=f"{asked_db} dB", yscale="log", ylim=(4, 64))
             axis.set_yticks([4, 8, 16, 32, 64], ["4", "8", "16", "32", "64"])
             axis.minorticks_off()

@@ -1,18 +1,17 @@
 """Draw docs/waveforms.svg: the current, the voltage and the lines of i² of one coil, plain tones and spur-free."""
 
-import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from padgen.core.display import COLOURS, plot_bytes, plot_style
 from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.waveform import steady, volts
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 
 RATE_HZ = 48_000
-STYLE = {"svg.hashsalt": "padgen", "svg.fonttype": "path", "font.size": 9, "font.family": "DejaVu Sans"}
 SHOWN_S, HIGHEST_HZ = 0.1, 750.0
 
 
@@ -30,13 +29,10 @@ def played(scheme: str) -> tuple[PadDrive, np.ndarray, np.ndarray]:
 
 
 def main() -> None:
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(STYLE):
+    with plot_style():
         figure = Figure(figsize=(9, 5), layout="constrained")
-        FigureCanvasSVG(figure)
         axes = figure.subplots(2, 2, sharex="col")
         for row, (scheme, title) in enumerate((("tones", "plain tones"), ("spur-free", "spur-free"))):
             drive, current, voltage = played(scheme)
@@ -44,21 +40,19 @@ def main() -> None:
             draw_lines(axes[row, 1], drive, current, title)
         axes[1, 0].set_xlabel("time, ms")
         axes[1, 1].set_xlabel("frequency of the force, Hz")
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None})
-    Path(__file__).with_name("waveforms.svg").write_text(text.getvalue(), encoding="utf-8")
+    Path(__file__).with_name("waveforms.svg").write_bytes(plot_bytes(figure, "svg"))
 
 
 def draw_time(axes, current, voltage, title) -> None:
     """Draw current and voltage over the first part of a period."""
     count = round(SHOWN_S * RATE_HZ)
     time_ms = 1e3 * np.arange(count) / RATE_HZ
-    axes.plot(time_ms, 1e3 * current[:count], color="tab:blue", lw=1.2)
-    axes.set_ylabel("current, mA", color="tab:blue")
+    axes.plot(time_ms, 1e3 * current[:count], color=COLOURS[0], lw=1.2)
+    axes.set_ylabel("current, mA", color=COLOURS[0])
     axes.set_title(f"{title}: {1e3 * np.sqrt((current**2).mean()):.1f} mA rms", fontsize=9)
     twin = axes.twinx()
-    twin.plot(time_ms, voltage[:count], color="tab:orange", lw=0.8)
-    twin.set_ylabel("voltage, V", color="tab:orange")
+    twin.plot(time_ms, voltage[:count], color=COLOURS[4], lw=0.8)
+    twin.set_ylabel("voltage, V", color=COLOURS[4])
 
 
 def draw_lines(axes, drive, current, title) -> None:
@@ -68,14 +62,14 @@ def draw_lines(axes, drive, current, title) -> None:
     wanted = np.zeros(len(size), bool)
     wanted[drive.coils[0].harmonic] = True
     shown = (hz > 0) & (hz < HIGHEST_HZ) & (size > 1e-5 * size[wanted].min())
-    for which, colour, label in ((shown & wanted, "tab:green", "wanted"), (shown & ~wanted, "tab:red", "spurs")):
+    for which, colour, label in ((shown & wanted, COLOURS[2], "wanted"), (shown & ~wanted, COLOURS[1], "spurs")):
         if which.any():
             axes.vlines(hz[which], 1e-3, 1e6 * size[which], color=colour, lw=1.6, label=label)
     axes.set_yscale("log")
     axes.set_ylim(1, 4e3)
     axes.set_ylabel("line of i², mA²")
     axes.set_title(f"{title}: what pulls the washers", fontsize=9)
-    axes.legend(loc="upper right", frameon=False)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0))
 
 
 if __name__ == "__main__":

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from padgen.core.display import STYLE, plot_bytes
+from padgen.core.display import COLOURS, plot_bytes, plot_style
 from padgen.make.pad import Pad
 from padgen.planner import Plan, make_plan
 from padgen.spec import parse_spec
@@ -105,17 +105,12 @@ def growth() -> list[str]:
 
 def draw(table: np.ndarray, slopes: np.ndarray) -> None:
     """Draw the times in a log-log plot with their fits."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(STYLE):
+    with plot_style():
         figure = Figure(figsize=(6, 4), layout="constrained")
-        FigureCanvasAgg(figure)
         axes = figure.subplots()
-        marks = zip(
-            WHAT, table[:, 2:6].T, slopes[:4], "os^D", ("#0072b2", "#009e73", "#d55e00", "#cc79a7"), strict=True
-        )
+        marks = zip(WHAT, table[:, 2:6].T, slopes[:4], "os^D", COLOURS[:4], strict=True)
         for name, seconds, slope, mark, colour in marks:
             centre = np.exp(np.log(table[:, 0]).mean()), np.exp(np.log(seconds).mean())
             axes.plot(table[:, 0], seconds, mark, color=colour, label=f"{name}, exponent {slope:.2f}")

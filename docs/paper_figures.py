@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from padgen.core.display import COLOURS, INK, plot_bytes, plot_style
 from padgen.core.units import GRAM, MH, MM, UM, decibel
 from padgen.physics.magnetics import impedance
 from padgen.physics.propagation import signal, squared, steady_lines, tones
@@ -180,32 +181,26 @@ def _amplifiers() -> list[tuple[str, float, str]]:
 
 def draw_paper_figures(figures: PaperFigures, path: Path) -> None:
     """Draw both figures into an SVG or PNG file, chosen by its name; the same figures give the same bytes."""
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg", force=False)
-    from matplotlib import pyplot
-
-    settings = {"svg.hashsalt": "padgen", "svg.fonttype": "none", "font.size": 9, "axes.grid": True, "grid.alpha": 0.3}
-    with pyplot.rc_context(settings):
-        figure, axes = pyplot.subplots(2, 2, figsize=(9.5, 6.6), layout="constrained")
+    with plot_style():
+        figure = Figure(figsize=(9.5, 6.6), layout="constrained")
+        axes = figure.subplots(2, 2)
         _draw_response(axes[0, 0], figures)
         for axis, spectrum in zip(axes.flat[1:], figures.spectra, strict=True):
             _draw_spectrum(axis, spectrum)
-        svg = path.suffix == ".svg"
-        figure.savefig(path, dpi=110, metadata={"Date": None} if svg else {"Software": None})
-        pyplot.close(figure)
-
-
-COLOURS = ("#1f5fa8", "#c2571a")
+        for axis in axes.flat:
+            axis.grid()
+    path.write_bytes(plot_bytes(figure, path.suffix[1:]))
 
 
 def _draw_response(axis: Any, figures: PaperFigures) -> None:
-    for name, line, colour in zip(("60 Hz taxel", "78 Hz taxel"), figures.response_db, COLOURS, strict=True):
+    for name, line, colour in zip(("60 Hz taxel", "78 Hz taxel"), figures.response_db, COLOURS[:2], strict=True):
         axis.plot(figures.force_hz / 2, line, color=colour, label=name)
     low, high = RESONANCES_HZ / 2
     for at, measured, colour in ((high, MEASURED_OFF_DB[0], COLOURS[0]), (low, MEASURED_OFF_DB[1], COLOURS[1])):
         axis.plot([at], [-measured], "o", color=colour, fillstyle="none")
-    axis.plot([], [], "o", color="#444444", fillstyle="none", label="measured (paper)")
+    axis.plot([], [], "o", color=INK, fillstyle="none", label="measured (paper)")
     axis.set(
         title=f"response over drive frequency, Q = {figures.q:.1f}",
         xlabel="drive frequency, Hz",
@@ -215,7 +210,7 @@ def _draw_response(axis: Any, figures: PaperFigures) -> None:
 
 
 def _draw_spectrum(axis: Any, spectrum: Spectrum) -> None:
-    for taxel, (name, colour) in enumerate(zip(("60 Hz taxel", "78 Hz taxel"), COLOURS, strict=True)):
+    for taxel, (name, colour) in enumerate(zip(("60 Hz taxel", "78 Hz taxel"), COLOURS[:2], strict=True)):
         shift = 0.4 * (2 * taxel - 1)
         found = spectrum.coupled_um[taxel]
         upto = (spectrum.hz <= 100) & (found > 1e-4)

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import padgen as pg
@@ -76,30 +75,6 @@ def test_a_plan_shows_itself_in_one_line_and_in_notebooks(paper_plan):
     assert len(repr(paper_plan)) < 120 and "32 taxels" in repr(paper_plan)
     html = paper_plan._repr_html_()
     assert html.count("<tr>") == 1 + len(paper_plan.channels) and "<svg" in html and "56 Hz" in html
-
-
-def test_a_plan_draws_all_its_taxels_where_they_are(paper_plan):
-    pad, ladder = paper_plan.plot().axes
-    centres = {tuple(np.round(patch.center, 6)) for patch in pad.patches if hasattr(patch, "center")}
-    assert {(taxel.x_mm, taxel.y_mm) for taxel in paper_plan.taxels} <= centres
-    assert [line.get_xdata()[0] for line in ladder.lines] == [c.resonance_hz for c in paper_plan.channels]
-
-
-def test_a_plan_s_picture_says_which_coils_suffer(paper_plan):
-    """Each coil's share stands in its cell, its lower left corner where the grid has it."""
-    from dataclasses import replace
-
-    shares = (*[1.0] * 6, 0.975, *[0.0] * 9)
-    plan = replace(paper_plan, prints=replace(paper_plan.prints, coil_shares=shares))
-    pad = plan.plot().axes[0]
-    marked = {text.get_text(): text.xy for text in pad.texts}
-    assert marked["97.5 %"] == (0.0, -12.5), "row 1, column 2 of four, 12.5 mm apart"
-    cells = {
-        patch.get_xy(): patch.get_facecolor()[3]
-        for patch in pad.patches
-        if hasattr(patch, "get_xy") and patch.get_fill()
-    }
-    assert (cells[0.0, -12.5], cells[-25.0, -25.0], cells[12.5, 12.5]) == pytest.approx((0.15, 0.0, 0.6))
 
 
 def test_build_writes_what_the_command_writes(work):

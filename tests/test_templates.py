@@ -14,10 +14,12 @@ import numpy as np
 import pytest
 
 from padgen.planner import make_plan
+from padgen.report.pictures import picture
 from padgen.report.plans import plan_text
 from padgen.solid.checks import check_pad
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec, template_paths
+from tests.readable import assert_labels_point_into_their_parts, assert_readable
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
 from measure_yield import kept
@@ -186,3 +188,11 @@ def test_golden(name, request):
 
 def test_no_golden_is_left_over():
     assert sorted(p.stem for p in GOLDEN.glob("*.json")) == TEMPLATES
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_no_words_of_the_section_collide_and_all_labels_point_into_their_parts(name):
+    plan, _ = made(name)
+    figure = picture(plan, "section")
+    assert_readable(figure)
+    assert_labels_point_into_their_parts(figure)

@@ -28,7 +28,7 @@ import numpy as np
 
 from padgen.batch.definition import Sweep, variant_name
 from padgen.batch.variant import STATUSES, Record
-from padgen.core.display import STYLE, plot_bytes
+from padgen.core.display import PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, json_line, reason
 from padgen.planner.drive_rows import table_csv
@@ -252,7 +252,6 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
     differ = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
     if not len(overview.values) or len(differ) < 2:
         return None
-    import matplotlib
     from matplotlib.figure import Figure
 
     labels = [
@@ -261,7 +260,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
     ]
     title, shown = _title(overview, name), _with_places(overview)
     hue, side = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i])), len(differ) - 1
-    with matplotlib.rc_context(STYLE):
+    with plot_style():
         figure = Figure(figsize=(PANEL_INCHES[0] * side + 2.6, PANEL_INCHES[1] * side + 1.2), layout="constrained")
         axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
         for (i, j), axis in np.ndenumerate(axes):
@@ -304,7 +303,7 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
         axis.plot(*points.T, mark, **style, label=label if len(points) else None)
     finite = np.unique(front[np.isfinite(front).all(axis=1)], axis=0)
     edge: np.ndarray = finite[front_mask(_scores(finite, [overview.objectives[i] for i in pair]))]
-    axis.plot(*edge.T, color="#666666", linewidth=0.8, zorder=2, label="best in these two" if len(edge) else None)
+    axis.plot(*edge.T, color=PALE, linewidth=0.8, zorder=2, label="best in these two" if len(edge) else None)
     shown = axis.scatter(
         *front.T,
         s=26 if len(front) < 100 else 9,

@@ -8,16 +8,48 @@ from typing import Any
 
 from padgen.core.errors import number
 
-__all__ = ["STYLE", "plot_bytes", "seconds_text", "span_text", "table"]
+__all__ = ["COLOURS", "INK", "PALE", "plot_bytes", "plot_style", "seconds_text", "span_text", "table"]
 
-STYLE = {"svg.hashsalt": "padgen", "svg.fonttype": "path", "font.size": 9, "font.family": "DejaVu Sans"}
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a4c2f", "#666666")
+"""Colours that colour-blind people, too, tell apart (most of them Okabe and Ito's, Color Universal Design, 2008)."""
+INK, PALE = "#333333", "#8a8a8a"
+STYLE = {
+    "svg.hashsalt": "padgen",
+    "svg.fonttype": "path",
+    "font.size": 9,
+    "font.family": "DejaVu Sans",
+    "text.color": INK,
+    "axes.edgecolor": PALE,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "figure.constrained_layout.h_pad": 0.08,
+    "figure.constrained_layout.w_pad": 0.1,
+    "figure.titlesize": 10,
+    "grid.alpha": 0.25,
+    "legend.frameon": False,
+    "xtick.color": INK,
+    "ytick.color": INK,
+}
+
+
+def plot_style() -> Any:
+    """Return a context in which figures are made in padgen's style, whatever style the user has set."""
+    from matplotlib import style
+
+    return style.context(["default", STYLE])
 
 
 def plot_bytes(figure: Any, kind: str) -> bytes:
-    """Return a matplotlib figure as the bytes of an ``svg`` or ``png`` file."""
+    """Return a matplotlib figure as the bytes of an ``svg`` or ``png`` file; its title is in the file's metadata."""
     out = io.BytesIO()
     metadata: dict[str, Any] = {"Date": None} if kind == "svg" else {"Software": None}
-    figure.savefig(out, format=kind, dpi=120, metadata=metadata, facecolor="white")
+    if figure.get_suptitle():
+        metadata["Title"] = figure.get_suptitle()
+    with plot_style():
+        figure.savefig(out, format=kind, dpi=120, metadata=metadata, facecolor="white")
     return out.getvalue()
 
 

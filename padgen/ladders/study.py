@@ -20,7 +20,7 @@ import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import version
-from padgen.core.display import STYLE, plot_bytes, seconds_text, table
+from padgen.core.display import COLOURS, INK, PALE, plot_bytes, plot_style, seconds_text, table
 from padgen.core.errors import percent
 from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
@@ -547,9 +547,8 @@ def _two_digits(value: float) -> str:
     return f"{value:.2g}" if isfinite(value) else ""
 
 
-COLOURS = ("#1f5fa8", "#c2571a", "#2f8a4c", "#7b3fa0", "#a8851f", "#3a9aa8", "#8a4c2f", "#666666")
 MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
-VERDICT_COLOURS = {"right": "#2f8a4c", "WRONG": "#c2241a", "unchecked": "#a8851f", "refused": "#666666"}
+VERDICT_COLOURS = {"right": COLOURS[2], "WRONG": COLOURS[1], "unchecked": COLOURS[4], "refused": PALE}
 PANEL_INCHES = (5.6, 4.2)
 LEAST = 1e-13
 """Errors below are drawn here."""
@@ -557,18 +556,13 @@ LEAST = 1e-13
 
 def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
     """Return the plot of `study_figure` as SVG and PNG."""
-    import matplotlib
-
-    with matplotlib.rc_context(STYLE):
-        figure = study_figure(results, tolerances, name)
-        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+    figure = study_figure(results, tolerances, name)
+    return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
 
 def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
     """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
-    import matplotlib
-
-    with matplotlib.rc_context(STYLE):
+    with plot_style():
         panels: dict[str, list[Judged]] = {}
         for result in results:
             panels.setdefault(result.ladder.name, []).append(result)
@@ -581,11 +575,9 @@ def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: s
 
 def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
     """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
-    import matplotlib
-
-    with matplotlib.rc_context(STYLE):
+    with plot_style():
         figure, (axis,) = _figure(1)
-        axis.plot([LEAST, 10], [LEAST, 10], color="#888888", linewidth=1)
+        axis.plot([LEAST, 10], [LEAST, 10], color=PALE, linewidth=1)
         domains = list(dict.fromkeys(found.domain for found in verdicts))
         for found in verdicts:
             if isfinite(found.error) and isfinite(found.stated_error):
@@ -593,7 +585,7 @@ def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
                 mark = MARKS[domains.index(found.domain) % len(MARKS)]
                 axis.plot(*place, mark, color=VERDICT_COLOURS[found.verdict], markersize=5, linestyle="none")
         for index, domain in enumerate(domains):
-            axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", linestyle="none", label=domain)
+            axis.plot([], [], MARKS[index % len(MARKS)], color=INK, linestyle="none", label=domain)
         axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")
         axis.set_title("extreme cases: green below the line is right, red is worse than stated")
         if domains:
@@ -641,12 +633,12 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
         colour = COLOURS[models.index(model) % len(COLOURS)]
         axis.plot([], [], "o", color=colour, label=model)
     for index, result in enumerate(results if len(results) > 1 else ()):
-        axis.plot([], [], MARKS[index % len(MARKS)], color="#444444", label=result.ladder.subject)
+        axis.plot([], [], MARKS[index % len(MARKS)], color=INK, label=result.ladder.subject)
     places = [_place(row) for _, row, _ in drawn]
     axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
     axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
     for tolerance in tolerances:
-        axis.axhline(tolerance, color="#888888", linewidth=0.8, linestyle=(0, (2, 4)), zorder=1)
+        axis.axhline(tolerance, color=PALE, linewidth=0.8, linestyle=(0, (2, 4)), zorder=1)
     axis.grid(alpha=0.2)
     axis.legend(frameon=False, fontsize=8)
 

@@ -5,7 +5,7 @@ from textwrap import fill
 
 import numpy as np
 
-from padgen.core.display import STYLE, plot_bytes
+from padgen.core.display import COLOURS, PALE, plot_bytes, plot_style
 from padgen.measured.fits import Curve
 
 __all__ = ["tuning_picture"]
@@ -17,15 +17,12 @@ FLOOR_DB = -60.0
 
 def tuning_picture(curves: Sequence[Curve]) -> bytes:
     """Return a PNG with a panel for each taxel: refused ones first, then those with the largest residual."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     shown = sorted(curves, key=lambda curve: (not curve.cause, -_misfit(curve)))[:MOST_PANELS]
     rows = -(-len(shown) // COLUMNS)
-    with matplotlib.rc_context(STYLE):
+    with plot_style():
         figure = Figure(figsize=(11, 0.6 + 2.5 * rows), layout="constrained")
-        FigureCanvasAgg(figure)
         axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
         for axis in axes[len(shown) :]:
             axis.set_axis_off()
@@ -33,17 +30,17 @@ def tuning_picture(curves: Sequence[Curve]) -> bytes:
             frequency, data, model = curve.seen
             keep = slice(None, None, -(-len(frequency) // MOST_POINTS))
             top = float(np.abs(data if model is None else model).max()) or 1.0
-            lines = [(data, ".", "#888888", "measured")]
+            lines = [(data, ".", PALE, "measured")]
             if model is not None:
-                lines += [(model, "-", "#1f5fa8", "fit"), (np.abs(data) - np.abs(model), "-", "#c2571a", "residual")]
+                lines += [(model, "-", COLOURS[0], "fit"), (np.abs(data) - np.abs(model), "-", COLOURS[1], "residual")]
             for values, mark, colour, name in lines:
                 level = 20 * np.log10(np.maximum(np.abs(values) / top, 10 ** (FLOOR_DB / 20)))
                 axis.plot(frequency[keep], level[keep], mark, color=colour, markersize=3, linewidth=1, label=name)
             axis.set_ylim(FLOOR_DB, 10)
             axis.set_title(curve.id + ": refused" * bool(curve.cause), fontsize=9)
             if curve.cause:
-                axis.text(0.02, 0.03, fill(curve.cause, 60), transform=axis.transAxes, fontsize=6, color="#c2241a")
-        axes[0].legend(fontsize=7, loc="upper right")
+                axis.text(0.02, 0.03, fill(curve.cause, 48), transform=axis.transAxes, fontsize=8, color=COLOURS[1])
+        axes[0].legend(fontsize=8, loc="upper right")
         left = f", {len(shown)} of {len(curves)} taxels" if len(shown) < len(curves) else ""
         figure.supxlabel("frequency of the motion, Hz", fontsize=9)
         figure.supylabel("dB of the peak", fontsize=9)

@@ -486,11 +486,26 @@ class Plan:
 
         return plan_html(self)
 
-    def plot(self) -> Any:
-        """Return a `matplotlib.figure.Figure` of the pad, each coil's share of good prints, and the resonances."""
-        from padgen.report.plans import plan_figure
+    def plot(self, picture: str = "overview") -> Any:
+        """Draw a picture of the plan: each coil's share of good prints and the resonances, or another one by name.
 
-        return plan_figure(self)
+        Parameters
+        ----------
+        picture : str
+            'overview', or what `padgen draw` calls its pictures: 'section', 'responses', 'pad' ...
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        SpecError
+            There is no picture of that name.
+        """
+        from padgen.report.pictures import picture as drawn
+
+        return drawn(self, picture)
 
     @property
     def scheme(self) -> Scheme:

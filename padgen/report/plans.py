@@ -1,10 +1,10 @@
-"""Describe plans, builds and findings to people: as text, as a picture, and as HTML for notebooks."""
+"""Describe plans, builds and findings to people: as text, and as HTML for notebooks."""
 
 from collections.abc import Callable, Iterable, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.display import STYLE, table
+from padgen.core.display import table
 from padgen.core.errors import number, plain
 from padgen.core.finding import LEVELS, Finding
 
@@ -20,7 +20,6 @@ __all__ = [
     "figures_text",
     "findings_text",
     "held_line",
-    "plan_figure",
     "plan_html",
     "plan_text",
     "serious_text",
@@ -494,78 +493,6 @@ def figures_text(figures: dict[str, Any]) -> str:
 LEVEL_COLOURS = {"error": "#c2241a", "warning": "#a86a00", "note": "#666666"}
 HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × t × l)", "ring-up ms", "level µm peak")
 LADDER_PX, LADDER_HEIGHT_PX = 560, 46
-MOST_LABELLED = 64
-"""Most coils for which each one's share of good prints is written in its cell."""
-
-
-def plan_figure(plan: "Plan") -> Any:
-    """Draw the pad from the touch side, to scale, and the resonances of its channels.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Left: coils (open circles) and bosses, coloured by channel. Each cell shows the share of re-tuned prints in
-        which its coil keeps the asked selectivity. The smaller the share, the stronger its tint, up to full where that
-        coil alone misses `print_share`. Right: each channel's slot and resonance.
-    """
-    import matplotlib
-    import numpy as np
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.5, 4.6), layout="constrained")
-        FigureCanvasAgg(figure)
-        pad, ladder = figure.subplots(1, 2, width_ratios=(1, 1))
-        # The colour map without its palest end.
-        colours = matplotlib.colormaps["viridis"](np.linspace(0, 0.85, len(plan.channels)))
-        _draw_pad(pad, plan, colours)
-        _draw_ladder(ladder, plan, colours)
-        figure.suptitle(repr(plan).strip("<>"), fontsize=10)
-    return figure
-
-
-def _draw_pad(axis: Any, plan: "Plan", colours: Any) -> None:
-    from matplotlib.patches import Circle, Rectangle
-
-    from padgen.planner.layout import coil_axis_mm
-
-    pad, coils = plan.spec.pad, plan.coils
-    for grow, style in ((2 * pad.border_mm, "-"), (0.0, ":")):
-        wide, deep = pad.width_mm + grow, pad.depth_mm + grow
-        axis.add_patch(Rectangle((-wide / 2, -deep / 2), wide, deep, fill=False, linestyle=style, color="#444444"))
-    for row in range(coils.rows):
-        for column in range(coils.columns):
-            centre = coil_axis_mm(coils, row, column)
-            corner = centre[0] - coils.pitch_x_mm / 2, centre[1] - coils.pitch_y_mm / 2
-            share = plan.prints.coil_shares[row * coils.columns + column]
-            tint = 0.6 * min((1 - share) / (1 - plan.spec.print_share), 1.0)
-            cell = Rectangle(corner, coils.pitch_x_mm, coils.pitch_y_mm, facecolor=(0.76, 0.14, 0.1, tint), linewidth=0)
-            axis.add_patch(cell)
-            if coils.rows * coils.columns <= MOST_LABELLED:
-                axis.annotate(f"{100 * share:.3g} %", corner, (2, 2), textcoords="offset points", fontsize=6)
-            axis.add_patch(Circle(centre, plan.spec.coil.outer_diameter_mm / 2, fill=False, color="#b8753a"))
-    for taxel in plan.taxels:
-        boss = Circle((taxel.x_mm, taxel.y_mm), plan.plate.boss_diameter_mm / 2, color=colours[taxel.channel])
-        axis.add_patch(boss)
-    keeps = f"which a coil keeps {plan.selectivity.asked_db:.1f} dB (redder: fewer)"
-    title = f"touch side: bosses over coils; share of prints in\n{keeps}"
-    axis.set(xlabel="x, mm", ylabel="y, mm", title=title)
-    axis.set_aspect("equal")
-    axis.autoscale_view()
-
-
-def _draw_ladder(axis: Any, plan: "Plan", colours: Any) -> None:
-    for channel, colour in zip(plan.channels, colours, strict=True):
-        low, high = _slot_hz(plan, channel.resonance_hz)
-        axis.barh(channel.index, high - low, left=low, height=0.7, color=colour, alpha=0.3)
-        axis.plot([channel.resonance_hz], [channel.index], "o", color=colour)
-    axis.set(xscale="log", xlabel="Hz", ylabel="channel", title="resonances and their slots (paper's Δy/4Q)")
-    axis.set_yticks([channel.index for channel in plan.channels])
-    ticks = sorted({float(f"{channel.resonance_hz:.3g}") for channel in plan.channels})
-    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axis.minorticks_off()
-    axis.grid(alpha=0.25)
 
 
 def _slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:

@@ -1,0 +1,270 @@
+"""Charts of a plan: its ladder of resonances, the taxels' responses, selectivity, and the prints of each coil."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from padgen.core.display import COLOURS, INK, PALE
+from padgen.physics.ladder import slot_half_width
+from padgen.physics.resonator import felt_energy
+from padgen.physics.selectivity import line_energy, own_lines, pair_lines, tone_energy
+from padgen.planner.channels import coil_modes
+from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.layout import coil_axis_mm
+from padgen.report.drawings import all_shapes, border, title_of
+
+if TYPE_CHECKING:
+    from padgen.planner.plan import Plan
+
+__all__ = ["draw_ladder", "draw_overview", "draw_prints", "draw_responses", "draw_selectivity"]
+
+
+def colours_of(count: int) -> Any:
+    """Return a colour (count, 4) for each channel, from dark for the lowest to light for the highest."""
+    import matplotlib
+
+    if count <= len(COLOURS) - 1:
+        return matplotlib.colors.to_rgba_array(COLOURS[:count])
+    return matplotlib.colormaps["viridis"](np.linspace(0, 0.85, count))
+
+
+def new_figure(plan: "Plan", words: str, width_in: float, height_in: float) -> Any:
+    """Return an empty figure with its title."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    figure.suptitle(title_of(plan, words), x=0.01, ha="left")
+    return figure
+
+
+def hz_axis(axis: Any, low_hz: float, high_hz: float) -> None:
+    """Make the x axis logarithmic in Hz, with plain numbers."""
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
+    axis.set(xscale="log", xlim=(low_hz, high_hz))
+    locator = LogLocator(subs=(1, 2, 5)) if high_hz > WIDE * low_hz else MaxNLocator(7, steps=(1, 2, 5, 10))
+    ticks = [tick for tick in locator.tick_values(low_hz, high_hz) if low_hz <= tick <= high_hz]
+    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.minorticks_off()
+    axis.grid(axis="x")
+
+
+WIDE = 5.0
+"""Bands that reach over more than this ratio have 1, 2 and 5 of each decade marked."""
+
+
+def draw_ladder(plan: "Plan") -> Any:
+    """Draw each channel's resonance, what prints scatter it by, and the slot that no other resonance may come into."""
+    height = min(1.7 + 0.3 * len(plan.channels), 9.0)
+    figure = new_figure(plan, "resonances of the channels, and the slots that keep them apart", 9.0, height)
+    ladder(figure.subplots(), plan)
+    figure.legend(loc="outside right upper", fontsize=8)
+    return figure
+
+
+def ladder(axis: Any, plan: "Plan") -> None:
+    """Draw the ladder of resonances into an axis, the sets of channels in colours of their own."""
+    half, several = slot_half_width(plan.spec.q_min, plan.spec.delta_y), len(plan.sets) > 1
+    low = [c.resonance_hz * max(1 - max(half, c.print_spread), 0.05) for c in plan.channels]
+    high = [c.resonance_hz * (1 + max(half, c.print_spread)) for c in plan.channels]
+    for own, colour, name in zip(plan.sets, COLOURS, ("even", "odd"), strict=False):
+        words = f"\n(coils of {name} row + column)" if several else ""
+        index, hz, spread = (
+            np.array([getattr(c, key) for c in own]) for key in ("index", "resonance_hz", "print_spread")
+        )
+        left = hz * max(1 - half, 0.0)
+        axis.barh(
+            index, hz * (1 + half) - left, 0.7, left, color=colour, alpha=0.22, label="slot, Δy/4Q to each side" + words
+        )
+        axis.errorbar(
+            hz,
+            index,
+            xerr=hz * spread,
+            fmt="o",
+            color=colour,
+            capsize=3,
+            markersize=5,
+            label="resonance, ± 1 sigma of prints" + words,
+        )
+    band = plan.spec.band_hz
+    axis.axvline(band[0], color=PALE, linestyle=":", label="band asked for")
+    axis.axvline(band[1], color=PALE, linestyle=":")
+    hz_axis(axis, 0.93 * min(*low, band[0]), 1.07 * max(*high, band[1]))
+    every = -(-len(plan.channels) // MOST_TICKS)
+    axis.set_yticks(
+        [c.index for c in plan.channels][::every],
+        [f"{c.index}:  {c.resonance_hz:.1f} Hz" for c in plan.channels][::every],
+    )
+    axis.set(xlabel="frequency, Hz", ylabel="channel", ylim=(-0.6, len(plan.channels) - 0.4))
+
+
+MOST_TICKS = 30
+
+
+def draw_responses(plan: "Plan") -> Any:
+    """Draw how the taxels of one coil answer each frequency, and the lines of its current's square, all channels on.
+
+    Above, a curve is a taxel's motion, in dB of its ON level, if the line that drives it moved in frequency. A mark is
+    what the loudest OFF taxel hears of a tone or a spur that others make. Below are the lines' own strengths.
+    """
+    own, scheme = plan.sets[0], plan.scheme
+    which, modes, colours = placed_channels(plan.spec, own), coil_modes(plan.spec, own), colours_of(len(own))
+    parts = list(own_lines(which, scheme))
+    if scheme.has_pair_spurs and 1 < len(own) <= MOST_WITH_SPURS:
+        parts.append(pair_lines(which, scheme))
+    found = np.concatenate([_heard(which, part, modes) for part in parts], axis=1)
+    hz = which.resonance_hz
+    found = found[:, found[0] >= hz[0] / 8]
+    low, high = 0.9 * min(hz[0] / 2, found[0].min()), 1.1 * max(2 * hz[-1], found[0].max())
+    figure = new_figure(plan, "how the taxels of one coil answer, and what its current asks of them", 9.0, 5.6)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
+    grid = np.unique(np.concatenate([np.geomspace(low, high, 1200), hz]))
+    named = range(len(own)) if len(own) <= MOST_NAMED else (0, len(own) - 1)
+    for k, curve in enumerate(10 * np.log10(felt_energy(modes, slice(None), grid))):
+        label = f"channel {own[k].index}, {hz[k]:.1f} Hz" if k in named else None
+        top.plot(grid, curve, color=colours[k], label=label, linewidth=1.5)
+    asked = plan.selectivity.asked_db
+    top.axhline(-asked, color=PALE, linestyle="--", label=f"asked of OFF taxels: {asked:.0f} dB below")
+    strongest = which.line.max()
+    told = (
+        "{} of others, as the loudest OFF\ntaxel hears it: off its curve by how much\nweaker or stronger it is played"
+    )
+    for is_spur, mark, colour, name in ((0, "o", INK, "tone"), (1, "X", COLOURS[1], "spur")):
+        of_kind = found[:, found[4] == is_spur]
+        if not of_kind.size:
+            continue
+        level = 10 * np.log10(np.maximum(of_kind[1], 1e-30)) - 20 * np.log10(strongest)
+        bottom.vlines(of_kind[0], FLOOR_DB, level, color=colour, linewidth=2.0, label=name)
+        heard = of_kind[:, of_kind[2] > 0]
+        if heard.size:
+            size, colour = 10 * np.log10(heard[2]), colours[heard[3].astype(int)]
+            top.scatter(heard[0], size, 45, colour, marker=mark, edgecolors="white", linewidths=0.8, zorder=5)
+            top.plot([], [], mark, color=PALE, markeredgecolor="white", markersize=8, label=told.format(name))
+    top.set(ylim=(FLOOR_DB, 8), ylabel="motion, dB of the ON level")
+    bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")
+    hz_axis(bottom, low, high)
+    top.grid(axis="x")
+    top.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8)
+    turns = " (one at a time)" if scheme.takes_turns else ""
+    bottom.legend(
+        loc="upper left",
+        bbox_to_anchor=(1.01, 1.0),
+        fontsize=8,
+        title=f"{scheme.name}, all on{turns}",
+        alignment="left",
+    )
+    return figure
+
+
+MOST_NAMED, MOST_WITH_SPURS, FLOOR_DB = 12, 64, -60.0
+
+
+def _heard(which: Any, part: Any, modes: Any) -> Any:
+    """Return of each line (5, m): frequency in Hz, squared size, energy in the loudest OFF taxel, which, is a spur."""
+    energy = line_energy(which, part, modes)
+    for maker in part.makers:
+        energy[maker, :, np.arange(len(maker))] = 0.0
+    spur = np.ones(part.hz.shape)
+    spur[0] = len(part.makers) > 1
+    rows = part.hz, np.broadcast_to(part.square, part.hz.shape), energy.max(0), energy.argmax(0), spur
+    return np.stack([row.ravel() for row in rows])
+
+
+def draw_selectivity(plan: "Plan") -> Any:
+    """Draw for each set of channels by how much an OFF taxel (row) is quieter than ON at the tone of another."""
+    from matplotlib.patches import Rectangle
+
+    figures = plan.selectivity
+    # Of many channels the plan has no table.
+    many = [placed_channels(plan.spec, own) for own in plan.sets if not figures.matrix_db]
+    tables = [np.array(table) for table in figures.matrix_db] or [-10 * np.log10(tone_energy(c, c)) for c in many]
+    side = min(max(0.42 * len(tables[0]), 2.6), 7.5)
+    words = "how much quieter an OFF taxel is than ON, at the tone of another"
+    figure = new_figure(plan, words, max(len(tables) * (side + 0.9) + 1.5, 6.2), side + 1.5)
+    axes = figure.subplots(1, len(tables), squeeze=False)[0]
+    largest = max([2 * figures.asked_db, *(float(t.max()) for t in tables)])
+    for axis, own, db in zip(axes, plan.sets, tables, strict=True):
+        shown = np.ma.masked_array(db, np.eye(len(own), dtype=bool))
+        image = axis.imshow(shown, cmap="cividis", vmin=0.0, vmax=min(largest, 60.0))
+        few = len(own) <= MOST_WRITTEN
+        for (row, column), value in np.ndenumerate(db):
+            if few:
+                dark = row != column and image.norm(value) < 0.55
+                words = "ON" if row == column else f"{value:.0f}" if len(own) > 4 else f"{value:.1f}"
+                axis.text(column, row, words, ha="center", va="center", fontsize=8, color="white" if dark else INK)
+            if row != column and value < figures.asked_db:
+                corner = column - 0.46, row - 0.46
+                axis.add_patch(Rectangle(corner, 0.92, 0.92, fill=False, edgecolor=COLOURS[1], linewidth=2))
+        every = slice(None, None, -(-len(own) // MOST_TICKS))
+        names, at = [str(c.index) for c in own], range(len(own))
+        axis.set_xticks(at[every], names[every])
+        axis.set_yticks(at[every], names[every])
+        axis.set(xlabel="tone of channel", ylabel="OFF taxel of channel")
+    if len(tables[0]) < 2:
+        axes[0].set_title("one channel per coil: there is no other tone to hear")
+    bar = figure.colorbar(image, ax=list(axes), label="dB (framed: less than asked)", shrink=0.9)
+    bar.ax.axhline(figures.asked_db, color=COLOURS[1], linewidth=2)
+    return figure
+
+
+MOST_WRITTEN = 16
+
+
+def draw_prints(plan: "Plan") -> Any:
+    """Draw the pad from the touch side, each coil's cell in the colour of the share of prints in which it is good."""
+    figure = new_figure(plan, "which coils' prints suffer", 6.8, 5.9)
+    print_map(figure.subplots(), plan)
+    figure.legend(loc="outside lower left", fontsize=8, ncols=6)
+    return figure
+
+
+def print_map(axis: Any, plan: "Plan") -> None:
+    """Draw the share of re-tuned prints in which each coil keeps the asked selectivity, and the bosses by channel."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import LinearSegmentedColormap, Normalize
+
+    coils, least = plan.coils, plan.spec.print_share
+    shade = ScalarMappable(Normalize(least, 1.0), LinearSegmentedColormap.from_list("prints", ("#f0bf5a", "white")))
+    half = np.array([coils.pitch_x_mm, coils.pitch_y_mm]) / 2
+    places = [coil_axis_mm(coils, row, column) for row in range(coils.rows) for column in range(coils.columns)]
+    cells = [place + half * [(-1, -1), (1, -1), (1, 1), (-1, 1)] for place in places]
+    for cell, share in zip(cells, plan.prints.coil_shares, strict=True):
+        if len(cells) <= MOST_LABELLED:
+            axis.annotate(f"{100 * share:.3g} %", cell[0], (2, 2), textcoords="offset points", fontsize=8)
+    fills = shade.to_rgba(np.array(plan.prints.coil_shares))
+    axis.add_collection(PolyCollection(cells, facecolors=fills, edgecolors=PALE, linewidths=0.4, gid="cells"))
+    colours = colours_of(len(plan.channels))
+    bosses = all_shapes(plan, ("boss",))["boss"]
+    for index, colour in enumerate(colours[: len(plan.channels) if len(plan.channels) <= MOST_NAMED else 0]):
+        axis.plot([], [], "o", color=colour, label=f"channel {index}")
+    axis.add_collection(
+        PolyCollection(
+            bosses,
+            facecolors=colours[[t.channel for t in plan.taxels]],
+            edgecolors="white",
+            linewidths=0.5,
+            gid="bosses",
+        )
+    )
+    for grow, style in ((1.0, "-"), (0.0, ":")):
+        axis.plot(*border(plan, grow)[[0, 1, 2, 3, 0]].T, style, color=PALE, linewidth=0.8)
+    axis.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
+    asked = f"keeps {plan.selectivity.asked_db:.1f} dB in so many re-tuned prints"
+    bar = axis.figure.colorbar(
+        shade, ax=axis, extend="min", shrink=0.8, label=f"share: a coil {asked}", format="{x:.0%}"
+    )
+    bar.ax.set_ylim(least, 1.0)
+
+
+MOST_LABELLED = 64
+
+
+def draw_overview(plan: "Plan") -> Any:
+    """Draw the pad with the prints that each coil survives, and beside it the ladder of resonances."""
+    figure = new_figure(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
+    left, right = figure.subplots(1, 2, width_ratios=(1.15, 1))
+    print_map(left, plan)
+    ladder(right, plan)
+    figure.legend(loc="outside lower left", fontsize=8, ncols=6)
+    return figure

@@ -1,0 +1,501 @@
+"""Drawings of the pad to scale, in mm: both sides, a section through a taxel, the parts in a stack, the wiring.
+
+Everything is drawn from the plan, in two dimensions. Parts have their names as the artists' ``gid``.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain, groupby
+from math import cos, pi, sin
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from padgen.core.display import COLOURS, INK, PALE
+from padgen.core.errors import InfeasibleError, number
+from padgen.planner.fixtures import plan_tray, washer_underside_mm
+from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
+from padgen.planner.plan import TURNS
+from padgen.planner.suspensions import BeamPath, Segment
+
+if TYPE_CHECKING:
+    from padgen.planner.plan import Channel, Plan
+
+__all__ = ["draw_exploded", "draw_pad", "draw_section", "draw_wiring", "title_of"]
+
+FILLS = {
+    "frame": "#ece5d6",
+    "plate": "#d8c9a3",
+    "beam": COLOURS[4],
+    "boss": "#bfa76a",
+    "washer": "#5f7383",
+    "coil": "#cf8a5b",
+    "core": "#43474d",
+    "tray": "#b9cad3",
+    "screw": "#8d979f",
+    "shank": "#8d979f",
+    "recess": "#ffffff",
+    "window": "#ffffff",
+    "behind": "#f6f2ea",
+    "inside": "#7d786c",
+    "socket": "#55666f",
+    "hole": "#55524b",
+}
+SMALL_PT, NAME_PT = 8.0, 9.0
+CIRCLE = np.linspace(0, 2 * pi, 48, endpoint=False)
+Points = np.ndarray
+
+
+def title_of(plan: "Plan", words: str) -> str:
+    """Return a picture's title: the pad's name, in which a dollar sign begins no formula, and what is shown."""
+    return plan.name.replace("$", r"\$") + f": {words}"
+
+
+class Note(NamedTuple):
+    """Words beside a drawing: a name, a sentence about it (or none), and the place in mm that they are about."""
+
+    name: str
+    sentence: str
+    place: tuple[float, float]
+
+
+class Sheet:
+    """A figure with a single axis in mm, to scale, without ticks; `mm` is how many mm an inch shows.
+
+    Around the `area` in mm is room in inches for words: (left, right, below, above). `most` is the largest width and
+    height in inches.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        area: Outline,
+        room: tuple[float, float, float, float] = (0.3, 0.3, 0.75, 0.85),
+        most: tuple[float, float] = (9.5, 7.6),
+    ) -> None:
+        from matplotlib.figure import Figure
+
+        left, right, below, above = room
+        wide, deep = area.x1 - area.x0, area.y1 - area.y0
+        self.mm = mm = max(wide / (most[0] - left - right), deep / (most[1] - below - above))
+        size = wide / mm + left + right, deep / mm + below + above
+        self.figure = Figure(figsize=size)
+        self.axis: Any = self.figure.add_axes((0, 0, 1, 1))
+        x, y = (area.x0 - left * mm, area.x1 + right * mm), (area.y0 - below * mm, area.y1 + above * mm)
+        self.axis.set(xlim=x, ylim=y)
+        self.axis.set_axis_off()
+        self.figure.suptitle(title, x=0.15 / size[0], y=1 - 0.12 / size[1], ha="left", va="top")
+
+    def part(self, name: str, shapes: Iterable[Points], **style: Any) -> Any:
+        """Draw polygons (n, 2) in mm as one artist, filled as the part of this name is."""
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path
+
+        path = Path.make_compound_path(*(Path(np.vstack([shape, shape[:1]]), closed=True) for shape in shapes))
+        style = {"facecolor": FILLS.get(name, "none"), "edgecolor": INK, "linewidth": 0.6, **style}
+        return self.axis.add_patch(PathPatch(path, gid=name, **style))
+
+    def words(self, place: Sequence[float] | Points, text: str, **style: Any) -> None:
+        """Write text at a place in mm, centred unless `style` says otherwise."""
+        self.axis.text(*place, text, **{"ha": "center", "va": "center", "fontsize": SMALL_PT, **style})
+
+    def dimension(self, ends: tuple[float, float], at: float, start: float, text: str = "", tall: bool = False) -> None:
+        """Draw a dimension line along x (or, `tall`, along z) at `at`, from lines that begin at `start`."""
+        turn = slice(None, None, -1 if tall else 1)
+        for end in ends:
+            self.axis.plot(*[(end, end), (start, at)][turn], color=PALE, linewidth=0.5)
+        arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 6}
+        places = [(end, at)[turn] for end in ends]
+        self.axis.annotate("", *places, arrowprops=arrow)
+        if text:
+            side = {"rotation": 90, "ha": "right"} if tall else {"va": "bottom"}
+            gap = 0.04 * self.mm * (-1 if tall else 1)
+            bare = {"color": "white", "pad": 0.6}  # hides the lines that other dimensions begin with
+            place = [sum(ends) / 2, at + gap][turn]
+            self.words(place, text, bbox=bare, **side)
+
+    def column(self, x: float, to_right: bool, notes: Sequence[Note]) -> None:
+        """Write notes below each other at `x`, each with a line to the place that it is about."""
+        notes = sorted(notes, key=lambda note: -note.place[1])
+        heights = [self.mm * (0.24 + 0.135 * (note.sentence.count("\n") + bool(note.sentence))) for note in notes]
+        tops, low = [], np.inf
+        for note, height in zip(notes, heights, strict=True):
+            tops.append(min(low, note.place[1] + height / 2))
+            low = tops[-1] - height
+        # All come up by half of what the lowest was pushed down by for want of room.
+        shift = max(notes[-1].place[1] - heights[-1] / 2 - low, 0.0) / 2
+        bottom, top = self.axis.get_ylim()
+        if (lack := bottom - low - shift) > 0:
+            self.axis.set_ylim(bottom - lack, top)
+            self.figure.set_figheight(self.figure.get_figheight() + lack / self.mm)
+        ha, out = ("left", 0.08 * self.mm) if to_right else ("right", -0.08 * self.mm)
+        thin = {"arrowstyle": "-", "color": PALE, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0}
+        for (name, sentence, place), top in zip(notes, tops, strict=True):
+            y = top + shift - 0.1 * self.mm
+            self.axis.annotate("", place, (x, y), gid=f"to {name}", arrowprops=thin)
+            self.axis.plot(*place, ".", color=INK, markersize=3, zorder=9)
+            self.words((x + out, y), name, ha=ha, fontsize=NAME_PT, weight="bold" if sentence else "normal")
+            self.words((x + out, y - 0.09 * self.mm), sentence, ha=ha, va="top", color="#555555")
+
+
+def rectangle(x0: float, x1: float, y0: float, y1: float) -> Points:
+    """Return the corners (4, 2) of a rectangle."""
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)])
+
+
+def circle(x: float, y: float, diameter: float) -> Points:
+    """Return points (n, 2) of a circle."""
+    return np.stack([x + diameter / 2 * np.cos(CIRCLE), y + diameter / 2 * np.sin(CIRCLE)], -1)
+
+
+def beam_outline(path: BeamPath, fillet_mm: float) -> Points:
+    """Return the outline (n, 2) of a beam with the fillets of its root, in the taxel's own axes."""
+    ends = []
+    for side in (1, -1):
+        half = float(path.width_mm) / 2
+        flare = [
+            path.corners[0].along(Segment(fillet_mm * (1 - cos(a)))).beside(side * (half + fillet_mm * (1 - sin(a))))
+            for a in np.linspace(0, pi / 2, 6)
+        ]
+        along = [
+            path.within(k, share).beside(side * half)
+            for k, segment in enumerate(path.segments)
+            for share in np.linspace(0, 1, 13 if segment.turn_rad else 2)
+        ]
+        ends.append((flare if fillet_mm else along[:1]) + along[1:])
+    return np.array(ends[0] + ends[1][::-1], float)
+
+
+def taxel_shapes(plan: "Plan", channel: "Channel") -> dict[str, list[Points]]:
+    """Return the outlines of a taxel's parts from above, by name, in its own axes."""
+    arrangement, plate = plan.arrangement(channel), plan.plate
+    length, width = (float(v) for v in arrangement.window_mm)
+    x, washer = float(arrangement.washer_x_mm), plan.spec.washer
+    bore = [circle(x, 0, washer.inner_diameter_mm)[::-1]] if washer.inner_diameter_mm else []
+    return {
+        "window": [rectangle(0, length, -width / 2, width / 2)],
+        "beam": [beam_outline(path, channel.beam.fillet_mm) for path in arrangement.beams],
+        "plate": [rectangle(*(float(v) for v in block[:4])) for block in arrangement.blocks],
+        "recess": [circle(x, 0, plate.recess_diameter_mm)],
+        "washer": [circle(x, 0, washer.outer_diameter_mm), *bore],
+        "boss": [circle(x, 0, plate.boss_diameter_mm)],
+    }
+
+
+def all_shapes(plan: "Plan", names: Sequence[str]) -> dict[str, list[Points]]:
+    """Return the outlines of these parts of all taxels, in the pad's axes."""
+    own = [
+        {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
+        for channel in plan.channels
+    ]
+    return {
+        name: [
+            coil_axis_mm(plan.coils, *taxel.coil) + (-shape if taxel.turned else shape)
+            for taxel in plan.taxels
+            for shape in own[taxel.channel][name]
+        ]
+        for name in names
+    }
+
+
+def border(plan: "Plan", grow: float = 1.0) -> Points:
+    """Return the corners (4, 2) of the pad, or with `grow` 0 of its active area."""
+    pad = plan.spec.pad
+    x, y = (side / 2 + grow * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
+    return rectangle(-x, x, -y, y)
+
+
+def both_sides(
+    plan: "Plan", title: str, sides: tuple[str, str], most: tuple[float, float] = (9.5, 7.6)
+) -> tuple[Sheet, list[Callable[[Points], Points]]]:
+    """Return a sheet with the pad's outline from the touch side and, turned over about its y axis, from below.
+
+    The functions bring points (n, 2) from the pad's axes to each side's place on the sheet.
+    """
+    pad, groove, radius = plan.spec.pad, corner_groove(plan.spec), plan.spec.pad.border_mm / 2
+    (left, low), (right, high) = border(plan)[[0, 2]]
+    apart = 1.12 * (right - left)
+    sheet = Sheet(title_of(plan, title), Outline(left, right + apart, low, high), (0.7, 0.3, 1.1, 0.85), most)
+    corners = border(plan, 0.5)[[2, 3, 0, 1]]
+    bows = [corner + circle(0, 0, 2 * radius)[np.arange(12 * k, 12 * k + 13) % 48] for k, corner in enumerate(corners)]
+    notch = rectangle(groove.x0, groove.x1, low, groove.y1)
+    views: list[Callable[[Points], Points]] = [lambda shape: shape, lambda shape: shape * (-1, 1) + (apart, 0)]
+    for view, side in zip(views, sides, strict=True):
+        sheet.part("frame", [view(np.vstack(bows))])
+        sheet.part("groove", [view(notch)], facecolor=INK)
+        if pad.hole_diameter_mm:
+            sheet.part("hole", [view(circle(x, y, pad.hole_diameter_mm)) for x, y in corners], facecolor="white")
+        place = view(np.array([(0.0, high + 0.12 * sheet.mm)]))[0]
+        sheet.words(place, side, va="bottom", weight="bold", fontsize=NAME_PT)
+    return sheet, views
+
+
+def draw_pad(plan: "Plan") -> Any:
+    """Draw the printed pad from the touch side and from below, with its dimensions."""
+    pad, (x, y), (inner_x, inner_y) = plan.spec.pad, border(plan)[2], border(plan, 0)[2]
+    sides = ("touch side: bosses to feel", "underside: beams, recesses and washers")
+    sheet, views = both_sides(plan, "the printed pad, in mm", sides)
+    parts = ("window", "beam", "plate", "boss"), ("window", "plate", "beam", "recess", "washer")
+    shapes = all_shapes(plan, ("recess", "washer", *parts[0]))
+    for view, names in zip(views, parts, strict=True):
+        for name in names:
+            style = {"linewidth": 0.3, "rasterized": True} if len(plan.taxels) > MANY else {}
+            sheet.part(name, [view(shape) for shape in shapes[name]], **style)
+    step = 0.3 * sheet.mm
+    sheet.dimension((-inner_x, inner_x), -y - step, -inner_y, number(pad.width_mm))
+    sheet.dimension((-x, x), -y - 2 * step, -y, number(2 * x))
+    sheet.dimension((-y, y), -x - step, -x, number(2 * y), tall=True)
+    holes = f", holes {number(pad.hole_diameter_mm)}" if pad.hole_diameter_mm else ""
+    told = f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes};"
+    told += f" washers {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
+    sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), told, ha="left", va="top")
+    return sheet.figure
+
+
+MANY = 128
+"""More taxels than these are drawn with thinner lines, and in an SVG as an image, which is smaller."""
+
+
+def draw_section(plan: "Plan") -> Any:
+    """Draw the taxel of the lowest channel from the touch side and, below, cut along its beam, to one scale."""
+    channel, spec, plate, washer = plan.channels[0], plan.spec, plan.plate, plan.spec.washer
+    coil, thick, own, arrangement = (
+        spec.coil,
+        spec.pad.frame_thickness_mm,
+        outline(plan, channel),
+        plan.arrangement(channel),
+    )
+    shapes, beam = taxel_shapes(plan, channel), arrangement.beams[0]
+    length, x = float(arrangement.window_mm[0]), float(arrangement.washer_x_mm)
+    thin, low, peak = channel.beam.thickness_mm, washer_underside_mm(plan), plate.boss_top_mm
+    roof, top = low + washer.thickness_mm, low - coil.gap_mm
+    bottom, reach = top - coil.length_mm, coil.outer_diameter_mm / 2
+    inner, core = coil.inner_diameter_mm / 2, coil.core_diameter_mm / 2
+    (cosine, sine), (ahead, aside) = TURNS[channel.site.along], channel.site.origin_mm
+    coil_x, coil_y = -cosine * ahead - sine * aside, sine * ahead - cosine * aside
+    left, right = min(own.x0, coil_x - reach), max(own.x1, coil_x + reach)
+    # Room for a line of words and a dimension between both views, at whichever scale comes out.
+    apart = max(0.13 * (right - left), 0.08 * (peak - bottom + own.y1 - own.y0))
+    lift, above = peak + apart - own.y0, peak + apart + own.y1 - own.y0
+    up = np.array([0.0, lift])
+    title = (
+        f"one taxel from the touch side and, below, cut along its beam (mm; channel 0, {channel.resonance_hz:.4g} Hz)"
+    )
+    sheet = Sheet(title_of(plan, title), Outline(left, right, bottom, above), (2.3, 2.75, 0.35, 0.95))
+
+    for name in ("frame", "window", "beam", "plate", "boss"):
+        drawn = [rectangle(*own)] if name == "frame" else shapes[name]
+        sheet.part(f"{name} from above", [shape + up for shape in drawn], facecolor=FILLS[name])
+    below = (("washer", shapes["washer"][0]), ("coil", circle(coil_x, coil_y, 2 * reach)))
+    for name, shape in below:
+        dashed = {"facecolor": "none", "edgecolor": FILLS[name], "linestyle": (0, (4, 2))}
+        sheet.part(f"{name} from above", [shape + up], **dashed).set_clip_path(sheet.axis.patches[0])
+    sheet.axis.plot([own.x0, own.x1], [lift, lift], color=INK, linewidth=0.7, linestyle=(0, (8, 2, 1, 2)), zorder=8)
+    sheet.words((own.x1 + 0.05 * sheet.mm, lift), "cut", ha="left")
+    sheet.words((own.x0, own.y0 + lift - 0.05 * sheet.mm), "dashed: washer and coil below", ha="left", va="top")
+
+    cuts, along = beam_cuts(shapes["beam"]), np.concatenate(shapes["beam"])[:, 0]
+    side = rectangle(float(along.min()), float(along.max()), 0, thin)
+    blocks = [[float(v) for v in b] for b in arrangement.blocks if float(b.low_y_mm) < 0 < float(b.high_y_mm)]
+    hollow, post, half = (d / 2 for d in (plate.recess_diameter_mm, plate.post_diameter_mm, plate.boss_diameter_mm))
+    outer, bore, edge = washer.outer_diameter_mm / 2, washer.inner_diameter_mm / 2, plate.boss_edge_mm
+    profile = [(half, plate.thickness_mm), (half, peak - edge), (half - edge, peak)]
+    profile += [(-across, z) for across, z in reversed(profile)]
+    sheet.part("behind", [rectangle(0, length, 0, thick)], linewidth=0.4)
+    sheet.part("beam behind", [side], facecolor="#f6ddaa", linewidth=0.4)
+    sheet.part("frame", [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)])
+    sheet.part("beam", [rectangle(*ends, 0, thin) for ends in cuts] or [side])
+    sheet.part("plate", [rectangle(block[0], block[1], 0, block[4]) for block in blocks])
+    sheet.part("recess", [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)])
+    sheet.part("boss", [np.array([(x + across, z) for across, z in profile])])
+    sheet.part("washer", [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)])
+    sheet.part("coil", [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)])
+    if core:
+        sheet.part("core", [rectangle(coil_x - core, coil_x + core, bottom, top)])
+
+    steel, size = x + (bore + outer) / 2, f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
+    spring = sum(cuts[0]) / 2 if cuts else (float(along.min()) + blocks[0][0]) / 2
+    wall, rib = max((x + hollow + blocks[0][1]) / 2, x + half), (length + own.x1) / 2
+    winding = f"copper, {number(2 * reach)} across: the frequency\nof its current chooses among taxels"
+    notes = [
+        Note("boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
+        Note("plate", "swings up and down\nwith boss and washer", (wall, 0.8 * plate.thickness_mm)),
+        Note("frame", "holds all taxels; printed in one piece\nwith beams, plates and bosses", (rib, thick / 2)),
+        Note("washer", f"steel, {size};\nglued in, and pulled by the coil", (steel, (low + roof) / 2)),
+        Note("gap", "air between washer and coil", (steel, (low + top) / 2)),
+        Note(
+            "core",
+            f"iron, {number(2 * core)} across: leads the field up",
+            (coil_x + core / 2, bottom + 0.75 * (top - bottom)),
+        ),
+        Note("coil", winding, (coil_x + (inner + reach) / 2, (top + bottom) / 2)),
+    ]
+    absent = {name for name, size in (("core", core), ("boss", peak - plate.thickness_mm)) if size < LEAST_MM}
+    sheet.column(right + 0.35 * sheet.mm, True, [note for note in notes if note.name not in absent])
+
+    notes, step, at_y = [], 0.2 * sheet.mm, lift + float(beam.root_mm[1])
+    for text, place, low_end, high_end, start in (
+        ("boss {:.3g} high", 1, plate.thickness_mm, peak, x - half),
+        ("frame {:.3g} high", 1, 0.0, thick, own.x0),
+        ("beam {:.3g} thick", 2, 0.0, thin, 0.0),
+        ("gap {:.3g}", 1, top, low, coil_x - reach),
+        ("coil {:.3g} high", 1, bottom, top, coil_x - reach),
+        ("beam {:.3g} wide", 1, at_y - beam.width_mm / 2, at_y + beam.width_mm / 2, float(beam.root_mm[0])),
+    ):
+        sheet.dimension((low_end, high_end), left - place * step, start, tall=True)
+        notes.append(Note(text.format(high_end - low_end), "", (left - place * step, (low_end + high_end) / 2)))
+    notes.append(Note("beam", "the spring: its width,\nthickness and length\nset the frequency", (spring, thin / 2)))
+    sheet.column(left - 3 * step, False, notes)
+    if abs(coil_y) > SAME_PLACE_MM:
+        sheet.words((coil_x, bottom - 0.08 * sheet.mm), "cut through its axis, which lies beside the beam", va="top")
+    first, bent = shapes["beam"][0][:, 0], "" if beam.is_straight else ", along its path"
+    long = f"beam {float(beam.length_mm):.3g} long{bent}"
+    sheet.dimension((float(first.min()), float(first.max())), above + 0.1 * sheet.mm, lift, long)
+    plate_ends = blocks[0][0], blocks[0][1]
+    sheet.dimension(plate_ends, above + 0.32 * sheet.mm, lift, f"plate {plate_ends[1] - plate_ends[0]:.3g}")
+    sheet.dimension((x - half, x + half), peak + 0.08 * sheet.mm, peak, f"boss {2 * half:.3g}")
+    return sheet.figure
+
+
+def beam_cuts(beams: Sequence[Points]) -> list[tuple[float, float]]:
+    """Return where the plane y = 0 cuts beams of these outlines: stretches of x."""
+    from matplotlib.path import Path
+
+    x = np.linspace(min(b[:, 0].min() for b in beams), max(b[:, 0].max() for b in beams), CUT_POINTS)
+    inside = np.any([Path(beam).contains_points(np.stack([x, 0 * x], -1)) for beam in beams], axis=0)
+    runs = [[at for at, _ in run] for is_in, run in groupby(zip(x, inside, strict=True), lambda p: p[1]) if is_in]
+    return [(float(run[0]), float(run[-1])) for run in runs]
+
+
+CUT_POINTS, SAME_PLACE_MM, LEAST_MM = 4001, 0.05, 1e-6
+
+
+TURN, UP = np.array([(cos(pi / 6), sin(pi / 6)), (-sin(pi / 6), cos(pi / 6))]), pi / 7.5
+"""The direction that the stack is seen from: right and away in the pad's x and y, and the angle above the horizon."""
+
+
+class Prism(NamedTuple):
+    """A part with an upright side: its convex outline (n, 2) in mm, anticlockwise, between two heights in mm."""
+
+    part: str
+    outline: Points
+    low: float
+    high: float
+
+
+def projected(places: Points, z: float) -> Points:
+    """Project places (n, 2) at a height in mm onto the picture's plane, in parallel and from above."""
+    right, away = (places @ TURN.T).T
+    return np.stack([right, z * cos(UP) + away * sin(UP)], -1)
+
+
+def draw_exploded(plan: "Plan") -> Any:
+    """Draw the parts above each other in the order in which they are put together, in parallel projection."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgb
+
+    spec, coil, washer, plate, edges = plan.spec, plan.spec.coil, plan.spec.washer, plan.plate, border(plan)
+    grid = [coil_axis_mm(plan.coils, r, c) for r in reversed(range(plan.coils.rows)) for c in range(plan.coils.columns)]
+    bosses = np.array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
+    bosses = bosses[np.argsort(-(bosses @ TURN[1]), kind="stable")]
+    try:
+        tray = plan_tray(plan)
+    except InfeasibleError:
+        tray = None
+    step, layers = 0.8 * float(np.ptp(projected(edges, 0.0)[:, 1])), []
+
+    def prisms(part: str, centres: Any, diameter: float, low: float, high: float | None = None) -> list[Prism]:
+        return [Prism(part, circle(x, y, diameter), low, low if high is None else high) for x, y in centres]
+
+    z = 0.0
+    if tray:
+        z = tray.height_mm
+        sockets = prisms("socket", grid, tray.socket_diameter_mm, z)
+        layers.append(("tray", "1 tray", "printed: sockets that set the gap", [Prism("tray", edges, 0.0, z), *sockets]))
+        z += step / 2
+    top = z + coil.length_mm
+    windings = [prisms("coil", [at], coil.outer_diameter_mm, z, top) for at in grid]
+    cores = [prisms("core", [at], coil.core_diameter_mm, top) for at in grid]
+    told = f"{len(grid)} coil{'s' * (len(grid) > 1)}"
+    layers.append(("coil", told, "an amplifier output each", list(chain(*chain(*zip(windings, cores, strict=True))))))
+    z = top + step
+    top = z + washer.thickness_mm
+    rings = prisms("washer", bosses, washer.outer_diameter_mm, z, top)
+    rings += prisms("hole", bosses, washer.inner_diameter_mm, top)
+    told = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
+    layers.append(("washer", told, "glued into the plates from below", rings))
+    z = top + step
+    top, height = z + spec.pad.frame_thickness_mm, z + plate.thickness_mm
+    shapes = all_shapes(plan, ("window", "plate"))
+    pad = [Prism("frame", edges, z, top), *(Prism("inside", shape, top, top) for shape in shapes["window"])]
+    pad += [Prism("plate", shape, height, height) for shape in shapes["plate"]]
+    pad += prisms("boss", bosses, plate.boss_diameter_mm, height, z + plate.boss_top_mm)
+    corners = border(plan, 0.5)[[3, 2, 0, 1] if spec.pad.hole_diameter_mm else []]
+    pad += prisms("hole", corners, spec.pad.hole_diameter_mm, top)
+    layers.append(("frame", "1 pad", "printed: frame, beams, plates, bosses", pad))
+    if tray and tray.screw:
+        low, high = top + step / 2, top + step / 2 + tray.screw.length_mm
+        shanks = prisms("shank", corners, 0.9 * spec.pad.hole_diameter_mm, low, high)
+        heads = prisms("screw", corners, tray.screw.head_mm, high, high + tray.screw.head_mm / 2)
+        name = "4 screws, 4 nuts" if tray.screw.nut else "4 screws"
+        told = f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long"
+        layers.append(("screw", name, told, shanks + heads))
+
+    faces, notes = [], []
+    for meant, name, sentence, solids in layers:
+        places = []
+        for part, shape, low, high in solids:
+            if high > low:
+                # The edges of an anticlockwise outline that are seen from the front lead to the right.
+                leads = (np.roll(shape, -1, 0) - shape) @ TURN[0] > 0
+                first = int(np.argmax(leads & ~np.roll(leads, 1)))
+                front = shape[np.arange(first, first + leads.sum() + 1) % len(shape)]
+                faces.append((part, np.vstack([projected(front, low), projected(front[::-1], high)]), 0.8))
+                places += [tuple(projected(front[-2:], (low + high) / 2).mean(0).tolist())] if part == meant else []
+            faces.append((part, projected(shape, high), 1.0))
+        notes.append(Note(name, sentence, max(places)))
+    points = np.concatenate([shape for _, shape, _ in faces])
+    area = Outline(*np.stack([points.min(0), points.max(0)]).T.ravel())
+    sheet = Sheet(title_of(plan, "what lies above what"), area, (0.3, 2.9, 0.3, 0.6), (9.0, 8.0))
+    colours = [tuple(shade * v for v in to_rgb(FILLS[part])) for part, _, shade in faces]
+    many = len(bosses) > MANY
+    style: dict[str, Any] = {
+        "facecolors": colours,
+        "edgecolors": INK,
+        "linewidths": 0.25 if many else 0.4,
+        "rasterized": many,
+    }
+    stack = PolyCollection([shape for _, shape, _ in faces], **style)
+    sheet.axis.add_collection(stack, autolim=False)
+    sheet.column(area.x1 + 0.35 * sheet.mm, True, notes)
+    return sheet.figure
+
+
+def draw_wiring(plan: "Plan") -> Any:
+    """Draw which coil is fed by which amplifier output, from the touch side and from below."""
+    coils, diameter = plan.coils, plan.spec.coil.outer_diameter_mm
+    # So large that a number of three digits fits into the circle of its coil.
+    least = LEAST_COIL_IN * 2.12 * float(np.ptp(border(plan)[:, 0])) / diameter
+    sides = ("from the touch side", "from below")
+    sheet, views = both_sides(
+        plan, "which amplifier output feeds which coil", sides, (max(9.5, least), max(7.6, least))
+    )
+    roomy = bool(diameter > ROOMY_COIL_IN * sheet.mm)
+    for view in views:
+        for index in range(coils.rows * coils.columns):
+            row, column = divmod(index, coils.columns)
+            ring = view(circle(*coil_axis_mm(coils, row, column), diameter))
+            sheet.part("winding", [ring], facecolor="#f3dfd0", edgecolor=FILLS["coil"])
+            x, y = (ring.min(0) + ring.max(0)) / 2
+            place, size = (x, y + 0.08 * sheet.mm * roomy), 11 if roomy else SMALL_PT
+            sheet.words(place, f"{index + 1}", fontsize=size, weight="bold")
+            if roomy:
+                sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
+    told = (
+        "bold: amplifier output, and channel of the WAV file counted from 1; row by row from the corner with the groove"
+    )
+    told += "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
+    sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), told, ha="left", va="top")
+    return sheet.figure
+
+
+LEAST_COIL_IN, ROOMY_COIL_IN = 0.28, 0.45
