@@ -1,8 +1,8 @@
 """The report: one HTML file that shows a pad without network, server or installation.
 
-`page_data` collects all that is shown as plain data, `page_html` puts it into the page. Scripts and styles in ``page/``
-are bundled once (`make bundle`) into ``page.min.js`` and ``page.min.css``. The page is the same bytes for the same data.
-Everything shown is put in as text, so that no name can be run as code; a policy in the page allows its own scripts only.
+`page_data` collects all that is shown as plain data, `page_html` puts it into the page, the same bytes for the same
+data. Scripts and styles in ``page/`` are bundled once (`make bundle`) into ``page.min.js`` and ``page.min.css``. What is
+shown is put in as text, so that no name can be run as code; a policy in the page allows its own scripts only.
 """
 
 import csv
@@ -199,6 +199,7 @@ def _shape(part: ScenePart) -> dict[str, Any]:
         "material": part.material,
         "channel": part.channel,
         "middle_mm": middle.tolist(),
+        "depth_mm": float(high[2] - low[2]),
         "step_mm": scale,
         "height_step": 1 / HEIGHT_STEPS,
         "vertices": b64encode(steps.astype("<i2").tobytes()).decode(),

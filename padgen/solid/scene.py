@@ -16,12 +16,14 @@ from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import Arrangement, BeamPath
 from padgen.planner.tile import Outline, corner_groove, outline, to_cell
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
-from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid, washer_mesh
+from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid
 
-__all__ = ["Place", "SceneParts", "ScenePart", "mode_heights", "scene_parts"]
+__all__ = ["Place", "ScenePart", "SceneParts", "mode_heights", "scene_parts"]
 
-SIDES, STATIONS = 32, 12
-"""Corners of a round part, and pieces of a beam, in meshes made from the plan's dimensions."""
+SIDES, FEWER_SIDES, MANY = 32, 14, 200
+"""Corners of a round part, and of one that there are many of."""
+STATIONS = 12
+"""Pieces of a beam in meshes made from the plan's dimensions."""
 
 
 class Place(NamedTuple):
@@ -84,15 +86,12 @@ def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> lis
     axis = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel) * (1, 1, 0)
     parts = []
     for name, material in ((f"taxel-{k}", "pad"), (f"washer-{k}", "steel")):
-        if material == "steel":
-            mesh = washer_mesh(plan, channel)
-            own_axes, placed = mesh.vertices_mm, to_cell(mesh.vertices_mm, channel)
-        elif pad is None:
-            mesh = _taxel_mesh(plan, channel, arrangement)
+        if pad is None or material == "steel":
+            mesh = (_washer_mesh if material == "steel" else _taxel_mesh)(plan, channel, arrangement)
             own_axes, placed = mesh.vertices_mm, to_cell(mesh.vertices_mm, channel)
         else:
             mesh = pad.tiles[k].mesh
-            placed = mesh.vertices_mm + (*channel.site.centre_mm, 0.0)
+            placed = mesh.vertices_mm + np.array([*channel.site.centre_mm, 0.0])
             own_axes = _from_cell(placed, channel)
         heights = mode_heights(arrangement, channel, own_axes)
         places = (Place(t.id if material == "pad" else f"washer-{t.id}", t.x_mm, t.y_mm, 0.0, t.turned) for t in own)
@@ -168,17 +167,29 @@ def _stations(path: BeamPath) -> tuple[np.ndarray, np.ndarray]:
 
 def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
     """Return a taxel with the frame of its sub-cell, in its own axes, from the plan's dimensions alone."""
-    plate, x = plan.plate, float(arrangement.washer_x_mm)
+    plate, x, sides = plan.plate, float(arrangement.washer_x_mm), _sides(len(plan.taxels))
     length, width = (float(v) for v in arrangement.window_mm)
     window, full = _rectangle(Outline(0, length, -width / 2, width / 2)), plan.spec.pad.frame_thickness_mm
     solid = _extruded([_rectangle(outline(plan, channel)), window[::-1]], 0.0, full)
     moving = [_extruded([_rectangle(Outline(*map(float, b[:4])))], 0.0, float(b.height_mm)) for b in arrangement.blocks]
-    moving.append(_extruded([_disc(plate.boss_diameter_mm, x)], plate.thickness_mm / 2, plate.boss_top_mm))
-    recess = [_disc(plate.recess_diameter_mm, x), *([_disc(plate.post_diameter_mm, x)[::-1]] * bool(plate.post_diameter_mm))]
+    moving.append(_extruded([_disc(plate.boss_diameter_mm, x, sides=sides)], plate.thickness_mm / 2, plate.boss_top_mm))
+    recess = [_disc(plate.recess_diameter_mm, x, sides=sides)]
+    if plate.post_diameter_mm:
+        recess.append(_disc(plate.post_diameter_mm, x, sides=sides)[::-1])
     body = manifold3d.Manifold.batch_boolean(moving, manifold3d.OpType.Add)
     body -= _extruded(recess, -1.0, plate.recess_depth_mm)
     beams = [_beam(path) for path in arrangement.beams]
     return _mesh_of(manifold3d.Manifold.batch_boolean([solid, body, *beams], manifold3d.OpType.Add))
+
+
+def _washer_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
+    """Return a washer glued to the roof of its recess, in the taxel's own axes."""
+    washer, depth, x = plan.spec.washer, plan.plate.recess_depth_mm, float(arrangement.washer_x_mm)
+    sides = _sides(len(plan.taxels))
+    rings = [_disc(washer.outer_diameter_mm, x, sides=sides)]
+    if washer.inner_diameter_mm:
+        rings.append(_disc(washer.inner_diameter_mm, x, sides=sides)[::-1])
+    return _prism(rings, depth - washer.thickness_mm, depth)
 
 
 def _beam(path: BeamPath) -> manifold3d.Manifold:
@@ -201,10 +212,10 @@ def _coils(plan: Plan) -> SceneParts:
     coil, grid = plan.spec.coil, plan.coils
     top = washer_underside_mm(plan) - coil.gap_mm
     places = [coil_axis_mm(grid, r, c) for r, c in product(range(grid.rows), range(grid.columns))]
-    inner = min(coil.inner_diameter_mm, coil.outer_diameter_mm - 0.1)
-    rings = {"winding": ("copper", [_disc(coil.outer_diameter_mm), _disc(inner)[::-1]])}
+    inner, sides = min(coil.inner_diameter_mm, coil.outer_diameter_mm - 0.1), _sides(len(places))
+    rings = {"winding": ("copper", [_disc(coil.outer_diameter_mm, sides=sides), _disc(inner, sides=sides)[::-1]])}
     if coil.core_diameter_mm:
-        rings["core"] = "iron", [_disc(min(coil.core_diameter_mm, inner))]
+        rings["core"] = "iron", [_disc(min(coil.core_diameter_mm, inner), sides=sides)]
     return tuple(
         ScenePart(
             name,
@@ -217,7 +228,7 @@ def _coils(plan: Plan) -> SceneParts:
 
 
 def _tray(plan: Plan) -> SceneParts:
-    """Return the tray of `padgen.planner.fixtures` as a rim and a cell under each coil; nothing where none can be made."""
+    """Return the tray of `padgen.planner.fixtures` as a rim and a cell under each coil; none where none can be made."""
     try:
         tray = plan_tray(plan)
     except InfeasibleError:
@@ -229,13 +240,14 @@ def _tray(plan: Plan) -> SceneParts:
     slots = section.batch_boolean([section([_rectangle(slot)]) for slot in tray.wire_slots], manifold3d.OpType.Add)
     cell = section([_rectangle(_around(plan.coils.pitch_x_mm, plan.coils.pitch_y_mm))])
     half, reach = tray.lead.width_mm / 2, tray.socket_diameter_mm / 2 + tray.lead.reach_mm
-    socket = section([_disc(tray.socket_diameter_mm)])
+    sides = _sides(len(tray.coils_mm))
+    socket = section([_disc(tray.socket_diameter_mm, sides=sides)])
     socket += section([_rectangle(Outline(0, reach, -half, half))]).rotate(45)
     parts = {
         "tray": (((ring, 0.0, tray.socket_top_mm), (ring - slots, tray.socket_top_mm, tray.height_mm)), [(0.0, 0.0)]),
         "tray-cell": (
             (
-                (cell - section([_disc(tray.seat_hole_mm)]), 0.0, tray.floor_mm),
+                (cell - section([_disc(tray.seat_hole_mm, sides=sides)]), 0.0, tray.floor_mm),
                 (cell - socket, tray.floor_mm, tray.socket_top_mm),
             ),
             tray.coils_mm,
@@ -266,8 +278,12 @@ def _rectangle(sides: Outline) -> np.ndarray:
     return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], float)
 
 
-def _disc(diameter: float, x: float = 0.0, y: float = 0.0) -> np.ndarray:
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+def _sides(count: int) -> int:
+    return FEWER_SIDES if count > MANY else SIDES
+
+
+def _disc(diameter: float, x: float = 0.0, y: float = 0.0, sides: int = SIDES) -> np.ndarray:
+    angle = 2 * np.pi * np.arange(sides) / sides
     return np.stack([x + diameter / 2 * np.cos(angle), y + diameter / 2 * np.sin(angle)], -1)
 
 

@@ -2,7 +2,9 @@
 
 import { channelColour, fixed, h, heat, num, s } from "./dom.js";
 
-const WIDE = 720;
+// Charts are drawn as wide as the page lets them be, so that their text keeps its size on a phone.
+let WIDE = 720;
+export const fitCharts = () => (WIDE = Math.min(720, Math.max(320, document.documentElement.clientWidth - 60)));
 
 /** Return round numbers between two values for an axis, so many at most. */
 export function ticks(low, high, most = 7) {
@@ -102,25 +104,24 @@ export function histogram(data) {
     h("tbody", {}, kept.map(([stage, db]) => h("tr", {}, h("th", { scope: "row" }, stage), h("td", {}, `${fixed(db, 1)} dB`)))),
   );
   if (!prints.counts.length) return h("div", {}, told, h("p", { class: "soft" }, "The histogram is counted when the report is written."));
-  const [left, top, high, foot] = [52, 10, 210, 46];
+  const [left, top, high, foot] = [52, 28, 210, 46];
   const edges = prints.edges_db;
   const most = Math.max(...prints.counts.flat(), 1);
   const x = (db) => left + ((WIDE - left - 14) * (db - edges[0])) / (edges[edges.length - 1] - edges[0]);
   const y = (count) => top + high * (1 - count / most);
-  const marks = ticks(edges[0], edges[edges.length - 1], 9).map((db) => s("g", {}, s("line", { x1: x(db), x2: x(db), y1: top, y2: top + high, class: "grid" }), s("text", { x: x(db), y: top + high + 16, "text-anchor": "middle" }, num(db))));
+  const marks = ticks(edges[0], edges[edges.length - 1], WIDE > 500 ? 9 : 5).map((db) => s("g", {}, s("line", { x1: x(db), x2: x(db), y1: top, y2: top + high, class: "grid" }), s("text", { x: x(db), y: top + high + 16, "text-anchor": "middle" }, num(db))));
   const yMarks = ticks(0, most, 4).map((count) => s("text", { x: left - 6, y: y(count) + 4, "text-anchor": "end" }, num(count)));
   const bars = prints.counts.map((counts, k) =>
     s("g", { class: `bars bars-${k}` }, counts.map((count, bin) => (count ? s("rect", { x: x(edges[bin]) + 0.5, y: y(count), width: Math.max(x(edges[bin + 1]) - x(edges[bin]) - 1, 0.5), height: top + high - y(count) }) : null))),
   );
   const at = x(Math.min(Math.max(prints.asked_db, edges[0]), edges[edges.length - 1]));
-  const asked = s("g", {}, s("line", { x1: at, x2: at, y1: top, y2: top + high, class: "asked" }), s("text", { x: at > WIDE - 120 ? at - 6 : at + 6, y: top + 12, "text-anchor": at > WIDE - 120 ? "end" : "start", class: "name" }, `asked ${fixed(prints.asked_db, 1)} dB`));
+  const asked = s("g", {}, s("line", { x1: at, x2: at, y1: top, y2: top + high, class: "asked" }), s("text", { x: Math.min(Math.max(at, left + 50), WIDE - 62), y: top - 9, "text-anchor": "middle", class: "name" }, `asked ${fixed(prints.asked_db, 1)} dB`));
   return h(
     "div",
-    {},
-    s("svg", { viewBox: `0 0 ${WIDE} ${top + high + foot}`, role: "img", "aria-label": `Histogram of ${prints.pads} simulated prints; the table below has its figures` }, marks, yMarks, bars, asked, s("text", { x: (left + WIDE) / 2, y: top + high + 36, "text-anchor": "middle", class: "name" }, "ON over OFF of a print's worst coil, dB"), s("text", { x: 12, y: top + high / 2, class: "name", "text-anchor": "middle", transform: `rotate(-90 12 ${top + high / 2})` }, "prints")),
-    h("p", { class: "key" }, prints.counted.flatMap((stage, k) => [h("span", { class: `swatch bars-${k}` }), stage])),
-    told,
-    h("p", {}, `${num(100 * prints.good_share, 3)} % of ${prints.pads} prints reach the ${fixed(prints.asked_db, 1)} dB asked for, once every taxel is measured and re-tuned.`),
+    { class: "sides" },
+    h("div", {}, s("svg", { viewBox: `0 0 ${WIDE} ${top + high + foot}`, role: "img", "aria-label": `Histogram of ${prints.pads} simulated prints; the table below has its figures` }, marks, yMarks, bars, asked, s("text", { x: (left + WIDE) / 2, y: top + high + 36, "text-anchor": "middle", class: "name" }, "ON over OFF of a print's worst coil, dB"), s("text", { x: 12, y: top + high / 2, class: "name", "text-anchor": "middle", transform: `rotate(-90 12 ${top + high / 2})` }, "prints")),
+    h("p", { class: "key" }, prints.counted.flatMap((stage, k) => [h("span", { class: `swatch bars-${k}` }), stage]))),
+    h("div", {}, told, h("p", {}, `${num(100 * prints.good_share, 3)} % of ${prints.pads} prints reach the ${fixed(prints.asked_db, 1)} dB asked for, once every taxel is measured and re-tuned.`)),
   );
 }
 
@@ -138,14 +139,14 @@ export function wiring(data) {
       s("circle", { cx: x, cy: -y, r, class: "coil", "stroke-width": 0.35 * size }),
       s("text", { x, y: -y + font * 0.36, "text-anchor": "middle", "font-size": font, class: "number" }, String(k + 1)),
     ]),
-    s("text", { x: gx0 - size, y: halfY + 4.4 * size, "font-size": 3 * size, class: "name" }, "▲ groove: the corner of coil 1"),
+    s("text", { x: gx0 - size, y: halfY + 3.6 * size, "font-size": 2.3 * size, class: "name" }, "▲ groove: the corner of coil 1"),
   ];
   const note = data.motion.sets.length > 1 ? ` Coils of two kinds alternate: ${data.motion.sets.map((set, k) => `set ${k + 1} plays channels ${set.channels.join(", ")}`).join("; ")}.` : "";
   return h(
     "div",
-    {},
-    s("svg", { viewBox: `${-halfX - 2 * size} ${-halfY - 2 * size} ${2 * halfX + 4 * size} ${2 * halfY + 9 * size}`, class: "map", role: "img", "aria-label": `${coils.places.length} coils in ${coils.rows} rows and ${coils.columns} columns, numbered row by row from the corner with the groove` }, marks),
-    h("p", {}, `Coil ${coils.places.length > 1 ? `1 to ${coils.places.length}` : "1"} are fed by amplifier outputs of the same numbers, which are the channels of the WAV file in their order: row by row, from the lower left. Connect all coils alike.${note}`),
+    { class: "sides" },
+    s("svg", { viewBox: `${-halfX - 2 * size} ${-halfY - 2 * size} ${2 * halfX + 4 * size} ${2 * halfY + 7 * size}`, class: "map", role: "img", "aria-label": `${coils.places.length} coils in ${coils.rows} rows and ${coils.columns} columns, numbered row by row from the corner with the groove` }, marks),
+    h("p", {}, `Output k of the amplifiers feeds coil k; the WAV file has its channels in the same order, row by row from the corner with the groove. Connect all coils alike.${note}`),
   );
 }
 

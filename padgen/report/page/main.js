@@ -1,7 +1,7 @@
 // The page: renders everything from one table of data, `window.padgen.show(data)`, without reloading.
 
 import { byId, channelColour, fixed, h, heat, num, put, scaled } from "./dom.js";
-import { heatMap, histogram, ladder, study, wiring } from "./charts.js";
+import { fitCharts, heatMap, histogram, ladder, study, wiring } from "./charts.js";
 import { manual } from "./manual.js";
 import { at, framesOf, movedBy } from "./motion.js";
 import { showResponses } from "./responses.js";
@@ -34,7 +34,12 @@ function makeOnce() {
       view?.[name](state[name]);
       if (name === "explode") marks();
     });
-  for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => view?.look(button.dataset.look));
+  for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => {
+      // From below, coils and tray would hide all that there is to see.
+      if (button.dataset.look === "below") showParts("pad");
+      view?.look(button.dataset.look);
+    });
+  byId("parts").addEventListener("change", (event) => showParts(event.target.value));
   byId("taxel-close").addEventListener("click", () => (select(null), byId("canvas").focus()));
   byId("canvas").addEventListener("keydown", keys);
   byId("state").addEventListener("input", (event) => setState(event.target.value));
@@ -55,6 +60,12 @@ function makeOnce() {
     view?.drawNow();
   });
   new IntersectionObserver((entries) => entries.some((entry) => entry.isIntersecting) && takePictures(), { rootMargin: "400px" }).observe(byId("manual"));
+}
+
+const BELOW = ["copper", "iron", "tray"];
+function showParts(which) {
+  byId("parts").value = which;
+  view?.hide({ all: [], coils: ["tray"], pad: BELOW }[which]);
 }
 
 function keys(event) {
@@ -356,13 +367,13 @@ function takePictures() {
   if (pictured === data || !view) return;
   pictured = data;
   const [wide, high] = [560, 360];
-  const taken = (name, share, only) => view.picture(name, share, wide, high, only);
+  const taken = (name, share, without) => view.picture(name, share, wide, high, without);
   const pictures = {
-    print: taken("below", 0, ["pad"]),
-    washers: taken("below", 0.55, ["pad", "steel"]),
-    coils: taken("aslant", 0.35, ["tray", "copper", "iron"]),
-    wires: taken("top", 0, ["tray", "copper", "iron"]),
-    pad: taken("aslant", 0.55, null),
+    print: taken("below", 0, [...BELOW, "steel"]),
+    washers: taken("below", 0.55, BELOW),
+    coils: taken("aslant", 0.35, ["pad", "steel"]),
+    wires: taken("top", 0, ["pad", "steel"]),
+    pad: taken("aslant", 0.55, []),
   };
   put("manual-body", manual(data, pictures));
 }
@@ -372,6 +383,7 @@ function takePictures() {
 /** Render everything anew from `next`; camera, colours and the chosen taxel (by its id) stay. */
 function show(next) {
   const before = data;
+  fitCharts();
   next.index = new Map(next.taxels.id.map((id, index) => [id, index]));
   data = next;
   first();
@@ -382,6 +394,7 @@ function show(next) {
     view?.look("aslant");
     const most = Math.max(...data.motion.sets.map((set) => set.channels.length));
     state.bits = "1".padEnd(most, "0");
+    view?.drawNow(); // the first picture does not wait for the tables
   } else {
     view?.explode(state.explode);
     view?.section(state.section);

@@ -6,13 +6,15 @@ import {
   BufferGeometry,
   Color,
   DirectionalLight,
+  DoubleSide,
+  FrontSide,
   Group,
   HemisphereLight,
   InstancedBufferAttribute,
   InstancedMesh,
   Matrix4,
   MeshBasicMaterial,
-  MeshStandardMaterial,
+  MeshLambertMaterial,
   PerspectiveCamera,
   Plane,
   Raycaster,
@@ -23,22 +25,17 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
-import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 
-const MATERIALS = {
-  pad: { color: "#d9d5cb", roughness: 0.75, metalness: 0 },
-  steel: { color: "#8d949e", roughness: 0.35, metalness: 0.55 },
-  copper: { color: "#b8753a", roughness: 0.45, metalness: 0.35 },
-  iron: { color: "#4a4e55", roughness: 0.6, metalness: 0.4 },
-  tray: { color: "#b9c0c9", roughness: 0.85, metalness: 0 },
-};
+const MATERIALS = { pad: "#d9d5cb", steel: "#8d949e", copper: "#b8753a", iron: "#4a4e55", tray: "#b9c0c9" };
 // How far parts move apart, over the pad's thickness: the pad up, washers, coils and tray down.
 const APART = { pad: 3.2, steel: 1.2, copper: -1.2, iron: -1.2, tray: -6 };
-const CREASE_RAD = 0.6;
 const LOOKS = { aslant: [-35, 38], top: [0, 89.9], below: [-35, -40], side: [0, 2] };
 const MARKS = 256;
 
 const decoded = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0)).buffer;
+
+// Neighbours overlap by half a thousandth, so that no rounding leaves cracks between them.
+const OVERLAP = 1.0005;
 
 function geometryOf(shape) {
   const steps = new Int16Array(decoded(shape.vertices));
@@ -46,14 +43,14 @@ function geometryOf(shape) {
   const count = steps.length / 4;
   const [places, heights] = [new Float32Array(3 * count), new Float32Array(count)];
   for (let k = 0; k < count; k++) {
-    for (let i = 0; i < 3; i++) places[3 * k + i] = steps[4 * k + i] * shape.step_mm + shape.middle_mm[i];
+    for (let i = 0; i < 3; i++) places[3 * k + i] = (steps[4 * k + i] * shape.step_mm + shape.middle_mm[i]) * (i < 2 ? OVERLAP : 1);
     heights[k] = steps[4 * k + 3] * shape.height_step;
   }
   const geometry = new BufferGeometry();
   geometry.setAttribute("position", new BufferAttribute(places, 3));
   geometry.setAttribute("height", new BufferAttribute(heights, 1));
   geometry.setIndex(new BufferAttribute(index, 1));
-  return toCreasedNormals(geometry, CREASE_RAD);
+  return geometry;
 }
 
 export function makeView(canvas, { picked, moved }) {
@@ -80,10 +77,11 @@ export function makeView(canvas, { picked, moved }) {
   let ofChannel = new Map(); // channel → [layers], taxel and washer, whose places are those of its taxels
   let apart = 0;
   let radius = 50;
+  let bottom = 0; // of coils or tray, mm
   let asked = false;
 
   function material(name, hasMotion) {
-    const own = new MeshStandardMaterial({ ...MATERIALS[name], side: 2, clippingPlanes: [plane] });
+    const own = new MeshLambertMaterial({ color: MATERIALS[name], flatShading: true });
     own.onBeforeCompile = (shader) => {
       shader.uniforms.cut = cut;
       if (hasMotion) {
@@ -135,6 +133,8 @@ export function makeView(canvas, { picked, moved }) {
     scene.add(root);
     const { pad } = data;
     radius = Math.hypot(pad.width_mm / 2 + pad.border_mm, pad.depth_mm / 2 + pad.border_mm);
+    bottom = Math.min(...data.shapes.map((shape) => shape.middle_mm[2] - (shape.material === "pad" ? 0 : shape.depth_mm / 2)));
+    hide(hidden);
     explode(apart);
   }
 
@@ -149,7 +149,7 @@ export function makeView(canvas, { picked, moved }) {
   }
 
   function colours(of) {
-    const base = new Color(MATERIALS.pad.color);
+    const base = new Color(MATERIALS.pad);
     const colour = new Color();
     eachTaxel((index, [taxel], k) => {
       colour.set(of(index));
@@ -168,6 +168,14 @@ export function makeView(canvas, { picked, moved }) {
     draw();
   }
 
+  let hidden = [];
+  /** Hide the parts of these materials. */
+  function hide(materials) {
+    hidden = materials;
+    for (const { shape, mesh } of layers) mesh.visible = !hidden.includes(shape.material);
+    draw();
+  }
+
   const zOf = (name) => apart * APART[name] * data.pad.frame_mm;
 
   function explode(share) {
@@ -180,6 +188,12 @@ export function makeView(canvas, { picked, moved }) {
   function section(share) {
     const half = data.pad.depth_mm / 2 + data.pad.border_mm;
     cut.value = share > 0 ? 1 : 0;
+    for (const { mesh } of layers) {
+      // Both sides are drawn only where they can be seen: of cut parts.
+      mesh.material.side = share > 0 ? DoubleSide : FrontSide;
+      mesh.material.clippingPlanes = share > 0 ? [plane] : null;
+      mesh.material.needsUpdate = true;
+    }
     plane.constant = share > 0 ? half - 2 * half * share + 1e-3 : 1e9;
     draw();
   }
@@ -199,10 +213,11 @@ export function makeView(canvas, { picked, moved }) {
   function look(name) {
     const [azimuth, elevation] = LOOKS[name].map((degrees) => (degrees * Math.PI) / 180);
     const ahead = new Vector3(Math.sin(azimuth) * Math.cos(elevation), -Math.cos(azimuth) * Math.cos(elevation), Math.sin(elevation));
-    const across = Math.min(1, camera.aspect * 1.05);
-    const far = (radius * (name === "top" ? 0.98 : 0.93)) / Math.sin((camera.fov * Math.PI) / 360) / across;
-    controls.target.set(0, 0, zOf("pad") / 2 + (apart ? zOf("tray") / 2 : 0));
-    camera.position.copy(controls.target).addScaledVector(ahead, far * (1 + 0.5 * apart));
+    const [top, low] = [data.pad.boss_top_mm + zOf("pad"), hidden.includes("tray") ? zOf("steel") : bottom + zOf("tray")];
+    const around = Math.hypot(radius, (top - low) / 2);
+    const far = (0.97 * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+    controls.target.set(0, 0, (top + low) / 2);
+    camera.position.copy(controls.target).addScaledVector(ahead, far);
     camera.near = far / 50;
     camera.far = far * 10;
     controls.minDistance = radius / 8;
@@ -255,7 +270,7 @@ export function makeView(canvas, { picked, moved }) {
     const box = canvas.getBoundingClientRect();
     const at = new Vector2(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
     ray.setFromCamera(at, camera);
-    const hits = ray.intersectObjects(layers.map(({ mesh }) => mesh), false).filter(({ point }) => plane.distanceToPoint(point) >= 0);
+    const hits = ray.intersectObjects(layers.map(({ mesh }) => mesh).filter((mesh) => mesh.visible), false).filter(({ point }) => plane.distanceToPoint(point) >= 0);
     if (!hits.length) return null;
     const layer = layers.find(({ mesh }) => mesh === hits[0].object);
     return layer.taxels ? layer.taxels[hits[0].instanceId] : null;
@@ -269,10 +284,10 @@ export function makeView(canvas, { picked, moved }) {
   });
 
   /** Return a picture of the pad as a PNG's data address, looked at and taken apart as asked; the view stays. */
-  function picture(name, share, width, height, only = null) {
-    const kept = { apart, position: camera.position.clone(), target: controls.target.clone(), aspect: camera.aspect, ratio: renderer.getPixelRatio(), size: renderer.getSize(new Vector2()), count: marks.count };
+  function picture(name, share, width, height, without) {
+    const kept = { apart, hidden, position: camera.position.clone(), target: controls.target.clone(), aspect: camera.aspect, ratio: renderer.getPixelRatio(), size: renderer.getSize(new Vector2()), count: marks.count };
     marks.count = 0;
-    for (const { shape, mesh } of layers) mesh.visible = !only || only.includes(shape.material);
+    hide(without);
     renderer.setPixelRatio(1);
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
@@ -280,7 +295,7 @@ export function makeView(canvas, { picked, moved }) {
     look(name);
     drawNow();
     const taken = canvas.toDataURL("image/png");
-    for (const { mesh } of layers) mesh.visible = true;
+    hide(kept.hidden);
     renderer.setPixelRatio(kept.ratio);
     renderer.setSize(kept.size.x, kept.size.y, false);
     camera.aspect = kept.aspect;
@@ -295,5 +310,5 @@ export function makeView(canvas, { picked, moved }) {
   }
 
   new ResizeObserver(resize).observe(canvas.parentElement);
-  return { show, colours, lift, explode, section, mark, look, zoom, resize, placeOf, picture, drawNow };
+  return { show, colours, lift, hide, explode, section, mark, look, zoom, resize, placeOf, picture, drawNow };
 }
