@@ -46,6 +46,7 @@ def _add_build(commands: Any) -> None:
     parser.add_argument(
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
+    parser.add_argument("--report", action="store_true", help="also write report.html, the page that shows the pad")
     parser.add_argument("--force", action="store_true", help="build again even if nothing changed")
     add_verbose(parser, "all notes and the slicer's settings")
     add_model(parser)
@@ -80,7 +81,7 @@ def _build(options: argparse.Namespace) -> int:
     formats, parts = parse_formats(options.formats), parse_parts(options.parts)
     with progress_line() as progress:
         pad = Pad(spec, parts, tolerance, progress=progress)
-        built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force)
+        built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force, options.report)
     if options.json:
         print_json({**asdict(built), "folder": str(built.folder)})
     else:

@@ -55,10 +55,15 @@ def parse_parts(text: str) -> tuple[str, ...]:
 
 
 def up_to_date(
-    spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...] = ()
+    spec: Spec,
+    folder: Path,
+    formats: tuple[str, ...],
+    instances: bool,
+    parts: tuple[str, ...] = (),
+    report: bool = False,
 ) -> Built | None:
     """Return the build in `folder` if none of its inputs has changed, else None."""
-    inputs = _inputs(with_found_layout(spec, folder), formats, instances, parts)
+    inputs = _inputs(with_found_layout(spec, folder), formats, instances, parts, report)
     # No hash covers the code of registered extensions.
     if inputs["registered"] or not is_current(folder, inputs):
         return None
@@ -114,6 +119,17 @@ class Pad:
         """Vertices (n, 3) in mm and triangles (m, 3) of the whole pad."""
         return self.solid.mesh
 
+    def _repr_html_(self) -> str:
+        from padgen.report.plans import plan_html
+
+        return plan_html(self.plan)
+
+    def report(self) -> Any:
+        """Return the `padgen.report.page.Page` of the built pad: ``.save("report.html")`` writes one file."""
+        from padgen.report.page import Page
+
+        return Page(self.plan, self)
+
     def check(self) -> "Report":
         """Measure the pad's mesh, once; return figures, and findings on unmet checks."""
         return self._report
@@ -142,6 +158,7 @@ class Pad:
         formats: Sequence[str] = USUAL_FORMATS,
         instances: bool = False,
         force: bool = False,
+        report: bool = False,
     ) -> Built:
         """Write the pad, its driver table and its checks into `folder`, unless all of it is up to date.
 
@@ -155,6 +172,8 @@ class Pad:
             Write 3MF with one mesh per distinct taxel, placed many times.
         force : bool
             Build again even if nothing changed.
+        report : bool
+            Write ``report.html``, too: the page of `report`.
 
         Raises
         ------
@@ -164,10 +183,10 @@ class Pad:
             The folder cannot be written; its old files stay.
         """
         folder, formats = Path(folder), parse_formats(",".join(formats))
-        built = None if force else self._up_to_date(folder, formats, instances)
-        return built or self._written(folder, formats, instances)
+        built = None if force else self._up_to_date(folder, formats, instances, report)
+        return built or self._written(folder, formats, instances, report)
 
-    def _up_to_date(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built | None:
+    def _up_to_date(self, folder: Path, formats: tuple[str, ...], instances: bool, report: bool) -> Built | None:
         # With a tolerance, only planning decides on the model.
         spec = self.spec if self.tolerance is None else self.plan.spec
         if self.given:
@@ -175,9 +194,9 @@ class Pad:
 
             if differs(folder, "plan.json", plan_to_json(self.given)):
                 return None
-        return up_to_date(spec, folder, formats, instances, self.parts)
+        return up_to_date(spec, folder, formats, instances, self.parts, report)
 
-    def _written(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built:
+    def _written(self, folder: Path, formats: tuple[str, ...], instances: bool, page: bool) -> Built:
         from padgen.driver.tables import drive_csv, drive_json
         from padgen.planner import plan_to_json
         from padgen.planner.printing import OTHER_SLICERS_FILE, PROFILE_FILE, other_slicers_text, profile_text
@@ -186,7 +205,7 @@ class Pad:
         from padgen.solid.formats import ExportJob, Part
         from padgen.solid.parts import bill_of_materials
 
-        inputs = _inputs(plan.spec, formats, instances, self.parts)
+        inputs = _inputs(plan.spec, formats, instances, self.parts, page)
         about = f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils"
         whole = Part("pad", plan.name, about, pad.mesh, None, None)
         jobs = [ExportJob(plan, whole, inputs["spec"], pad, instances)]
@@ -212,6 +231,8 @@ class Pad:
             if profile := profile_text(plan):
                 out.write(PROFILE_FILE, profile)
             out.write(OTHER_SLICERS_FILE, other_slicers_text(plan))
+            if page:
+                out.write("report.html", self.report().html)
             # Formats that the thread has not begun are written here, from the end.
             for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
                 if each.cancel():
@@ -222,7 +243,9 @@ class Pad:
         return Built(folder, tuple(built_files(folder)), figures, tuple(findings), plan.printing, False)
 
 
-def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...]) -> dict[str, Any]:
+def _inputs(
+    spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...], report: bool
+) -> dict[str, Any]:
     """Return all inputs on which the bytes of a build depend."""
     text = json.dumps(asdict(spec), sort_keys=True)
     return {
@@ -230,6 +253,7 @@ def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[
         "formats": list(formats),
         "instances": instances,
         "parts": list(parts),
+        "report": report,
         "registered": [*SUSPENSIONS.registered, *SCHEMES.registered, *PAD_FORMATS.registered],
         "code": code_hash(),
         "versions": versions(),

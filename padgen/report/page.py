@@ -1,8 +1,8 @@
 """The report: one HTML file that shows a pad without network, server or installation.
 
 `page_data` collects all that is shown as plain data, `page_html` puts it into the page, the same bytes for the same
-data. Scripts and styles in ``page/`` are bundled once (`make bundle`) into ``page.min.js`` and ``page.min.css``. What is
-shown is put in as text, so that no name can be run as code; a policy in the page allows its own scripts only.
+data. Scripts and styles in ``page/`` are bundled once (`make bundle`) into ``page.min.js`` and ``page.min.css``. All
+that is shown is put in as text, so that no name can be run as code; a policy in the page allows its own scripts only.
 """
 
 import csv
@@ -11,18 +11,20 @@ import json
 import re
 from base64 import b64encode
 from collections.abc import Sequence
-from dataclasses import asdict, astuple
+from dataclasses import asdict, astuple, dataclass
+from functools import cached_property
 from hashlib import sha256
 from html import escape
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import versions
-from padgen.core.errors import InfeasibleError, PadgenError, number
-from padgen.core.files import json_line, read_bounded
+from padgen.core.errors import FileError, InfeasibleError, PadgenError, number
+from padgen.core.files import json_line, read_bounded, reason, write_synced
 from padgen.core.finding import Finding
 from padgen.core.units import G_PER_CM3, GRAM, MM
 from padgen.driver.frames import taxel_grid
@@ -31,7 +33,7 @@ from padgen.planner.coil_load import fitting_amplifiers
 from padgen.planner.drive_rows import COLUMNS
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.fixtures import coil_axis_mm, plan_tray, washer_underside_mm
-from padgen.planner.plan import Plan
+from padgen.planner.plan import Plan, plan_from_json, plan_to_json
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.printing import other_slicers_text
 from padgen.planner.pull_modes import heard_modes
@@ -45,7 +47,7 @@ from padgen.solid.scene import ScenePart, SceneParts, scene_parts
 if TYPE_CHECKING:
     from padgen.make.pad import Pad
 
-__all__ = ["REPORT_FILE", "page_data", "page_html", "study_of"]
+__all__ = ["REPORT_FILE", "Page", "page_data", "page_html", "study_of"]
 
 REPORT_FILE = "report.html"
 PAGE = Path(__file__).with_name("page")
@@ -57,6 +59,37 @@ STEPS = 32767
 """Steps from the middle to the ends of a mesh, as 16-bit integers have them: 1 µm for a pad of 65 mm."""
 HEIGHT_STEPS = 8192
 """Steps of a displacement as large as the washer's."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Page:
+    """The report of a plan, or of its built pad; notebooks show it, ``.save(path)`` writes the file."""
+
+    plan: Plan
+    pad: "Pad | None" = None
+    study: dict[str, Any] | None = None
+
+    def __repr__(self) -> str:
+        return f"<Page {self.plan.name}: {'the built pad' if self.pad else 'the plan'}>"
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self.html)}" width="100%" height="760" style="border:0"></iframe>'
+
+    @cached_property
+    def html(self) -> str:
+        """The whole page."""
+        return page_html(page_data(self.plan, self.pad, study=self.study))
+
+    def save(self, path: str | Path) -> Path:
+        """Write the page as one file; raises `FileError` where that is impossible."""
+        target, raw = Path(path), self.html.encode()
+        try:
+            with TemporaryDirectory(prefix=".padgen-", dir=target.absolute().parent) as aside:
+                write_synced(Path(aside) / REPORT_FILE, raw)
+                (Path(aside) / REPORT_FILE).replace(target)
+        except OSError as error:
+            raise FileError(f"cannot be written ({reason(error)})", str(target)) from error
+        return target
 
 
 def page_data(
@@ -75,6 +108,8 @@ def page_data(
     study : dict, optional
         The table of a ``study.json`` (`study_of`).
     """
+    # As plan.json records it, so that the page is the same from a plan just made as from one read back.
+    plan = plan_from_json(plan_to_json(plan))
     report = pad.check() if pad else None
     parts = scene_parts(plan, pad.solid if pad else None)
     figures = report.figures if report else {}
