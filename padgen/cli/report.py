@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.cli.common import add_model, add_output, asked_of, code_of, folder_of, print_json, progress_line, show
-from padgen.core.errors import PadgenError, plain
+from padgen.core.errors import LONGEST, PadgenError, plain
 
 if TYPE_CHECKING:
     from padgen.make.pad import Pad
@@ -57,7 +57,7 @@ def _report(options: argparse.Namespace) -> int:
     else:
         from padgen.report.plans import verdict_line
 
-        show(verdict_line(plan))
+        show(plain(verdict_line(plan), LONGEST))
         shown = "the built pad" if pad else "the pad as planned; padgen build --report shows it as built"
         show(f"written: {plain(str(folder / REPORT_FILE))}, {len(page.encode()) / 1e6:.2f} MB, with {shown}")
     return code_of(findings)

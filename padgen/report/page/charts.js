@@ -1,6 +1,6 @@
 // Small charts as SVG and HTML: they print, scale, and screen readers read them.
 
-import { channelColour, fixed, h, heat, num, s } from "./dom.js";
+import { channelColour, fixed, h, heat, inkOn, num, s } from "./dom.js";
 
 // Charts are drawn as wide as the page lets them be, so that their text keeps its size on a phone.
 let WIDE = 720;
@@ -80,8 +80,7 @@ export function heatMap(data) {
           if (i === j) return h("td", { class: "own" }, "on");
           const share = 1 - Math.min(Math.max(db / (2 * asked), 0), 1);
           const colour = heat(share);
-          const bright = parseInt(colour.slice(1, 3), 16) * 0.3 + parseInt(colour.slice(3, 5), 16) * 0.59 + parseInt(colour.slice(5), 16) * 0.11;
-          return h("td", { paint: { background: colour, color: bright > 125 ? "#000" : "#fff" } }, fixed(db, 1));
+          return h("td", { paint: { background: colour, color: inkOn(colour) } }, fixed(db, 1));
         }),
       ),
     );

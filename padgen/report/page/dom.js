@@ -1,6 +1,15 @@
 // Small helpers that make elements. Text only ever goes in as text, so that no name can become markup.
 
 const SVG = "http://www.w3.org/2000/svg";
+// Longer texts lose their middle, as padgen's own sentences do.
+const LONGEST = 2000;
+
+function shown(children) {
+  return children
+    .flat()
+    .filter((child) => child !== null && child !== undefined)
+    .map((child) => (typeof child === "string" && child.length > LONGEST ? `${child.slice(0, LONGEST / 2)}…${child.slice(-LONGEST / 2)}` : child));
+}
 
 function filled(node, attributes, children) {
   for (const [key, value] of Object.entries(attributes || {})) {
@@ -9,7 +18,7 @@ function filled(node, attributes, children) {
     else if (key === "paint") Object.assign(node.style, value);
     else node.setAttribute(key, value === true ? "" : String(value));
   }
-  node.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  node.append(...shown(children));
   return node;
 }
 
@@ -22,7 +31,7 @@ export const s = (tag, attributes, ...children) => filled(document.createElement
 export const byId = (id) => document.getElementById(id);
 
 export function put(id, ...children) {
-  byId(id).replaceChildren(...children.flat().filter((child) => child !== null && child !== undefined));
+  byId(id).replaceChildren(...shown(children));
 }
 
 /** Write a number with so many significant digits, without trailing zeros. */
@@ -51,6 +60,12 @@ export function scaled(share, from = VIRIDIS) {
 }
 
 export const heat = (share) => scaled(share, HEAT);
+
+/** Return black or white, whichever reads better on a colour. */
+export function inkOn(colour) {
+  const [red, green, blue] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16) / 255).map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
+  return 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.179 ? "#000" : "#fff";
+}
 
 // Few channels get colours that differ in hue and lightness (Okabe and Ito's), many a scale.
 const FEW = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#9a7b00", "#7b61c4"];

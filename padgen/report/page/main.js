@@ -55,8 +55,7 @@ function makeOnce() {
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => showResponses(data, Number(byId("response-set").value)));
   window.addEventListener("beforeprint", () => {
-    for (const each of document.querySelectorAll("#manual img")) each.loading = "eager";
-    takePictures();
+    if (document.body.dataset.print) takePictures();
     view?.drawNow();
   });
   new IntersectionObserver((entries) => entries.some((entry) => entry.isIntersecting) && takePictures(), { rootMargin: "400px" }).observe(byId("manual"));
@@ -142,12 +141,12 @@ function select(id) {
   state.selected = index === undefined ? null : id;
   highlighted = [];
   byId("taxel").hidden = index === undefined;
-  byId("taxel-told").textContent = "";
+  put("taxel-told");
   if (index !== undefined) {
     const pairs = about(index);
-    byId("taxel-name").textContent = id;
+    put("taxel-name", id);
     put("taxel-figures", facts(pairs));
-    byId("taxel-told").textContent = `Taxel ${id}: ${pairs.map(([name, value]) => `${name} ${value}`).join(", ")}`;
+    put("taxel-told", `Taxel ${id}: ${pairs.map(([name, value]) => `${name} ${value}`).join(", ")}`);
   }
   marks();
   document.dispatchEvent(new CustomEvent("padgen-select", { detail: state.selected }));
@@ -275,7 +274,7 @@ function first() {
   put("verdict", h("span", { class: `pill ${verdict.level}` }, WORDS[verdict.level] || ""), h("span", {}, verdict.sentence));
   put("about", verdict.about);
   put("figures", data.figures.map(({ label, value, note }) => h("div", { class: "figure" }, h("h2", {}, label), h("p", { class: "value" }, value), h("p", { class: "soft" }, note))));
-  const links = [...document.querySelectorAll("main > section[id] > h2")].map((title) => h("a", { href: `#${title.parentElement.id}` }, title.textContent));
+  const links = [...document.querySelectorAll("main section[id] > h2")].map((title) => h("a", { href: `#${title.parentElement.id}` }, title.textContent));
   put("contents", links);
   document.title = `${data.name.slice(0, 120)}: ${num(pad.width_mm)} × ${num(pad.depth_mm)} mm, ${data.taxels.id.length} taxels`;
 }
@@ -309,7 +308,7 @@ function checks() {
     h("ul", { class: "findings" }, ordered.map((finding) => {
       const places = placesOf(finding);
       const inner = [h("strong", {}, finding.level), " ", h("span", { class: "where" }, finding.where), `: ${finding.message} `, h("code", {}, finding.code)];
-      const show = () => ((highlighted = places), marks(), jump("view"), (byId("taxel-told").textContent = `${places.length} place${places.length > 1 ? "s" : ""} marked: ${finding.where}`));
+      const show = () => ((highlighted = places), marks(), jump("view"), put("taxel-told", `${places.length} place${places.length > 1 ? "s" : ""} marked: ${finding.where}`));
       return h("li", { class: finding.level }, places.length ? h("button", { type: "button", class: "finding", on: { click: show } }, inner) : inner);
     })),
   );

@@ -3,7 +3,7 @@
 import { byId, h } from "./dom.js";
 
 const FIRST = 40;
-const PRINTED = 16;
+const PRINTED = 12;
 
 /**
  * Make a table. `columns` are {name, unit?, left?}, `rows` arrays of {text, value?} or plain texts and numbers;
