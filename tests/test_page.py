@@ -138,7 +138,7 @@ def test_a_click_where_a_taxel_is_tells_its_id(page, paper_plan):
 
 def test_on_taxels_move_ten_times_as_far_as_off_ones(opened, paper_html, paper_plan):
     """By the page's own figures, and by the heights of the bosses that stand out of the frame, seen from the side."""
-    page = opened(paper_html, device_scale_factor=2)
+    page = opened(paper_html, device_scale_factor=2, viewport={"width": 700, "height": 600})
     page.fill("#state", "10")
     levels = page.evaluate("padgen.levels")
     on, off = ([levels[t.id] for t in paper_plan.taxels if t.channel == k] for k in (0, 1))
@@ -149,7 +149,7 @@ def test_on_taxels_move_ten_times_as_far_as_off_ones(opened, paper_html, paper_p
     page.evaluate("padgen.view().section(0.7)")
     look(page, "side")
     page.evaluate("padgen.view().zoom(0.4)")
-    frames = [tops(page, t) for t in np.linspace(0, 50 / paper_plan.channels[0].resonance_hz, 9)[:-1]]
+    frames = [tops(page, t) for t in np.linspace(0, 50 / paper_plan.channels[0].resonance_hz, 7)[:-1]]
     box, moved = page.locator("#canvas").bounding_box(), ([], [])
     for taxel in paper_plan.taxels:
         if taxel.coil[0] == 3:
@@ -253,7 +253,7 @@ def test_names_are_text_and_never_run(opened, paper_plan, text):
     hostile["taxels"]["id"] = [f"{text[:200]}{k}" for k in range(len(paper_plan.taxels))]
     hostile["drive"]["columns"] = data["drive"]["columns"]
     hostile["findings"].append({"level": "error", "code": text, "where": "channel 1", "message": text})
-    page = opened(page_html(hostile))
+    page = opened(page_html(hostile), viewport={"width": 800, "height": 600})
     shown = text if len(text) <= 2000 else f"{text[:1000]}…{text[-1000:]}"
     assert page.text_content("h1") == shown
     assert shown in page.text_content("#bom-body") and shown in page.text_content("#manual-body")
@@ -430,7 +430,7 @@ def test_two_thousand_taxels_fit_six_megabytes(opened):
     )
     html = page_html(page_data(plan, quick=True))
     assert len(html.encode()) <= 6e6
-    page = opened(html)
+    page = opened(html, viewport={"width": 800, "height": 600})
     assert len(page.evaluate("Object.keys(padgen.levels)")) == len(plan.taxels) >= 2048
     assert (pixels(page)[..., 3] > 250).mean() > 0.1
 

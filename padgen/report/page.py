@@ -193,14 +193,19 @@ def _coils(plan: Plan) -> dict[str, Any]:
     return {"rows": grid.rows, "columns": grid.columns, "places": places, "print_shares": plan.prints.coil_shares}
 
 
+CHANNEL = (
+    *("index", "resonance_hz", "drive_hz", "q", "ring_up_ms"),
+    *("level_um", "root_stress_mpa", "print_spread", "model", "model_error"),
+)
+"""What the page takes of a channel as it is."""
+
+
 def _channel(plan: Plan, index: int) -> dict[str, Any]:
     channel, reuse = plan.channels[index], plan.reuse
     leaks = reuse.retuned_leaks_db or reuse.leaks_db
-    kept = ("index", "resonance_hz", "drive_hz", "q", "ring_up_ms", "level_um", "root_stress_mpa", "print_spread")
-    kept += ("model", "model_error")
     beam = channel.beam
     return {
-        **{name: getattr(channel, name) for name in kept},
+        **{name: getattr(channel, name) for name in CHANNEL},
         "beam": f"{beam.width_mm:.3f} × {beam.thickness_mm:.2f} × {beam.length_mm:.2f}",
         "suspension": beam.topology,
         "leak_db": leaks[index] if leaks else None,

@@ -233,14 +233,18 @@ export function makeView(canvas, { picked, moved }) {
     draw();
   }
 
+  let size = "";
   function resize() {
     const { clientWidth: width, clientHeight: height } = canvas.parentElement;
-    if (!width || !height) return;
-    renderer.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
+    const ratio = Math.min(devicePixelRatio || 1, 2);
+    if (!width || !height || size === `${width} ${height} ${ratio}`) return;
+    size = `${width} ${height} ${ratio}`;
+    renderer.setPixelRatio(ratio);
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
-    drawNow();
+    // A new size clears the picture, which is drawn before the browser shows that.
+    if (canvas.dataset.drawn) drawNow();
   }
 
   function drawNow() {
