@@ -365,6 +365,15 @@ def test_the_scene_is_the_pad(small_plan, small_pad):
     assert own == pytest.approx(built, rel=3e-3)
 
 
+def test_a_scene_has_each_distinct_taxel_once(paper_plan):
+    parts = scene_parts(paper_plan)
+    assert len(parts) == 9, "two taxels, two washers, border, windings, cores, tray and its cells"
+    named = {place.name: place for part in parts for place in part.places}
+    assert len(named) == sum(len(part.places) for part in parts)
+    for taxel in paper_plan.taxels:
+        assert named[taxel.id][1:3] == named[f"washer-{taxel.id}"][1:3] == (taxel.x_mm, taxel.y_mm)
+
+
 def test_beams_bend_as_their_modes_do(small_plan):
     """A straight beam against the cubic that a force and a moment at its tip bend it to; washer and frame beside it."""
     channel = small_plan.channels[0]

@@ -84,7 +84,7 @@ export function heatMap(data) {
         }),
       ),
     );
-    const title = data.motion.sets.length > 1 ? `Coils of set ${which + 1}, dB` : "dB below its own level";
+    const title = data.motion.sets.length > 1 ? `Coils of set ${which}, dB` : "dB below its own level";
     return h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": title }, h("table", { class: "heat" }, h("caption", {}, title), h("thead", {}, head), h("tbody", {}, body)));
   });
   const words = [`Asked are ${fixed(asked, 1)} dB.`];
@@ -140,7 +140,7 @@ export function wiring(data) {
     ]),
     s("text", { x: gx0 - size, y: halfY + 3.6 * size, "font-size": 2.3 * size, class: "name" }, "▲ groove: the corner of coil 1"),
   ];
-  const note = data.motion.sets.length > 1 ? ` Coils of two kinds alternate: ${data.motion.sets.map((set, k) => `set ${k + 1} plays channels ${set.channels.join(", ")}`).join("; ")}.` : "";
+  const note = data.motion.sets.length > 1 ? ` Coils of two kinds alternate: ${data.motion.sets.map((set, k) => `set ${k} plays channels ${set.channels.join(", ")}`).join("; ")}.` : "";
   return h(
     "div",
     { class: "sides" },

@@ -401,7 +401,7 @@ function show(next) {
   setState(state.bits);
   select(data.index.has(state.selected) ? state.selected : null);
   const set = Math.min(Number(byId("response-set").value) || 0, data.motion.sets.length - 1);
-  put("response-set", data.motion.sets.map((own, k) => h("option", { value: k, selected: k === set }, data.motion.sets.length > 1 ? `set ${k + 1}: channels ${own.channels.join(", ").slice(0, 60)}` : "every place")));
+  put("response-set", data.motion.sets.map((own, k) => h("option", { value: k, selected: k === set }, data.motion.sets.length > 1 ? `set ${k}: channels ${own.channels.join(", ").slice(0, 60)}` : "every place")));
   byId("response-set").parentElement.hidden = data.motion.sets.length < 2;
   showResponses(data, set);
   put("selectivity-body", heatMap(data));
