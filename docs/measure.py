@@ -107,9 +107,9 @@ def growth_section() -> list[str]:
 
 def report_section() -> list[str]:
     return [
-        "`padgen build --report`: one file with the built pad's own meshes. Times are the best of five; the first picture",
-        "is headless Chromium's without a graphics card (SwiftShader), from opening the file to the pad drawn. Bars:",
-        "1.5 and 6 MB, 1 s beyond the build, 2 s to the first picture.",
+        "`padgen build --report`: one file with the built pad's own meshes. Times are the best of five; the first",
+        "picture is headless Chromium's without a graphics card (SwiftShader), from opening the file to the pad drawn.",
+        "Bars: 1.5 and 6 MB, 1 s beyond the build, 2 s to the first picture.",
         "",
         *report(),
     ]

@@ -145,7 +145,7 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
     """Return the three figures of the first screen."""
     prints, load, count = plan.prints, plan.load, plan.coils.rows * plan.coils.columns
     kept = "no limit" if prints.print_db is None else f"{prints.print_db:.1f} dB"
-    fitting = [f"{n} × {name}" for name, n in fitting_amplifiers(plan).items()]
+    fitting = [f"{n}\u00a0×\u00a0{name}" for name, n in fitting_amplifiers(plan).items()]
     own = plan.spec.amplifier
     return [
         {

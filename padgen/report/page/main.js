@@ -369,7 +369,7 @@ function takePictures() {
   const taken = (name, share, without) => view.picture(name, share, wide, high, without);
   const pictures = {
     print: taken("below", 0, [...BELOW, "steel"]),
-    washers: taken("below", 0.55, BELOW),
+    washers: taken("below", 1, BELOW),
     coils: taken("aslant", 0.35, ["pad", "steel"]),
     wires: taken("top", 0, ["pad", "steel"]),
     pad: taken("aslant", 0.55, []),

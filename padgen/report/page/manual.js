@@ -34,7 +34,7 @@ export function manual(data, pictures) {
     h("h3", {}, "Steps"),
     h("ol", { class: "steps" }, steps.map(([title, key, text]) => h("li", {}, pictures[key] ? h("img", { src: pictures[key], alt: `${title}: the parts of this step, taken apart`, width: 560, height: 360 }) : null, h("div", {}, h("h4", {}, title), h("p", {}, text))))),
     h("h3", {}, "Check the wiring"),
-    h("p", {}, `Feed one coil after the other at the lowest channel, ${fixed(hz, 2)} Hz and ${num(mA, 3)} mA peak, and look: the plate of channel ${first[0]} over that coil moves, and no other. `, h("code", {}, `padgen drive ${data.name.slice(0, 80)} --pattern each --seconds 1`), " plays every taxel in turn. A plate two rows away that moves instead means a wrong wire; one turned by 180° means that the pad is."),
+    h("p", {}, `Feed one coil after the other at the lowest channel, ${fixed(hz, 2)} Hz and ${num(mA, 3)} mA peak, and look: the plate of channel ${first[0]} over that coil moves, and no other. `, h("code", {}, `padgen drive ${data.name.slice(0, 80)} --pattern each --seconds 1`), " plays every taxel in turn. Where another plate moves, wires are swapped; where all plates answer as if the pad were turned by 180°, it is."),
     h("h3", {}, "Slicer settings"),
     h("dl", { class: "facts" }, Object.entries(own.printing).flatMap(([key, value]) => [h("dt", {}, key.replaceAll("_", " ")), h("dd", {}, value)])),
     h("details", {}, h("summary", {}, "By the names that other slicers give them"), h("pre", { tabindex: "0" }, own.slicers)),

@@ -29,7 +29,8 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 const MATERIALS = { pad: "#d9d5cb", steel: "#8d949e", copper: "#b8753a", iron: "#4a4e55", tray: "#b9c0c9" };
 // How far parts move apart, over the pad's thickness: the pad up, washers, coils and tray down.
 const APART = { pad: 3.2, steel: 1.2, copper: -1.2, iron: -1.2, tray: -6 };
-const LOOKS = { aslant: [-35, 38], top: [0, 89.9], below: [-35, -40], side: [0, 2] };
+// Directions to look from, azimuth and elevation in degrees, and how much of a ball around the pad is to be seen.
+const LOOKS = { aslant: [-35, 38, 0.88], top: [0, 89.9, 0.8], below: [-35, -40, 0.88], side: [0, 2, 0.8] };
 const MARKS = 256;
 
 const decoded = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0)).buffer;
@@ -202,7 +203,7 @@ export function makeView(canvas, { picked, moved }) {
   /** Ring places [x, y] in mm; the first is the chosen taxel. */
   function mark(places) {
     marked = places.slice(0, MARKS);
-    const size = 0.78 * data.pad.boss_diameter_mm;
+    const size = Math.max(0.78 * data.pad.boss_diameter_mm, 0.014 * radius);
     const z = data.pad.boss_top_mm + zOf("pad") + 0.02 * data.pad.frame_mm;
     marks.count = marked.length;
     marked.forEach(([x, y], k) => marks.setMatrixAt(k, new Matrix4().makeScale(size, size, size).setPosition(x, y, z)));
@@ -211,11 +212,11 @@ export function makeView(canvas, { picked, moved }) {
   }
 
   function look(name) {
-    const [azimuth, elevation] = LOOKS[name].map((degrees) => (degrees * Math.PI) / 180);
+    const [azimuth, elevation] = LOOKS[name].slice(0, 2).map((degrees) => (degrees * Math.PI) / 180);
     const ahead = new Vector3(Math.sin(azimuth) * Math.cos(elevation), -Math.cos(azimuth) * Math.cos(elevation), Math.sin(elevation));
     const [top, low] = [data.pad.boss_top_mm + zOf("pad"), hidden.includes("tray") ? zOf("steel") : bottom + zOf("tray")];
     const around = Math.hypot(radius, (top - low) / 2);
-    const far = (0.97 * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+    const far = (LOOKS[name][2] * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
     controls.target.set(0, 0, (top + low) / 2);
     camera.position.copy(controls.target).addScaledVector(ahead, far);
     camera.near = far / 50;
