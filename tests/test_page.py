@@ -20,6 +20,7 @@ from padgen import cli
 from padgen.physics.selectivity import off_energy
 from padgen.planner import plan_to_json
 from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.plan import plan_from_json
 from padgen.planner.pull_modes import heard_modes
 from padgen.report.page import PAGE, page_data, page_html, study_of
 from padgen.solid.mesh import signed_volume_mm3
@@ -338,7 +339,9 @@ def test_tables_sort_and_findings_mark_their_places(page, paper_plan):
     page.evaluate("padgen.select(null)")
 
 
-def test_histogram_and_verdict_are_of_the_same_prints(paper_plan):
+def test_histogram_and_verdict_are_of_the_same_prints(paper_plan, monkeypatch):
+    """In bins so narrow that other prints of the same pad would show."""
+    monkeypatch.setattr("padgen.report.page.BINS", 20_000)
     prints = page_data(paper_plan)["prints"]
     edges, counts = np.array(prints["edges_db"]), np.array(prints["counts"])
     assert counts.sum(1).tolist() == [paper_plan.prints.pads] * 2
@@ -347,19 +350,24 @@ def test_histogram_and_verdict_are_of_the_same_prints(paper_plan):
     assert above[kept + 1] <= paper_plan.spec.print_share <= above[kept], "nine in ten keep print_db"
 
 
-def test_the_scene_is_the_pad(small_plan, small_pad):
-    """Plan and pad in the same places; volumes of the plan's own shapes within a fillet and a chamfer of the solids."""
-    for parts in (scene_parts(small_plan), scene_parts(small_plan, small_pad)):
-        corners = [
-            part.mesh.vertices_mm * (-1 if place.turned else 1, -1 if place.turned else 1, 1)
-            + (place.x_mm, place.y_mm, place.z_mm)
-            for part in parts
-            for place in part.places
-            if part.material == "pad"
-        ]
-        whole = np.concatenate(corners)
-        for of in (np.min, np.max):
-            assert of(whole, 0) == pytest.approx(of(small_pad.mesh.vertices_mm, 0), abs=1e-6)
+@pytest.mark.parametrize("name", ["tiny", "paper-16"])
+def test_the_scene_is_the_pad(small_plan, small_pad, name):
+    """Every corner of the welded pad is one of the scene's; paper-16 has cells that are turned by 180°."""
+    plan, pad = (small_plan, small_pad) if name == "tiny" else (pg.plan(name), pg.build(name).solid)
+    assert any(taxel.turned for taxel in plan.taxels) == (name == "paper-16")
+    corners = [
+        part.mesh.vertices_mm * ((-1, -1, 1) if place.turned else 1) + (place.x_mm, place.y_mm, place.z_mm)
+        for part in scene_parts(plan, pad)
+        for place in part.places
+        if part.material == "pad"
+    ]
+    steps = {tuple(row) for at in (0.0, 5e-5) for row in np.floor((np.concatenate(corners) + at) / 1e-4).tolist()}
+    welded = pad.mesh.vertices_mm
+    assert all(any(tuple(np.floor((v + at) / 1e-4)) in steps for at in (0.0, 5e-5)) for v in welded[::5])
+
+
+def test_a_plan_s_own_shapes_come_near_the_solids(small_plan, small_pad):
+    """Volumes within a fillet and a chamfer."""
     own, built = (
         sum(len(p.places) * signed_volume_mm3(p.mesh) for p in scene_parts(small_plan, pad) if p.material == "pad")
         for pad in (None, small_pad)
@@ -415,6 +423,12 @@ def test_command_folder_and_call_write_the_same_page(tmp_path, monkeypatch, caps
         pg.plan("tiny.toml").report().save("none/a.html")
     assert "<iframe srcdoc=" in pg.plan("tiny.toml").report()._repr_html_()
     assert pg.build("tiny.toml")._repr_html_() == pg.plan("tiny.toml")._repr_html_()
+
+
+def test_a_plan_read_back_gives_the_same_page(paper_plan):
+    again = plan_from_json(plan_to_json(paper_plan))
+    assert again != paper_plan, "files have ten digits"
+    assert page_html(page_data(again)) == page_html(page_data(paper_plan))
 
 
 def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan, paper_html):
