@@ -7,7 +7,7 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test soak check format variants slice goldens performance selectivity accuracy waveforms pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak check format variants slice bundle goldens performance selectivity accuracy waveforms pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -25,9 +25,11 @@ pad: $(STAMP) ## a 32-taxel pad that prints, into out/pad-32
 	$(BIN)/padgen build pad-32
 
 # One process more than cores, since some tests wait for others' processes.
-test: $(STAMP) ## the whole test suite (the firmware's need gcc and g++, installed from Debian if missing)
+test: $(STAMP) ## the whole test suite (compilers and chromium, which some need, come from Debian if missing)
 	@{ command -v $${CC:-cc} && command -v $${CXX:-c++}; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
+	@{ command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null || \
+	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; }
 	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile
 
 soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware (eight minutes)
@@ -59,6 +61,18 @@ slice: $(STAMP) ## slice every template and ten odd pads with PrusaSlicer (insta
 	@{ command -v prusa-slicer && command -v slic3r; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends prusa-slicer slic3r; }
 	$(BIN)/python -m pytest -m slicer tests/test_slicer.py
+
+PAGE := padgen/report/page
+
+bundle: ## remake the report page's scripts from their sources (needs npm; installing padgen does not)
+	@set -e; aside=$$(mktemp -d); trap 'rm -rf "$$aside"' EXIT; cp $(PAGE)/package*.json "$$aside"; \
+	  npm ci --prefix "$$aside" --ignore-scripts --no-audit --no-fund --silent; modules="$$aside/node_modules"; \
+	  for name in three uplot; do printf '%s\n\n' "$$name"; cat "$$modules/$$name/LICENSE"; echo; done > $(PAGE)/LICENSES; \
+	  bundled() { NODE_PATH="$$modules" "$$modules/.bin/esbuild" "$$@" --bundle --minify --charset=utf8 --log-level=warning; }; \
+	  { printf '/*!\n'; cat $(PAGE)/LICENSES; printf '*/\n'; \
+	    bundled $(PAGE)/main.js --format=iife --target=es2022 --legal-comments=none; } > $(PAGE)/page.min.js; \
+	  bundled $(PAGE)/page.css > $(PAGE)/page.min.css; \
+	  cd $(PAGE) && LC_ALL=C sha256sum $$(ls | grep -v -e SHA256SUMS -e page.html) > SHA256SUMS
 
 goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geometry
 	$(BIN)/python -m pytest tests/test_templates.py -k golden --regenerate

@@ -23,6 +23,7 @@ from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.picture import View, picture_png
+from padgen.solid.scene import scene_parts
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
 from tests.tampering import stl_mesh
@@ -122,17 +123,24 @@ def test_step_holds_the_printed_part_and_its_washer(folder, small_plan, small_pa
     assert "'washer'" in text
 
 
-def test_glb_has_every_washer(folder, small_plan):
+def test_glb_has_a_node_for_every_taxel_washer_and_coil(folder, small_plan):
     scene = trimesh.load(folder / "pad.glb")
-    assert len(scene.geometry) == 1 + len(small_plan.channels)
-    # Metres, y up: 37 x 5 x 37 mm.
-    assert scene.extents == pytest.approx([0.037, 0.005, 0.037], rel=1e-3)
+    taxels = [taxel.id for taxel in small_plan.taxels]
+    parts = [name for name in scene.graph.nodes_geometry if not name.startswith(("frame", "tray"))]
+    assert sorted(parts) == sorted([*taxels, *(f"washer-{id}" for id in taxels), "border", "core-1", "winding-1"])
+    assert len(scene.geometry) == len(scene_parts(small_plan)), "copies share their meshes"
+    # Metres, y up: 37 x 5 x 37 mm over the coil and its tray.
+    assert scene.extents[[0, 2]] == pytest.approx([0.037, 0.037], rel=1e-3)
+    assert scene.bounds[1][1] == pytest.approx(0.005, rel=1e-3)
     for taxel in small_plan.taxels:
-        transform, geometry = scene.graph[f"washer-{taxel.id}"]
-        corners = trimesh.transform_points(scene.geometry[geometry].bounds, transform)
-        x, _, depth = corners.mean(0) * 1e3
-        # Chords of the washer's rim.
-        assert (x, -depth) == (pytest.approx(taxel.x_mm, abs=0.02), pytest.approx(taxel.y_mm, abs=0.02))
+        for name, material in ((f"washer-{taxel.id}", "steel"), (taxel.id, "pad")):
+            transform, geometry = scene.graph[name]
+            assert scene.geometry[geometry].visual.material.name == material
+            top = scene.geometry[geometry].vertices
+            corners = trimesh.transform_points(top[top[:, 2] > top[:, 2].max() - 1e-6], transform)
+            x, _, depth = (corners.min(0) + corners.max(0)) / 2 * 1e3
+            # Chords of the rim of washer or boss.
+            assert (x, -depth) == (pytest.approx(taxel.x_mm, abs=0.02), pytest.approx(taxel.y_mm, abs=0.02))
 
 
 def test_bill_of_materials(small_plan):

@@ -26,7 +26,7 @@ LAYERS = [
 ]
 LEVEL = {name: level for level, names in enumerate(LAYERS) for name in names}
 MODULES = sorted(ROOT.rglob("*.py"))
-FACES = {("planner/plan.py", "report")}
+FACES = {("planner/plan.py", "report"), ("make/pad.py", "report")}
 """Imports within a method by which a noun shows itself to a notebook or a plot."""
 
 

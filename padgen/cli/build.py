@@ -40,6 +40,7 @@ def add_build(commands: Any) -> None:
     parser.add_argument(
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
+    parser.add_argument("--report", action="store_true", help="also write report.html, the page that shows the pad")
     parser.add_argument("--force", action="store_true", help="build again even if nothing changed")
     add_shared(parser, _build, "all notes and the slicer's settings")
 
@@ -72,7 +73,7 @@ def _build(options: argparse.Namespace) -> int:
     formats, parts = parse_formats(options.formats), parse_parts(options.parts)
     with progress_line() as progress:
         pad = Pad(spec, parts, tolerance, progress=progress)
-        built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force)
+        built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force, options.report)
     from padgen.report.plans import built_text
 
     following = f"next: print it, then padgen drive {plain(options.spec)} --state all --hear"

@@ -266,12 +266,15 @@ def code_hash(*parts: str) -> str:
     root = Path(__file__).parents[1]
     chosen = [root / part for part in parts] or [root]
     files = sorted(
-        path for part in chosen for path in ([part] if part.is_file() else part.rglob("*")) if path.suffix in SOURCES
+        path
+        for part in chosen
+        for path in ([part] if part.is_file() else part.rglob("*"))
+        if path.name.endswith(SOURCES)
     )
     return file_hash(b"".join(path.read_bytes() for path in files))
 
 
-SOURCES = (".py", ".csv", ".npy")
+SOURCES = (".py", ".csv", ".npy", ".html", ".min.js", ".min.css")
 
 
 def _head(key: str, data: bytes) -> bytes:

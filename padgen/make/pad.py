@@ -53,10 +53,15 @@ def parse_parts(text: str) -> tuple[str, ...]:
 
 
 def up_to_date(
-    spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...] = ()
+    spec: Spec,
+    folder: Path,
+    formats: tuple[str, ...],
+    instances: bool,
+    parts: tuple[str, ...] = (),
+    report: bool = False,
 ) -> Built | None:
     """Return the build in `folder` if none of its inputs has changed, else None."""
-    inputs = _inputs(with_found_layout(spec, folder), formats, instances, parts)
+    inputs = _inputs(with_found_layout(spec, folder), formats, instances, parts, report)
     # No hash covers the code of registered extensions.
     if inputs["registered"] or not is_current(folder, inputs):
         return None
@@ -112,6 +117,17 @@ class Pad:
         """Vertices (n, 3) in mm and triangles (m, 3) of the whole pad."""
         return self.solid.mesh
 
+    def _repr_html_(self) -> str:
+        from padgen.report.plans import plan_html
+
+        return plan_html(self.plan)
+
+    def report(self) -> Any:
+        """Return the `padgen.report.page.Page` of the built pad: ``.save("report.html")`` writes one file."""
+        from padgen.report.page import Page
+
+        return Page(self.plan, self)
+
     def check(self) -> "Report":
         """Measure the pad's mesh, once; return figures, and findings on unmet checks."""
         return self._report
@@ -130,6 +146,7 @@ class Pad:
         formats: Sequence[str] = USUAL_FORMATS,
         instances: bool = False,
         force: bool = False,
+        report: bool = False,
     ) -> Built:
         """Write the pad, its driver table and its checks into `folder`, unless all of it is up to date.
 
@@ -143,6 +160,8 @@ class Pad:
             Write 3MF with one mesh per distinct taxel, placed many times.
         force : bool
             Build again even if nothing changed.
+        report : bool
+            Write ``report.html``, too: the page of `report`.
 
         Raises
         ------
@@ -158,10 +177,10 @@ class Pad:
             from padgen.planner import plan_to_json
 
             force = differs(folder, "plan.json", plan_to_json(self.given))
-        built = None if force else up_to_date(spec, folder, formats, instances, self.parts)
-        return built or self._written(folder, formats, instances)
+        built = None if force else up_to_date(spec, folder, formats, instances, self.parts, report)
+        return built or self._written(folder, formats, instances, report)
 
-    def _written(self, folder: Path, formats: tuple[str, ...], instances: bool) -> Built:
+    def _written(self, folder: Path, formats: tuple[str, ...], instances: bool, page: bool) -> Built:
         from padgen.driver.formats.csv import drive_csv
         from padgen.driver.formats.json import drive_json
         from padgen.planner import plan_to_json
@@ -174,7 +193,7 @@ class Pad:
         if self.parts:
             self.progress(f"modelling {', '.join(self.parts)}")
         beside = [build_part(plan, name) for name in self.parts]
-        inputs = _inputs(plan.spec, formats, instances, self.parts)
+        inputs = _inputs(plan.spec, formats, instances, self.parts, page)
         about = f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils"
         whole = Part("pad", plan.name, about, pad.mesh, None, None)
         jobs = [ExportJob(plan, whole, inputs["spec"], pad, instances)]
@@ -200,6 +219,8 @@ class Pad:
             if profile := profile_text(plan):
                 out.write(PROFILE_FILE, profile)
             out.write(OTHER_SLICERS_FILE, other_slicers_text(plan))
+            if page:
+                out.write("report.html", self.report().html)
             # Formats that the thread has not begun are written here, from the end.
             for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
                 if each.cancel():
@@ -210,7 +231,9 @@ class Pad:
         return Built(folder, tuple(built_files(folder)), figures, tuple(findings), plan.printing, False)
 
 
-def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...]) -> dict[str, Any]:
+def _inputs(
+    spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...], report: bool
+) -> dict[str, Any]:
     """Return all inputs on which the bytes of a build depend."""
     text = json.dumps(asdict(spec), sort_keys=True)
     return {
@@ -218,6 +241,7 @@ def _inputs(spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[
         "formats": list(formats),
         "instances": instances,
         "parts": list(parts),
+        "report": report,
         "registered": [*SUSPENSIONS.registered, *SCHEMES.registered, *PAD_FORMATS.registered],
         "code": code_hash(),
         "versions": versions(),

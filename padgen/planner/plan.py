@@ -507,6 +507,12 @@ class Plan:
 
         return drawn(self, picture)
 
+    def report(self) -> Any:
+        """Return the `padgen.report.page.Page` of the plan: ``.save("report.html")`` writes one file for a browser."""
+        from padgen.report.page import Page
+
+        return Page(self)
+
     @property
     def scheme(self) -> Scheme:
         """The drive scheme with the settings of the spec."""

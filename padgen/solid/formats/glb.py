@@ -1,4 +1,7 @@
-"""The GLB format: the pad with its washers as binary glTF, for viewers; parts beside the pad are not written."""
+"""The GLB format: the pad over its coils and tray as binary glTF, for viewers; parts beside the pad are not written.
+
+Every taxel, washer and coil is a node of its own, named after its taxel or numbered, on meshes that all copies share.
+"""
 
 from typing import Any
 
@@ -6,16 +9,23 @@ import numpy as np
 
 from padgen.core.errors import GeometryError
 from padgen.core.files import OutputFolder
-from padgen.planner.layout import to_cell
 from padgen.solid.formats import ExportJob
 from padgen.solid.mesh import Mesh
-from padgen.solid.pad_solid import washer_mesh
+from padgen.solid.scene import scene_parts
 
 __all__ = ["write"]
 
+COLOURS = {
+    "pad": (225, 222, 214, 255),
+    "steel": (120, 125, 135, 255),
+    "copper": (184, 117, 58, 255),
+    "iron": (74, 78, 85, 255),
+    "tray": (185, 192, 201, 255),
+}
+
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the pad and its washers in metres with y up, as viewers expect; do nothing for parts beside the pad."""
+    """Add ``pad.glb`` in metres with y up, as viewers expect; do nothing for parts beside the pad."""
     if job.pad is None:
         return
     import trimesh
@@ -24,31 +34,34 @@ def write(out: OutputFolder, job: ExportJob) -> None:
     turn = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
     turn[:3] *= 1e-3
     scene = trimesh.Scene()
-    colours = {"pad": (225, 222, 214, 255), "washer": (120, 125, 135, 255)}
-    scene.add_geometry(_coloured(job.pad.mesh, colours["pad"]), geom_name="pad", node_name="pad", transform=turn)
-    for channel in plan.channels:
-        washer = washer_mesh(plan, channel)
-        vertices = to_cell(washer.vertices_mm, channel)
-        centre = to_cell(np.array([float(plan.arrangement(channel).washer_x_mm), 0.0, 0.0]), channel)
-        part = _coloured(Mesh(vertices, washer.triangles), colours["washer"])
-        for taxel in plan.taxels:
-            if taxel.channel == channel.index:
-                place = np.eye(4)
-                place[:2, 3] = np.array([taxel.x_mm, taxel.y_mm]) - centre[:2]
-                scene.add_geometry(
-                    part, geom_name=f"washer-{channel.index}", node_name=f"washer-{taxel.id}", transform=turn @ place
-                )
-    data = scene.export(file_type="glb")
+    pbr = trimesh.visual.material.PBRMaterial
+    materials = {
+        name: pbr(name=name, baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=0.8)
+        for name, colour in COLOURS.items()
+    }
+    count = 0
+    for part in scene_parts(plan, job.pad):
+        scene.geometry[part.name] = _shaded(part.mesh, materials[part.material])
+        for place in part.places:
+            at = np.diag([-1.0, -1.0, 1.0, 1.0]) if place.turned else np.eye(4)
+            at[:3, 3] = place.x_mm, place.y_mm, place.z_mm
+            scene.graph.update(place.name, matrix=turn @ at, geometry=part.name)
+            count += 1
+    data = scene.export(file_type="glb", include_normals=True)
     back = trimesh.load(trimesh.util.wrap_as_stream(data), file_type="glb")
-    if len(back.graph.nodes_geometry) != 1 + len(plan.taxels):
+    if len(back.graph.nodes_geometry) != count:
         raise GeometryError("read back, it lacks parts", "pad.glb")
     out.write("pad.glb", bytes(data))
 
 
-def _coloured(mesh: Mesh, rgba: tuple[int, int, int, int]) -> Any:
+def _shaded(mesh: Mesh, material: Any) -> Any:
+    """Return the mesh with a normal for each corner of each triangle, so that edges stay sharp."""
     import trimesh
 
-    material = trimesh.visual.material.PBRMaterial(baseColorFactor=rgba, metallicFactor=0.0, roughnessFactor=0.8)
-    part = trimesh.Trimesh(mesh.vertices_mm, mesh.triangles, process=False)
+    corners = mesh.corners_mm
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+    number = np.arange(3 * len(corners)).reshape(-1, 3)
+    part = trimesh.Trimesh(corners.reshape(-1, 3), number, vertex_normals=np.repeat(normals, 3, axis=0), process=False)
     part.visual = trimesh.visual.TextureVisuals(material=material)
     return part

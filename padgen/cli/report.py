@@ -1,0 +1,90 @@
+"""The command ``padgen report``."""
+
+import argparse
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from padgen.cli.common import add_model, add_output, asked_of, code_of, folder_of, print_json, progress_line, show
+from padgen.core.errors import LONGEST, PadgenError, plain
+
+if TYPE_CHECKING:
+    from padgen.make.pad import Pad
+    from padgen.planner.plan import Plan
+
+__all__ = ["add"]
+
+
+def add(commands: Any) -> None:
+    """Declare the command and its options."""
+    parser = commands.add_parser(
+        "report",
+        help="one page for the browser: the pad in 3-D, what each taxel does, how sure it is, what to order",
+        description="Write report.html, one file that needs no network and no server. It shows the built pad where the"
+        " folder has the build of this plan (padgen build), else the pad as the plan's dimensions give it.",
+    )
+    parser.add_argument("spec", metavar="SPEC", help="a TOML file, the name of a template, a plan.json, or a folder")
+    add_model(parser)
+    add_output(parser)
+    parser.set_defaults(command=_report)
+
+
+def _report(options: argparse.Namespace) -> int:
+    from padgen.core.files import OutputFolder
+    from padgen.make.planning import plan_for
+    from padgen.planner import plan_to_json
+
+    given = Path(options.spec)
+    with progress_line() as progress:
+        if given.is_dir():
+            plan, source = _recorded(given), given
+        else:
+            plan = plan_for(*asked_of(options), progress)
+            source = folder_of(options, plan.name)
+        from padgen.report.page import REPORT_FILE, Page, study_of
+
+        pad = _built(plan, source)
+        progress("drawing the page")
+        page = Page(plan, pad, study_of(source)).html
+        folder = Path(options.output) if options.output else source
+        with OutputFolder(folder) as out:
+            out.write("plan.json", plan_to_json(plan))
+            out.write(REPORT_FILE, page)
+            out.commit()
+    findings = (*plan.findings, *(pad.check().findings if pad else ()))
+    if options.json:
+        print_json({"file": str(folder / REPORT_FILE), "built": pad is not None, "bytes": len(page.encode())})
+    else:
+        from padgen.report.plans import verdict_line
+
+        show(plain(verdict_line(plan), LONGEST))
+        shown = "the built pad" if pad else "the pad as planned; padgen build --report shows it as built"
+        show(f"written: {plain(str(folder / REPORT_FILE))}, {len(page.encode()) / 1e6:.2f} MB, with {shown}")
+    return code_of(findings)
+
+
+def _recorded(folder: Path) -> "Plan":
+    """Return the plan in a folder: planned anew where that gives the same plan, since a file holds ten digits."""
+    from padgen.core.files import differs
+    from padgen.make.planning import plan_for
+    from padgen.planner import plan_to_json, read_plan
+
+    plan = read_plan(folder / "plan.json")
+    if plan.spec.model.structure != "solid":
+        with suppress(PadgenError):
+            again = plan_for(plan.spec)
+            return plan if differs(folder, "plan.json", plan_to_json(again)) else again
+    return plan
+
+
+def _built(plan: "Plan", folder: Path) -> "Pad | None":
+    """Return the pad if `folder` has an unchanged build of this very plan, else None."""
+    from padgen.core.files import built_files, differs, is_unchanged
+    from padgen.make.pad import Pad
+    from padgen.planner import plan_to_json
+
+    if "checks.json" not in built_files(folder) or not is_unchanged(folder, "plan.json"):
+        return None
+    if not is_unchanged(folder, "checks.json") or differs(folder, "plan.json", plan_to_json(plan)):
+        return None
+    return Pad(plan.spec, given=plan)

@@ -1,0 +1,470 @@
+"""The report page in a real browser: what it shows, answers and prints, and that it runs nothing but its own script."""
+
+import base64
+import io
+import json
+import re
+import shutil
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+import padgen as pg
+from padgen import cli
+from padgen.physics.selectivity import off_energy
+from padgen.planner import plan_to_json
+from padgen.planner.channels import heard_modes
+from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.plan import plan_from_json
+from padgen.report.page import PAGE, page_data, page_html, study_of
+from padgen.solid.mesh import signed_volume_mm3
+from padgen.solid.scene import mode_heights, scene_parts
+from tests.conftest import SMALL
+
+ARGUMENTS = (
+    "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --disable-component-update"
+    " --disable-sync --use-angle=swiftshader --enable-unsafe-swiftshader"
+)
+DRAWN = "document.getElementById('canvas').dataset.drawn"
+LATE_S = 20
+"""A hang: pictures take a second on a free machine (docs/performance.md)."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    assert path, "needs chromium, which make test installs"
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=path, args=ARGUMENTS.split())
+        yield running
+        running.close()
+
+
+@pytest.fixture(scope="module")
+def opened(browser, tmp_path_factory):
+    """A function that opens a page, and fails at the end if a page wrote to its console or asked for more."""
+    told, contexts = [], []
+
+    def open_page(html, **options):
+        path = tmp_path_factory.mktemp("page") / "report.html"
+        path.write_text(html, encoding="utf-8")
+        context = browser.new_context(**{"viewport": {"width": 1280, "height": 860}, **options})
+        contexts.append(context)
+        page = context.new_page()
+        page.on("console", lambda message: told.append(message.text))
+        page.on("pageerror", lambda error: told.append(str(error)))
+        page.on("request", lambda request: request.url.startswith(("file:", "data:")) or told.append(request.url))
+        page.goto(path.as_uri())
+        page.wait_for_function(DRAWN, timeout=LATE_S * 1000)
+        return page
+
+    yield open_page
+    for context in contexts:
+        context.close()
+    assert told == []
+
+
+@pytest.fixture(scope="module")
+def paper_html(paper_plan):
+    pad = pg.build(paper_plan)
+    return pad.report().html
+
+
+@pytest.fixture(scope="module")
+def page(opened, paper_html):
+    return opened(paper_html)
+
+
+def pixels(page) -> np.ndarray:
+    """Return what the canvas shows, red, green, blue and opacity (rows, columns, 4)."""
+    page.evaluate("padgen.view().drawNow()")
+    data = page.evaluate("document.getElementById('canvas').toDataURL()")
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(data.partition(",")[2]))).convert("RGBA")).astype(int)
+
+
+def look(page, name):
+    page.evaluate("name => document.querySelector(`[data-look=${name}]`).click()", name)
+
+
+def test_the_first_screen_has_verdict_picture_and_figures(page, paper_plan, paper_html):
+    assert page.text_content("h1") == "paper-32"
+    assert "ON taxels of 90% of prints then vibrate at least 13.8 dB more" in page.text_content("#verdict")
+    assert page.locator(".figure .value").all_text_contents() == ["13.8 dB", "0.93 W", "16"]
+    bottom = page.locator("#figures").bounding_box()
+    assert bottom["y"] + bottom["height"] <= 1000 and page.locator("#canvas").bounding_box()["y"] < 400
+    assert len(paper_html.encode()) <= 1.5e6
+
+
+def test_the_picture_shows_frame_and_channels(page):
+    image = pixels(page)
+    red, _, blue, opaque = np.moveaxis(image, -1, 0)
+    assert 0.1 < (opaque > 250).mean() < 0.9
+    solid = opaque > 250
+    assert (solid & (blue > red + 60)).sum() > 2000, "channel 0 is blue"
+    assert (solid & (red > blue + 90)).sum() > 2000, "channel 1 is orange"
+    assert (solid & (np.ptp(image[..., :3], axis=-1) < 30)).sum() > 10_000, "the frame is grey"
+
+
+def test_a_click_where_a_taxel_is_tells_its_id(page, paper_plan):
+    """From the touch side places are found by the pad's outline alone: 62 mm from edge to edge."""
+    look(page, "top")
+    opaque = pixels(page)[..., 3] > 128
+    box = page.locator("#canvas").bounding_box()
+    (left, right), (top, bottom) = (np.flatnonzero(opaque.any(axis))[[0, -1]] for axis in (0, 1))
+    scale = (right - left) / 62
+    for taxel in paper_plan.taxels[::7]:
+        x = box["x"] + (left + right) / 2 + scale * taxel.x_mm
+        y = box["y"] + (top + bottom) / 2 - scale * taxel.y_mm
+        page.mouse.click(x, y)
+        assert page.text_content("#taxel-name") == taxel.id
+    figures = page.text_content("#taxel-figures")
+    channel = paper_plan.channels[taxel.channel]
+    assert f"{channel.resonance_hz:.2f} Hz" in figures and f"{channel.level_um:.2f} µm" in figures
+    page.keyboard.press("Escape")
+    page.mouse.click(box["x"] + 4, box["y"] + box["height"] - 4)
+    assert page.evaluate("padgen.state.selected") is None
+    page.focus("#canvas")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowUp")
+    assert page.evaluate("padgen.state.selected") in {t.id for t in paper_plan.taxels}
+    page.keyboard.press("Escape")
+    look(page, "aslant")
+
+
+def test_on_taxels_move_ten_times_as_far_as_off_ones(opened, paper_html, paper_plan):
+    """By the page's own figures, and by the heights of the bosses that stand out of the frame, seen from the side."""
+    page = opened(paper_html, viewport={"width": 800, "height": 640})
+    page.fill("#state", "10")
+    levels = page.evaluate("padgen.levels")
+    on, off = ([levels[t.id] for t in paper_plan.taxels if t.channel == k] for k in (0, 1))
+    assert on == pytest.approx([paper_plan.channels[0].level_um] * len(on), rel=0.01)
+    assert min(on) >= 10 * max(off) > 0
+    # Of the last row of coils alone, behind a cut, bosses of both channels stand side by side.
+    page.select_option("#parts", "pad")
+    page.evaluate("padgen.view().section(0.7)")
+    look(page, "side")
+    page.evaluate("padgen.view().zoom(0.4)")
+    # All move with the one tone that plays; of so many pictures in a period its amplitude is the first harmonic.
+    count, period = 6, 50 / paper_plan.channels[0].resonance_hz
+    frames = np.array([tops(page, k * period / count) for k in range(count)])
+    amplitude = 2 * np.abs(np.fft.fft(frames, axis=0)[1]) / count
+    box, moved = page.locator("#canvas").bounding_box(), ([], [])
+    for taxel in paper_plan.taxels:
+        if taxel.coil[0] == 3:
+            x = page.evaluate("id => padgen.placeOf(id)[0]", taxel.id) - box["x"]
+            moved[taxel.channel].append(amplitude[int(x) - 2 : int(x) + 3].mean())
+    assert min(moved[0]) >= 10 * max(moved[1]) > 0, moved
+
+
+def tops(page, seconds):
+    """Return how far each column of the picture is opaque above the frame's middle, in pixels and parts of them.
+
+    The pad is shown as it is at a time of the page's clock.
+    """
+    page.evaluate("time => padgen.moveTo(time)", float(seconds))
+    top = page.locator("#canvas").bounding_box()["y"]
+    middle = page.evaluate("padgen.view().placeOf(0, 25, 2)[1]") - top
+    return pixels(page)[: int(middle), :, 3].sum(0) / 255
+
+
+@pytest.mark.parametrize("name", ["triple-48", "quad-64", "wide-11", "pad-32"])
+def test_the_page_s_motion_is_the_planner_s(page, paper_html, name):
+    """The script's lines and modes against `off_energy`, for every taxel off while all others of its coil are on."""
+    plan = pg.plan(name)
+    page.evaluate("data => padgen.show(data)", page_data(plan, quick=True))
+    for which, own in enumerate(plan.sets):
+        placed = placed_channels(plan.spec, own)
+        energy = off_energy(placed, plan.scheme, heard_modes(plan.spec, own, placed.line))
+        for position, channel in enumerate(own):
+            bits = "".join("0" if k == position else "1" for k in range(len(own)))
+            page.evaluate("bits => padgen.setState(bits)", bits)
+            levels = page.evaluate("padgen.levels")
+            there = [t.id for t in plan.taxels if t.channel == channel.index and sum(t.coil) % plan.coils.sets == which]
+            # Figures in the page have ten digits; the plan counts no spurs of two channels for which there is no third.
+            assert levels[there[0]] / channel.level_um == pytest.approx(energy[position] ** 0.5, rel=1e-6)
+    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
+
+
+def data_of(html):
+    return re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1]
+
+
+def test_nothing_serious_for_screen_readers(page, opened, paper_html):
+    page.evaluate("padgen.select('r0c1k0')")
+    for each in (page, opened(paper_html, color_scheme="dark", viewport={"width": 390, "height": 844})):
+        found = Axe().run(each).response["violations"]
+        serious = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")]
+        assert serious == []
+        wide = each.evaluate("document.documentElement.scrollWidth - innerWidth")
+        assert wide <= 0, "the page must not scroll sideways"
+    page.evaluate("padgen.select(null)")
+
+
+@pytest.mark.parametrize("name", ["paper-32", "big-512", "wide-11", "crowded"])
+def test_prints_as_two_pages(page, paper_html, name):
+    """Also where channels, coils and findings are many."""
+    if name != "paper-32":
+        data = page_data(pg.plan("wide-11" if name == "crowded" else name), quick=True)
+        page.evaluate("data => padgen.show(data)", crowded(data) if name == "crowded" else data)
+    assert count_pages(page) == 2
+    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
+
+
+def crowded(data):
+    """Return the data of a page with four times the channels, and with forty findings of two thousand characters."""
+    channels = [{**channel, "index": k} for k, channel in enumerate(4 * data["channels"])]
+    drive = {**data["drive"], "rows": 4 * data["drive"]["rows"]}
+    finding = {"level": "warning", "code": "a.b", "where": "pad", "message": "much " * 400}
+    many = {"findings": 40 * [finding], "bom": data["bom"] + 4 * data["bom"][1:]}
+    return {**data, **many, "channels": channels, "drive": drive, "ladder": 4 * data["ladder"]}
+
+
+def count_pages(page):
+    return len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True)))
+
+
+EVIL = "<script>window.ran = 1</script><img src=x onerror='window.ran = 2'>{{scripts}}]]>--></script>&quot;"
+NO_TEXT = {"shapes", "motion", "level", "worst_state"}
+"""Entries that are no words: base64, kinds of current, classes."""
+
+
+def spoiled(value, text, key=""):
+    """Return data with every word in it replaced by a hostile text."""
+    if key in NO_TEXT and not (key == "level" and not isinstance(value, str)):
+        return value
+    if isinstance(value, dict):
+        whole = key in ("spec", "printing", "versions")
+        return {(f"{text[:300]}{k}" if whole else k): spoiled(v, text, k) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [spoiled(v, text, key) for v in value]
+    return text if isinstance(value, str) else value
+
+
+@pytest.mark.parametrize(
+    "text", [EVIL, "../../x", "x" * 100_000, "\u202e\u2028'\"`${1}"], ids=["html", "path", "long", "signs"]
+)
+def test_names_are_text_and_never_run(opened, paper_plan, text):
+    """A page with a hostile text in the place of every word: of names, findings, parts, settings and the spec."""
+    data = page_data(paper_plan, quick=True)
+    hostile = spoiled(data, text)
+    hostile["versions"]["padgen"] = text
+    hostile["taxels"]["id"] = [f"{text[:200]}{k}" for k in range(len(paper_plan.taxels))]
+    hostile["drive"]["columns"] = data["drive"]["columns"]
+    hostile["findings"].append({"level": "error", "code": text, "where": "channel 1", "message": text})
+    page = opened(page_html(hostile), viewport={"width": 800, "height": 600})
+    shown = text if len(text) <= 2000 else f"{text[:1000]}…{text[-1000:]}"
+    assert page.text_content("h1") == shown
+    assert shown in page.text_content("#bom-body") and shown in page.text_content("#manual-body")
+    page.evaluate("padgen.select(padgen.data.taxels.id[3])")
+    page.click("#checks-body button.finding >> nth=0")
+    assert page.evaluate("window.ran") is None
+    assert page.locator("img[onerror], section script").count() == 0
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
+    assert count_pages(page) == 2
+
+
+@pytest.mark.parametrize("name", [EVIL, "../../x", "x" * 100_000], ids=["html", "path", "long"])
+def test_a_folder_s_hostile_plan_is_shown_as_text_and_no_path(tmp_path, capsys, paper_plan, name):
+    folder = tmp_path / "deep" / "er" / "folder"
+    folder.mkdir(parents=True)
+    (folder / "plan.json").write_text(plan_to_json(replace(paper_plan, name=name)))
+    assert cli.run(["report", str(folder)]) == 0
+    assert json.loads(data_of((folder / "report.html").read_text()))["name"] == name
+    assert {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*.html")} == {"deep/er/folder/report.html"}
+    assert len(capsys.readouterr().out) < 5000
+
+
+def test_a_spec_with_such_a_name_is_refused(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("<script>", "../../x", "x" * 100_000):
+        Path("a.toml").write_text(f'name = "{name}"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n')
+        assert cli.run(["report", "a.toml"]) == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+    assert cli.run(["report", str(tmp_path)]) == 2
+    assert "plan.json: cannot be read" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
+
+
+def test_the_policy_allows_the_page_s_own_scripts_only(browser, paper_plan, tmp_path):
+    html = page_html(page_data(paper_plan, quick=True), script="window.second = 1", style="h1 { color: red }")
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html)[1]
+    assert policy.startswith("default-src 'none'") and "unsafe" not in policy and "connect-src 'none'" in policy
+    assert "connect-src 'self'" in page_html({"name": "x"}, connect=True)
+    (tmp_path / "report.html").write_text(html, encoding="utf-8")
+    page = browser.new_page()
+    page.goto((tmp_path / "report.html").as_uri())
+    page.wait_for_function(DRAWN, timeout=LATE_S * 1000)
+    assert page.evaluate("[window.second, getComputedStyle(document.querySelector('h1')).color]") == [
+        1,
+        "rgb(255, 0, 0)",
+    ]
+    blocked = page.evaluate(
+        """() => new Promise((done) => {
+            document.addEventListener("securitypolicyviolation", (event) => done(event.violatedDirective));
+            const script = document.createElement("script");
+            script.textContent = "window.third = 1";
+            document.body.append(script);
+        })"""
+    )
+    assert blocked == "script-src-elem" and page.evaluate("window.third") is None
+    page.close()
+
+
+def test_everything_is_shown_anew_without_reloading(page, paper_html):
+    page.evaluate("padgen.select('r1c1k1')")
+    page.evaluate("document.addEventListener('padgen-show', () => (window.shown = (window.shown || 0) + 1))")
+    page.evaluate("data => padgen.show(data)", page_data(pg.plan("pad-32"), quick=True))
+    assert page.text_content("h1") == "pad-32"
+    assert page.evaluate("[padgen.state.selected, window.shown]") == ["r1c1k1", 1]
+    assert page.locator("#drive-body tbody tr").count() == 6
+    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
+    assert page.text_content("h1") == "paper-32" and page.locator("#drive-body tbody tr").count() == 2
+
+
+def test_tables_sort_and_findings_mark_their_places(page, paper_plan):
+    page.click("#taxels-body thead button >> nth=3")
+    page.click("#taxels-body thead button >> nth=3")
+    assert page.locator("#taxels-body th[aria-sort]").get_attribute("aria-sort") == "descending"
+    assert page.locator("#taxels-body tbody tr >> nth=0").locator("td").nth(2).text_content() == "75.99"
+    page.click("#checks-body button.finding:has-text('channel 1')")
+    assert page.text_content("#taxel-told").startswith("16 places marked")
+    page.click("#taxels-body tbody button >> nth=0")
+    assert page.evaluate("padgen.state.selected") in {t.id for t in paper_plan.taxels if t.channel == 1}
+    page.evaluate("padgen.select(null)")
+
+
+def test_histogram_and_verdict_are_of_the_same_prints(paper_plan, monkeypatch):
+    """In bins so narrow that other prints of the same pad would show."""
+    monkeypatch.setattr("padgen.report.page.BINS", 20_000)
+    prints = page_data(paper_plan)["prints"]
+    edges, counts = np.array(prints["edges_db"]), np.array(prints["counts"])
+    assert counts.sum(1).tolist() == [paper_plan.prints.pads] * 2
+    above = counts[1][::-1].cumsum()[::-1] / paper_plan.prints.pads
+    kept = np.searchsorted(edges, paper_plan.prints.print_db) - 1
+    assert above[kept + 1] <= paper_plan.spec.print_share <= above[kept], "nine in ten keep print_db"
+
+
+@pytest.mark.parametrize("name", ["tiny", "paper-16"])
+def test_the_scene_is_the_pad(small_plan, small_pad, name):
+    """Every corner of the welded pad is one of the scene's; paper-16 has cells that are turned by 180°."""
+    plan, pad = (small_plan, small_pad) if name == "tiny" else (pg.plan(name), pg.build(name).solid)
+    assert any(taxel.turned for taxel in plan.taxels) == (name == "paper-16")
+    corners = [
+        part.mesh.vertices_mm * ((-1, -1, 1) if place.turned else 1) + (place.x_mm, place.y_mm, place.z_mm)
+        for part in scene_parts(plan, pad)
+        for place in part.places
+        if part.material == "pad"
+    ]
+    steps = {tuple(row) for at in (0.0, 5e-5) for row in np.floor((np.concatenate(corners) + at) / 1e-4).tolist()}
+    welded = pad.mesh.vertices_mm
+    assert all(any(tuple(np.floor((v + at) / 1e-4)) in steps for at in (0.0, 5e-5)) for v in welded[::5])
+
+
+def test_a_plan_s_own_shapes_come_near_the_solids(small_plan, small_pad):
+    """Volumes within a fillet and a chamfer."""
+    own, built = (
+        sum(len(p.places) * signed_volume_mm3(p.mesh) for p in scene_parts(small_plan, pad) if p.material == "pad")
+        for pad in (None, small_pad)
+    )
+    assert built == pytest.approx(small_pad.volume_mm3, rel=1e-3)
+    assert own == pytest.approx(built, rel=3e-3)
+
+
+def test_a_scene_has_each_distinct_taxel_once(paper_plan):
+    parts = scene_parts(paper_plan)
+    assert len(parts) == 9, "two taxels, two washers, border, windings, cores, tray and its cells"
+    named = {place.name: place for part in parts for place in part.places}
+    assert len(named) == sum(len(part.places) for part in parts)
+    for taxel in paper_plan.taxels:
+        assert named[taxel.id][1:3] == named[f"washer-{taxel.id}"][1:3] == (taxel.x_mm, taxel.y_mm)
+
+
+def test_beams_bend_as_their_modes_do(small_plan):
+    """A straight beam against the cubic that a force and a moment at its tip bend it to; washer and frame beside it."""
+    channel = small_plan.channels[0]
+    arrangement = small_plan.arrangement(channel)
+    beam = arrangement.beams[0]
+    length = float(beam.length_mm)
+    x0, y0 = (float(v) for v in beam.root_mm)
+    at = np.linspace(0.01, 0.99, 9) * length
+    ahead = np.array(beam.direction)
+    points = np.c_[np.array([x0, y0]) + at[:, None] * ahead, np.zeros(9)]
+    tip = np.array([[*(np.array([x0, y0]) + length * ahead), 0], [*(np.array([x0, y0]) + (length + 0.05) * ahead), 0]])
+    z, (end, beyond) = (mode_heights(arrangement, channel, each) for each in (points, tip))
+    slope, s = (beyond - end) / 0.05 * length, at / length
+    assert z == pytest.approx((3 * end - slope) * s**2 + (slope - 2 * end) * s**3, abs=0.02 * abs(end))
+    washer = np.array([[float(arrangement.washer_x_mm), 0, 1.0]])
+    assert mode_heights(arrangement, channel, washer) == pytest.approx(1.0)
+    assert mode_heights(arrangement, channel, np.array([[-1.0, 0, 0]])) == 0
+
+
+def test_command_folder_and_call_write_the_same_page(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.toml").write_text(SMALL)
+    assert cli.run(["report", "tiny.toml"]) == 0
+    planned = Path("out/tiny/report.html").read_bytes()
+    assert pg.plan("tiny.toml").report().save("a.html").read_bytes() == planned
+    assert cli.run(["build", "tiny.toml", "--formats", "stl", "--report"]) == 0
+    built = Path("out/tiny/report.html").read_bytes()
+    assert built != planned and "report.html" in json.loads(Path("out/tiny/manifest.json").read_text())["built"]
+    assert pg.build("tiny.toml").report().save("b.html").read_bytes() == built
+    capsys.readouterr()
+    for given in ("out/tiny", "tiny.toml"):
+        assert cli.run(["report", given, "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert told["built"] and Path(told["file"]).read_bytes() == built
+    with pytest.raises(pg.FileError, match="cannot be written"):
+        pg.plan("tiny.toml").report().save("none/a.html")
+    assert "<iframe srcdoc=" in pg.plan("tiny.toml").report()._repr_html_()
+    assert pg.build("tiny.toml")._repr_html_() == pg.plan("tiny.toml")._repr_html_()
+
+
+def test_a_plan_read_back_gives_the_same_page(paper_plan):
+    again = plan_from_json(plan_to_json(paper_plan))
+    assert again != paper_plan, "files have ten digits"
+    assert page_html(page_data(again)) == page_html(page_data(paper_plan))
+
+
+def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan, paper_html):
+    rung = {"model": "beam", "resolution": "6", "seconds": 1e-3, "error_at_most": 0.01, "is_bound": False}
+    table = {"ladders": [{"ladder": "structure", "quantity": "Hz", "rungs": [rung, {**rung, "seconds": 2.0}]}]}
+    for text in ("{", "[]", '{"ladders": [1]}', json.dumps(table)[:-1]):
+        (tmp_path / "study.json").write_text(text)
+        assert study_of(tmp_path) is None
+    (tmp_path / "study.json").write_text(json.dumps(table))
+    page.evaluate("data => padgen.show(data)", page_data(paper_plan, quick=True, study=study_of(tmp_path)))
+    assert page.locator("#study-body circle").count() == 2 and "0.001 s" in page.text_content("#study-body")
+    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
+
+
+def test_two_thousand_taxels_fit_six_megabytes(opened):
+    plan = pg.plan(
+        {
+            "name": "many",
+            "resolution": 2048,
+            "band_hz": [50, 250],
+            "q_min": 15,
+            "delta_y": 3,
+            "pad": {"width_mm": 400, "depth_mm": 400},
+        }
+    )
+    html = page_html(page_data(plan, quick=True))
+    assert len(html.encode()) <= 6e6
+    page = opened(html, viewport={"width": 800, "height": 600})
+    assert len(page.evaluate("Object.keys(padgen.levels)")) == len(plan.taxels) >= 2048
+    assert (pixels(page)[..., 3] > 250).mean() > 0.1
+
+
+def test_the_bundle_is_of_these_sources():
+    """After a change of the scripts: make bundle."""
+    for line in (PAGE / "SHA256SUMS").read_text().splitlines():
+        known, name = line.split()
+        assert sha256((PAGE / name).read_bytes()).hexdigest() == known, f"{name} has changed; run make bundle"
+    text = (PAGE / "page.min.js").read_text()
+    assert "</script" not in text and "three.js authors" in text and "Leon Sorokin" in text
