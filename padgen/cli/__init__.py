@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from padgen import __version__
-from padgen.cli import bench, build, cache, calibrate, drive, plan, play, retune, small, study, sweep
+from padgen.cli import bench, build, cache, calibrate, drive, explore, plan, play, retune, small, study, sweep
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.core.errors import LONGEST, EngineMissingError, PadgenError, plain
 
@@ -22,7 +22,7 @@ __all__ = ["main", "run"]
 
 DEBUG = "PADGEN_DEBUG"
 """Environment variable that, when set, shows warnings and tracebacks."""
-COMMANDS = (plan, build, drive, play, bench, retune, calibrate, study, sweep, cache, small)
+COMMANDS = (plan, explore, build, drive, play, bench, retune, calibrate, study, sweep, cache, small)
 
 
 def main() -> NoReturn:
