@@ -20,11 +20,14 @@ __all__ = [
     "figures_text",
     "findings_text",
     "held_line",
+    "pad_line",
     "plan_figure",
     "plan_html",
     "plan_text",
     "serious_text",
+    "slot_hz",
     "summary_text",
+    "verdict_level",
     "verdict_line",
     "yield_text",
 ]
@@ -32,19 +35,30 @@ __all__ = [
 
 def summary_text(plan: "Plan") -> str:
     """Return the verdict on a plan, the pad in a line, a table of its channels, and the power that it takes."""
-    lines = [verdict_line(plan), _pad_line(plan), "", _summary_table(plan.channels), "", *_power_lines(plan)]
+    lines = [verdict_line(plan), pad_line(plan), "", _summary_table(plan.channels), "", *_power_lines(plan)]
     return "\n".join(lines)
+
+
+def verdict_level(plan: "Plan") -> str:
+    """Return 'error', 'short' of what is asked, works once 'retune'd, or 'good' as printed."""
+    prints = plan.prints
+    if any(finding.level == "error" for finding in plan.findings):
+        return "error"
+    if prints.planned_db is None or prints.planned_db >= plan.selectivity.asked_db:
+        return "good"
+    return "retune" if prints.good_share >= plan.spec.print_share else "short"
 
 
 def verdict_line(plan: "Plan") -> str:
     """Return one sentence that says whether prints of the plan work, and by how much."""
     prints, asked, share = plan.prints, plan.selectivity.asked_db, f"{plan.spec.print_share:.0%} of prints"
-    errors = [f for f in plan.findings if f.level == "error"]
-    if errors:
-        return f"{plan.name} does not work: see the {'error' if len(errors) == 1 else f'{len(errors)} errors'} below."
+    level = verdict_level(plan)
+    if level == "error":
+        count = sum(f.level == "error" for f in plan.findings)
+        return f"{plan.name} does not work: see the {'error' if count == 1 else f'{count} errors'} below."
     if prints.print_db is None or prints.planned_db is None:
         return f"{plan.name} works: no taxel hears another."
-    if prints.planned_db >= asked:
+    if level == "good":
         return (
             f"{plan.name} works as printed: driven by the plan's table, ON taxels of {share} vibrate at least"
             f" {prints.planned_db:.1f} dB more than OFF ones, asked are {asked:.1f} dB."
@@ -53,12 +67,13 @@ def verdict_line(plan: "Plan") -> str:
         f"ON taxels of {share} then vibrate at least {prints.print_db:.1f} dB more than OFF ones, asked are"
         f" {asked:.1f} dB"
     )
-    if prints.good_share >= plan.spec.print_share:
+    if level == "retune":
         return f"{plan.name} works once every taxel is measured and re-tuned: {kept}."
     return f"{plan.name} falls short of what is asked, even once every taxel is measured and re-tuned: {kept}."
 
 
-def _pad_line(plan: "Plan") -> str:
+def pad_line(plan: "Plan") -> str:
+    """Return one sentence on taxels, pitch, coils, gap and amplifier outputs."""
     from padgen.planner.settings import carrier_hz
 
     pad, coils, pitch = plan.spec.pad, plan.coils, plan.pitch
@@ -557,7 +572,7 @@ def _draw_pad(axis: Any, plan: "Plan", colours: Any) -> None:
 
 def _draw_ladder(axis: Any, plan: "Plan", colours: Any) -> None:
     for channel, colour in zip(plan.channels, colours, strict=True):
-        low, high = _slot_hz(plan, channel.resonance_hz)
+        low, high = slot_hz(plan, channel.resonance_hz)
         axis.barh(channel.index, high - low, left=low, height=0.7, color=colour, alpha=0.3)
         axis.plot([channel.resonance_hz], [channel.index], "o", color=colour)
     axis.set(xscale="log", xlabel="Hz", ylabel="channel", title="resonances and their slots (paper's Δy/4Q)")
@@ -568,7 +583,8 @@ def _draw_ladder(axis: Any, plan: "Plan", colours: Any) -> None:
     axis.grid(alpha=0.25)
 
 
-def _slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
+def slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
+    """Return the ends in Hz of the slot that a resonance needs for itself: the paper's Δy/4Q to either side."""
     half = plan.spec.delta_y / (4 * plan.spec.q_min)
     return resonance_hz * max(1 - half, 0.0), resonance_hz * (1 + half)
 
@@ -602,7 +618,7 @@ def _ladder_svg(plan: "Plan") -> str:
     """Return an SVG picture of the resonances as lines on a logarithmic axis, each within its slot."""
     from math import log
 
-    slots = [_slot_hz(plan, channel.resonance_hz) for channel in plan.channels]
+    slots = [slot_hz(plan, channel.resonance_hz) for channel in plan.channels]
     low, high = max(slots[0][0], plan.channels[0].resonance_hz / 10), slots[-1][1]
 
     def at(hz: float) -> float:

@@ -1,0 +1,361 @@
+"""The report: one HTML file that shows a pad without network, server or installation.
+
+`page_data` collects all that is shown as plain data, `page_html` puts it into the page. Scripts and styles in ``page/``
+are bundled once (`make bundle`) into ``page.min.js`` and ``page.min.css``. The page is the same bytes for the same data.
+Everything shown is put in as text, so that no name can be run as code; a policy in the page allows its own scripts only.
+"""
+
+import csv
+import io
+import json
+import re
+from base64 import b64encode
+from collections.abc import Sequence
+from dataclasses import asdict, astuple
+from hashlib import sha256
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from padgen import __version__
+from padgen.core.cache import versions
+from padgen.core.errors import InfeasibleError, PadgenError, number
+from padgen.core.files import json_line, read_bounded
+from padgen.core.finding import Finding
+from padgen.core.units import G_PER_CM3, GRAM, MM
+from padgen.driver.frames import taxel_grid
+from padgen.driver.tables import drive_rows
+from padgen.planner.coil_load import fitting_amplifiers
+from padgen.planner.drive_rows import COLUMNS
+from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.fixtures import coil_axis_mm, plan_tray, washer_underside_mm
+from padgen.planner.plan import Plan
+from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
+from padgen.planner.printing import other_slicers_text
+from padgen.planner.pull_modes import heard_modes
+from padgen.planner.tile import corner_groove
+from padgen.report.plans import STAGES as STAGE_WORDS
+from padgen.report.plans import pad_line, slot_hz, verdict_level, verdict_line
+from padgen.solid.mesh import signed_volume_mm3
+from padgen.solid.parts import bill_of_materials
+from padgen.solid.scene import ScenePart, SceneParts, scene_parts
+
+if TYPE_CHECKING:
+    from padgen.make.pad import Pad
+
+__all__ = ["REPORT_FILE", "page_data", "page_html", "study_of"]
+
+REPORT_FILE = "report.html"
+PAGE = Path(__file__).with_name("page")
+MOST_PAIRED = 64
+"""Most channels of a coil whose spurs the page shows: they grow with the square of the channels."""
+MOST_DB, BINS = 200.0, 48
+LARGEST_STUDY = 10_000_000
+STEPS = 32767
+"""Steps from the middle to the ends of a mesh, as 16-bit integers have them: 1 µm for a pad of 65 mm."""
+HEIGHT_STEPS = 8192
+"""Steps of a displacement as large as the washer's."""
+
+
+def page_data(
+    plan: Plan, pad: "Pad | None" = None, *, quick: bool = False, study: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return all that the page shows of a plan, as plain data.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan shown.
+    pad : Pad, optional
+        The built pad of this plan: its own meshes and checks are shown then, else what the plan's dimensions give.
+    quick : bool
+        Leave out what takes more than some milliseconds: the histogram of prints.
+    study : dict, optional
+        The table of a ``study.json`` (`study_of`).
+    """
+    report = pad.check() if pad else None
+    parts = scene_parts(plan, pad.solid if pad else None)
+    figures = report.figures if report else {}
+    plastic_g = figures.get("plastic_g") or _plastic_g(plan, parts)
+    return {
+        "name": plan.name,
+        "built": report is not None,
+        "verdict": {"sentence": verdict_line(plan), "level": verdict_level(plan), "about": pad_line(plan)},
+        "figures": _figures(plan),
+        "pad": _pad(plan),
+        "coils": _coils(plan),
+        "channels": [_channel(plan, index) for index in range(len(plan.channels))],
+        "taxels": _taxels(plan),
+        "shapes": [_shape(part) for part in parts],
+        "motion": _motion(plan),
+        "selectivity": {**asdict(plan.selectivity), "sets": [[c.index for c in own] for own in plan.sets]},
+        "ladder": [slot_hz(plan, channel.resonance_hz) for channel in plan.channels],
+        "prints": _prints(plan, quick),
+        "drive": {"columns": COLUMNS, "rows": [astuple(row) for row in drive_rows(plan)]},
+        "findings": [_finding(f) for f in (*plan.findings, *(report.findings if report else ()))],
+        "checked": {key: value for key, value in figures.items() if isinstance(value, (int, float, list))},
+        "study": study,
+        "left_out": [asdict(entry) for entry in plan.left_out],
+        "bom": list(csv.reader(io.StringIO(bill_of_materials(plan, plastic_g)))),
+        "masses_g": {"plastic": plastic_g, "washers": _washers_g(plan, parts)},
+        "manual": _manual(plan),
+        "spec": {key: value for key, value in asdict(plan.spec).items() if value is not None},
+        "versions": {"padgen": __version__, **versions()},
+    }
+
+
+def _figures(plan: Plan) -> list[dict[str, str]]:
+    """Return the three figures of the first screen."""
+    prints, load, count = plan.prints, plan.load, plan.coils.rows * plan.coils.columns
+    kept = "no limit" if prints.print_db is None else f"{prints.print_db:.1f} dB"
+    fitting = [f"{n} × {name}" for name, n in fitting_amplifiers(plan).items()]
+    own = plan.spec.amplifier
+    return [
+        {
+            "label": "What prints keep",
+            "value": kept,
+            "note": f"ON over OFF in {plan.spec.print_share:.0%} of prints, re-tuned;"
+            f" asked: {plan.selectivity.asked_db:.1f} dB",
+        },
+        {
+            "label": "Power",
+            "value": f"{number(float(f'{count * load.copper_loss_w:.2g}'))} W",
+            "note": f"in the coils with all taxels on; idle: {number(float(f'{count * load.idle_w:.2g}'))} W",
+        },
+        {
+            "label": "Amplifier channels",
+            "value": str(count),
+            "note": f"{load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V peak each; "
+            + (f"as {own.name}" if own else fitting[0] if fitting else "none of the catalogue suffices"),
+        },
+    ]
+
+
+def _pad(plan: Plan) -> dict[str, Any]:
+    pad, washer, coil = plan.spec.pad, plan.spec.washer, plan.spec.coil
+    return {
+        "width_mm": pad.width_mm,
+        "depth_mm": pad.depth_mm,
+        "border_mm": pad.border_mm,
+        "frame_mm": pad.frame_thickness_mm,
+        "boss_top_mm": plan.plate.boss_top_mm,
+        "boss_diameter_mm": plan.plate.boss_diameter_mm,
+        "hole_mm": pad.hole_diameter_mm,
+        "groove_mm": corner_groove(plan.spec),
+        "cell_mm": [plan.cell.width_mm, plan.cell.depth_mm],
+        "gap_mm": coil.gap_mm,
+        "washer_underside_mm": washer_underside_mm(plan),
+        "washer_mm": [washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm],
+        "coil_mm": [coil.outer_diameter_mm, coil.length_mm],
+    }
+
+
+def _coils(plan: Plan) -> dict[str, Any]:
+    grid = plan.coils
+    places = [coil_axis_mm(grid, row, column) for row in range(grid.rows) for column in range(grid.columns)]
+    return {"rows": grid.rows, "columns": grid.columns, "places": places, "print_shares": plan.prints.coil_shares}
+
+
+def _channel(plan: Plan, index: int) -> dict[str, Any]:
+    channel, reuse = plan.channels[index], plan.reuse
+    leaks = reuse.retuned_leaks_db or reuse.leaks_db
+    kept = ("index", "resonance_hz", "drive_hz", "q", "ring_up_ms", "level_um", "root_stress_mpa", "print_spread")
+    kept += ("model", "model_error")
+    beam = channel.beam
+    return {
+        **{name: getattr(channel, name) for name in kept},
+        "beam": f"{beam.width_mm:.3f} × {beam.thickness_mm:.2f} × {beam.length_mm:.2f}",
+        "suspension": beam.topology,
+        "leak_db": leaks[index] if leaks else None,
+    }
+
+
+def _taxels(plan: Plan) -> dict[str, list]:
+    """Return the taxels by columns, which take a third of the bytes of a table for each."""
+    grid = taxel_grid(plan)
+    pixel = {int(grid[row, column]): (int(row), int(column)) for row, column in np.argwhere(grid >= 0)}
+    return {
+        "id": [t.id for t in plan.taxels],
+        "coil": [t.coil[0] * plan.coils.columns + t.coil[1] for t in plan.taxels],
+        "channel": [t.channel for t in plan.taxels],
+        "x_mm": [t.x_mm for t in plan.taxels],
+        "y_mm": [t.y_mm for t in plan.taxels],
+        "pixel": [pixel[index] for index in range(len(plan.taxels))],
+    }
+
+
+def _shape(part: ScenePart) -> dict[str, Any]:
+    """Return a part as text: its mesh in 16-bit steps, its places as numbers; of taxels and washers also the motion."""
+    vertices = part.mesh.vertices_mm
+    low, high = vertices.min(0), vertices.max(0)
+    middle, scale = (low + high) / 2, float((high - low).max()) / 2 / STEPS
+    heights = np.zeros(len(vertices)) if part.heights is None else part.heights
+    steps = np.c_[np.rint((vertices - middle) / scale), np.clip(np.rint(heights * HEIGHT_STEPS), -STEPS, STEPS)]
+    index = part.mesh.triangles.astype("<u2" if len(vertices) < 1 << 16 else "<u4")
+    return {
+        "name": part.name,
+        "material": part.material,
+        "channel": part.channel,
+        "middle_mm": middle.tolist(),
+        "step_mm": scale,
+        "height_step": 1 / HEIGHT_STEPS,
+        "vertices": b64encode(steps.astype("<i2").tobytes()).decode(),
+        "triangles": b64encode(index.tobytes()).decode(),
+        "wide": index.itemsize == 4,
+        "places": [(p.x_mm, p.y_mm, p.z_mm, int(p.turned)) for p in part.places],
+        "names": [p.name for p in part.places] if part.material == "pad" and part.channel is not None else [],
+    }
+
+
+def _motion(plan: Plan) -> dict[str, Any]:
+    """Return what moves the taxels of a coil of each set: lines of i², spurs of pairs, and each taxel's modes.
+
+    `line` is each channel's wanted line and `pairs` (n, n) are the spurs of two channels, over the largest line;
+    `gains` (n, k, 3) are the felt static amplitudes of the modes `modes_hz` (n, k) under a channel's own line, over the
+    amplitude at its resonance: upwards, and by tilting about both axes.
+    """
+    spec, scheme, sets = plan.spec, plan.scheme, []
+    for own in plan.sets:
+        placed = placed_channels(spec, own)
+        modes, line = heard_modes(spec, own, placed.line), placed.line / placed.line.max()
+        paired = scheme.has_pair_spurs and len(own) <= MOST_PAIRED
+        pairs = np.sqrt(scheme.pair_square(line[:, None], line[None], line.max())) if paired else np.zeros((0, 0))
+        sets.append(
+            {
+                "channels": [c.index for c in own],
+                "line": line.tolist(),
+                "pairs": [[float(f"{v:.6g}") for v in row] for row in pairs],
+                "modes_hz": modes.frequency_hz.tolist(),
+                "gains": np.round(modes.gain, 10).tolist(),
+            }
+        )
+    return {
+        "scheme": scheme.name,
+        "current": scheme.kind.CURRENT,
+        "turns": scheme.takes_turns,
+        "pair_scale": scheme.pair_scale,
+        "sets": sets,
+        "set_of_coil": [
+            (k // plan.coils.columns + k % plan.coils.columns) % plan.coils.sets
+            for k in range(plan.coils.rows * plan.coils.columns)
+        ],
+    }
+
+
+def _prints(plan: Plan, quick: bool) -> dict[str, Any]:
+    """Return what prints keep at each stage of measuring them, and how many of the simulated prints keep how much.
+
+    They are the very prints that the plan's figures were taken from.
+    """
+    prints, asked_db = plan.prints, plan.selectivity.asked_db
+    told: dict[str, Any] = {
+        "pads": prints.pads,
+        "asked_db": asked_db,
+        "share": plan.spec.print_share,
+        "good_share": prints.good_share,
+        "stages": list(STAGE_WORDS),
+        "kept_db": [prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db],
+        "edges_db": [],
+        "counts": [],
+    }
+    if quick or prints.print_db is None or not prints.pads:
+        return told
+    stages = STAGES[0], STAGES[-1]
+    ratio = printed(design_of(plan, None), spreads_of(plan.spec), prints.pads, 0, stages).ratio
+    kept = np.clip(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)), -MOST_DB, MOST_DB)
+    low, high = np.floor(min(kept.min(), asked_db)), np.ceil(max(kept.max(), asked_db))
+    edges = np.linspace(low, max(high, low + 1), BINS + 1)
+    counts = [np.histogram(row, edges)[0].tolist() for row in kept]
+    return {**told, "edges_db": edges.tolist(), "counts": counts, "counted": [STAGE_WORDS[0], STAGE_WORDS[-1]]}
+
+
+def _finding(finding: Finding) -> dict[str, str]:
+    return {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
+
+
+def _plastic_g(plan: Plan, parts: SceneParts) -> float:
+    """Return the mass in g of the printed pad by the parts' volumes."""
+    volume = sum(len(p.places) * signed_volume_mm3(p.mesh) for p in parts if p.material == "pad")
+    return volume * MM**3 * plan.spec.material.density_g_per_cm3 * G_PER_CM3 / GRAM
+
+
+def _washers_g(plan: Plan, parts: SceneParts) -> float:
+    volume = sum(len(p.places) * signed_volume_mm3(p.mesh) for p in parts if p.material == "steel")
+    return volume * MM**3 * plan.spec.washer.density_g_per_cm3 * G_PER_CM3 / GRAM
+
+
+def _manual(plan: Plan) -> dict[str, Any]:
+    """Return what assembling this pad needs: the tray's heights, screws, slicer settings."""
+    try:
+        tray = plan_tray(plan)
+        heights: dict[str, Any] | None = {
+            name: getattr(tray, name)
+            for name in ("floor_mm", "socket_top_mm", "coil_top_mm", "height_mm", "gap_mm", "wires")
+        }
+        screw = tray.screw._asdict() if tray.screw else None
+        why = ""
+    except InfeasibleError as error:
+        heights, screw, why = None, None, str(error)
+    return {
+        "tray": heights,
+        "no_tray": why,
+        "screw": screw,
+        "washer": plan.spec.washer.name,
+        "coil": plan.spec.coil.name,
+        "glue_mg": plan.spec.taxel.glue_mg,
+        "printing": plan.printing,
+        "slicers": other_slicers_text(plan),
+    }
+
+
+def study_of(folder: Path) -> dict[str, Any] | None:
+    """Return the ladders in a folder's ``study.json``, as far as they are what `padgen study` writes; else None."""
+    try:
+        table = json.loads(read_bounded(folder / "study.json", LARGEST_STUDY, "a study"))
+        kept = ("model", "resolution", "seconds", "error_at_most", "is_bound")
+        ladders = [
+            {
+                "ladder": str(ladder["ladder"]),
+                "quantity": str(ladder["quantity"]),
+                "rungs": [{name: rung[name] for name in kept} for rung in ladder["rungs"]],
+            }
+            for ladder in table["ladders"]
+        ]
+    except (PadgenError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return {"ladders": ladders}
+
+
+def page_html(data: dict[str, Any], *, script: str = "", style: str = "", connect: bool = False) -> str:
+    """Return the page that shows `data`, with a further `script` and `style` where these are given.
+
+    Its policy allows these scripts and styles by their hashes and nothing else; with `connect` it may ask its own
+    server, else it may load nothing at all.
+    """
+    styles = [_text("page.min.css"), *([style] if style else [])]
+    scripts = [_text("page.min.js"), *([script] if script else [])]
+    own_server = "'self'" if connect else "'none'"
+    policy = (
+        f"default-src 'none'; img-src data: blob:; script-src {_hashes(scripts)}; style-src {_hashes(styles)};"
+        f" connect-src {own_server}; base-uri 'none'; form-action 'none'"
+    )
+    filled = {
+        "policy": policy,
+        "title": escape(data["name"]),
+        "styles": "".join(f"<style>{text}</style>" for text in styles),
+        # Within JSON "<" stands in texts alone, where it may be written by its number: no text can end the element.
+        "data": json_line(data).replace("<", "\\u003c"),
+        "scripts": "".join(f"<script>{text}</script>" for text in scripts),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], _text("page.html"))
+
+
+def _text(name: str) -> str:
+    return (PAGE / name).read_text(encoding="utf-8")
+
+
+def _hashes(texts: Sequence[str]) -> str:
+    """Return the sources of a content security policy that allow exactly these inline texts."""
+    return " ".join(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'" for text in texts)

@@ -1,0 +1,58 @@
+// Small helpers that make elements. Text only ever goes in as text, so that no name can become markup.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function filled(node, attributes, children) {
+  for (const [key, value] of Object.entries(attributes || {})) {
+    if (value === null || value === undefined || value === false) continue;
+    if (key === "on") for (const [name, does] of Object.entries(value)) node.addEventListener(name, does);
+    else if (key === "paint") Object.assign(node.style, value);
+    else node.setAttribute(key, value === true ? "" : String(value));
+  }
+  node.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return node;
+}
+
+/** Make an HTML element: `h("p", {class: "soft"}, "text")`; `on` holds listeners, `paint` styles. */
+export const h = (tag, attributes, ...children) => filled(document.createElement(tag), attributes, children);
+
+/** Make an SVG element. */
+export const s = (tag, attributes, ...children) => filled(document.createElementNS(SVG, tag), attributes, children);
+
+export const byId = (id) => document.getElementById(id);
+
+export function put(id, ...children) {
+  byId(id).replaceChildren(...children.flat().filter((child) => child !== null && child !== undefined));
+}
+
+/** Write a number with so many significant digits, without trailing zeros. */
+export function num(value, digits = 4) {
+  if (value === null || value === undefined || !Number.isFinite(Number(value))) return "–";
+  const number = Number(value);
+  const text = number === 0 ? "0" : Math.abs(number) >= 10 ** digits ? number.toFixed(0) : number.toPrecision(digits);
+  const short = text.includes("e") || !text.includes(".") ? text : text.replace(/0+$/, "").replace(/\.$/, "");
+  return short.replace(/^-/, "−");
+}
+
+export const fixed = (value, digits) =>
+  value === null || value === undefined || !Number.isFinite(Number(value)) ? "–" : Number(value).toFixed(digits).replace(/^-/, "−");
+
+// Colour scales that colour-blind readers can tell apart: points of viridis without its palest end, and of cividis.
+const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30"];
+const HEAT = ["#0b2a5b", "#2f4b7c", "#665191", "#a05195", "#d45087", "#f95d6a", "#ff7c43", "#ffa600"];
+
+export function scaled(share, from = VIRIDIS) {
+  const at = Math.min(Math.max(share, 0), 1) * (from.length - 1);
+  const k = Math.min(Math.floor(at), from.length - 2);
+  const mix = at - k;
+  const part = (colour, i) => parseInt(colour.slice(1 + 2 * i, 3 + 2 * i), 16);
+  const parts = [0, 1, 2].map((i) => Math.round(part(from[k], i) * (1 - mix) + part(from[k + 1], i) * mix));
+  return `#${parts.map((value) => value.toString(16).padStart(2, "0")).join("")}`;
+}
+
+export const heat = (share) => scaled(share, HEAT);
+
+// Few channels get colours that differ in hue and lightness (Okabe and Ito's), many a scale.
+const FEW = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#9a7b00", "#7b61c4"];
+export const channelColour = (index, count) =>
+  count <= FEW.length ? FEW[index] : scaled(index / Math.max(count - 1, 1), VIRIDIS);

@@ -1,0 +1,299 @@
+// The pad in 3-D: each distinct mesh once, placed many times; taxels that can be picked, coloured, cut and moved.
+
+import {
+  AmbientLight,
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  DirectionalLight,
+  Group,
+  HemisphereLight,
+  InstancedBufferAttribute,
+  InstancedMesh,
+  Matrix4,
+  MeshBasicMaterial,
+  MeshStandardMaterial,
+  PerspectiveCamera,
+  Plane,
+  Raycaster,
+  Scene,
+  TorusGeometry,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
+
+const MATERIALS = {
+  pad: { color: "#d9d5cb", roughness: 0.75, metalness: 0 },
+  steel: { color: "#8d949e", roughness: 0.35, metalness: 0.55 },
+  copper: { color: "#b8753a", roughness: 0.45, metalness: 0.35 },
+  iron: { color: "#4a4e55", roughness: 0.6, metalness: 0.4 },
+  tray: { color: "#b9c0c9", roughness: 0.85, metalness: 0 },
+};
+// How far parts move apart, over the pad's thickness: the pad up, washers, coils and tray down.
+const APART = { pad: 3.2, steel: 1.2, copper: -1.2, iron: -1.2, tray: -6 };
+const CREASE_RAD = 0.6;
+const LOOKS = { aslant: [-35, 38], top: [0, 89.9], below: [-35, -40], side: [0, 2] };
+const MARKS = 256;
+
+const decoded = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0)).buffer;
+
+function geometryOf(shape) {
+  const steps = new Int16Array(decoded(shape.vertices));
+  const index = shape.wide ? new Uint32Array(decoded(shape.triangles)) : new Uint16Array(decoded(shape.triangles));
+  const count = steps.length / 4;
+  const [places, heights] = [new Float32Array(3 * count), new Float32Array(count)];
+  for (let k = 0; k < count; k++) {
+    for (let i = 0; i < 3; i++) places[3 * k + i] = steps[4 * k + i] * shape.step_mm + shape.middle_mm[i];
+    heights[k] = steps[4 * k + 3] * shape.height_step;
+  }
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(places, 3));
+  geometry.setAttribute("height", new BufferAttribute(heights, 1));
+  geometry.setIndex(new BufferAttribute(index, 1));
+  return toCreasedNormals(geometry, CREASE_RAD);
+}
+
+export function makeView(canvas, { picked, moved }) {
+  const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+  renderer.localClippingEnabled = true;
+  const scene = new Scene();
+  const camera = new PerspectiveCamera(28, 1, 0.1, 5000);
+  camera.up.set(0, 0, 1);
+  const controls = new OrbitControls(camera, canvas);
+  controls.enableDamping = false;
+  controls.addEventListener("change", () => (draw(), moved()));
+  const sun = new DirectionalLight("#ffffff", 2.1);
+  scene.add(new HemisphereLight("#ffffff", "#8a8f99", 1.25), new AmbientLight("#ffffff", 0.25), sun);
+
+  const plane = new Plane(new Vector3(0, 1, 0), 1e9);
+  const cut = { value: 0 };
+  const marks = new InstancedMesh(new TorusGeometry(1, 0.09, 10, 40), new MeshBasicMaterial({ color: "#e4572e" }), MARKS);
+  marks.count = 0;
+  marks.frustumCulled = false;
+
+  let data = null;
+  let root = null;
+  let layers = []; // {shape, mesh, rest: z of its group}
+  let ofChannel = new Map(); // channel → [layers], taxel and washer, whose places are those of its taxels
+  let apart = 0;
+  let radius = 50;
+  let asked = false;
+
+  function material(name, hasMotion) {
+    const own = new MeshStandardMaterial({ ...MATERIALS[name], side: 2, clippingPlanes: [plane] });
+    own.onBeforeCompile = (shader) => {
+      shader.uniforms.cut = cut;
+      if (hasMotion) {
+        shader.vertexShader = shader.vertexShader
+          .replace("#include <common>", "#include <common>\nattribute float height;\nattribute float lift;")
+          .replace("#include <begin_vertex>", "#include <begin_vertex>\ntransformed.z += height * lift;")
+          .replace("#include <color_vertex>", `#include <color_vertex>\n${name === "pad" ? "vColor.rgb = mix(vec3(1.0), vColor.rgb, smoothstep(0.0, 0.1, abs(height)));" : ""}`);
+      }
+      // Seen from inside, a cut solid's walls are drawn flat, as if it were full.
+      shader.fragmentShader = shader.fragmentShader
+        .replace("#include <common>", "#include <common>\nuniform float cut;")
+        .replace("#include <dithering_fragment>", "#include <dithering_fragment>\nif (cut > 0.5 && !gl_FrontFacing) gl_FragColor = vec4(diffuse * vec3(0.62), opacity);");
+    };
+    own.customProgramCacheKey = () => `${hasMotion ? name === "pad" : "still"}${hasMotion}`;
+    return own;
+  }
+
+  function show(next) {
+    data = next;
+    if (root) {
+      scene.remove(root);
+      for (const { mesh } of layers) (mesh.geometry.dispose(), mesh.material.dispose(), mesh.dispose());
+    }
+    root = new Group();
+    layers = [];
+    ofChannel = new Map();
+    const matrix = new Matrix4();
+    for (const shape of data.shapes) {
+      const moves = shape.channel !== null;
+      const geometry = geometryOf(shape);
+      const mesh = new InstancedMesh(geometry, material(shape.material, moves), shape.places.length);
+      shape.places.forEach(([x, y, z, turned], k) => {
+        matrix.makeRotationZ(turned ? Math.PI : 0).setPosition(x, y, z);
+        mesh.setMatrixAt(k, matrix);
+      });
+      const layer = { shape, mesh, taxels: null };
+      if (moves) {
+        geometry.setAttribute("lift", new InstancedBufferAttribute(new Float32Array(shape.places.length), 1));
+        if (!ofChannel.has(shape.channel)) ofChannel.set(shape.channel, []);
+        ofChannel.get(shape.channel).push(layer);
+        if (shape.names.length) layer.taxels = shape.names.map((name) => data.index.get(name));
+      }
+      mesh.frustumCulled = false;
+      mesh.computeBoundingSphere();
+      layers.push(layer);
+      root.add(mesh);
+    }
+    root.add(marks);
+    scene.add(root);
+    const { pad } = data;
+    radius = Math.hypot(pad.width_mm / 2 + pad.border_mm, pad.depth_mm / 2 + pad.border_mm);
+    explode(apart);
+  }
+
+  // Place of each taxel in its channel's meshes, in the order of the taxels.
+  function eachTaxel(does) {
+    const next = new Map();
+    data.taxels.channel.forEach((channel, index) => {
+      const k = next.get(channel) || 0;
+      next.set(channel, k + 1);
+      does(index, ofChannel.get(channel), k);
+    });
+  }
+
+  function colours(of) {
+    const base = new Color(MATERIALS.pad.color);
+    const colour = new Color();
+    eachTaxel((index, [taxel], k) => {
+      colour.set(of(index));
+      // The mesh multiplies by the plastic's colour, which is divided out so that legends hold.
+      colour.setRGB(colour.r / base.r, colour.g / base.g, colour.b / base.b);
+      taxel.mesh.setColorAt(k, colour);
+    });
+    for (const [taxel] of ofChannel.values()) taxel.mesh.instanceColor.needsUpdate = true;
+    draw();
+  }
+
+  /** Move taxels up by so many mm each (an array in their order). */
+  function lift(heights) {
+    eachTaxel((index, own, k) => own.forEach(({ mesh }) => (mesh.geometry.attributes.lift.array[k] = heights[index])));
+    for (const own of ofChannel.values()) for (const { mesh } of own) mesh.geometry.attributes.lift.needsUpdate = true;
+    draw();
+  }
+
+  const zOf = (name) => apart * APART[name] * data.pad.frame_mm;
+
+  function explode(share) {
+    apart = share;
+    for (const { shape, mesh } of layers) mesh.position.z = zOf(shape.material);
+    mark(marked);
+  }
+
+  /** Cut away what lies nearer than a share of the depth; 0: nothing. */
+  function section(share) {
+    const half = data.pad.depth_mm / 2 + data.pad.border_mm;
+    cut.value = share > 0 ? 1 : 0;
+    plane.constant = share > 0 ? half - 2 * half * share + 1e-3 : 1e9;
+    draw();
+  }
+
+  let marked = [];
+  /** Ring places [x, y] in mm; the first is the chosen taxel. */
+  function mark(places) {
+    marked = places.slice(0, MARKS);
+    const size = 0.78 * data.pad.boss_diameter_mm;
+    const z = data.pad.boss_top_mm + zOf("pad") + 0.02 * data.pad.frame_mm;
+    marks.count = marked.length;
+    marked.forEach(([x, y], k) => marks.setMatrixAt(k, new Matrix4().makeScale(size, size, size).setPosition(x, y, z)));
+    marks.instanceMatrix.needsUpdate = true;
+    draw();
+  }
+
+  function look(name) {
+    const [azimuth, elevation] = LOOKS[name].map((degrees) => (degrees * Math.PI) / 180);
+    const ahead = new Vector3(Math.sin(azimuth) * Math.cos(elevation), -Math.cos(azimuth) * Math.cos(elevation), Math.sin(elevation));
+    const across = Math.min(1, camera.aspect * 1.05);
+    const far = (radius * (name === "top" ? 0.98 : 0.93)) / Math.sin((camera.fov * Math.PI) / 360) / across;
+    controls.target.set(0, 0, zOf("pad") / 2 + (apart ? zOf("tray") / 2 : 0));
+    camera.position.copy(controls.target).addScaledVector(ahead, far * (1 + 0.5 * apart));
+    camera.near = far / 50;
+    camera.far = far * 10;
+    controls.minDistance = radius / 8;
+    controls.maxDistance = far * 4;
+    camera.updateProjectionMatrix();
+    controls.update();
+    draw();
+  }
+
+  function zoom(factor) {
+    camera.position.sub(controls.target).multiplyScalar(factor).add(controls.target);
+    controls.update();
+    draw();
+  }
+
+  function resize() {
+    const { clientWidth: width, clientHeight: height } = canvas.parentElement;
+    if (!width || !height) return;
+    renderer.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    camera.updateProjectionMatrix();
+    drawNow();
+  }
+
+  function drawNow() {
+    asked = false;
+    if (!data) return;
+    // The light stands by the viewer's left shoulder.
+    sun.position.copy(camera.position).sub(controls.target).normalize().applyAxisAngle(camera.up, -0.6).add(new Vector3(0, 0, 0.7 * Math.sign(camera.position.z || 1)));
+    renderer.render(scene, camera);
+    canvas.dataset.drawn = String(Number(canvas.dataset.drawn || 0) + 1);
+  }
+
+  function draw() {
+    if (asked) return;
+    asked = true;
+    requestAnimationFrame(drawNow);
+  }
+
+  /** Return the place of a point (mm) in the page: x, y in CSS pixels. */
+  function placeOf(x, y, z) {
+    const at = new Vector3(x, y, z + zOf("pad")).project(camera);
+    const box = canvas.getBoundingClientRect();
+    return [box.left + ((at.x + 1) / 2) * box.width, box.top + ((1 - at.y) / 2) * box.height];
+  }
+
+  const ray = new Raycaster();
+  function taxelAt(event) {
+    const box = canvas.getBoundingClientRect();
+    const at = new Vector2(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
+    ray.setFromCamera(at, camera);
+    const hits = ray.intersectObjects(layers.map(({ mesh }) => mesh), false).filter(({ point }) => plane.distanceToPoint(point) >= 0);
+    if (!hits.length) return null;
+    const layer = layers.find(({ mesh }) => mesh === hits[0].object);
+    return layer.taxels ? layer.taxels[hits[0].instanceId] : null;
+  }
+
+  let pressed = null;
+  canvas.addEventListener("pointerdown", (event) => (pressed = [event.clientX, event.clientY]));
+  canvas.addEventListener("pointerup", (event) => {
+    if (pressed && Math.hypot(event.clientX - pressed[0], event.clientY - pressed[1]) < 5) picked(taxelAt(event));
+    pressed = null;
+  });
+
+  /** Return a picture of the pad as a PNG's data address, looked at and taken apart as asked; the view stays. */
+  function picture(name, share, width, height, only = null) {
+    const kept = { apart, position: camera.position.clone(), target: controls.target.clone(), aspect: camera.aspect, ratio: renderer.getPixelRatio(), size: renderer.getSize(new Vector2()), count: marks.count };
+    marks.count = 0;
+    for (const { shape, mesh } of layers) mesh.visible = !only || only.includes(shape.material);
+    renderer.setPixelRatio(1);
+    renderer.setSize(width, height, false);
+    camera.aspect = width / height;
+    explode(share);
+    look(name);
+    drawNow();
+    const taken = canvas.toDataURL("image/png");
+    for (const { mesh } of layers) mesh.visible = true;
+    renderer.setPixelRatio(kept.ratio);
+    renderer.setSize(kept.size.x, kept.size.y, false);
+    camera.aspect = kept.aspect;
+    camera.position.copy(kept.position);
+    controls.target.copy(kept.target);
+    explode(kept.apart);
+    marks.count = kept.count;
+    camera.updateProjectionMatrix();
+    controls.update();
+    drawNow();
+    return taken;
+  }
+
+  new ResizeObserver(resize).observe(canvas.parentElement);
+  return { show, colours, lift, explode, section, mark, look, zoom, resize, placeOf, picture, drawNow };
+}

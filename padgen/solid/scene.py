@@ -1,0 +1,286 @@
+"""The pad as a scene: each distinct part's mesh once, and where every copy of it lies; for viewers and the page.
+
+Without a modelled pad, taxels are made from the plan's dimensions by manifold3d, which takes milliseconds and no CAD
+kernel; they lack chamfers and fillets. Lengths are in mm, from the pad's centre, heights from its underside.
+"""
+
+from itertools import product
+from typing import NamedTuple
+
+import manifold3d
+import numpy as np
+
+from padgen.core.errors import InfeasibleError
+from padgen.planner.fixtures import coil_axis_mm, plan_tray, washer_underside_mm
+from padgen.planner.plan import TURNS, Channel, Plan
+from padgen.planner.suspensions import Arrangement, BeamPath
+from padgen.planner.tile import Outline, corner_groove, outline, to_cell
+from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
+from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid, washer_mesh
+
+__all__ = ["Place", "SceneParts", "ScenePart", "mode_heights", "scene_parts"]
+
+SIDES, STATIONS = 32, 12
+"""Corners of a round part, and pieces of a beam, in meshes made from the plan's dimensions."""
+
+
+class Place(NamedTuple):
+    """A copy of a part: its name, where the part's origin lies in mm, and whether it is turned by 180° about z."""
+
+    name: str
+    x_mm: float
+    y_mm: float
+    z_mm: float = 0.0
+    turned: bool = False
+
+
+class ScenePart(NamedTuple):
+    """A distinct part: its name and material, its mesh about the origin of its places, and these.
+
+    `channel` is that of a taxel or of its washer, else None; `heights` (V,) then has each vertex's displacement in the
+    working mode over the washer's, else None.
+    """
+
+    name: str
+    material: str
+    mesh: Mesh
+    places: tuple[Place, ...]
+    channel: int | None = None
+    heights: np.ndarray | None = None
+
+
+SceneParts = tuple[ScenePart, ...]
+
+
+def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
+    """Return the parts of a plan's pad, with the meshes of `pad` if it is given, and the coils and the tray below it.
+
+    A taxel has its origin on the washer's axis, as its places have. Without room for a tray there is none.
+    """
+    parts = [part for channel in plan.channels for part in _taxel_and_washer(plan, pad, channel)]
+    grid = tile_grid(plan)
+    rows, columns = np.nonzero(grid == len(plan.channels))
+    if len(rows):
+        x, y = (_centres(count, step) for count, step in zip(grid.shape[::-1], _cell(plan), strict=True))
+        mesh = _prism([_rectangle(_around(*_cell(plan)))], 0.0, plan.spec.pad.frame_thickness_mm)
+        bare = (Place(f"frame-{i}-{j}", float(x[j]), float(y[i])) for i, j in zip(rows, columns, strict=True))
+        parts.append(ScenePart("frame", "pad", pad.tiles[-1].mesh if pad else mesh, tuple(bare)))
+    border = pad.border.mesh if pad else border_mesh(plan, grid.shape, CHORD_MM, ANGLE_RAD, corner_groove(plan.spec))
+    parts.append(ScenePart("border", "pad", border, (Place("border", 0.0, 0.0),)))
+    return (*parts, *_coils(plan), *_tray(plan))
+
+
+def _cell(plan: Plan) -> tuple[float, float]:
+    return plan.cell.width_mm, plan.cell.depth_mm
+
+
+def _centres(count: int, step: float) -> np.ndarray:
+    return (np.arange(count) - (count - 1) / 2) * step
+
+
+def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> list[ScenePart]:
+    own = [taxel for taxel in plan.taxels if taxel.channel == channel.index]
+    arrangement, k = plan.arrangement(channel), channel.index
+    axis = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel) * (1, 1, 0)
+    parts = []
+    for name, material in ((f"taxel-{k}", "pad"), (f"washer-{k}", "steel")):
+        if material == "steel":
+            mesh = washer_mesh(plan, channel)
+            own_axes, placed = mesh.vertices_mm, to_cell(mesh.vertices_mm, channel)
+        elif pad is None:
+            mesh = _taxel_mesh(plan, channel, arrangement)
+            own_axes, placed = mesh.vertices_mm, to_cell(mesh.vertices_mm, channel)
+        else:
+            mesh = pad.tiles[k].mesh
+            placed = mesh.vertices_mm + (*channel.site.centre_mm, 0.0)
+            own_axes = _from_cell(placed, channel)
+        heights = mode_heights(arrangement, channel, own_axes)
+        places = (Place(t.id if material == "pad" else f"washer-{t.id}", t.x_mm, t.y_mm, 0.0, t.turned) for t in own)
+        parts.append(ScenePart(name, material, Mesh(placed - axis, mesh.triangles), tuple(places), k, heights))
+    return parts
+
+
+def _from_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
+    """Turn and shift points (n, 3) in mm from the cell's axes to a taxel's own: the inverse of `to_cell`."""
+    cosine, sine = TURNS[channel.site.along]
+    x, y = (points[:, i] - channel.site.origin_mm[i] for i in (0, 1))
+    return np.stack([cosine * x + sine * y, cosine * y - sine * x, points[:, 2]], -1)
+
+
+def mode_heights(arrangement: Arrangement, channel: Channel, points_mm: np.ndarray) -> np.ndarray:
+    """Return the vertical displacement (n,) of points (n, 3) of a taxel in its working mode, over the washer's.
+
+    Points are in mm in the taxel's own axes. Plate, washer and boss move as one body, by the mode's translation and
+    rotations; the frame is at rest; between them a beam is drawn as the cubic curve that meets both without a kink.
+    """
+    motion = channel.mode_motions[int(np.argmax(channel.mode_shares))]
+    up, about_x, about_y = motion[2], motion[3] * 1e-3, motion[4] * 1e-3
+    washer_x = float(arrangement.washer_x_mm)
+
+    def rigid(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return (up + about_x * y - about_y * (x - washer_x)) / up
+
+    x, y = points_mm[:, 0], points_mm[:, 1]
+    length, width = (float(v) for v in arrangement.window_mm)
+    in_window = (x > EDGE_MM) & (x < length - EDGE_MM) & (np.abs(y) < width / 2 - EDGE_MM)
+    in_block = np.any(
+        [
+            (x > float(b.low_x_mm) - EDGE_MM)
+            & (x < float(b.high_x_mm) + EDGE_MM)
+            & (y > float(b.low_y_mm) - EDGE_MM)
+            & (y < float(b.high_y_mm) + EDGE_MM)
+            for b in arrangement.blocks
+        ],
+        axis=0,
+    )
+    result = np.where(in_window & in_block, rigid(x, y), 0.0)
+    bends = in_window & ~in_block
+    nearest = np.full(int(bends.sum()), np.inf)
+    for path in arrangement.beams:
+        places, share = _stations(path)
+        tip, ahead = places[-1], np.array([path.corners[-1].along_x, path.corners[-1].along_y], float)
+        there = float(rigid(*tip))
+        slope = float(path.length_mm) * float(rigid(*(tip + ahead)) - rigid(*tip))
+        curve = (3 * there - slope) * share**2 + (slope - 2 * there) * share**3
+        away = np.hypot(x[bends, None] - places[:, 0], y[bends, None] - places[:, 1])
+        own = away.argmin(1)
+        closer = away.min(1) < nearest
+        result[bends] = np.where(closer, curve[own], result[bends])
+        nearest = np.minimum(nearest, away.min(1))
+    return result
+
+
+EDGE_MM = 1e-4
+
+
+def _stations(path: BeamPath) -> tuple[np.ndarray, np.ndarray]:
+    """Return places (k, 2) in mm along a beam's path, and their shares (k,) of its length."""
+    whole, before, places, shares = float(path.length_mm), 0.0, [], []
+    for index, segment in enumerate(path.segments):
+        length = float(segment.length_mm)
+        for at in np.linspace(0, 1, 1 + max(round(2 * STATIONS * length / whole), 2))[bool(index) :]:
+            point = path.within(index, float(at))
+            places.append((float(point.x_mm), float(point.y_mm)))
+            shares.append((before + at * length) / whole)
+        before += length
+    return np.array(places), np.array(shares)
+
+
+def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
+    """Return a taxel with the frame of its sub-cell, in its own axes, from the plan's dimensions alone."""
+    plate, x = plan.plate, float(arrangement.washer_x_mm)
+    length, width = (float(v) for v in arrangement.window_mm)
+    window, full = _rectangle(Outline(0, length, -width / 2, width / 2)), plan.spec.pad.frame_thickness_mm
+    solid = _extruded([_rectangle(outline(plan, channel)), window[::-1]], 0.0, full)
+    moving = [_extruded([_rectangle(Outline(*map(float, b[:4])))], 0.0, float(b.height_mm)) for b in arrangement.blocks]
+    moving.append(_extruded([_disc(plate.boss_diameter_mm, x)], plate.thickness_mm / 2, plate.boss_top_mm))
+    recess = [_disc(plate.recess_diameter_mm, x), *([_disc(plate.post_diameter_mm, x)[::-1]] * bool(plate.post_diameter_mm))]
+    body = manifold3d.Manifold.batch_boolean(moving, manifold3d.OpType.Add)
+    body -= _extruded(recess, -1.0, plate.recess_depth_mm)
+    beams = [_beam(path) for path in arrangement.beams]
+    return _mesh_of(manifold3d.Manifold.batch_boolean([solid, body, *beams], manifold3d.OpType.Add))
+
+
+def _beam(path: BeamPath) -> manifold3d.Manifold:
+    """Return a beam as wide and thick as planned, reaching a little into the frame so that it joins it."""
+    sides: tuple[list, list] = ([], [])
+    for index, segment in enumerate(path.segments):
+        for at in np.linspace(0, 1, 1 + max(round(STATIONS * float(segment.length_mm) / float(path.length_mm)), 1))[
+            bool(index) :
+        ]:
+            point = path.within(index, float(at))
+            for side, sign in zip(sides, (1, -1), strict=True):
+                side.append([float(v) for v in point.beside(sign * float(path.width_mm) / 2)])
+    for side in sides:
+        side[0] = [v - 0.05 * along for v, along in zip(side[0], path.direction, strict=True)]
+    return _extruded([np.array(sides[1] + sides[0][::-1])], 0.0, float(path.thickness_mm))
+
+
+def _coils(plan: Plan) -> SceneParts:
+    """Return windings and cores, their tops a gap below the washers."""
+    coil, grid = plan.spec.coil, plan.coils
+    top = washer_underside_mm(plan) - coil.gap_mm
+    places = [coil_axis_mm(grid, r, c) for r, c in product(range(grid.rows), range(grid.columns))]
+    inner = min(coil.inner_diameter_mm, coil.outer_diameter_mm - 0.1)
+    rings = {"winding": ("copper", [_disc(coil.outer_diameter_mm), _disc(inner)[::-1]])}
+    if coil.core_diameter_mm:
+        rings["core"] = "iron", [_disc(min(coil.core_diameter_mm, inner))]
+    return tuple(
+        ScenePart(
+            name,
+            material,
+            _prism(outlines, top - coil.length_mm, top),
+            tuple(Place(f"{name}-{k + 1}", x, y) for k, (x, y) in enumerate(places)),
+        )
+        for name, (material, outlines) in rings.items()
+    )
+
+
+def _tray(plan: Plan) -> SceneParts:
+    """Return the tray of `padgen.planner.fixtures` as a rim and a cell under each coil; nothing where none can be made."""
+    try:
+        tray = plan_tray(plan)
+    except InfeasibleError:
+        return ()
+    pad, section, radius = plan.spec.pad, manifold3d.CrossSection, plan.spec.pad.border_mm / 2
+    whole = _around(pad.width_mm + 2 * radius, pad.depth_mm + 2 * radius)
+    ring = section([_rectangle(whole)]).offset(radius, manifold3d.JoinType.Round, 2.0, SIDES)
+    ring -= section([_rectangle(_around(pad.width_mm, pad.depth_mm))]) + section([_rectangle(tray.groove)])
+    slots = section.batch_boolean([section([_rectangle(slot)]) for slot in tray.wire_slots], manifold3d.OpType.Add)
+    cell = section([_rectangle(_around(plan.coils.pitch_x_mm, plan.coils.pitch_y_mm))])
+    half, reach = tray.lead.width_mm / 2, tray.socket_diameter_mm / 2 + tray.lead.reach_mm
+    socket = section([_disc(tray.socket_diameter_mm)])
+    socket += section([_rectangle(Outline(0, reach, -half, half))]).rotate(45)
+    parts = {
+        "tray": (((ring, 0.0, tray.socket_top_mm), (ring - slots, tray.socket_top_mm, tray.height_mm)), [(0.0, 0.0)]),
+        "tray-cell": (
+            (
+                (cell - section([_disc(tray.seat_hole_mm)]), 0.0, tray.floor_mm),
+                (cell - socket, tray.floor_mm, tray.socket_top_mm),
+            ),
+            tray.coils_mm,
+        ),
+    }
+    return tuple(
+        ScenePart(
+            name,
+            "tray",
+            _mesh_of(
+                manifold3d.Manifold.batch_boolean(
+                    [of.extrude(high - low).translate((0, 0, low - tray.height_mm)) for of, low, high in layers],
+                    manifold3d.OpType.Add,
+                )
+            ),
+            tuple(Place(f"{name}-{k + 1}" if len(places) > 1 else name, *at) for k, at in enumerate(places)),
+        )
+        for name, (layers, places) in parts.items()
+    )
+
+
+def _around(width: float, depth: float) -> Outline:
+    return Outline(-width / 2, width / 2, -depth / 2, depth / 2)
+
+
+def _rectangle(sides: Outline) -> np.ndarray:
+    x0, x1, y0, y1 = sides
+    return np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1)], float)
+
+
+def _disc(diameter: float, x: float = 0.0, y: float = 0.0) -> np.ndarray:
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    return np.stack([x + diameter / 2 * np.cos(angle), y + diameter / 2 * np.sin(angle)], -1)
+
+
+def _extruded(rings: list[np.ndarray], low: float, high: float) -> manifold3d.Manifold:
+    """Return the solid over outlines anticlockwise and holes clockwise."""
+    section = manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
+    return section.extrude(high - low).translate((0, 0, low))
+
+
+def _prism(rings: list[np.ndarray], low: float, high: float) -> Mesh:
+    return _mesh_of(_extruded(rings, low, high))
+
+
+def _mesh_of(solid: manifold3d.Manifold) -> Mesh:
+    mesh = solid.to_mesh64()
+    return Mesh(np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts, np.int64))
