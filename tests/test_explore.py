@@ -50,7 +50,7 @@ def server(tmp_path_factory):
     running = Server(tmp_path_factory.mktemp("explore"))
     yield running
     running.process.terminate()
-    running.process.wait(10)
+    running.process.communicate(timeout=10)
 
 
 CHANGES = [{}, {"q_min": 17.25}, {"coil.gap_mm": 1.3, "delta_y": 7}, {"printer": "fdm-0.25", "band_hz": [45, 180]}]

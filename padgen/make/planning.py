@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from padgen.core.errors import PadgenError, SolverError, SpecError, number
 from padgen.core.files import recover
 from padgen.spec import Spec, find_spec, load_spec, make_spec
-from padgen.spec.load import answers, laid_over, without_none
+from padgen.spec.load import answers, laid_over, read_table, without_none
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -39,11 +39,18 @@ def spec_of(source: "str | Path | Mapping[str, Any] | Spec", fields: Mapping[str
     """
     if not isinstance(source, (str, Path, Mapping, Spec)):
         raise SpecError(f"must be a template, a path, tables or a Spec, got {type(source).__name__}", "spec")
-    if isinstance(source, Mapping):
-        source = make_spec(dict(source))
-    elif not isinstance(source, Spec):
-        source = load_spec(str(source))
-    return make_spec(laid_over(without_none(asdict(source)), _by_dotted_name(fields))) if fields else source
+    home = Path()
+    if isinstance(source, Spec):
+        if not fields:
+            return source
+        table = without_none(asdict(source))
+    elif isinstance(source, Mapping):
+        table = dict(source)
+    else:
+        path = find_spec(str(source))
+        table, home = read_table(path, str(source)), path.parent
+    # What the source leaves to a part's own default, such as the spread of a printer, follows a changed part.
+    return make_spec(laid_over(table, _by_dotted_name(fields or {})), home)
 
 
 def _by_dotted_name(fields: Mapping[str, Any]) -> dict[str, Any]:
