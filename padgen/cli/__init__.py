@@ -14,7 +14,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from padgen import __version__
-from padgen.cli import build, draw, drive, plan, report, retune, small, sweep
+from padgen.cli import build, draw, drive, explore, plan, report, retune, small, sweep
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.core.errors import LONGEST, EngineMissingError, PadgenError, plain
 
@@ -26,6 +26,7 @@ COMMANDS = {
     "plan": plan.add,
     "build": build.add_build,
     "check": build.add_check,
+    "explore": explore.add,
     "report": report.add,
     "draw": draw.add,
     "drive": drive.add_drive,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from padgen.core.errors import PadgenError, SolverError, SpecError, number
 from padgen.core.files import recover
 from padgen.spec import Spec, find_spec, load_spec, make_spec
-from padgen.spec.load import answers, laid_over, without_none
+from padgen.spec.load import answers, laid_over, read_table, without_none
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -47,16 +47,22 @@ def spec_of(source: "str | Path | Mapping[str, Any] | Spec", fields: Mapping[str
     """
     if not isinstance(source, (str, Path, Mapping, Spec)):
         raise SpecError(f"must be a template, a path, tables or a Spec, got {type(source).__name__}", "spec")
-    if isinstance(source, Mapping):
-        source = make_spec(dict(source))
-    elif not isinstance(source, Spec):
-        source = load_spec(str(source))
+    if isinstance(source, Spec) and not fields:
+        return source
+    home = Path()
+    if isinstance(source, Spec):
+        tables = without_none(asdict(source))
+    elif isinstance(source, Mapping):
+        tables = dict(source)
+    else:
+        path = find_spec(str(source))
+        tables, home = read_table(path, str(source)), path.parent
     flat: dict[str, Any] = {}
     for name, value in (fields or {}).items():
         # By dotted names a table's other fields stay.
-        table = {f"{name}.{key}": entry for key, entry in value.items()} if isinstance(value, Mapping) else None
-        flat |= {name: value} if table is None else table
-    return make_spec(laid_over(without_none(asdict(source)), flat)) if fields else source
+        flat |= {f"{name}.{key}": each for key, each in value.items()} if isinstance(value, Mapping) else {name: value}
+    # What the source leaves to a part's own default, such as the spread of a printer, follows a changed part.
+    return make_spec(laid_over(tables, flat), home)
 
 
 def parse_tolerance(text: str) -> float:

@@ -1,0 +1,47 @@
+"""The command ``padgen explore``."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+from padgen.cli.common import DONE
+from padgen.core.errors import SpecError
+
+__all__ = ["add"]
+
+USUAL = "pad-32"
+"""The template that is explored without a SPEC."""
+
+
+def add(commands: Any) -> None:
+    """Declare the command and its options."""
+    parser = commands.add_parser(
+        "explore",
+        help="turn the knobs of a spec in the browser and see at once what becomes of the pad",
+        description="Serve the page of padgen report with a form of all fields of the spec, to this machine only. Every"
+        " change plans anew; buttons write the spec and build the pad. Needs the extra padgen[explore].",
+    )
+    parser.add_argument(
+        "spec", metavar="SPEC", nargs="?", help=f"a TOML file, a template or a plan.json (default: {USUAL})"
+    )
+    parser.add_argument("--port", metavar="N", type=int, default=0, help="port of the page (default: a free one)")
+    parser.add_argument("--no-browser", action="store_true", help="only print the address")
+    parser.add_argument("-o", "--output", metavar="DIR", default="out", help="folder of specs and pads (default: out)")
+    parser.set_defaults(command=_explore, late="spec")
+
+
+def _explore(options: argparse.Namespace) -> int:
+    if not 0 <= options.port <= 65_535:
+        raise SpecError(f"must be 0 … 65535, got {options.port}", "--port")
+    from padgen.report.live import serve
+
+    def ready(address: str) -> None:
+        print(f"{address}\nopen this address in a browser on this machine; Ctrl-C ends", flush=True)
+        if not options.no_browser and sys.stdout.isatty():
+            import webbrowser
+
+            webbrowser.open(address)
+
+    serve(options.spec or USUAL, Path(options.output), options.port, ready)
+    return DONE

@@ -1,0 +1,217 @@
+"""Serve a pad's page on this machine: every change of a field plans anew, and buttons save the spec and build.
+
+Only this machine is served, and only a page that brings the token of its own address: another page in the same browser
+can neither read nor ask for anything (Host, Origin and token are checked before a request is looked at).
+"""
+
+import json
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from threading import Lock, Thread
+from typing import Any
+
+from padgen.core.errors import EngineMissingError, PadgenError, SpecError
+from padgen.core.files import OutputFolder
+from padgen.make.pad import Pad
+from padgen.make.planning import plan_for
+from padgen.report.page import page_data, page_html
+from padgen.spec import Spec, make_spec
+from padgen.spec.load import find_spec, laid_over, read_table, spec_schema
+
+__all__ = ["Live", "serve"]
+
+HOST = "127.0.0.1"
+LARGEST_BODY = 65_536
+"""Most bytes of a request; all fields of a spec are some 5 kB."""
+HEADERS = {
+    "Cache-Control": "no-store",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+TOKEN_HEADER = "x-padgen-token"
+
+
+@dataclass
+class _Build:
+    """A build that runs beside the page: its steps so far, then the page of the pad or why there is none."""
+
+    steps: list[str] = field(default_factory=list)
+    done: bool = False
+    error: dict[str, str] | None = None
+    html: str = ""
+
+
+@dataclass
+class Live:
+    """The answers to a page's requests: plan, save and build the spec in `table` with the page's fields laid over it.
+
+    `folder` is where files go (the spec as NAME.toml, a built pad as NAME/), `home` where those lie that the spec names.
+    """
+
+    table: dict[str, Any]
+    home: Path
+    folder: Path
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    _build: _Build | None = None
+    _lock: Lock = field(default_factory=Lock)
+
+    def spec(self, fields: Mapping[str, Any]) -> Spec:
+        """Return the spec with `fields`, by their dotted names, changed."""
+        return make_spec(self._changed(fields), self.home)
+
+    def _changed(self, fields: Mapping[str, Any]) -> dict[str, Any]:
+        if not isinstance(fields, Mapping):
+            raise SpecError("must be a table of fields by their dotted names", "fields")
+        for name, value in fields.items():
+            # A spec file may name files beside it; a page may only repeat those.
+            if isinstance(value, str) and value.endswith((".toml", ".csv")) and value != self.table.get(name):
+                raise SpecError("names a file; only the spec that this was started with may", name)
+        return laid_over(self.table, dict(fields))
+
+    def index(self) -> str:
+        """Return the page with the form and the plan of the unchanged spec."""
+        spec = self.spec({})
+        here = Path(__file__).parent / "page"
+        # "<" is escaped, as a name might end the script.
+        form = json.dumps({"schema": spec_schema(), "values": asdict(spec)}).replace("<", "\\u003c")
+        script = f"window.padgenForm = {form};\n{(here / 'explore.js').read_text(encoding='utf-8')}"
+        style = (here / "explore.css").read_text(encoding="utf-8")
+        return page_html(page_data(plan_for(spec), quick=True), script=script, style=style, connect=True)
+
+    def plan(self, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the page's data for the plan of the changed spec."""
+        return page_data(plan_for(self.spec(fields)), quick=True)
+
+    def save(self, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Write the changed spec as NAME.toml and return its path."""
+        import tomli_w
+
+        name = f"{self.spec(fields).name}.toml"
+        with OutputFolder(self.folder) as out:
+            out.write(name, tomli_w.dumps(self._changed(fields)))
+            out.commit()
+        return {"written": str(self.folder / name)}
+
+    def build(self, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Start to build the changed spec's pad; `progress` tells how far it is."""
+        spec = self.spec(fields)
+        with self._lock:
+            if self._build and not self._build.done:
+                raise PadgenError("a pad is being built; wait until it is done", "build")
+            job = self._build = _Build()
+        Thread(target=self._work, args=(job, spec), daemon=True).start()
+        return self.progress({})
+
+    def _work(self, job: _Build, spec: Spec) -> None:
+        try:
+            pad = Pad(spec, progress=job.steps.append)
+            folder = pad.save(self.folder / spec.name).folder
+            job.steps.append(f"written: {folder}")
+            job.html = page_html(page_data(pad.plan, pad))
+        except Exception as error:  # the page must learn of it, whatever it is
+            job.error = _told(error)
+        job.done = True
+
+    def progress(self, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the steps of the running build, whether it is done, and why it failed if it did."""
+        job = self._build or _Build(done=True)
+        return {"steps": list(job.steps), "done": job.done, "error": job.error, "report": bool(job.html)}
+
+    def report(self) -> str:
+        """Return the page of the pad that was built last; empty if there is none."""
+        return self._build.html if self._build else ""
+
+    def app(self, port: int) -> Any:
+        """Return the web application (ASGI) that answers at this port of this machine."""
+        from starlette.applications import Starlette
+        from starlette.concurrency import run_in_threadpool
+        from starlette.requests import Request
+        from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+        from starlette.routing import Route
+
+        hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
+
+        def refusal(request: Request) -> str:
+            host, origin = request.headers.get("host", ""), request.headers.get("origin")
+            token = request.headers.get(TOKEN_HEADER) or request.query_params.get("token", "")
+            if host not in hosts or (origin is not None and origin.removeprefix("http://") not in hosts):
+                return "this address is served to its own page only"
+            if not secrets.compare_digest(token.encode(), self.token.encode()):
+                return "the token is wrong; open the address that padgen explore printed"
+            return ""
+
+        def page(make: Callable[[], str]) -> Any:
+            async def answer(request: Request) -> Response:
+                if told := refusal(request):
+                    return PlainTextResponse(told, 403, HEADERS)
+                html = await run_in_threadpool(make)
+                return HTMLResponse(html, 200, HEADERS) if html else PlainTextResponse("not built yet", 404, HEADERS)
+
+            return answer
+
+        def call(function: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Any:
+            async def answer(request: Request) -> Response:
+                if told := refusal(request):
+                    return PlainTextResponse(told, 403, HEADERS)
+                body = bytearray()
+                async for part in request.stream():
+                    body += part
+                    if len(body) > LARGEST_BODY:
+                        return PlainTextResponse(f"at most {LARGEST_BODY} bytes are read", 413, HEADERS)
+                try:
+                    told = await run_in_threadpool(function, json.loads(bytes(body) or b"{}"))
+                except (PadgenError, ValueError, RecursionError, MemoryError) as error:
+                    return JSONResponse({"error": _told(error)}, 422, HEADERS)
+                return JSONResponse(told, 200, HEADERS)
+
+            return answer
+
+        calls = (self.plan, self.save, self.build, self.progress)
+        routes = [Route("/", page(self.index)), Route("/report", page(self.report))]
+        routes += [Route(f"/{function.__name__}", call(function), methods=["POST"]) for function in calls]
+        return Starlette(routes=routes)
+
+
+def _told(error: Exception) -> dict[str, str]:
+    if isinstance(error, PadgenError):
+        return {"where": error.where, "message": error.message}
+    return {"where": "", "message": f"{type(error).__name__}: {error}"[:500]}
+
+
+def serve(spec: str, folder: Path, port: int, ready: Callable[[str], None]) -> None:
+    """Serve the page of `spec` until Ctrl-C; `ready` gets its address once it answers.
+
+    `port` 0 takes a free one.
+
+    Raises
+    ------
+    SpecError, FileError
+        The spec cannot be read, or the port is taken.
+    EngineMissingError
+        The extra ``explore`` is not installed.
+    """
+    import socket
+
+    try:
+        import starlette  # noqa: F401
+        import tomli_w  # noqa: F401
+        import uvicorn
+    except ImportError as error:
+        raise EngineMissingError("needs the extra explore: pip install 'padgen[explore]'", "explore") from error
+    path = find_spec(spec)
+    live = Live(read_table(path, spec), path.parent, folder)
+    live.spec({})
+    with socket.socket() as listener:
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind((HOST, port))
+        except OSError as error:
+            raise SpecError(f"{port} cannot be used ({error.strerror}); 0 takes a free one", "--port") from error
+        port = listener.getsockname()[1]
+        config = uvicorn.Config(live.app(port), log_level="error", lifespan="off", access_log=False)
+        listener.listen()
+        ready(f"http://{HOST}:{port}/?token={live.token}")
+        uvicorn.Server(config).run(sockets=[listener])
