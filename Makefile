@@ -7,7 +7,7 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test soak check format variants slice bundle goldens performance selectivity accuracy waveforms pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -15,7 +15,7 @@ help: ## list the targets
 $(STAMP): pyproject.toml setup.py constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[completion,dask,dev,play,study]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[completion,dask,dev,docs,explore,play,study]'
 	@touch $@
 
 setup: $(STAMP) ## make the environment in .venv, every extra included
@@ -93,6 +93,10 @@ waveforms: $(STAMP) ## measure what docs/waveforms.md and docs/retune.md report 
 	for part in waveforms ear retune; do \
 	  OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_$$part.py || exit 1; done
 	$(BIN)/python docs/draw_waveforms.py
+
+docs: $(STAMP) ## the documentation site, into out/docs (a warning is an error)
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d out/.doctrees docs out/docs
+	@echo out/docs/index.html
 
 pictures: $(STAMP) ## draw the README's pictures anew, and what docs/yield.md says of capacity
 	$(BIN)/python docs/pictures.py

@@ -48,7 +48,7 @@ class _Build:
 class Live:
     """The answers to a page's requests: plan, save and build the spec in `table` with the page's fields laid over it.
 
-    `folder` is where files go (the spec as NAME.toml, a built pad as NAME/), `home` where those lie that the spec names.
+    `folder` is where files go (the spec as NAME.toml, a built pad as NAME/), `home` where those are that a spec names.
     """
 
     table: dict[str, Any]
@@ -162,10 +162,10 @@ class Live:
                     if len(body) > LARGEST_BODY:
                         return PlainTextResponse(f"at most {LARGEST_BODY} bytes are read", 413, HEADERS)
                 try:
-                    told = await run_in_threadpool(function, json.loads(bytes(body) or b"{}"))
+                    data = await run_in_threadpool(function, json.loads(bytes(body) or b"{}"))
                 except (PadgenError, ValueError, RecursionError, MemoryError) as error:
                     return JSONResponse({"error": _told(error)}, 422, HEADERS)
-                return JSONResponse(told, 200, HEADERS)
+                return JSONResponse(data, 200, HEADERS)
 
             return answer
 
