@@ -1,4 +1,4 @@
-"""Sphinx builds the documentation site (`make docs`) from these pages, from docstrings, and from the spec's own fields."""
+"""Settings with which Sphinx builds the documentation site (`make docs`), and its pages that are made from the code."""
 
 import argparse
 import sys
@@ -112,6 +112,7 @@ def gallery() -> str:
     from padgen.api import plan, template_names
     from padgen.core.display import plot_bytes
     from padgen.report.page import page_data, page_html
+    from padgen.report.pictures import picture
     from padgen.report.plans import summary_text
     from padgen.spec import template_paths
 
