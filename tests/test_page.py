@@ -229,7 +229,10 @@ def count_pages(page):
     return len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True)))
 
 
-EVIL = "<script>window.ran = 1</script><img src=x onerror='window.ran = 2'>{{scripts}}]]>--></script>&quot;"
+EVIL = (
+    "<script>window.ran = 1</script><img src=x onerror='window.ran = 2'>{{scripts}}]]>--></script>&quot;"
+    "\u202e\u2028'\"`${1}"
+)
 NO_TEXT = {"shapes", "motion", "level", "worst_state"}
 """Entries that are no words: base64, kinds of current, classes."""
 
@@ -246,9 +249,7 @@ def spoiled(value, text, key=""):
     return text if isinstance(value, str) else value
 
 
-@pytest.mark.parametrize(
-    "text", [EVIL, "../../x", "x" * 100_000, "\u202e\u2028'\"`${1}"], ids=["html", "path", "long", "signs"]
-)
+@pytest.mark.parametrize("text", [EVIL, "../../x", "x" * 100_000], ids=["html", "path", "long"])
 def test_names_are_text_and_never_run(opened, paper_plan, text):
     """A page with a hostile text in the place of every word: of names, findings, parts, settings and the spec."""
     data = page_data(paper_plan, quick=True)
@@ -456,7 +457,7 @@ def test_two_thousand_taxels_fit_six_megabytes(opened):
     )
     html = page_html(page_data(plan, quick=True))
     assert len(html.encode()) <= 6e6
-    page = opened(html, viewport={"width": 800, "height": 600})
+    page = opened(html, viewport={"width": 500, "height": 400})
     assert len(page.evaluate("Object.keys(padgen.levels)")) == len(plan.taxels) >= 2048
     assert (pixels(page)[..., 3] > 250).mean() > 0.1
 

@@ -179,7 +179,7 @@ export function study(data) {
     "div",
     {},
     s("svg", { viewBox: `0 0 ${WIDE} ${top + high + 40}`, role: "img", "aria-label": "Error against run time; the table below has the figures" }, marks, s("text", { x: (left + WIDE) / 2, y: top + high + 34, "text-anchor": "middle", class: "name" }, "run time, s"), s("text", { x: 12, y: top + high / 2, "text-anchor": "middle", class: "name", transform: `rotate(-90 12 ${top + high / 2})` }, "relative error")),
-    h("p", { class: "key" }, names.flatMap((name, k) => [h("span", { class: "swatch", paint: { background: channelColour(k, names.length) } }), name]), "(hollow: at most)"),
+    h("p", { class: "key" }, names.flatMap((name, k) => [h("span", { class: "swatch", paint: { background: channelColour(k, names.length) } }), name]), h("span", {}, "(hollow: at most)")),
     h("details", {}, h("summary", {}, "All rungs as a table"), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "All rungs" }, h("table", {}, h("thead", {}, h("tr", {}, ["ladder", "model", "run time", "error at most"].map((name, k) => h("th", { scope: "col", class: k < 2 ? "left" : null }, name)))), h("tbody", {}, rows)))),
     leftOut(data),
   );
