@@ -5,6 +5,7 @@ import io
 import json
 import re
 import shutil
+import time
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -61,7 +62,7 @@ def opened(browser, tmp_path_factory):
         page.on("pageerror", lambda error: told.append(str(error)))
         page.on("request", lambda request: request.url.startswith(("file:", "data:")) or told.append(request.url))
         page.goto(path.as_uri())
-        page.wait_for_function(DRAWN, timeout=LATE_S * 1000)
+        assert page.evaluate(DRAWN), "the first picture is drawn before the page has loaded"
         return page
 
     yield open_page
@@ -173,6 +174,57 @@ def tops(page, seconds):
     return pixels(page)[: int(middle), :, 3].sum(0) / 255
 
 
+def test_sequences_play_and_stop(page, paper_plan):
+    page.select_option("#sequence", "each")
+    for k, taxel in ((0, paper_plan.taxels[0]), (5, paper_plan.taxels[5])):
+        page.evaluate("seconds => padgen.moveTo(seconds)", 0.9 * k + 0.1)
+        levels = page.evaluate("padgen.levels")
+        own = {t.id for t in paper_plan.taxels if t.coil == taxel.coil}
+        assert max(levels, key=levels.get) == taxel.id
+        assert {id for id, level in levels.items() if level > 0} == own, "only coils that play move anything"
+    page.select_option("#sequence", "rows")
+    page.evaluate("padgen.moveTo(0.1)")
+    top = max(t.y_mm for t in paper_plan.taxels)
+    levels, full = (
+        page.evaluate("padgen.levels"),
+        {t.id: paper_plan.channels[t.channel].level_um for t in paper_plan.taxels},
+    )
+    assert {id for id in levels if levels[id] > 0.5 * full[id]} == {t.id for t in paper_plan.taxels if t.y_mm == top}
+    page.select_option("#sequence", "")
+    drawn = int(page.evaluate(DRAWN))
+    page.click("#play")
+    for _ in range(10 * LATE_S):
+        if int(page.evaluate(DRAWN)) > drawn + 2:
+            break
+        page.wait_for_timeout(100)
+    assert int(page.evaluate(DRAWN)) > drawn + 2
+    assert page.evaluate("padgen.state.playing") and page.text_content("#play") == "Stop"
+    page.click("#play")
+    assert not page.evaluate("padgen.state.playing")
+
+
+def test_colours_cut_and_explosion(page, paper_plan):
+    told = {"leak": f"{min(paper_plan.reuse.retuned_leaks_db):.1f} dB", "stress": "MPa", "print": "0 %"}
+    for mode, text in told.items():
+        page.select_option("#colour", mode)
+        assert text in page.text_content("#legend"), mode
+    image = pixels(page)
+    assert ((image[..., 2] > image[..., 0] + 60) & (image[..., 3] > 250)).sum() < 500, "no channel's blue is left"
+    page.select_option("#colour", "channel")
+    look(page, "top")
+    rows = (pixels(page)[..., 3] > 128).any(1)
+    page.evaluate("padgen.view().section(0.5)")
+    cut = (pixels(page)[..., 3] > 128).any(1)
+    assert cut.sum() == pytest.approx(rows.sum() / 2, abs=0.03 * rows.sum()), "the nearer half is cut away"
+    page.evaluate("padgen.view().section(0)")
+    look(page, "side")
+    high = (pixels(page)[..., 3] > 128).any(1).sum()
+    page.evaluate("padgen.view().explode(1)")
+    assert (pixels(page)[..., 3] > 128).any(1).sum() > 1.5 * high
+    page.evaluate("padgen.view().explode(0)")
+    look(page, "aslant")
+
+
 @pytest.mark.parametrize("name", ["triple-48", "quad-64", "wide-11", "pad-32"])
 def test_the_page_s_motion_is_the_planner_s(page, paper_html, name):
     """The script's lines and modes against `off_energy`, for every taxel off while all others of its coil are on."""
@@ -229,7 +281,10 @@ def count_pages(page):
     return len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True)))
 
 
-EVIL = "<script>window.ran = 1</script><img src=x onerror='window.ran = 2'>{{scripts}}]]>--></script>&quot;"
+EVIL = (
+    "<script>window.ran = 1</script><img src=x onerror='window.ran = 2'>{{scripts}}]]>--></script>&quot;"
+    "\u202e\u2028'\"`${1}"
+)
 NO_TEXT = {"shapes", "motion", "level", "worst_state"}
 """Entries that are no words: base64, kinds of current, classes."""
 
@@ -246,9 +301,7 @@ def spoiled(value, text, key=""):
     return text if isinstance(value, str) else value
 
 
-@pytest.mark.parametrize(
-    "text", [EVIL, "../../x", "x" * 100_000, "\u202e\u2028'\"`${1}"], ids=["html", "path", "long", "signs"]
-)
+@pytest.mark.parametrize("text", [EVIL, "../../x", "x" * 100_000], ids=["html", "path", "long"])
 def test_names_are_text_and_never_run(opened, paper_plan, text):
     """A page with a hostile text in the place of every word: of names, findings, parts, settings and the spec."""
     data = page_data(paper_plan, quick=True)
@@ -299,7 +352,6 @@ def test_the_policy_allows_the_page_s_own_scripts_only(browser, paper_plan, tmp_
     (tmp_path / "report.html").write_text(html, encoding="utf-8")
     page = browser.new_page()
     page.goto((tmp_path / "report.html").as_uri())
-    page.wait_for_function(DRAWN, timeout=LATE_S * 1000)
     assert page.evaluate("[window.second, getComputedStyle(document.querySelector('h1')).color]") == [
         1,
         "rgb(255, 0, 0)",
@@ -444,6 +496,7 @@ def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan, paper_html):
 
 
 def test_two_thousand_taxels_fit_six_megabytes(opened):
+    """And take less than a second of processor time beyond the plan, simulated prints included."""
     plan = pg.plan(
         {
             "name": "many",
@@ -454,9 +507,11 @@ def test_two_thousand_taxels_fit_six_megabytes(opened):
             "pad": {"width_mm": 400, "depth_mm": 400},
         }
     )
-    html = page_html(page_data(plan, quick=True))
+    start = time.process_time()
+    html = page_html(page_data(plan))
+    assert time.process_time() - start <= 1
     assert len(html.encode()) <= 6e6
-    page = opened(html, viewport={"width": 800, "height": 600})
+    page = opened(html, viewport={"width": 500, "height": 400})
     assert len(page.evaluate("Object.keys(padgen.levels)")) == len(plan.taxels) >= 2048
     assert (pixels(page)[..., 3] > 250).mean() > 0.1
 

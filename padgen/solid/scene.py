@@ -16,7 +16,7 @@ from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline,
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import Arrangement, BeamPath
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
-from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid
+from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid, washer_mesh
 
 __all__ = ["Place", "ScenePart", "SceneParts", "mode_heights", "scene_parts"]
 
@@ -82,12 +82,12 @@ def _centres(count: int, step: float) -> np.ndarray:
 
 def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> list[ScenePart]:
     own = [taxel for taxel in plan.taxels if taxel.channel == channel.index]
-    arrangement, k = plan.arrangement(channel), channel.index
+    arrangement, k, chord = plan.arrangement(channel), channel.index, 0.1 if len(plan.taxels) > MANY else 0.02
     axis = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel) * (1, 1, 0)
     parts = []
     for name, material in ((f"taxel-{k}", "pad"), (f"washer-{k}", "steel")):
         if pad is None or material == "steel":
-            mesh = (_washer_mesh if material == "steel" else _taxel_mesh)(plan, channel, arrangement)
+            mesh = washer_mesh(plan, channel, chord) if material == "steel" else _taxel_mesh(plan, channel, arrangement)
             own_axes, placed = mesh.vertices_mm, to_cell(mesh.vertices_mm, channel)
         else:
             mesh = pad.tiles[k].mesh
@@ -180,16 +180,6 @@ def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
     body -= _extruded(recess, -1.0, plate.recess_depth_mm)
     beams = [_beam(path) for path in arrangement.beams]
     return _mesh_of(manifold3d.Manifold.batch_boolean([solid, body, *beams], manifold3d.OpType.Add))
-
-
-def _washer_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
-    """Return a washer glued to the roof of its recess, in the taxel's own axes."""
-    washer, depth, x = plan.spec.washer, plan.plate.recess_depth_mm, float(arrangement.washer_x_mm)
-    sides = _sides(len(plan.taxels))
-    rings = [_disc(washer.outer_diameter_mm, x, sides=sides)]
-    if washer.inner_diameter_mm:
-        rings.append(_disc(washer.inner_diameter_mm, x, sides=sides)[::-1])
-    return _prism(rings, depth - washer.thickness_mm, depth)
 
 
 def _beam(path: BeamPath) -> manifold3d.Manifold:

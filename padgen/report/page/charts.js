@@ -1,6 +1,6 @@
 // Small charts as SVG and HTML: they print, scale, and screen readers read them.
 
-import { channelColour, fixed, h, heat, inkOn, num, s } from "./dom.js";
+import { channelColour, fixed, h, heat, inkOn, num, powerOfTen, s } from "./dom.js";
 
 // Charts are drawn as wide as the page lets them be, so that their text keeps its size on a phone.
 let WIDE = 720;
@@ -169,10 +169,9 @@ export function study(data) {
   const [y0, y1] = span(rungs.map((rung) => Math.max(rung.error_at_most, 1e-12)));
   const x = (v) => left + ((WIDE - left - 16) * (Math.log10(v) - x0)) / Math.max(x1 - x0, 1);
   const y = (v) => top + high * (1 - (Math.log10(Math.max(v, 1e-12)) - y0) / Math.max(y1 - y0, 1));
-  const power = (k) => (k >= -2 && k <= 3 ? num(10 ** k) : `1e${k}`.replace("-", "−"));
   const marks = [];
-  for (let k = x0; k <= x1; k++) marks.push(s("line", { x1: x(10 ** k), x2: x(10 ** k), y1: top, y2: top + high, class: "grid" }), s("text", { x: x(10 ** k), y: top + high + 16, "text-anchor": "middle" }, power(k)));
-  for (let k = y0; k <= y1; k++) if ((k - y0) % Math.ceil((y1 - y0) / 8) === 0) marks.push(s("line", { x1: left, x2: WIDE - 16, y1: y(10 ** k), y2: y(10 ** k), class: "grid" }), s("text", { x: left - 6, y: y(10 ** k) + 4, "text-anchor": "end" }, power(k)));
+  for (let k = x0; k <= x1; k++) marks.push(s("line", { x1: x(10 ** k), x2: x(10 ** k), y1: top, y2: top + high, class: "grid" }), s("text", { x: x(10 ** k), y: top + high + 16, "text-anchor": "middle" }, powerOfTen(k)));
+  for (let k = y0; k <= y1; k++) if ((k - y0) % Math.ceil((y1 - y0) / 8) === 0) marks.push(s("line", { x1: left, x2: WIDE - 16, y1: y(10 ** k), y2: y(10 ** k), class: "grid" }), s("text", { x: left - 6, y: y(10 ** k) + 4, "text-anchor": "end" }, powerOfTen(k)));
   for (const rung of rungs)
     marks.push(s("circle", { cx: x(rung.seconds), cy: y(rung.error_at_most), r: 4.5, stroke: channelColour(names.indexOf(rung.ladder), names.length), "stroke-width": 2, fill: rung.is_bound ? "none" : channelColour(names.indexOf(rung.ladder), names.length) }, s("title", {}, `${rung.ladder}: ${rung.model}, ${rung.resolution}`)));
   const rows = rungs.map((rung) => h("tr", {}, h("th", { scope: "row" }, rung.ladder), h("td", { class: "left" }, `${rung.model}, ${rung.resolution}`), h("td", {}, `${num(rung.seconds, 2)} s`), h("td", {}, `${num(100 * rung.error_at_most, 2)} %`)));
@@ -180,8 +179,8 @@ export function study(data) {
     "div",
     {},
     s("svg", { viewBox: `0 0 ${WIDE} ${top + high + 40}`, role: "img", "aria-label": "Error against run time; the table below has the figures" }, marks, s("text", { x: (left + WIDE) / 2, y: top + high + 34, "text-anchor": "middle", class: "name" }, "run time, s"), s("text", { x: 12, y: top + high / 2, "text-anchor": "middle", class: "name", transform: `rotate(-90 12 ${top + high / 2})` }, "relative error")),
-    h("p", { class: "key" }, names.flatMap((name, k) => [h("span", { class: "swatch", paint: { background: channelColour(k, names.length) } }), name])),
-    h("details", {}, h("summary", {}, "All rungs as a table"), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "All rungs" }, h("table", {}, h("thead", {}, h("tr", {}, ["ladder", "model", "run time", "error at most"].map((name) => h("th", { scope: "col" }, name)))), h("tbody", {}, rows)))),
+    h("p", { class: "key" }, names.flatMap((name, k) => [h("span", { class: "swatch", paint: { background: channelColour(k, names.length) } }), name]), h("span", {}, "(hollow: at most)")),
+    h("details", {}, h("summary", {}, "All rungs as a table"), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "All rungs" }, h("table", {}, h("thead", {}, h("tr", {}, ["ladder", "model", "run time", "error at most"].map((name, k) => h("th", { scope: "col", class: k < 2 ? "left" : null }, name)))), h("tbody", {}, rows)))),
     leftOut(data),
   );
 }
@@ -191,5 +190,5 @@ function leftOut(data) {
     const bound = entry.bound === null ? "–" : entry.unit === "1" ? `${num(100 * entry.bound, 2)} %` : `${num(entry.bound, 2)} ${entry.unit}`;
     return h("tr", {}, h("th", { scope: "row" }, entry.term), h("td", { class: "left" }, entry.of), h("td", {}, bound), h("td", { class: "left" }, entry.computed ? "counted" : entry.status === "unbounded" ? "left out, no bound known" : "left out"));
   });
-  return h("details", {}, h("summary", {}, `What the models leave out (${data.left_out.filter((entry) => !entry.computed).length} effects), with bounds`), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "What is left out" }, h("table", {}, h("thead", {}, h("tr", {}, ["effect", "changes", "by at most", "treated"].map((name) => h("th", { scope: "col" }, name)))), h("tbody", {}, rows))));
+  return h("details", {}, h("summary", {}, `What the models leave out (${data.left_out.filter((entry) => !entry.computed).length} effects), with bounds`), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "What is left out" }, h("table", {}, h("thead", {}, h("tr", {}, ["effect", "changes", "by at most", "treated"].map((name, k) => h("th", { scope: "col", class: k === 2 ? null : "left" }, name)))), h("tbody", {}, rows))));
 }

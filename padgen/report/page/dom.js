@@ -34,11 +34,21 @@ export function put(id, ...children) {
   byId(id).replaceChildren(...shown(children));
 }
 
+const raised = (power) => String(power).replace(/./g, (sign) => (sign === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign]));
+
+/** Write a power of ten as a label. */
+export const powerOfTen = (power) => (power >= -2 && power <= 3 ? num(10 ** power) : `10${raised(power)}`);
+
 /** Write a number with so many significant digits, without trailing zeros. */
 export function num(value, digits = 4) {
   if (value === null || value === undefined || !Number.isFinite(Number(value))) return "–";
   const number = Number(value);
-  const text = number === 0 ? "0" : Math.abs(number) >= 10 ** digits ? number.toFixed(0) : number.toPrecision(digits);
+  const size = Math.abs(number);
+  if (size >= 1e7 || (size > 0 && size < 1e-5)) {
+    const [share, power] = number.toExponential(digits - 1).split("e");
+    return `${share.replace("-", "−")} × 10${raised(Number(power))}`;
+  }
+  const text = number === 0 ? "0" : size >= 10 ** digits ? number.toFixed(0) : number.toPrecision(digits);
   const short = text.includes("e") || !text.includes(".") ? text : text.replace(/0+$/, "").replace(/\.$/, "");
   return short.replace(/^-/, "−");
 }

@@ -61,7 +61,11 @@ export function makeView(canvas, { picked, moved }) {
   const camera = new PerspectiveCamera(28, 1, 0.1, 5000);
   camera.up.set(0, 0, 1);
   const controls = new OrbitControls(camera, canvas);
-  controls.enableDamping = false;
+  // A finger or wheel that only passes over the view scrolls the page; once the view is chosen they zoom.
+  canvas.style.touchAction = "pan-y";
+  controls.enableZoom = false;
+  canvas.addEventListener("focus", () => (controls.enableZoom = true));
+  canvas.addEventListener("blur", () => (controls.enableZoom = false));
   controls.addEventListener("change", () => (draw(), moved()));
   const sun = new DirectionalLight("#ffffff", 2.1);
   scene.add(new HemisphereLight("#ffffff", "#8a8f99", 1.25), new AmbientLight("#ffffff", 0.25), sun);
@@ -216,7 +220,7 @@ export function makeView(canvas, { picked, moved }) {
     const ahead = new Vector3(Math.sin(azimuth) * Math.cos(elevation), -Math.cos(azimuth) * Math.cos(elevation), Math.sin(elevation));
     const [top, low] = [data.pad.boss_top_mm + zOf("pad"), hidden.includes("tray") ? zOf("steel") : bottom + zOf("tray")];
     const around = Math.hypot(radius, (top - low) / 2);
-    const far = (LOOKS[name][2] * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+    const far = (LOOKS[name][2] * (camera.aspect < 1.3 ? 1.1 : 1) * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
     controls.target.set(0, 0, (top + low) / 2);
     camera.position.copy(controls.target).addScaledVector(ahead, far);
     camera.near = far / 50;
