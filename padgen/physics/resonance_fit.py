@@ -104,8 +104,6 @@ LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.03
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a sweep, which looks like damping: Q
 is off by this over the record's time constants.
 """
-STEP = 1e-5
-"""Step of a parameter over its scale, in finite differences."""
 
 
 class Lines(NamedTuple):
@@ -508,29 +506,38 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
     scale = np.ones(len(start))
     scale[::2] = np.exp(-first[1::2])
 
-    def off(v: np.ndarray) -> np.ndarray:
+    def at(v: np.ndarray) -> _Solved:
         theta = np.clip(first + scale * v, low, high)
-        return _parts(_projected(_basis(lines, theta, power, more), lines.data)) / size
+        basis = _basis(lines, theta, power, more)
+        norm = np.linalg.norm(basis, axis=0)
+        norm = np.where(norm > 0, norm, 1)
+        factors = np.linalg.lstsq(basis / norm, lines.data, rcond=1e-12)[0] / norm
+        residual = lines.data - basis @ factors
+        left = max(2 * len(lines.data) - len(theta) - 2 * len(factors), 1)
+        noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
+        return _Solved(lines, theta, factors, basis, residual, noise, more)
 
-    found = least_squares(off, np.zeros(len(first)), method="lm", ftol=1e-11, xtol=1e-9, max_nfev=100)
-    theta = np.clip(first + scale * found.x, low, high)
-    basis = _basis(lines, theta, power, more)
-    norm = np.linalg.norm(basis, axis=0)
-    norm = np.where(norm > 0, norm, 1)
-    factors = np.linalg.lstsq(basis / norm, lines.data, rcond=1e-12)[0] / norm
-    residual = lines.data - basis @ factors
-    left = max(2 * len(lines.data) - len(theta) - 2 * len(factors), 1)
-    noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
-    return _Solved(lines, theta, factors, basis, residual, noise, more)
+    def off(v: np.ndarray) -> np.ndarray:
+        return _parts(at(v).residual) / size
+
+    def slopes(v: np.ndarray) -> np.ndarray:
+        # L. Kaufman, BIT 15, 1975, 49-57: what is left out is orthogonal to the residual.
+        fit = at(v)
+        return -_parts(_projected(fit.basis, _slopes(fit, power) * scale)) / size
+
+    found = least_squares(off, np.zeros(len(first)), slopes, method="lm", ftol=1e-11, xtol=1e-9, max_nfev=100)
+    return at(found.x)
 
 
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
-    """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode, by differences."""
-    steps = np.diag(np.stack([STEP / fit.modes[:, 1], STEP + 0 * fit.modes[:, 1]], 1).ravel())
-    there, back = (
-        [_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1)
-    )
-    return np.asarray((np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0)))
+    """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode."""
+    lines, slopes = fit.lines, []
+    each = (len(fit.factors) - fit.extra.shape[1]) // len(lines.inputs)
+    for k, (hz, q) in enumerate(fit.modes):
+        s, own = lines.frequency / hz, _mode(lines.frequency, hz, q, 0)
+        whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * own
+        slopes += [whole * ((1j - 2 * q * s) * s * own - power), -whole * own * q * (1 - s) * (1 + s)]
+    return np.stack(slopes, 1)
 
 
 def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
