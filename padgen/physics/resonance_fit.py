@@ -83,8 +83,10 @@ QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
 FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
 """Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
-ANSWERING = 3.0
-"""Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left."""
+ANSWERING, FEWEST_ANSWERING = 3.0, 40
+"""Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left, and fewest lines: of
+fewer, the model can follow what is no answer.
+"""
 NO_ANSWER = (
     "shows no answer to the excitation: the best one is hidden in what does not follow it; excite more, check that the"
     " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
@@ -264,7 +266,8 @@ def fit_driven(
     clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
     drift = DRIFT * float(q / (np.pi * hz * fit.lines.seconds))
     _refuse_short(len(y) / rate_hz, hz)
-    near = np.abs(detuning(fit.lines.frequency, hz, q)) < ANSWERING
+    away = np.abs(detuning(fit.lines.frequency, hz, q))
+    near = away < max(ANSWERING, float(np.sort(away)[:FEWEST_ANSWERING][-1]))
     answer = (fit.basis[:, 0] * fit.factors[0])[near]
     if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
@@ -748,8 +751,8 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     step = fit.lines.step_hz
     width = np.maximum(hz / q, step)
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
-    inside = (hz > fit.lines.frequency[0] - width) & (hz < fit.lines.frequency[-1] + width)
-    apart = near.sum() == len(hz) and inside.all() and (hz / q > 0.3 * step)[1:].all()
+    inside = (hz > fit.lines.frequency[0]) & (hz < fit.lines.frequency[-1]) & (hz / q > 0.3 * step)
+    apart = near.sum() == len(hz) and inside[1:].all()
     size = np.abs(more.factors[: len(hz)]) / np.abs(fit.factors[0])
     own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0] and 0.5 < size[0] < 2 and (size[1:] < 2).all()
     return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
