@@ -1,7 +1,9 @@
 """Measure the figures of docs/retune.md, on how well a measured print is re-tuned, and print Markdown.
 
 `python docs/measure_retune.py [PRINTS]`; 1,000 prints of two pads take a while, mostly for the fits.
-`python docs/measure_retune.py recordings [COUNT]` measures the fits of disturbed recordings (`tests/recordings.py`).
+`python docs/measure_retune.py recordings [COUNT [EXCITATION …]]` measures the fits of disturbed recordings
+(`tests/recordings.py`), `python docs/measure_retune.py loop [PRINTS]` the WAVs of prints that were recorded so and
+re-tuned (`tests/retuned_loop.py`).
 """
 
 import sys
@@ -13,13 +15,14 @@ from time import process_time
 
 import numpy as np
 
+import padgen as pg
 from padgen.core.errors import PadgenError
 from padgen.measured.fits import TaxelFit, fit_measured
 from padgen.measured.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
 from padgen.measured.read import read_measured, read_measured_text
 from padgen.measured.simulate import simulate_print, simulated_measurement, spreads_for
 from padgen.measured.tune import estimated, tuning_of
-from padgen.measured.tuning import TunedTaxel, Tuning
+from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner import Plan, make_plan
@@ -30,6 +33,7 @@ from padgen.spec import load_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.recordings import KINDS, recorded
+from tests.retuned_loop import by_truth, kept_db, record
 
 PRINTS = 1000
 SIGMA = 0.08
@@ -226,16 +230,30 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
     return base, best - base, float(10 * np.log10(tried(by)[1].sum() / line.sum()))
 
 
-def recordings(count: int) -> Iterator[str]:
+def recordings(count: int, excitations: list[str]) -> Iterator[str]:
     """Yield errors, coverage and run time of fits to recordings of one taxel, f and Q spread by 15 % and 25 %."""
     yield "| excitation, disturbance | fitted | error of f, median, worst | of Q | within 1.96 sigma, f, Q | s |"
     yield "|---|---|---|---|---|---|"
     plan = plan_of("paper-32")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "r0c0k0.wav"
-        for excitation in ("chirp", "noise", "pluck"):
+        for excitation in excitations:
             for kind, how in KINDS.items():
                 yield f"| {excitation}, {kind} | {recorded_row(plan, path, excitation, how, count)} |"
+
+
+def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
+    """Return the arguments `how` of `recorded` on a usual bench.
+
+    Gains drift by 3 % (one sigma) where no drift is stated. Clocks are off by up to 100 ppm each: the recorder's and
+    that of the player to come where a taxel is plucked, and the two devices' where there is a delay between both.
+    """
+    usual: dict = {"rate": 4000, "drift": 0.03 * rng.standard_normal()}
+    if excitation == "pluck" or "delay_s" in how:
+        usual["clock_ppm"] = float(rng.uniform(-100, 100, 2).sum())
+    if excitation == "pluck":
+        usual["seconds"] = 3.0
+    return {**usual, **how}
 
 
 def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int) -> str:
@@ -243,10 +261,8 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
     for seed in range(count):
         rng = np.random.default_rng(seed)
         true = np.array([60 * np.exp(0.15 * rng.standard_normal()), 15 * np.exp(0.25 * rng.standard_normal())])
-        length = 3.0 if excitation == "pluck" else 8.0
-        made = recorded(
-            rng, (true[0],), (true[1],), excitation=excitation, seconds=length, mains=(50.0, 60.0)[seed % 2], **how
-        )
+        bench = benched(rng, excitation, how)
+        made = recorded(rng, (true[0],), (true[1],), excitation=excitation, mains=(50.0, 60.0)[seed % 2], **bench)
         path.write_bytes(made.wav())
         start = process_time()
         try:
@@ -254,8 +270,8 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
             found, sigma = np.array([(fit.resonance_hz, fit.q), (fit.resonance_error_hz, fit.q_error)])
             errors.append(np.abs(found / true - 1))
             pulls.append(np.abs(found - true) / sigma)
-        except PadgenError:
-            pass
+        except PadgenError as error:
+            print(seed, error, file=sys.stderr)
         seconds += process_time() - start
     if not errors:
         return f"0 of {count} | | | | {seconds / count:.2f}"
@@ -263,13 +279,60 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
     within = (np.array(pulls) < 1.96).mean(0)
     return (
         f"{len(errors)} of {count} | {middle[0]:.3%}, {worst[0]:.2%} | {middle[1]:.1%}, {worst[1]:.1%} |"
-        f" {within[0]:.0%}, {within[1]:.0%} | {seconds / count:.2f}"
+        f" {within[0]:.1%}, {within[1]:.1%} | {seconds / count:.2f}"
     )
+
+
+LOOPS = (
+    ("pad-32", "spur-free"),
+    ("paper-32", "spur-free"),
+    ("triple-48", "spur-free"),
+    ("quad-64", "spur-free"),
+    ("quad-64", "biased"),
+    ("wide-11", "spur-free"),
+    ("resin-fine", "spur-free"),
+)
+"""Templates and drives of which prints are recorded, re-tuned and heard."""
+
+
+def loops(prints: int) -> Iterator[str]:
+    """Yield what the WAV of a re-tuned print keeps, by integration of its bytes, against true f and Q."""
+    yield "| pad, drive | coils | planned tones, dB | re-tuned, dB | by true f and Q, dB | lost, median, worst, dB |"
+    yield "|---|---|---|---|---|---|"
+    for name, scheme in LOOPS:
+        plan, rows = plan_of(name, scheme), []
+        places = sorted(coils_of(plan))
+        for seed in range(prints):
+            rng = np.random.default_rng(seed)
+            truth = simulate_print(plan, seed)
+            coils = [places[k] for k in rng.choice(len(places), 2, replace=False)]
+            with tempfile.TemporaryDirectory() as name_of:
+                folder = Path(name_of)
+                record(plan, truth, coils, folder, rng, rate=2000, **KINDS["all at once"])
+                tuned = pg.retune(plan, sorted(folder.iterdir()), nearest=True).tuning
+                rows += zip(
+                    *(
+                        kept_db(plan, each, truth, coils, folder)
+                        for each in (planned_tuning(plan), tuned, by_truth(plan, truth))
+                    ),
+                    strict=True,
+                )
+        planned, after, best = np.array(rows).T
+        lost = best - after
+        yield (
+            f"| {name}, {scheme} | {len(rows)} | {np.median(planned):.1f} | {np.median(after):.2f} |"
+            f" {np.median(best):.2f} | {np.median(lost):.3f}, {lost.max():.3f} |"
+        )
 
 
 def main() -> None:
     if sys.argv[1:2] == ["recordings"]:
-        for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 60):
+        excitations = sys.argv[3:] or ["chirp", "noise", "pluck"]
+        for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 200, excitations):
+            print(line, flush=True)
+        return
+    if sys.argv[1:2] == ["loop"]:
+        for line in loops(int(sys.argv[2]) if len(sys.argv) > 2 else 20):
             print(line, flush=True)
         return
     prints = int(sys.argv[1]) if len(sys.argv) > 1 else PRINTS

@@ -16,7 +16,8 @@ INNER_HZ = 8000
 KINDS = {
     "plain": {},
     "hum": {"hum": 0.05},
-    "drift": {"drift": 0.10},
+    "drift": {"drift": 0.05},
+    "drift of 10 %": {"drift": 0.10},
     "coloured noise": {"coloured": 0.1},
     "AC coupling": {"highpass_hz": 5.0},
     "velocity": {"sensor": 1},

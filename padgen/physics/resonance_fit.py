@@ -101,10 +101,9 @@ SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
 FILLED, MOST_CAPS = 4, 400
 """Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
-LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.03
+LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.05
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
-their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a sweep, which looks like damping: Q
-is off by this over the record's time constants.
+their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a record.
 """
 
 
@@ -264,7 +263,6 @@ def fit_driven(
         fit, clean = _filled(fit, rate_hz, x, y, held, n or 0)
     hz, q = fit.modes[0]
     clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
-    drift = DRIFT * float(q / (np.pi * hz * fit.lines.seconds))
     _refuse_short(len(y) / rate_hz, hz)
     away = np.abs(detuning(fit.lines.frequency, hz, q))
     near = away < max(ANSWERING, float(np.sort(away)[:FEWEST_ANSWERING][-1]))
@@ -272,7 +270,7 @@ def fit_driven(
     if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
-    return _result(lines, fit, peaks, near_hz, n, clock=clock, drift=drift)
+    return _result(lines, fit, peaks, near_hz, n, clock=clock, seconds=len(response) / rate_hz)
 
 
 def fit_decay(
@@ -313,9 +311,7 @@ def fit_decay(
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_DECAY)
-    q = float(fit.modes[0, 1])
-    drift = DRIFT * q / (np.pi * float(fit.modes[0, 0]) * fit.lines.seconds)
-    return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, drift=drift)
+    return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, seconds=len(response) / rate_hz)
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -815,11 +811,12 @@ def _result(
     power: int | None,
     phased: bool = True,
     clock: float = 0.0,
-    drift: float = 0.0,
+    seconds: float = np.inf,
 ) -> ResonanceFit:
     """Return the fit's figures beside the circle's, which is fitted to the data without all other terms.
 
-    `clock` is one sigma of the time's scale, which all methods have in common, and `drift` what a gain's adds to ln Q.
+    `clock` is one sigma of the time's scale, which all methods have in common. A gain that drifts over the `seconds` of
+    the whole record looks like damping.
     """
     n = power or 0
     hz, q = fit.modes[0]
@@ -856,7 +853,7 @@ def _result(
             lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
     drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], drift)), peak_error
+    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * seconds))), peak_error
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
