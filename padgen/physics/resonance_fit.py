@@ -21,6 +21,7 @@ impulse response. Clipped crests get caps, whose heights are fitted too. As a ch
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +63,8 @@ LEAST_SHARE, FURTHER_Q = 0.05, 1.0
 FEWEST_LINES, MOST_LINES = 14, 3000
 LEAST_Q, LARGEST_Q = 0.55, 1e7
 MOST_MODES, MOST_HUM = 4, 8
+MOST_TRIES, FIRST_TRIES = 100, 12
+"""Evaluations of a search, and of a first one, whose result is fitted again."""
 SMOOTHED = (1, 5, 25, 125)
 """Numbers of points over which a response is averaged to find its peak in noise."""
 WORTH = 30.0
@@ -493,8 +496,10 @@ def _parts(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values.real, values.imag])
 
 
-def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None = None) -> _Solved:
-    """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`."""
+def _solve(
+    lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None = None, tries: int = MOST_TRIES
+) -> _Solved:
+    """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`, in so many `tries` at most."""
     from scipy.optimize import least_squares
 
     more = np.zeros((len(lines.data), 0)) if extra is None else extra
@@ -505,8 +510,9 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
     scale = np.ones(len(start))
     scale[::2] = np.exp(-first[1::2])
 
-    def at(v: np.ndarray) -> _Solved:
-        theta = np.clip(first + scale * v, low, high)
+    @lru_cache(maxsize=1)
+    def at(*v: float) -> _Solved:
+        theta = np.clip(first + scale * np.array(v), low, high)
         basis = _basis(lines, theta, power, more)
         norm = np.linalg.norm(basis, axis=0)
         norm = np.where(norm > 0, norm, 1)
@@ -517,15 +523,15 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
         return _Solved(lines, theta, factors, basis, residual, noise, more)
 
     def off(v: np.ndarray) -> np.ndarray:
-        return _parts(at(v).residual) / size
+        return _parts(at(*v).residual) / size
 
     def slopes(v: np.ndarray) -> np.ndarray:
         # L. Kaufman, BIT 15, 1975, 49-57: what is left out is orthogonal to the residual.
-        fit = at(v)
+        fit = at(*v)
         return -_parts(_projected(fit.basis, _slopes(fit, power) * scale)) / size
 
-    found = least_squares(off, np.zeros(len(first)), slopes, method="lm", ftol=1e-11, xtol=1e-9, max_nfev=100)
-    return at(found.x)
+    found = least_squares(off, np.zeros(len(first)), slopes, method="lm", ftol=1e-11, xtol=1e-9, max_nfev=tries)
+    return at(*found.x)
 
 
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
@@ -633,7 +639,7 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
         if taken <= 0:
             break
         for _ in range(2):
-            fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
+            fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power, tries=FIRST_TRIES)
             hz, q = fit.modes[0]
         passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
         inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step and q > FURTHER_Q
