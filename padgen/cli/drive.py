@@ -70,7 +70,8 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--wiring",
         metavar="FILE",
-        help="write nothing, and say which coils are swapped: a CSV of the taxels played,felt with --pattern each",
+        help="write nothing, and say which coils are swapped: a CSV of the taxels played,felt with --pattern each, or a"
+        " folder of recordings named after taxels",
     )
     add_verbose(parser, "all notes")
     add_model(parser)
@@ -216,7 +217,7 @@ def _wiring(options: argparse.Namespace) -> int:
 
         print(json_text({"findings": [asdict(finding) for finding in findings]}), end="")
     else:
-        show(held_line(f"What was felt of {plan.name} is compared with its wiring", findings))
+        show(held_line(f"What was felt or heard of {plan.name} is compared with its wiring", findings))
         show(findings_text(findings))
     return code_of(findings)
 
