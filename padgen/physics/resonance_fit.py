@@ -106,7 +106,8 @@ FILLED, MOST_CAPS = 4, 400
 """Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
 LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.06
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
-their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a record.
+their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
+second.
 """
 
 
@@ -821,8 +822,8 @@ def _result(
 ) -> ResonanceFit:
     """Return the fit's figures beside the circle's, which is fitted to the data without all other terms.
 
-    `clock` is one sigma of the time's scale, which all methods have in common. A gain that drifts over the `seconds` of
-    the whole record looks like damping.
+    `clock` is one sigma of the time's scale, which all methods have in common. A gain that drifts during the `seconds`
+    of the whole record looks like damping.
     """
     n = power or 0
     hz, q = fit.modes[0]
@@ -859,7 +860,7 @@ def _result(
             lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
     drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * seconds))), peak_error
+    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * max(seconds, 1.0)))), peak_error
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
