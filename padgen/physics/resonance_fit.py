@@ -248,8 +248,10 @@ def fit_driven(
     count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x)) - start
     count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
     x, y, held = (v[start : start + count] for v in (x, y, held))
-    peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
-    second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
+    rough = _gated(rate_hz, x, y, rings)[0]
+    hz, q, _ = _start(rough, rough.data, power or 0, [])
+    own = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES).modes[0]
+    second_lag = _lag(rate_hz, x, y, _Peak(*own, 1.0))
     if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
         raise SolverError(NO_ANSWER)
     x, y, held = _shifted(second_lag, x, y, held)
