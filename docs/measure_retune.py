@@ -1,9 +1,9 @@
 """Measure the figures of docs/retune.md, on how well a measured print is re-tuned, and print Markdown.
 
-`python docs/measure_retune.py [PRINTS]`; 1,000 prints of two pads take a while, mostly for the fits.
+`python docs/measure_retune.py [PRINTS]` compares prints whose resonances are known with other models.
 `python docs/measure_retune.py recordings [COUNT [EXCITATION …]]` measures the fits of disturbed recordings
 (`tests/recordings.py`), `python docs/measure_retune.py loop [PRINTS]` the WAVs of prints that were recorded so and
-re-tuned (`tests/retuned_loop.py`).
+re-tuned (`tests/retuned_loop.py`), `python docs/measure_retune.py eye` what a stroboscope tells.
 """
 
 import sys
@@ -18,9 +18,9 @@ import numpy as np
 import padgen as pg
 from padgen.core.errors import PadgenError
 from padgen.measured.fits import TaxelFit, fit_measured
-from padgen.measured.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
-from padgen.measured.read import read_measured, read_measured_text
-from padgen.measured.simulate import simulate_print, simulated_measurement, spreads_for
+from padgen.measured.predict import levels_um, planned_tones, predicted, tones_at, worst_db
+from padgen.measured.read import read_measured
+from padgen.measured.simulate import simulate_print, spreads_for
 from padgen.measured.tune import estimated, tuning_of
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.resonator import relative_energy
@@ -37,88 +37,11 @@ from tests.retuned_loop import by_truth, kept_db, record
 
 PRINTS = 1000
 SIGMA = 0.08
-SNR_DB = 30.0
-WHICH = ("planned tones", "re-tuned by the fits", "by the truth")
-BARS = " ▁▂▃▄▅▆▇█"
 
 
 def plan_of(name: str, drive: str = "auto") -> Plan:
     spec = load_spec(name)
     return make_plan(replace(spec, drive=replace(spec.drive, scheme=drive)))
-
-
-def one_coil(plan: Plan, place: tuple[int, int]) -> set[str]:
-    return {taxel.id for taxel in plan.taxels if taxel.coil == place}
-
-
-def of_coil(figures: tuple[CoilFigures, ...], place: tuple[int, int]) -> float:
-    return next(c.all_states_db or np.inf for c in figures if (c.row, c.column) == place)
-
-
-class Tried:
-    """Prints that were measured and re-tuned: one coil of each, in turn."""
-
-    def __init__(self, plan: Plan, prints: int, kind: str = "spectrum") -> None:
-        self.errors: list[float] = []
-        self.pulls: list[float] = []
-        self.q_errors: list[float] = []
-        self.db: list[tuple[float, float, float]] = []
-        spreads, places = spreads_for(plan, SIGMA), sorted(coils_of(plan))
-        for seed in range(prints):
-            truth, place = simulate_print(plan, seed, spreads), places[seed % len(places)]
-            self._add(plan, truth, seed, place, kind)
-
-    def _add(self, plan: Plan, truth: Tuning, seed: int, place: tuple[int, int], kind: str) -> None:
-        measured = read_measured_text(simulated_measurement(plan, truth, seed, kind, SNR_DB), plan)
-        ids = one_coil(plan, place)
-        fits = fit_measured(replace(measured, taxels=tuple(t for t in measured.taxels if t.id in ids)), plan)
-        known = {taxel.id: taxel for taxel in truth.taxels}
-        for fit in fits:
-            true = known[fit.id]
-            self.errors.append(fit.resonance_hz / true.resonance_hz - 1)
-            self.pulls.append((fit.resonance_hz - true.resonance_hz) / fit.resonance_error_hz)
-            self.q_errors.append(fit.q / true.q - 1)
-        planned_um = levels_um(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
-        before = predicted(plan, truth, planned_tones(plan), planned_um)
-        after = predicted(plan, truth, tones_at(plan, tuning_of(plan, fits)))
-        best = predicted(plan, truth, tones_at(plan, truth))
-        self.db.append((of_coil(before, place), of_coil(after, place), of_coil(best, place)))
-
-
-def histogram(values: np.ndarray, low: float, high: float, bins: int = 24) -> str:
-    count, _ = np.histogram(np.clip(values, low, high), bins, (low, high))
-    return "".join(BARS[int(np.ceil(8 * c / count.max()))] for c in count)
-
-
-def retuning(tried: dict[str, Tried]) -> list[str]:
-    lines = [
-        "| pad | taxels fitted | error of f, median, 95 % | error of Q, median | errors over stated sigma, rms |"
-        " planned tones, dB | re-tuned by the fits, dB | by the truth, dB | given away, median, 95 %, dB |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name, one in tried.items():
-        error, q_error, pulls = np.abs(one.errors), np.abs(one.q_errors), np.array(one.pulls)
-        before, after, best = np.array(one.db).T
-        lost = best - after
-        lines.append(
-            f"| {name} | {len(error)} | {np.median(error):.3%}, {np.quantile(error, 0.95):.3%} |"
-            f" {np.median(q_error):.2%} | {np.sqrt((pulls**2).mean()):.2f} | {np.median(before):.1f} |"
-            f" {np.median(after):.2f} | {np.median(best):.2f} | {np.median(lost):.3f}, {np.quantile(lost, 0.95):.3f} |"
-        )
-    return lines
-
-
-def histograms(tried: dict[str, Tried]) -> list[str]:
-    lines = ["| pad, a coil of each print | 0 … 30 dB in all states | 5 %, median, 95 % dB |", "|---|---|---|"]
-    for name, one in tried.items():
-        for which, db in zip(
-            ("planned tones", "re-tuned by the fits", "by the truth"), np.array(one.db).T, strict=True
-        ):
-            low, middle, high = np.quantile(db, [0.05, 0.5, 0.95])
-            lines.append(f"| {name}, {which} | `{histogram(db, 0, 30)}` | {low:.1f}, {middle:.1f}, {high:.1f} |")
-        lost = np.subtract(*np.array(one.db).T[[2, 1]])
-        lines.append(f"| {name}, given away by the fits, 0 … 0.5 dB | `{histogram(lost, 0, 0.5)}` | |")
-    return lines
 
 
 def yields(prints: int) -> list[str]:
@@ -283,6 +206,27 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
     )
 
 
+SWING_READ, STEPS, FALLEN = 0.05, 8, 0.7
+"""One sigma of a swing that is read by eye, over the largest; tones in a bandwidth; the swing at both sides."""
+
+
+def by_eye(count: int = 10_000) -> str:
+    """Return errors of f and Q that are read off by a stroboscope: the middle of both sides where the swing is 70 %."""
+    rng, errors = np.random.default_rng(0), []
+    for _ in range(count):
+        q = 15 * np.exp(0.25 * rng.standard_normal())
+        f = 1 + (np.arange(-3 * STEPS, 3 * STEPS) + rng.uniform()) / (STEPS * q)
+        swing = 1 / np.hypot(1, q * (f - 1 / f)) + SWING_READ * rng.standard_normal(len(f))
+        top, low = int(swing.argmax()), swing < FALLEN * swing.max()
+        below, above = f[:top][low[:top]][-1], f[top:][low[top:]][0]
+        below, above = below + 0.5 / (STEPS * q), above - 0.5 / (STEPS * q)
+        hz = np.sqrt(below * above)
+        errors.append((hz - 1, hz * np.sqrt(FALLEN**-2 - 1) / (above - below) / q - 1))
+    error = np.abs(errors)
+    middle, most = np.median(error, 0), np.quantile(error, 0.95, axis=0)
+    return f"f {middle[0]:.2%}, 95 % within {most[0]:.1%}; Q {middle[1]:.0%}, {most[1]:.0%}"
+
+
 LOOPS = (
     ("pad-32", "spur-free"),
     ("paper-32", "spur-free"),
@@ -331,18 +275,16 @@ def main() -> None:
         for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 200, excitations):
             print(line, flush=True)
         return
+    if sys.argv[1:2] == ["eye"]:
+        print(by_eye())
+        return
     if sys.argv[1:2] == ["loop"]:
         for line in loops(int(sys.argv[2]) if len(sys.argv) > 2 else 20):
             print(line, flush=True)
         return
     prints = int(sys.argv[1]) if len(sys.argv) > 1 else PRINTS
-    tried = {name: Tried(plan_of(name), prints) for name in ("paper-32", "quad-64")}
-    for kind in ("chirp", "pluck"):
-        tried[f"paper-32, {kind}"] = Tried(plan_of("paper-32"), max(prints // 5, 1), kind)
     sections = {
-        f"{prints} prints of a pad, resonances scattered by {SIGMA:.0%}, spectra at {SNR_DB:.0f} dB": retuning(tried),
-        "One coil of each print": histograms(tried),
-        "The same by `padgen plan --yield`": yields(prints),
+        "Re-tuned pads by `padgen plan --yield`": yields(prints),
         "Taxels that were not measured": rest(),
         "Tones beside the resonances": shifting(),
     }
