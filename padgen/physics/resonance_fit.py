@@ -250,8 +250,8 @@ def fit_driven(
     x, y, held = (v[start : start + count] for v in (x, y, held))
     rough = _gated(rate_hz, x, y, rings)[0]
     hz, q, _ = _start(rough, rough.data, power or 0, [])
-    own = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES).modes[0]
-    second_lag = _lag(rate_hz, x, y, _Peak(*own, 1.0))
+    first = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES)
+    second_lag = _lag(rate_hz, x, y, first.modes[0])
     if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
         raise SolverError(NO_ANSWER)
     x, y, held = _shifted(second_lag, x, y, held)
@@ -364,17 +364,11 @@ def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Li
     return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
 
 
-class _Cross(NamedTuple):
-    """The response per excitation over circular frequencies (n,), the excited band alone, whose ends in Hz follow."""
+def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return circular frequencies (n,), the transfer function from x to y in the excited band alone, and its ends.
 
-    frequency: np.ndarray
-    response: np.ndarray
-    low: float
-    high: float
-
-
-def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
-    """Return the transfer function from x to y, twice the record long so that lags of either sign stay apart."""
+    It is twice the record long, so that lags of either sign stay apart.
+    """
     from scipy.fft import next_fast_len
     from scipy.ndimage import uniform_filter1d
 
@@ -391,18 +385,17 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
-    return _Cross(frequency, response, float(frequency[band[0]]), float(frequency[band[-1]]))
+    return frequency, response, float(frequency[band[0]]), float(frequency[band[-1]])
 
 
-def _lag(rate: float, x: np.ndarray, y: np.ndarray, mode: _Peak | None = None) -> int:
-    """Return the delay of y after x in samples: where the impulse response, or a mode in it, begins."""
-    cross = _cross(rate, x, y)
-    inside = cross.response != 0
-    matched = np.zeros(len(inside), complex)
-    own = np.ones(inside.sum()) if mode is None else _mode(cross.frequency[inside], mode.hz, mode.q, 0).conj()
-    matched[inside] = cross.response[inside] * own
+def _lag(rate: float, x: np.ndarray, y: np.ndarray, mode: np.ndarray | None = None) -> int:
+    """Return the delay of y after x in samples: where the impulse response, or a `mode` (Hz, Q) in it, begins."""
+    frequency, matched, _, _ = _cross(rate, x, y)
+    if mode is not None:
+        inside = matched != 0
+        matched[inside] *= _mode(frequency[inside], mode[0], mode[1], 0).conj()
     lag = int(np.abs(np.fft.ifft(matched)).argmax())
-    return lag - len(inside) * (lag > len(inside) // 2)
+    return lag - len(matched) * (lag > len(matched) // 2)
 
 
 def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
@@ -419,17 +412,17 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
 
 def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lines, float, float]:
     """Return the response by the impulse response's beginning, for some eight time constants, and the excited band."""
-    cross = _cross(rate, x, y)
-    impulse = np.fft.ifft(cross.response)
+    _, response, low, high = _cross(rate, x, y)
+    impulse = np.fft.ifft(response)
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
     kept = np.roll(impulse, before)[: before + after] * np.clip(np.linspace(4, 0, before + after), 0, 1)
     frequency = np.fft.fftfreq(2 * len(kept), 1 / rate)[: len(kept)]
     data = np.fft.fft(kept, 2 * len(kept))[: len(kept)] * np.exp(2j * np.pi * frequency * before / rate)
-    inside = np.flatnonzero((frequency >= cross.low / 1.1) & (frequency <= 1.1 * cross.high) & (frequency > 0))
+    inside = np.flatnonzero((frequency >= low / 1.1) & (frequency <= 1.1 * high) & (frequency > 0))
     away = np.roll(impulse, len(impulse) // 2)[: len(impulse) // 4]
     noise = float(np.sqrt(np.mean(np.abs(away) ** 2) * len(kept)))
-    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), cross.low, cross.high
+    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), low, high
 
 
 def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
@@ -862,7 +855,11 @@ def _result(
             lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
     drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * max(seconds, 1.0)))), peak_error
+    errors = (
+        float(hz * sigma[0]),
+        float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * max(seconds, 1.0)))),
+        peak_error,
+    )
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
