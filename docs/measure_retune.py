@@ -252,7 +252,7 @@ def loops(prints: int) -> Iterator[str]:
             coils = [places[k] for k in rng.choice(len(places), 2, replace=False)]
             with tempfile.TemporaryDirectory() as name_of:
                 folder = Path(name_of)
-                record(plan, truth, coils, folder, rng, rate=2000, **KINDS["all at once"])
+                record(plan, truth, coils, folder, rng, **KINDS["all at once"])
                 tuned = pg.retune(plan, sorted(folder.iterdir()), nearest=True).tuning
                 rows += zip(
                     *(

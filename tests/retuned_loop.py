@@ -23,6 +23,8 @@ RING_TAUS = 8.0
 
 def record(plan, truth, coils, folder, rng, **how):
     """Write a recording of each taxel of `coils`, named after it; `how` is of `recorded`."""
+    hz = [taxel.resonance_hz for taxel in truth.taxels]
+    how = {"band": (min(hz) / 3, 3 * max(hz)), "rate": max(2000, round(8 * max(hz))), **how}
     for taxel, place in zip(truth.taxels, plan.taxels, strict=True):
         if place.coil in coils:
             made = recorded(rng, (taxel.resonance_hz,), (taxel.q,), **how)

@@ -128,7 +128,7 @@ def test_a_recorded_print_keeps_what_its_true_f_and_q_allow(tmp_path):
     pad, coils = pg.plan("pad-32"), [(0, 0), (0, 1)]
     truth, folder = simulate_print(pad, 3), tmp_path / "recorded"
     folder.mkdir()
-    record(pad, truth, coils, folder, np.random.default_rng(1), seconds=4.0, rate=2000, hum=0.02)
+    record(pad, truth, coils, folder, np.random.default_rng(1), seconds=4.0, hum=0.02)
     tunings = pg.retune(pad, folder).tuning, by_truth(pad, truth), planned_tuning(pad)
     tuned, best, planned = (np.array(kept_db(pad, tuning, truth, coils, tmp_path)) for tuning in tunings)
     assert (tuned > best - 0.5).all()

@@ -104,7 +104,7 @@ SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
 FILLED, MOST_CAPS = 4, 400
 """Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
-LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.06
+LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.08
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
 second.
