@@ -250,6 +250,8 @@ def fit_driven(
     x, y, held = (v[start : start + count] for v in (x, y, held))
     rough = _gated(rate_hz, x, y, rings)[0]
     hz, q, _ = _start(rough, rough.data, power or 0, [])
+    if not hz:
+        raise SolverError("is too short to show a resonance, or shows none; record longer, or excite more")
     first = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES)
     second_lag = _lag(rate_hz, x, y, first.modes[0])
     if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
