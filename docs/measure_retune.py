@@ -233,7 +233,6 @@ LOOPS = (
     ("triple-48", "spur-free"),
     ("quad-64", "spur-free"),
     ("quad-64", "biased"),
-    ("wide-11", "spur-free"),
     ("resin-fine", "spur-free"),
 )
 """Templates and drives of which prints are recorded, re-tuned and heard."""
