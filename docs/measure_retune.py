@@ -1,7 +1,9 @@
 """Measure the figures of docs/retune.md, on how well a measured print is re-tuned, and print Markdown.
 
-`python docs/measure_retune.py [PRINTS]`; 1,000 prints of two pads take a while, mostly for the fits.
-`python docs/measure_retune.py recordings [COUNT]` measures the fits of disturbed recordings (`tests/recordings.py`).
+`python docs/measure_retune.py [PRINTS]` compares prints whose resonances are known with other models.
+`python docs/measure_retune.py recordings [COUNT [EXCITATION …]]` measures the fits of disturbed recordings
+(`tests/recordings.py`), `python docs/measure_retune.py loop [PRINTS]` the WAVs of prints that were recorded so and
+re-tuned (`tests/retuned_loop.py`), `python docs/measure_retune.py eye` what a stroboscope tells.
 """
 
 import sys
@@ -13,13 +15,14 @@ from time import process_time
 
 import numpy as np
 
+import padgen as pg
 from padgen.core.errors import PadgenError
 from padgen.measured.fits import TaxelFit, fit_measured
-from padgen.measured.predict import CoilFigures, levels_um, planned_tones, predicted, tones_at, worst_db
-from padgen.measured.read import read_measured, read_measured_text
-from padgen.measured.simulate import simulate_print, simulated_measurement, spreads_for
+from padgen.measured.predict import levels_um, planned_tones, predicted, tones_at, worst_db
+from padgen.measured.read import read_measured
+from padgen.measured.simulate import simulate_print, spreads_for
 from padgen.measured.tune import estimated, tuning_of
-from padgen.measured.tuning import TunedTaxel, Tuning
+from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner import Plan, make_plan
@@ -30,91 +33,15 @@ from padgen.spec import load_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.recordings import KINDS, recorded
+from tests.retuned_loop import by_truth, kept_db, record
 
 PRINTS = 1000
 SIGMA = 0.08
-SNR_DB = 30.0
-WHICH = ("planned tones", "re-tuned by the fits", "by the truth")
-BARS = " ▁▂▃▄▅▆▇█"
 
 
 def plan_of(name: str, drive: str = "auto") -> Plan:
     spec = load_spec(name)
     return make_plan(replace(spec, drive=replace(spec.drive, scheme=drive)))
-
-
-def one_coil(plan: Plan, place: tuple[int, int]) -> set[str]:
-    return {taxel.id for taxel in plan.taxels if taxel.coil == place}
-
-
-def of_coil(figures: tuple[CoilFigures, ...], place: tuple[int, int]) -> float:
-    return next(c.all_states_db or np.inf for c in figures if (c.row, c.column) == place)
-
-
-class Tried:
-    """Prints that were measured and re-tuned: one coil of each, in turn."""
-
-    def __init__(self, plan: Plan, prints: int, kind: str = "spectrum") -> None:
-        self.errors: list[float] = []
-        self.pulls: list[float] = []
-        self.q_errors: list[float] = []
-        self.db: list[tuple[float, float, float]] = []
-        spreads, places = spreads_for(plan, SIGMA), sorted(coils_of(plan))
-        for seed in range(prints):
-            truth, place = simulate_print(plan, seed, spreads), places[seed % len(places)]
-            self._add(plan, truth, seed, place, kind)
-
-    def _add(self, plan: Plan, truth: Tuning, seed: int, place: tuple[int, int], kind: str) -> None:
-        measured = read_measured_text(simulated_measurement(plan, truth, seed, kind, SNR_DB), plan)
-        ids = one_coil(plan, place)
-        fits = fit_measured(replace(measured, taxels=tuple(t for t in measured.taxels if t.id in ids)), plan)
-        known = {taxel.id: taxel for taxel in truth.taxels}
-        for fit in fits:
-            true = known[fit.id]
-            self.errors.append(fit.resonance_hz / true.resonance_hz - 1)
-            self.pulls.append((fit.resonance_hz - true.resonance_hz) / fit.resonance_error_hz)
-            self.q_errors.append(fit.q / true.q - 1)
-        planned_um = levels_um(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
-        before = predicted(plan, truth, planned_tones(plan), planned_um)
-        after = predicted(plan, truth, tones_at(plan, tuning_of(plan, fits)))
-        best = predicted(plan, truth, tones_at(plan, truth))
-        self.db.append((of_coil(before, place), of_coil(after, place), of_coil(best, place)))
-
-
-def histogram(values: np.ndarray, low: float, high: float, bins: int = 24) -> str:
-    count, _ = np.histogram(np.clip(values, low, high), bins, (low, high))
-    return "".join(BARS[int(np.ceil(8 * c / count.max()))] for c in count)
-
-
-def retuning(tried: dict[str, Tried]) -> list[str]:
-    lines = [
-        "| pad | taxels fitted | error of f, median, 95 % | error of Q, median | errors over stated sigma, rms |"
-        " planned tones, dB | re-tuned by the fits, dB | by the truth, dB | given away, median, 95 %, dB |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name, one in tried.items():
-        error, q_error, pulls = np.abs(one.errors), np.abs(one.q_errors), np.array(one.pulls)
-        before, after, best = np.array(one.db).T
-        lost = best - after
-        lines.append(
-            f"| {name} | {len(error)} | {np.median(error):.3%}, {np.quantile(error, 0.95):.3%} |"
-            f" {np.median(q_error):.2%} | {np.sqrt((pulls**2).mean()):.2f} | {np.median(before):.1f} |"
-            f" {np.median(after):.2f} | {np.median(best):.2f} | {np.median(lost):.3f}, {np.quantile(lost, 0.95):.3f} |"
-        )
-    return lines
-
-
-def histograms(tried: dict[str, Tried]) -> list[str]:
-    lines = ["| pad, a coil of each print | 0 … 30 dB in all states | 5 %, median, 95 % dB |", "|---|---|---|"]
-    for name, one in tried.items():
-        for which, db in zip(
-            ("planned tones", "re-tuned by the fits", "by the truth"), np.array(one.db).T, strict=True
-        ):
-            low, middle, high = np.quantile(db, [0.05, 0.5, 0.95])
-            lines.append(f"| {name}, {which} | `{histogram(db, 0, 30)}` | {low:.1f}, {middle:.1f}, {high:.1f} |")
-        lost = np.subtract(*np.array(one.db).T[[2, 1]])
-        lines.append(f"| {name}, given away by the fits, 0 … 0.5 dB | `{histogram(lost, 0, 0.5)}` | |")
-    return lines
 
 
 def yields(prints: int) -> list[str]:
@@ -226,16 +153,30 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
     return base, best - base, float(10 * np.log10(tried(by)[1].sum() / line.sum()))
 
 
-def recordings(count: int) -> Iterator[str]:
+def recordings(count: int, excitations: list[str]) -> Iterator[str]:
     """Yield errors, coverage and run time of fits to recordings of one taxel, f and Q spread by 15 % and 25 %."""
     yield "| excitation, disturbance | fitted | error of f, median, worst | of Q | within 1.96 sigma, f, Q | s |"
     yield "|---|---|---|---|---|---|"
     plan = plan_of("paper-32")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "r0c0k0.wav"
-        for excitation in ("chirp", "noise", "pluck"):
+        for excitation in excitations:
             for kind, how in KINDS.items():
                 yield f"| {excitation}, {kind} | {recorded_row(plan, path, excitation, how, count)} |"
+
+
+def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
+    """Return the arguments `how` of `recorded` on a usual bench.
+
+    Gains drift by 3 % (one sigma) where no drift is stated. Clocks are off by up to 100 ppm each: the recorder's and
+    that of the player to come where a taxel is plucked, and the two devices' where there is a delay between both.
+    """
+    usual: dict = {"rate": 4000, "drift": 0.03 * rng.standard_normal()}
+    if excitation == "pluck" or "delay_s" in how:
+        usual["clock_ppm"] = float(rng.uniform(-100, 100, 2).sum())
+    if excitation == "pluck":
+        usual["seconds"] = 3.0
+    return {**usual, **how}
 
 
 def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int) -> str:
@@ -243,10 +184,8 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
     for seed in range(count):
         rng = np.random.default_rng(seed)
         true = np.array([60 * np.exp(0.15 * rng.standard_normal()), 15 * np.exp(0.25 * rng.standard_normal())])
-        length = 3.0 if excitation == "pluck" else 8.0
-        made = recorded(
-            rng, (true[0],), (true[1],), excitation=excitation, seconds=length, mains=(50.0, 60.0)[seed % 2], **how
-        )
+        bench = benched(rng, excitation, how)
+        made = recorded(rng, (true[0],), (true[1],), excitation=excitation, mains=(50.0, 60.0)[seed % 2], **bench)
         path.write_bytes(made.wav())
         start = process_time()
         try:
@@ -254,8 +193,8 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
             found, sigma = np.array([(fit.resonance_hz, fit.q), (fit.resonance_error_hz, fit.q_error)])
             errors.append(np.abs(found / true - 1))
             pulls.append(np.abs(found - true) / sigma)
-        except PadgenError:
-            pass
+        except PadgenError as error:
+            print(seed, error, file=sys.stderr)
         seconds += process_time() - start
     if not errors:
         return f"0 of {count} | | | | {seconds / count:.2f}"
@@ -263,23 +202,88 @@ def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int)
     within = (np.array(pulls) < 1.96).mean(0)
     return (
         f"{len(errors)} of {count} | {middle[0]:.3%}, {worst[0]:.2%} | {middle[1]:.1%}, {worst[1]:.1%} |"
-        f" {within[0]:.0%}, {within[1]:.0%} | {seconds / count:.2f}"
+        f" {within[0]:.1%}, {within[1]:.1%} | {seconds / count:.2f}"
     )
+
+
+SWING_READ, STEPS, FALLEN = 0.05, 8, 0.7
+"""One sigma of a swing that is read by eye, over the largest; tones in a bandwidth; the swing at both sides."""
+
+
+def by_eye(count: int = 10_000) -> str:
+    """Return errors of f and Q that are read off by a stroboscope: the middle of both sides where the swing is 70 %."""
+    rng, errors = np.random.default_rng(0), []
+    for _ in range(count):
+        q = 15 * np.exp(0.25 * rng.standard_normal())
+        f = 1 + (np.arange(-3 * STEPS, 3 * STEPS) + rng.uniform()) / (STEPS * q)
+        swing = 1 / np.hypot(1, q * (f - 1 / f)) + SWING_READ * rng.standard_normal(len(f))
+        top, low = int(swing.argmax()), swing < FALLEN * swing.max()
+        below, above = f[:top][low[:top]][-1], f[top:][low[top:]][0]
+        below, above = below + 0.5 / (STEPS * q), above - 0.5 / (STEPS * q)
+        hz = np.sqrt(below * above)
+        errors.append((hz - 1, hz * np.sqrt(FALLEN**-2 - 1) / (above - below) / q - 1))
+    error = np.abs(errors)
+    middle, most = np.median(error, 0), np.quantile(error, 0.95, axis=0)
+    return f"f {middle[0]:.2%}, 95 % within {most[0]:.1%}; Q {middle[1]:.0%}, {most[1]:.0%}"
+
+
+LOOPS = (
+    ("pad-32", "spur-free"),
+    ("paper-32", "spur-free"),
+    ("triple-48", "spur-free"),
+    ("quad-64", "spur-free"),
+    ("quad-64", "biased"),
+    ("resin-fine", "spur-free"),
+)
+"""Templates and drives of which prints are recorded, re-tuned and heard."""
+
+
+def loops(prints: int) -> Iterator[str]:
+    """Yield what the WAV of a re-tuned print keeps, by integration of its bytes, against true f and Q."""
+    yield "| pad, drive | coils | planned tones, dB | re-tuned, dB | by true f and Q, dB | lost, median, worst, dB |"
+    yield "|---|---|---|---|---|---|"
+    for name, scheme in LOOPS:
+        plan, rows = plan_of(name, scheme), []
+        places = sorted(coils_of(plan))
+        for seed in range(prints):
+            rng = np.random.default_rng(seed)
+            truth = simulate_print(plan, seed)
+            coils = [places[k] for k in rng.choice(len(places), 2, replace=False)]
+            with tempfile.TemporaryDirectory() as name_of:
+                folder = Path(name_of)
+                record(plan, truth, coils, folder, rng, **KINDS["all at once"])
+                tuned = pg.retune(plan, sorted(folder.iterdir()), nearest=True).tuning
+                rows += zip(
+                    *(
+                        kept_db(plan, each, truth, coils, folder)
+                        for each in (planned_tuning(plan), tuned, by_truth(plan, truth))
+                    ),
+                    strict=True,
+                )
+        planned, after, best = np.array(rows).T
+        lost = best - after
+        yield (
+            f"| {name}, {scheme} | {len(rows)} | {np.median(planned):.1f} | {np.median(after):.2f} |"
+            f" {np.median(best):.2f} | {np.median(lost):.3f}, {lost.max():.3f} |"
+        )
 
 
 def main() -> None:
     if sys.argv[1:2] == ["recordings"]:
-        for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 60):
+        excitations = sys.argv[3:] or ["chirp", "noise", "pluck"]
+        for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 200, excitations):
+            print(line, flush=True)
+        return
+    if sys.argv[1:2] == ["eye"]:
+        print(by_eye())
+        return
+    if sys.argv[1:2] == ["loop"]:
+        for line in loops(int(sys.argv[2]) if len(sys.argv) > 2 else 20):
             print(line, flush=True)
         return
     prints = int(sys.argv[1]) if len(sys.argv) > 1 else PRINTS
-    tried = {name: Tried(plan_of(name), prints) for name in ("paper-32", "quad-64")}
-    for kind in ("chirp", "pluck"):
-        tried[f"paper-32, {kind}"] = Tried(plan_of("paper-32"), max(prints // 5, 1), kind)
     sections = {
-        f"{prints} prints of a pad, resonances scattered by {SIGMA:.0%}, spectra at {SNR_DB:.0f} dB": retuning(tried),
-        "One coil of each print": histograms(tried),
-        "The same by `padgen plan --yield`": yields(prints),
+        "Re-tuned pads by `padgen plan --yield`": yields(prints),
         "Taxels that were not measured": rest(),
         "Tones beside the resonances": shifting(),
     }

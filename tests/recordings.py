@@ -16,7 +16,8 @@ INNER_HZ = 8000
 KINDS = {
     "plain": {},
     "hum": {"hum": 0.05},
-    "drift": {"drift": 0.10},
+    "drift": {"drift": 0.05},
+    "drift of 10 %": {"drift": 0.10},
     "coloured noise": {"coloured": 0.1},
     "AC coupling": {"highpass_hz": 5.0},
     "velocity": {"sensor": 1},
@@ -73,7 +74,7 @@ def modal(force, hz, q, sensor, rate=INNER_HZ):
     return lfilter(num, den, force)
 
 
-def chirp(seconds, low=20.0, high=400.0, silence=1.0):
+def chirp(seconds, low, high, silence=1.0):
     """Return the current of a sweep of the force, even in octaves, after and before silence."""
     time = np.arange(int(seconds * INNER_HZ)) / INNER_HZ
     growth = np.log(high / low) / seconds
@@ -83,7 +84,7 @@ def chirp(seconds, low=20.0, high=400.0, silence=1.0):
     return np.concatenate([pause, current, pause])
 
 
-def noise(rng, seconds, low=20.0, high=400.0, silence=1.0):
+def noise(rng, seconds, low, high, silence=1.0):
     """Return the root of a constant and noise in a band."""
     count = int(seconds * INNER_HZ)
     frequency = np.fft.rfftfreq(count, 1 / INNER_HZ)
@@ -102,6 +103,7 @@ def recorded(
     size=(1.0,),
     excitation="chirp",
     seconds=8.0,
+    band=(20.0, 400.0),
     rate=8000,
     sensor=0,
     white=0.01,
@@ -123,7 +125,7 @@ def recorded(
         force = np.concatenate([np.zeros(INNER_HZ // 2), tap, np.zeros(int(seconds * INNER_HZ))])
         current = None
     else:
-        current = chirp(seconds) if excitation == "chirp" else noise(rng, seconds)
+        current = chirp(seconds, *band) if excitation == "chirp" else noise(rng, seconds, *band)
         force = current**2
     modes = [*zip(hz, q, size, strict=True)] + ([(3.3 * hz[0], 1.5 * q[0], second)] if second else [])
     moved = sum(s * modal(force, f, k, sensor) for f, k, s in modes)

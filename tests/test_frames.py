@@ -8,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
+from scipy.io import wavfile
 
 from padgen.core.errors import FileError, SpecError
 from padgen.driver import frames as frames_module
@@ -22,6 +23,7 @@ from padgen.driver.frames import (
 )
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
+from tests.recordings import recorded
 
 TURNED = (
     'name = "t"\nresolution = 11\nband_hz = [50, 400]\nq_min = 15\n'
@@ -485,6 +487,22 @@ def felt(plan: Plan, path, place) -> list:
 def test_swapped_coils_are_found_by_what_was_felt(paper_plan, tmp_path, place, told):
     found = [f"{f.where}: {f.message}" for f in felt(paper_plan, tmp_path / "felt.csv", place) if f.level == "error"]
     assert len(found) == len(told) and all(map(str.startswith, found, told)), found
+
+
+def test_swapped_coils_are_found_by_recordings(paper_plan, tmp_path):
+    rng, channel = np.random.default_rng(1), {t.id: paper_plan.channels[t.channel] for t in paper_plan.taxels}
+    # The sensor hears little at r0c1k0, whose coil is not the one that plays, and nothing at r1c0k0.
+    for name, share in (("r0c0k0", 1.0), ("r0c1k0", 0.1), ("r0c2k0", 0.8), ("r1c0k0", 0.0), ("r1c1k0", 1.2)):
+        made = recorded(rng, (channel[name].resonance_hz,), (15.0,), seconds=3.0, rate=2000)
+        motion = share * made.motion + 1e-3 * rng.standard_normal(len(made.motion))
+        columns = np.stack([made.reference / 2 / np.abs(made.reference).max(), motion / 2 / np.abs(made.motion).max()])
+        wavfile.write(tmp_path / f"{name}.wav", made.rate, columns.T.astype(np.float32))
+    found = [f for f in wiring_findings(paper_plan, tmp_path) if f.level == "error"]
+    assert [(f.code, f.where) for f in found] == [
+        ("wiring.swapped", "coil r0c1 and coil r1c0"),
+        ("wiring.silent", "coil r0c1"),
+        ("wiring.silent", "coil r1c0"),
+    ]
 
 
 def test_what_was_felt_at_other_taxels_or_is_no_table(paper_plan, tmp_path):

@@ -458,6 +458,17 @@ def test_a_carrier_that_is_named_was_tried(tmp_path, drive, keeps):
         assert said == pytest.approx(tried.report.peak, rel=0.01)
 
 
+def test_a_carrier_that_the_plan_knows_nothing_of_is_judged_by_what_it_heats():
+    """Lines about a carrier have less room, the root's bends are blunter, and the constant exceeds the headroom's."""
+    plan, hz = planned("", "scheme = 'spur-free'\nlevel_um = 1\nvoltage_limit_v = 100"), 5000.0
+    alone, carried = (load_of(plan, drive_at(plan, RATES_HZ, carrier_hz=each)) for each in (None, hz))
+    between = plan.spec.coil.resistance_ohm * float(alone.square_a2.max() + carried.square_a2.max()) / 2
+    plan = planned(f"power_limit_w = {between}", "scheme = 'spur-free'\nlevel_um = 1\nvoltage_limit_v = 100")
+    assert not judge_limits("x", plan, drive_at(plan, RATES_HZ))
+    (finding,) = judge_limits("x", plan, drive_at(plan, RATES_HZ, carrier_hz=hz))
+    assert (finding.level, finding.code) == ("error", "coil.heat")
+
+
 @pytest.mark.parametrize("carrier_hz", [1715.0, 3000.0, 9000.0, 20000.0])
 def test_a_carrier_is_accepted_by_every_format(tmp_path, carrier_hz):
     plan = planned("", "scheme = 'spur-free'\nlevel_um = 0.1")

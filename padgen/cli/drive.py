@@ -73,7 +73,8 @@ def add_drive(commands: Any) -> None:
     parser.add_argument(
         "--wiring",
         metavar="FILE",
-        help="write nothing, and say which coils are swapped: a CSV of the taxels played,felt with --pattern each",
+        help="write nothing, and say which coils are swapped: a CSV of the taxels played,felt with --pattern each, or a"
+        " folder of recordings named after taxels",
     )
     add_shared(parser, _drive, "all notes")
 
@@ -198,7 +199,7 @@ def _wiring(options: argparse.Namespace) -> int:
     with progress_line() as progress:
         plan = plan_of(options, progress)
     findings = wiring_findings(plan, Path(options.wiring))
-    held = held_line(f"What was felt of {plan.name} is compared with its wiring", findings)
+    held = held_line(f"What was felt or heard of {plan.name} is compared with its wiring", findings)
     answer(options, {"findings": findings}, held, findings_text(findings))
     return code_of(findings)
 

@@ -566,12 +566,16 @@ def _levels(plan: Plan, images: Iterable[np.ndarray], where: str) -> np.ndarray:
 
 
 Coil = tuple[int, int]
+LEAST_HEARD = 1 / 3
+"""Least answer of a taxel over the middle one's of its channel: coils around move it by a tenth at most."""
 
 
 def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
     """Say which coils are swapped by what was felt: rows ``played,felt`` of taxels, `felt` empty where nothing was.
 
-    Swapped leads of one coil cannot be felt and do no harm: it pulls with the square of its current.
+    A WAV, or a folder of recordings named after taxels as `padgen.measured.read` reads them, tells it too: a taxel
+    moves where it answers to its own coil's current about as the others of its channel do. Swapped leads of one coil
+    cannot be felt and do no harm: it pulls with the square of its current.
 
     Raises
     ------
@@ -580,8 +584,8 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
     """
     taxels = {taxel.id: taxel for taxel in plan.taxels}
     felt: dict[Coil, list[Coil | None]] = {}
-    findings = []
-    for row, (played, got) in _felt_rows(path):
+    findings, heard = [], path.is_dir() or path.suffix.lower() in (".wav", ".wave")
+    for row, (played, got) in (_heard_rows if heard else _felt_rows)(plan, path):
         for name in filter(None, (played, got)):
             if name not in taxels:
                 raise FileError(unknown_name(name, list(taxels), "taxel", "").message, f"{path}, row {row}")
@@ -593,10 +597,15 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
             )
             findings.append(Finding("warning", "wiring.taxel", played, f"{told}; measure the print (padgen retune)"))
     moved: dict[Coil, Coil] = {}
+    silent = [_coil(own) for own, places in felt.items() if not any(places)]
+    if heard and len(silent) == 2 < len(felt):
+        told = "are the only silent ones: if both are connected, their plugs are exchanged"
+        findings.append(Finding("error", "wiring.swapped", " and ".join(silent), told))
     for own, places in felt.items():
         counts = Counter(place for place in places if place)
         if not counts:
-            told = "nothing was felt when it was played: look at its wire, its plug and its amplifier channel"
+            sense = "heard" if heard else "felt"
+            told = f"nothing was {sense} when it was played: look at its wire, its plug and its amplifier channel"
             findings.append(Finding("error", "wiring.silent", _coil(own), told))
         elif len(counts) > 1:
             where = " and ".join(_coil(place) for place in sorted(counts))
@@ -614,7 +623,25 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
     return findings
 
 
-def _felt_rows(path: Path) -> Iterator[tuple[int, tuple[str, str]]]:
+Rows = Iterator[tuple[int, tuple[str, str]]]
+
+
+def _heard_rows(plan: Plan, path: Path) -> Rows:
+    """Yield each recorded taxel as felt where it is, or as silent."""
+    from padgen.measured.fits import fitted
+    from padgen.measured.read import read_measured
+
+    measured = read_measured(path, plan)
+    if measured.kind != "driven":
+        raise FileError("must hold the current of a coil and the motion of its taxel in every recording", str(path))
+    channel = {taxel.id: taxel.channel for taxel in plan.taxels}
+    size = {c.id: 0.0 if c.cause else float(np.abs(c.seen.data).max()) for c in fitted(measured, plan)[1]}
+    for row, (name, own) in enumerate(size.items(), start=1):
+        usual = np.median([other for at, other in size.items() if other and channel[at] == channel[name]] or [0.0])
+        yield row, (name, name if own > LEAST_HEARD * usual else "")
+
+
+def _felt_rows(plan: Plan, path: Path) -> Rows:
     try:
         lines = read_bounded(path, LARGEST_FELT, "a table of what was felt").decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:

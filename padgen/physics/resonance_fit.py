@@ -21,6 +21,7 @@ impulse response. Clipped crests get caps, whose heights are fitted too. As a ch
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -62,6 +63,8 @@ LEAST_SHARE, FURTHER_Q = 0.05, 1.0
 FEWEST_LINES, MOST_LINES = 14, 3000
 LEAST_Q, LARGEST_Q = 0.55, 1e7
 MOST_MODES, MOST_HUM = 4, 8
+MOST_TRIES, FIRST_TRIES = 100, 12
+"""Evaluations of a search, and of a first one, whose result is fitted again."""
 SMOOTHED = (1, 5, 25, 125)
 """Numbers of points over which a response is averaged to find its peak in noise."""
 WORTH = 30.0
@@ -83,8 +86,10 @@ QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
 FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
 """Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
-ANSWERING = 3.0
-"""Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left."""
+ANSWERING, FEWEST_ANSWERING = 3.0, 40
+"""Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left, and fewest lines: of
+fewer, the model can follow what is no answer.
+"""
 NO_ANSWER = (
     "shows no answer to the excitation: the best one is hidden in what does not follow it; excite more, check that the"
     " first channel is the excitation (and, of noise, that it passes direct current) and that the sensor is on this"
@@ -99,13 +104,11 @@ SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
 FILLED, MOST_CAPS = 4, 400
 """Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
-LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.03
+LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.08
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
-their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift during a sweep, which looks like damping: Q
-is off by this over the record's time constants.
+their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
+second.
 """
-STEP = 1e-5
-"""Step of a parameter over its scale, in finite differences."""
 
 
 class Lines(NamedTuple):
@@ -245,8 +248,12 @@ def fit_driven(
     count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x)) - start
     count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
     x, y, held = (v[start : start + count] for v in (x, y, held))
-    peaks = _peaks(_gated(rate_hz, x, y, rings)[0], power or 0)
-    second_lag = _lag(rate_hz, x, y, _chosen(peaks, near_hz))
+    rough = _gated(rate_hz, x, y, rings)[0]
+    hz, q, _ = _start(rough, rough.data, power or 0, [])
+    if not hz:
+        raise SolverError("is too short to show a resonance, or shows none; record longer, or excite more")
+    first = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES)
+    second_lag = _lag(rate_hz, x, y, first.modes[0])
     if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
         raise SolverError(NO_ANSWER)
     x, y, held = _shifted(second_lag, x, y, held)
@@ -264,14 +271,14 @@ def fit_driven(
         fit, clean = _filled(fit, rate_hz, x, y, held, n or 0)
     hz, q = fit.modes[0]
     clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
-    drift = DRIFT * float(q / (np.pi * hz * fit.lines.seconds))
     _refuse_short(len(y) / rate_hz, hz)
-    near = np.abs(detuning(fit.lines.frequency, hz, q)) < ANSWERING
+    away = np.abs(detuning(fit.lines.frequency, hz, q))
+    near = away < max(ANSWERING, float(np.sort(away)[:FEWEST_ANSWERING][-1]))
     answer = (fit.basis[:, 0] * fit.factors[0])[near]
     if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
     refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
-    return _result(lines, fit, peaks, near_hz, n, clock=clock, drift=drift)
+    return _result(lines, fit, peaks, near_hz, n, clock=clock, seconds=len(response) / rate_hz)
 
 
 def fit_decay(
@@ -312,9 +319,7 @@ def fit_decay(
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_DECAY)
-    q = float(fit.modes[0, 1])
-    drift = DRIFT * q / (np.pi * float(fit.modes[0, 0]) * fit.lines.seconds)
-    return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, drift=drift)
+    return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, seconds=len(response) / rate_hz)
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -361,17 +366,11 @@ def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Li
     return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
 
 
-class _Cross(NamedTuple):
-    """The response per excitation over circular frequencies (n,), the excited band alone, whose ends in Hz follow."""
+def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
+    """Return circular frequencies (n,), the transfer function from x to y in the excited band alone, and its ends.
 
-    frequency: np.ndarray
-    response: np.ndarray
-    low: float
-    high: float
-
-
-def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
-    """Return the transfer function from x to y, twice the record long so that lags of either sign stay apart."""
+    It is twice the record long, so that lags of either sign stay apart.
+    """
     from scipy.fft import next_fast_len
     from scipy.ndimage import uniform_filter1d
 
@@ -388,18 +387,17 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
-    return _Cross(frequency, response, float(frequency[band[0]]), float(frequency[band[-1]]))
+    return frequency, response, float(frequency[band[0]]), float(frequency[band[-1]])
 
 
-def _lag(rate: float, x: np.ndarray, y: np.ndarray, mode: _Peak | None = None) -> int:
-    """Return the delay of y after x in samples: where the impulse response, or a mode in it, begins."""
-    cross = _cross(rate, x, y)
-    inside = cross.response != 0
-    matched = np.zeros(len(inside), complex)
-    own = np.ones(inside.sum()) if mode is None else _mode(cross.frequency[inside], mode.hz, mode.q, 0).conj()
-    matched[inside] = cross.response[inside] * own
+def _lag(rate: float, x: np.ndarray, y: np.ndarray, mode: np.ndarray | None = None) -> int:
+    """Return the delay of y after x in samples: where the impulse response, or a `mode` (Hz, Q) in it, begins."""
+    frequency, matched, _, _ = _cross(rate, x, y)
+    if mode is not None:
+        inside = matched != 0
+        matched[inside] *= _mode(frequency[inside], mode[0], mode[1], 0).conj()
     lag = int(np.abs(np.fft.ifft(matched)).argmax())
-    return lag - len(inside) * (lag > len(inside) // 2)
+    return lag - len(matched) * (lag > len(matched) // 2)
 
 
 def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
@@ -416,17 +414,17 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
 
 def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lines, float, float]:
     """Return the response by the impulse response's beginning, for some eight time constants, and the excited band."""
-    cross = _cross(rate, x, y)
-    impulse = np.fft.ifft(cross.response)
+    _, response, low, high = _cross(rate, x, y)
+    impulse = np.fft.ifft(response)
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
     kept = np.roll(impulse, before)[: before + after] * np.clip(np.linspace(4, 0, before + after), 0, 1)
     frequency = np.fft.fftfreq(2 * len(kept), 1 / rate)[: len(kept)]
     data = np.fft.fft(kept, 2 * len(kept))[: len(kept)] * np.exp(2j * np.pi * frequency * before / rate)
-    inside = np.flatnonzero((frequency >= cross.low / 1.1) & (frequency <= 1.1 * cross.high) & (frequency > 0))
+    inside = np.flatnonzero((frequency >= low / 1.1) & (frequency <= 1.1 * high) & (frequency > 0))
     away = np.roll(impulse, len(impulse) // 2)[: len(impulse) // 4]
     noise = float(np.sqrt(np.mean(np.abs(away) ** 2) * len(kept)))
-    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), cross.low, cross.high
+    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), low, high
 
 
 def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
@@ -496,8 +494,10 @@ def _parts(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values.real, values.imag])
 
 
-def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None = None) -> _Solved:
-    """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`."""
+def _solve(
+    lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None = None, tries: int = MOST_TRIES
+) -> _Solved:
+    """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`, in so many `tries` at most."""
     from scipy.optimize import least_squares
 
     more = np.zeros((len(lines.data), 0)) if extra is None else extra
@@ -508,29 +508,39 @@ def _solve(lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None
     scale = np.ones(len(start))
     scale[::2] = np.exp(-first[1::2])
 
-    def off(v: np.ndarray) -> np.ndarray:
-        theta = np.clip(first + scale * v, low, high)
-        return _parts(_projected(_basis(lines, theta, power, more), lines.data)) / size
+    @lru_cache(maxsize=1)
+    def at(*v: float) -> _Solved:
+        theta = np.clip(first + scale * np.array(v), low, high)
+        basis = _basis(lines, theta, power, more)
+        norm = np.linalg.norm(basis, axis=0)
+        norm = np.where(norm > 0, norm, 1)
+        factors = np.linalg.lstsq(basis / norm, lines.data, rcond=1e-12)[0] / norm
+        residual = lines.data - basis @ factors
+        left = max(2 * len(lines.data) - len(theta) - 2 * len(factors), 1)
+        noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
+        return _Solved(lines, theta, factors, basis, residual, noise, more)
 
-    found = least_squares(off, np.zeros(len(first)), method="lm", ftol=1e-11, xtol=1e-9, max_nfev=100)
-    theta = np.clip(first + scale * found.x, low, high)
-    basis = _basis(lines, theta, power, more)
-    norm = np.linalg.norm(basis, axis=0)
-    norm = np.where(norm > 0, norm, 1)
-    factors = np.linalg.lstsq(basis / norm, lines.data, rcond=1e-12)[0] / norm
-    residual = lines.data - basis @ factors
-    left = max(2 * len(lines.data) - len(theta) - 2 * len(factors), 1)
-    noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
-    return _Solved(lines, theta, factors, basis, residual, noise, more)
+    def off(v: np.ndarray) -> np.ndarray:
+        return _parts(at(*v).residual) / size
+
+    def slopes(v: np.ndarray) -> np.ndarray:
+        # L. Kaufman, BIT 15, 1975, 49-57: what is left out is orthogonal to the residual.
+        fit = at(*v)
+        return -_parts(_projected(fit.basis, _slopes(fit, power) * scale)) / size
+
+    found = least_squares(off, np.zeros(len(first)), slopes, method="lm", ftol=1e-11, xtol=1e-9, max_nfev=tries)
+    return at(*found.x)
 
 
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
-    """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode, by differences."""
-    steps = np.diag(np.stack([STEP / fit.modes[:, 1], STEP + 0 * fit.modes[:, 1]], 1).ravel())
-    there, back = (
-        [_basis(fit.lines, fit.theta + sign * d, power, fit.extra) @ fit.factors for d in steps] for sign in (1, -1)
-    )
-    return np.asarray((np.stack(there, 1) - np.stack(back, 1)) / (2 * steps.sum(0)))
+    """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode."""
+    lines, slopes = fit.lines, []
+    each = (len(fit.factors) - fit.extra.shape[1]) // len(lines.inputs)
+    for k, (hz, q) in enumerate(fit.modes):
+        s, own = lines.frequency / hz, _mode(lines.frequency, hz, q, 0)
+        whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * own
+        slopes += [whole * ((1j - 2 * q * s) * s * own - power), -whole * own * q * (1 - s) * (1 + s)]
+    return np.stack(slopes, 1)
 
 
 def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -627,7 +637,7 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
         if taken <= 0:
             break
         for _ in range(2):
-            fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power)
+            fit = _solve(lines._replace(data=rest).around(hz, q), np.log([hz, q]), power, tries=FIRST_TRIES)
             hz, q = fit.modes[0]
         passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
         inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step and q > FURTHER_Q
@@ -741,8 +751,8 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     step = fit.lines.step_hz
     width = np.maximum(hz / q, step)
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
-    inside = (hz > fit.lines.frequency[0] - width) & (hz < fit.lines.frequency[-1] + width)
-    apart = near.sum() == len(hz) and inside.all() and (hz / q > 0.3 * step)[1:].all()
+    inside = (hz > fit.lines.frequency[0]) & (hz < fit.lines.frequency[-1]) & (hz / q > 0.3 * step)
+    apart = near.sum() == len(hz) and inside[1:].all()
     size = np.abs(more.factors[: len(hz)]) / np.abs(fit.factors[0])
     own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0] and 0.5 < size[0] < 2 and (size[1:] < 2).all()
     return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
@@ -805,11 +815,12 @@ def _result(
     power: int | None,
     phased: bool = True,
     clock: float = 0.0,
-    drift: float = 0.0,
+    seconds: float = np.inf,
 ) -> ResonanceFit:
     """Return the fit's figures beside the circle's, which is fitted to the data without all other terms.
 
-    `clock` is one sigma of the time's scale, which all methods have in common, and `drift` what a gain's adds to ln Q.
+    `clock` is one sigma of the time's scale, which all methods have in common. A gain that drifts during the `seconds`
+    of the whole record looks like damping.
     """
     n = power or 0
     hz, q = fit.modes[0]
@@ -846,7 +857,11 @@ def _result(
             lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
     drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = float(hz * sigma[0]), float(q * np.hypot(sigma[1], drift)), peak_error
+    errors = (
+        float(hz * sigma[0]),
+        float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * max(seconds, 1.0)))),
+        peak_error,
+    )
     noise = fit.noise / float(np.abs(drive).mean())
     found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
