@@ -242,5 +242,8 @@ def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
         other = varied(spec, cure)
     except SpecError:
         return None
+    # Another coil's table leaves gap and reuse to the search, which has decided them in `spec`.
+    coil = replace(other.coil, gap_mm=other.coil.gap_mm or spec.coil.gap_mm, reuse=spec.coil.reuse)
+    other = replace(other, coil=coil)
     found = next(sized_layouts(other, candidates(other, limit)), None)
     return found[0] if found else None
