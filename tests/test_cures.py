@@ -79,6 +79,12 @@ def test_a_finding_names_a_cure(changes, code):
     assert [fault for what, fault in cures_of(table) if what == code] == [""]
 
 
+def test_too_few_outputs_name_a_cure_for_a_grid_that_is_given():
+    coil, amplifier = {"grid": [4, 4], "gap_mm": 1}, {"channels": 4, "coupling": "DC", "voltage_v": 20, "current_a": 1}
+    found = cures_of({**BASE, "resolution": 32, "drive": "spur-free", "coil": coil, "amplifier": amplifier})
+    assert found and not any(fault for _, fault in found)
+
+
 def test_a_cure_that_helps_nothing_or_harms_is_not_said():
     plan = make_plan(make_spec({**BASE, "resolution": 8}))
     finding = Finding("warning", "coil.heat", "coil", "hot", ({"a": 1}, {"b": 2}, {"c": 3}))
