@@ -25,6 +25,7 @@ from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec, load_spec, make_spec, parse_spec
 from tests.finer_models import (
+    CLIMBING,
     DEAR,
     LEAST,
     TRUE,
@@ -33,6 +34,7 @@ from tests.finer_models import (
     saturation_on_axis,
     suspended,
     true_leakage,
+    true_saturation_aside,
     true_shielding,
 )
 
@@ -278,6 +280,16 @@ def eddy_currents(name: str, hz: float) -> tuple[float, float]:
     return bound + washer_eddies(washer, 1e-7, hz), abs(moved / still - 1)
 
 
+def test_saturation_of_a_washer_beside_the_axis():
+    """One whose edge lies over the rim of a core 0.4 mm below saturates early: its arms, and where the core is near."""
+    pytest.importorskip("ngsolve", exc_type=ImportError)
+    plan = finish(choose(make_spec(random_table(2020))))
+    bound = next(e.bound for e in left_out(plan) if e.term == "saturation")
+    true = true_saturation_aside(plan, bound)
+    within(bound, true.true, 3.0)
+    assert true.off < 0.2 * true.true
+
+
 @pytest.mark.parametrize("hz", [10.0, 350.0])
 @pytest.mark.parametrize("name", FIELDS)
 def test_eddy_currents(name, hz):
@@ -285,11 +297,9 @@ def test_eddy_currents(name, hz):
     within(*eddy_currents(name, hz))
 
 
-def test_shielding():
-    pytest.importorskip("ngsolve", exc_type=ImportError)
-    within(entry("paper-32", "shielding").bound, true_shielding(scene("paper-32")[1]))
-    # Four over one coil are nearer to each other than two; their field solution is too slow for a test.
-    assert entry("quad-64", "shielding").bound > 3 * entry("paper-32", "shielding").bound
+@pytest.mark.parametrize("name", ["paper-32", "quad-64", "strong", "resin-fine"])
+def test_shielding(name):
+    within(entry(name, "shielding").bound, true_shielding(scene(name)[1]))
 
 
 def test_shielding_of_two_is_a_dipoles():
@@ -312,7 +322,7 @@ def test_bounds_of_random_specs_hold(number):
     """Specs: a washer over a wide film, an edge in the side force, bridges that stretch and sag, four on a coil."""
     plan = finish(choose(make_spec(random_table(number))))
     bounds = {e.term: e.bound for e in left_out(plan) if e.status == "bounded"}
-    quick = {**TRUE, "leakage": true_leakage}
+    quick = {**TRUE, "leakage": true_leakage, "shielding": true_shielding}
     compared = 0
     for term, model in quick.items():
         true = model(plan) if bounds.get(term) else None
@@ -331,7 +341,7 @@ def test_campaign_breaks_no_bound():
     for row in rows:
         if row["bound"] and row["true"][:1].isdigit() and float(row["true"]) > LEAST.get(row["term"], 0.0):
             ratios.setdefault(row["term"], []).append(float(row["bound"]) / float(row["true"]))
-    assert set(ratios) == set(TRUE) | set(DEAR)
+    assert set(ratios) == {*TRUE, *DEAR, *CLIMBING}
     assert {term: min(of) for term, of in ratios.items() if min(of) * SLACK < 1} == {}
     assert {term: min(of) for term, of in ratios.items() if min(of) > 10} == {}
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from padgen.physics.beams import BeamSection, largest_inverse_square, tip_mass
 from padgen.physics.magnetic_charge import charged_core, flux_density
-from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
+from padgen.physics.magnetics import CoilSource, SteelRing, ring_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 
 __all__ = [
@@ -32,6 +32,9 @@ LOCAL_PEAK = 1.5
 """Polarisation of a wide washer above the rim of a core, over the estimate from two points of the washer (from field
 solutions).
 """
+ARMS = 1.7
+"""Mean polarisation of a ring in an even field along its plane, weighted with its square, over the mean one: the arms
+beside the hole carry what its ends do not (``8/3π`` over one half, since it goes with the sine round the ring)."""
 
 
 def beam_inertia(
@@ -183,8 +186,8 @@ def washer_magnetised(
     """Return field and polarisation of washers `offset` (n,) m off a coil's axis, from the field at two points of each.
 
     The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
-    underside. Demagnetisation depends on direction: the mean field along the plane meets the whole disc, its remainder
-    the width of the ring, the axial field the thickness. The polarisation is at least the mean one by each washer's
+    underside. Demagnetisation depends on direction: the mean field along the plane meets the whole ring, its remainder
+    the width of the ring, the axial field the thickness. The polarisation is at least that of a ring with each washer's
     `dipole` (n,) in A·m²/A.
     """
     outer, inner = washer.outer_diameter / 2, washer.inner_diameter / 2
@@ -192,7 +195,7 @@ def washer_magnetised(
     radial, axial = flux_density(coil, np.maximum(np.abs(at), 1e-6 * outer), np.full_like(at, gap))
     radial = radial * np.sign(at)
     ring_share = (outer - inner) / (outer - inner + washer.thickness)
-    share = np.array([flat_spheroid_factor(2 * outer / washer.thickness), 1 - ring_share, ring_share])
+    share = np.array([ring_factor(washer), 1 - ring_share, ring_share])
     chi = washer.permeability - 1
     eased = chi / (1 + chi * share)
     one_sided = radial.mean(0)
@@ -206,7 +209,7 @@ def washer_magnetised(
     return Magnetised(
         np.sqrt((local**2).mean(0)),
         local / local.sum(0),
-        LOCAL_PEAK * np.maximum(size.max(0), MU_0 * dipole / volume),
+        LOCAL_PEAK * np.maximum(size.max(0), ARMS * MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 
@@ -260,7 +263,7 @@ def washer_eddies(washer: SteelRing, resistivity: float, frequency: float) -> fl
     For a field along its plane a sheet responds as ``tanh x/x``, ``x = (1+j) t/2δ``, whose inverse differs from 1 by at
     most ``2 (t/2δ)²/3``. Against a field through its plane a disc screens by at most ``μ0 ω t r/(2ρ)``.
     """
-    chi_n = (washer.permeability - 1) * flat_spheroid_factor(washer.outer_diameter / washer.thickness)
+    chi_n = (washer.permeability - 1) * ring_factor(washer)
     depths = washer.thickness / 2 / _skin_depth(resistivity, washer.permeability, frequency)
     along = 2 * depths**2 / 3 / (1 + chi_n)
     through = MU_0 * 2 * pi * frequency * washer.thickness * washer.outer_diameter / 4 / resistivity
