@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -238,7 +239,7 @@ def recordings(count: int) -> Iterator[str]:
                 yield f"| {excitation}, {kind} | {recorded_row(plan, path, excitation, how, count)} |"
 
 
-def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int) -> str:
+def recorded_row(plan: Plan, path: Path, excitation: str, how: Any, count: int) -> str:
     errors, pulls, seconds = [], [], 0.0
     for seed in range(count):
         rng = np.random.default_rng(seed)
