@@ -183,22 +183,24 @@ class Magnetised(NamedTuple):
 def washer_magnetised(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
 ) -> Magnetised:
-    """Return field and polarisation of washers `offset` (n,) m off a coil's axis, from the field at two points of each.
+    """Return field and polarisation of washers `offset` (n,) m off a coil's axis, from the field at points of each.
 
-    The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
-    underside. Demagnetisation depends on direction: the mean field along the plane meets the whole ring, its remainder
+    Two points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
+    underside, the third between them. Demagnetisation depends on direction: the mean field along the line through them,
+    which drives flux through both arms of the ring as the drop of potential does, meets the whole ring, its remainder
     the width of the ring, the axial field the thickness. The polarisation is at least that of a ring with each washer's
     `dipole` (n,) in A·m²/A.
     """
     outer, inner = washer.outer_diameter / 2, washer.inner_diameter / 2
-    at = offset + np.array([[-1.0], [1.0]]) * (outer + inner) / 2
+    at = offset + np.array([[-1.0], [0.0], [1.0]]) * (outer + inner) / 2
     radial, axial = flux_density(coil, np.maximum(np.abs(at), 1e-6 * outer), np.full_like(at, gap))
     radial = radial * np.sign(at)
+    one_sided = np.array([1, 4, 1]) / 6 @ radial  # Simpson's rule
+    radial, axial = radial[::2], axial[::2]
     ring_share = (outer - inner) / (outer - inner + washer.thickness)
     share = np.array([ring_factor(washer), 1 - ring_share, ring_share])
     chi = washer.permeability - 1
     eased = chi / (1 + chi * share)
-    one_sided = radial.mean(0)
     field = np.stack([np.broadcast_to(one_sided, radial.shape), radial - one_sided, axial])  # (3, 2, n)
     polarisation = eased[:, None, None] * field
     energy = (polarisation * field).mean(1)
