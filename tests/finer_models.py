@@ -419,12 +419,12 @@ def motion_rise(plan: Plan, channel: Channel) -> float:
     # Along itself a beam is as stiff as the plan's model has it, ends included.
     slender = float(tip_stiffness(section, modulus, poisson)[0, 0]) * length**3 / bends if bridge else None
     level, away = channel.level_um * UM / length, (channel.sag_um + channel.static_um) * UM / length
+    hard = channel.hardening_per_mm2 * channel.beam.length_mm**2
     # Where all is of the second order it is found at larger motions, since digits run out.
-    more = max(0.03 / (level + away), 1.0) if not bridge else 1.0
+    more = max((0.1 / np.sqrt(hard) if bridge else 0.03) / (level + away), 1.0)
     level, away = level * more, away * more
     if bridge:
         arm, centre, gyration = 0.0, 0.0, 0.0
-    hard = channel.hardening_per_mm2 * channel.beam.length_mm**2
     most = min(away, (away / hard) ** (1 / 3)) * 1.2 if bridge else away
     found = elastica(arm, (centre, gyration), ends, slender, 1.15 * (level + most))
     if slender:  # the true offset is smaller: the beam has hardened

@@ -309,7 +309,7 @@ def test_shielding_of_two_is_a_dipoles():
     √1.25 mm, and either from the other √0.625 mm.
     """
     place = np.array([[-5e-4, 0.0], [5e-4, 0.0]])
-    found = mutual_shielding(np.ones(2), np.full(2, 2.0), np.array([[1.0] * 2, [0.0] * 2]), place, 2.5e-4)
+    found = mutual_shielding(np.ones(2), np.full(2, 2.0), np.array([[1.0] * 2, [0.0] * 2]), place, 2.5e-4, np.zeros(2))
     times = 8 / 4 + 2 * (1 / 4) * 0.625**-1.5 + (1 / 8) * (1 + 1.25**-1.5)
     assert found == pytest.approx(np.full(2, times * MU_0 / (2 * np.pi) * 1e9 / 2.0), rel=1e-12)
 
@@ -317,9 +317,11 @@ def test_shielding_of_two_is_a_dipoles():
 # Random specs, some of those of `docs/measure_left_out.py random`.
 
 
-@pytest.mark.parametrize("number", [1, 23, 125, 367])
+@pytest.mark.parametrize("number", [1, 23, 125, 367, 1100, 1218])
 def test_bounds_of_random_specs_hold(number):
-    """Specs: a washer over a wide film, an edge in the side force, bridges that stretch and sag, four on a coil."""
+    """Specs: a wide film, an edge in the side force, bridges that stretch and sag, four on a coil, two far above it, a
+    bridge that is nearly as thick as long.
+    """
     plan = finish(choose(make_spec(random_table(number))))
     bounds = {e.term: e.bound for e in left_out(plan) if e.status == "bounded"}
     quick = {**TRUE, "leakage": true_leakage, "shielding": true_shielding}

@@ -17,6 +17,7 @@ from padgen.physics.modes import BeamPlacement, to_tip
 __all__ = [
     "Magnetised",
     "beam_inertia",
+    "core_echo",
     "core_eddies",
     "core_polarisation",
     "motional_voltage",
@@ -169,9 +170,10 @@ def _dynamic(slowness: Any) -> Any:
 class Magnetised(NamedTuple):
     """A washer in a coil's field.
 
-    `field` (n,) is in T/A, `share` (2, n) its shares at the washer's side nearest to the coil's axis and farthest
-    from it. `polarisation` (n,) in T/A is the largest in the washer, for saturation; `chi_n` (n,) is χN, by which
-    demagnetisation weakens the effect of saturation on the force.
+    `field` (n,) in T/A is that along its plane, in which flat steel is polarised. `share` (2, n) are the whole field's
+    shares at the washer's side nearest to the coil's axis and farthest from it. `polarisation` (n,) in T/A is the
+    largest in the washer, for saturation; `chi_n` (n,) is χN, by which demagnetisation weakens the effect of saturation
+    on the force.
     """
 
     field: np.ndarray
@@ -209,7 +211,7 @@ def washer_magnetised(
     weight = energy / energy.sum(0)
     local = np.hypot(radial, axial)
     return Magnetised(
-        np.sqrt((local**2).mean(0)),
+        np.sqrt((radial**2).mean(0)),
         local / local.sum(0),
         LOCAL_PEAK * np.maximum(size.max(0), ARMS * MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
@@ -314,15 +316,27 @@ def switching_delay(
         return np.where((fall > 0) & (quiet > 1), rung / np.log(quiet), inf)
 
 
+def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
+    """Return for washers at `place` (n, 2) by how much the core hands a dipole's field on, in m^-3/2.
+
+    A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field of washer k at washer n grows by the
+    product of both figures, in units of ``μ0 m/2π``.
+    """
+    volume, (_, chi_n) = pi / 4 * coil.core_diameter**2 * coil.core_length, core_polarisation(coil)
+    drawn = volume * (coil.core_permeability - 1) / (2 * pi * (1 + chi_n))
+    return sqrt(drawn) / np.hypot(np.linalg.norm(place, axis=-1), gap + coil.core_length / 2 - coil.core_top) ** 3
+
+
 def mutual_shielding(
-    moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float
+    moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float, echo: np.ndarray
 ) -> np.ndarray:
     """Return the relative error (n,) of the pull on each washer of a coil from the field of the other washers.
 
     The others are dipoles of `moment` (n,) in A·m²/A at `place` (n, 2) in m from the coil's axis, each taken to point
     along the line to the disturbed washer, where its field is ``μ0 m/(2π d³)``. The error is their sum over the coil's
     own `field` (n,) there. Each washer counts by its four quarters on the circle of radius `middle` in m; the quarters
-    towards the axis and away from it are weighted with their `share` (2, n) of the field.
+    towards the axis and away from it are weighted with their `share` (2, n) of the field. `echo` (n,) is the core's
+    (`core_echo`).
     """
     away = np.linalg.norm(place, axis=-1, keepdims=True)
     out = np.divide(place, away, out=np.tile([1.0, 0.0], (len(place), 1)), where=away > 0)
@@ -332,4 +346,5 @@ def mutual_shielding(
     apart = np.linalg.norm(quarters[:, None, :, None] - quarters[None, :, None], axis=-1)
     apart[..., np.eye(len(place), dtype=bool)] = inf
     near = np.einsum("an,bk,abnk->nk", weight, weight, 1 / apart**3)
+    near += echo[:, None] * echo * ~np.eye(len(place), dtype=bool)
     return np.asarray((near * MU_0 * moment / (2 * pi)).sum(-1) / np.where(field > 0, field, inf))
