@@ -55,7 +55,7 @@ def table() -> list[str]:
 
 def random_cases(cases: int = 150) -> Counter:
     """How often the closed form is how many channels off the Monte-Carlo, biased (True) and otherwise."""
-    off, rng = Counter(), np.random.default_rng(5)
+    off, rng = Counter[tuple[bool, int]](), np.random.default_rng(5)
     for k in range(cases):
         name, tuned = in_order()[k % 4], rng.random() < 0.7
         q, asked_db, law = rng.uniform(8, 80), rng.uniform(12, 24), LevelLaw(rng.choice([0, 0.5, 1, 2]))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def main() -> None:
     Path(__file__).with_name("waveforms.svg").write_bytes(plot_bytes(figure, "svg"))
 
 
-def draw_time(axes, current, voltage, title) -> None:
+def draw_time(axes: Any, current: np.ndarray, voltage: np.ndarray, title: str) -> None:
     """Draw current and voltage over the first part of a period."""
     count = round(SHOWN_S * RATE_HZ)
     time_ms = 1e3 * np.arange(count) / RATE_HZ
@@ -55,7 +56,7 @@ def draw_time(axes, current, voltage, title) -> None:
     twin.set_ylabel("voltage, V", color=COLOURS[4])
 
 
-def draw_lines(axes, drive, current, title) -> None:
+def draw_lines(axes: Any, drive: PadDrive, current: np.ndarray, title: str) -> None:
     """Draw the lines of i²: wanted ones and spurs."""
     size = 2 * np.abs(np.fft.rfft(current**2)) / len(current)
     hz = np.arange(len(size)) / drive.period_s

@@ -7,6 +7,7 @@ python docs/measure_beams.py --solve NAME …     the STEP of those taxels, by p
 import argparse
 import json
 import multiprocessing
+import sys
 import tempfile
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,53 +18,19 @@ import numpy as np
 from padgen.core.errors import SolverError
 from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner.plan import Cell, Plate, Site
-from padgen.planner.suspensions import BeamShape, names, suspension
-from padgen.planner.taxel_model import TaxelModel, fillet_mm, plate_shape, post_diameter_mm, recess_mm
-from padgen.spec import Spec, load_spec, make_spec
+from padgen.planner.suspensions import BeamShape, suspension
+from padgen.planner.taxel_model import fillet_mm, plate_shape, post_diameter_mm, recess_mm
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.test_beam_model import errors_and_estimates, row_spec
 
 SET = Path(__file__).parents[1] / "tests" / "reference" / "beam_calibration.json"
 STEEL_PA, STEEL_POISSON = 200e9, 0.3
-TAXEL_KEYS = ("plate_length_mm", "plate_width_mm", "plate_thickness_mm", "fillet_mm")
 BINS = ((1, 2), (2, 4), (4, 8), (8, 16), (16, 100))
-
-
-def spec_of(row: dict[str, Any]) -> Spec:
-    """Return the spec of one taxel of the set: a template's, or the designed one's."""
-    made = row.get("spec")
-    if made is None:
-        return load_spec(row["name"].rpartition("-")[0])
-    return make_spec(
-        {
-            "name": "set",
-            "resolution": 1,
-            "band_hz": [1, 100_000],
-            "q_min": 15,
-            "pad": {"rib_mm": made["rib_mm"]},
-            "taxel": {key: made[key] for key in TAXEL_KEYS},
-            "printer": {"name": "fdm-0.25", "smallest_gap_mm": made["gap_mm"]},
-            "material": {"name": "pla", "poisson_ratio": made["poisson_ratio"]},
-            "washer": made["washer"],
-        }
-    )
 
 
 def beam_of(row: dict[str, Any]) -> BeamShape:
     return BeamShape(row["width_mm"], row["thickness_mm"], row["length_mm"])
-
-
-def compared(row: dict[str, Any]) -> dict[str, list[tuple[float, float]]]:
-    """Return relative errors with their estimates: of the working mode, the other one along, the two across."""
-    spec = spec_of(row)
-    model = TaxelModel(spec, row["topology"], plate_shape(spec), beam_of(row))
-    motion = np.abs(model.modes.shape * np.repeat([1.0, 2e-3], 3)[:, None])
-    along = motion[[0, 2, 4]].max(0) > motion[[1, 3, 5]].max(0)
-    found: dict[str, list[tuple[float, float]]] = {"working": [], "along": [], "across": []}
-    for family, chosen in (("along", along), ("across", ~along)):
-        frequency, estimate = model.modes.frequency_hz[chosen], model.mode_errors[chosen]
-        for k, hz in enumerate(row[f"{family}_hz"]):
-            kind = "working" if hz == row["working_hz"] else family
-            found[kind].append((float(frequency[k] / hz - 1), float(estimate[k])))
-    return found
 
 
 def line(name: str, pairs: list[tuple[float, float]]) -> str:
@@ -77,7 +44,7 @@ def line(name: str, pairs: list[tuple[float, float]]) -> str:
 
 
 def tables(rows: list[dict[str, Any]]) -> list[str]:
-    inside = [(row, compared(row)) for row in rows if row["in_range"]]
+    inside = [(row, errors_and_estimates(row)) for row in rows if row["in_range"]]
     text = [
         "| taxels, mode | n | median | rms | largest | rms estimate | error/estimate median | 95 % | largest |",
         "|---|---|---|---|---|---|---|---|---|",
@@ -89,8 +56,8 @@ def tables(rows: list[dict[str, Any]]) -> list[str]:
     }
     for name, group in groups.items():
         for kind in ("working", "along", "across"):
-            text.append(line(f"{name}, {kind}", [pair for pairs in group for pair in pairs[kind]]))
-    for topology in names():
+            text.append(line(f"{name}, {kind}", [pair for pairs in group for pair in pairs.get(kind, [])]))
+    for topology in dict.fromkeys(row["topology"] for row, _ in inside):
         mine = [pair for row, pairs in inside if row["topology"] == topology for pair in pairs["working"]]
         text.append(line(f"{topology}, working", mine))
     for low, high in BINS:
@@ -109,7 +76,7 @@ def write_step(row: dict[str, Any], path: Path) -> float:
     from padgen.solid.kernel import build123d
     from padgen.solid.taxel import taxel_solid, washer_solid
 
-    spec, b = spec_of(row), build123d()
+    spec, b = row_spec(row), build123d()
     shape = plate_shape(spec)
     arrangement = suspension(row["topology"]).arrange(shape, beam_of(row), spec.printer.smallest_gap_mm)
     top_mm = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
@@ -137,7 +104,7 @@ def solve(row: dict[str, Any], path: Path, washer_mm3: float) -> tuple[float, li
     """Return the working resonance and all modes in Hz by finite elements, in a process without build123d."""
     from padgen.verify.elasticity import Elastic, SolidTaxel, solve_modes
 
-    spec = spec_of(row)
+    spec = row_spec(row)
     material, washer = spec.material, spec.washer
     printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     steel = Elastic(STEEL_PA, STEEL_POISSON, washer.density_g_per_cm3 * G_PER_CM3)

@@ -405,7 +405,8 @@ def _planned(random: Any, topologies: tuple[str, ...]) -> Row:
     plan: Any = SimpleNamespace(
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis)
     )
-    sides = outline(plan, SimpleNamespace(site=site))
+    channel: Any = SimpleNamespace(site=site)
+    sides = outline(plan, channel)
     beam = (round(float(v), 9) for v in sized.beam)
     return (
         row

@@ -516,5 +516,5 @@ def _lowest(basis: np.ndarray, stiff: np.ndarray, heavy: np.ndarray) -> tuple[np
     return square, basis @ kept @ part
 
 
-_HELD = {(0, 2, 4): (1,), (1, 3, 5): (0, 2)}
+_HELD: dict[tuple[int, ...], tuple[int, ...]] = {(0, 2, 4): (1,), (1, 3, 5): (0, 2)}
 """Displacement components held on the plane of symmetry, for each of the two families of modes (`FIELDS`)."""

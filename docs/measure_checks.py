@@ -9,8 +9,10 @@ from collections import Counter
 from itertools import count
 from pathlib import Path
 
-from padgen.planner import make_plan
+from padgen.core.finding import Finding
+from padgen.planner import Plan, make_plan
 from padgen.solid.foreign import check_foreign
+from padgen.solid.mesh import Mesh
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import parse_spec
 
@@ -19,7 +21,7 @@ from tests.conftest import SMALL
 from tests.tampering import KINDS, WAYS, honest, tampered
 
 
-def errors(mesh, plan):
+def errors(mesh: Mesh, plan: Plan) -> list[Finding]:
     return [f for f in check_foreign(mesh, plan.spec, plan).findings if f.level == "error"]
 
 
@@ -43,7 +45,7 @@ def tampering(places: int) -> None:
 
 
 def accused(pads: int, first: int) -> None:
-    tried, wrong = Counter(), Counter()
+    tried, wrong = Counter[str](), Counter[str]()
     for seed in count(first):
         if sum(tried.values()) == pads:
             break

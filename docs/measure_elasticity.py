@@ -104,10 +104,10 @@ def calculix_deck(folder: Path, along_mm: float | None, largest_mm: float) -> in
         if np.linalg.det(corner[1:] - corner[0]) < 0:
             abaqus = [p[k] for k in (1, 0, 2, 3, 4, 5, 7, 8, 6, 9)]
         groups[mesh.GetMaterial(element.index)].append(",".join(map(str, (number, *abaqus))))
-    for name, material in ((PRINTED, POLYMER), (WASHER, STEEL)):
-        lines += [f"*ELEMENT,TYPE=C3D10,ELSET={name}", *groups[name], f"*MATERIAL,NAME={name}"]
+    for part, material in ((PRINTED, POLYMER), (WASHER, STEEL)):
+        lines += [f"*ELEMENT,TYPE=C3D10,ELSET={part}", *groups[part], f"*MATERIAL,NAME={part}"]
         lines += ["*ELASTIC", f"{material.modulus_pa},{material.poisson}", "*DENSITY", f"{material.density_kg_per_m3}"]
-        lines += [f"*SOLID SECTION,ELSET={name},MATERIAL={name}"]
+        lines += [f"*SOLID SECTION,ELSET={part},MATERIAL={part}"]
     held = np.flatnonzero(points[:, 0] < points[:, 0].min() + 1e-9) + 1
     lines += ["*BOUNDARY", *(f"{node},1,3" for node in held), "*STEP", "*FREQUENCY", "6", "*END STEP", ""]
     (folder / "base.inp").write_text("\n".join(lines))

@@ -135,9 +135,9 @@ def consequences() -> None:
         row(stiffness, current, float(z[end] / MM), f"{np.sqrt(1 - softening) - 1:.1%}")
     place, pitch = np.array([3 * MM, 0.0]), np.array([[12.5 * MM, 0.0]])
     estimate = leakage(COIL, WASHER, MM, place[None], pitch).mutual[0, 0, 0]
-    pulls = many_coils(COIL, WASHER, MM, place, np.concatenate([np.zeros((1, 2)), pitch]))
+    found = many_coils(COIL, WASHER, MM, place, np.concatenate([np.zeros((1, 2)), pitch]))
     near, far = (float(solid_pull(Pull(COIL, WASHER, MM, x * MM)).wrench[0, 2]) for x in (3, 9.5))
-    print(f"\nLeakage of a neighbour 12.5 mm away: estimate {estimate:.4f}, all cores {pulls[1, 1] / pulls[0, 0]:.4f},")
+    print(f"\nLeakage of a neighbour 12.5 mm away: estimate {estimate:.4f}, all cores {found[1, 1] / found[0, 0]:.4f},")
     print(f"without the own core, solid: {far / near:.4f}")
     print(f"Shielding by a second washer opposite: {shielding(Pull(COIL, WASHER, MM, 3 * MM)):.1%}")
 
@@ -203,7 +203,8 @@ def brought_parts() -> Iterator[tuple[CoilSource, SteelRing]]:
         for washer in catalogue("washer").values():
             if washer["relative_permeability"] >= 2:
                 parts = build(Coil, {}, "coil", coil), build(Washer, {}, "washer", washer)
-                yield magnetic_parts(SimpleNamespace(coil=parts[0], washer=parts[1]))
+                spec: Any = SimpleNamespace(coil=parts[0], washer=parts[1])
+                yield magnetic_parts(spec)
     for name in template_paths():
         yield magnetic_parts(load_spec(name))
 

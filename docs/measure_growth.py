@@ -65,7 +65,7 @@ def measured(taxels: int, folder: str) -> tuple[list[float], float, float, float
     """Run `one` in a process of its own; return what it prints, its wall and processor seconds, and its peak in MiB."""
     start = time.perf_counter()
     child = subprocess.Popen([sys.executable, __file__, str(taxels), folder], stdout=subprocess.PIPE, text=True)
-    printed = json.loads(child.stdout.read())
+    printed = json.loads(child.stdout.read() if child.stdout else "")
     _, status, used = os.wait4(child.pid, 0)
     seconds = time.perf_counter() - start
     assert status == 0

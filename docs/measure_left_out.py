@@ -1,14 +1,12 @@
 """Measure the figures of docs/accuracy.md on the terms that a plan leaves out: `python docs/measure_left_out.py`.
 
 For each scene and term it prints the bound, the true error by a finer model (see tests/test_left_out.py), their ratio,
-and the run times of the bound and of computing the term, in ms of CPU time, the least of several runs. `--fine` adds
-3-D field solutions of four washers over a coil, some 20 s each.
+and the run times of the bound and of computing the term, in ms of CPU time, the least of several runs.
 
-`random N` compares bounds with finer models (tests/finer_models.py) on N plans of random specs: models that take up to
-a second on all plans, finite elements on one plan in so many. Rows are added to
+`random N` compares bounds with finer models (tests/finer_models.py) on N plans of random specs. Rows are added to
 tests/reference/left_out_campaign.csv, going on where it was stopped. `random N --bounds` plans the known specs again,
-for their bounds alone, after a bound has changed. Terms named after N are the only ones, on every plan. 500 plans take
-half an hour.
+for their bounds alone, after a bound has changed. Terms named after N are the only ones. 500 plans take forty minutes
+of processor time.
 """
 
 import csv
@@ -16,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from pathlib import Path
 from statistics import median
@@ -23,15 +22,18 @@ from statistics import median
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+
 from padgen.core.errors import PadgenError
 from padgen.core.units import UM
 from padgen.ladders.extreme import random_table
 from padgen.make.planning import plan_for
-from padgen.physics.bounds import core_eddies
+from padgen.physics.bounds import core_eddies, core_polarisation, motional_voltage
+from padgen.physics.magnetics import impedance
 from padgen.planner.drive_scheme import coil_reuse
 from padgen.planner.layout import Layout
 from padgen.planner.left_out import _pulled, left_out
 from padgen.planner.plan import Plan
+from padgen.planner.suspensions import BeamShape
 from padgen.spec import make_spec
 from tests import finer_models
 from tests import test_left_out as truth
@@ -48,11 +50,14 @@ def cpu_ms(work: Callable[[], object], runs: int = 5) -> float:
     return min(times) * 1e3
 
 
-def rows(fine: bool) -> Iterator[Row]:
+def rows() -> Iterator[Row]:
+    models = {**{term: finer_models.TRUE[term] for term in truth.ON_SCENES}, "shielding": finer_models.true_shielding}
     for name in truth.SCENES:
-        for entry in left_out(truth.scene(name)[1]):
-            if entry.term in truth.ON_SCENES and entry.bound is not None:
-                yield entry.term, name, entry.bound, finer_models.TRUE[entry.term](truth.scene(name)[1])
+        plan = truth.scene(name)[1]
+        for entry in left_out(plan):
+            true = models[entry.term](plan) if entry.term in models and entry.bound is not None else None
+            if isinstance(true, float) and entry.bound is not None:
+                yield entry.term, name, entry.bound, true
     for numbers in truth.MOTIONS:
         yield "motion", f"{numbers[2]} Hz, {numbers[1] / UM:g} µm", *truth.motion(*numbers)
     for name, topology, shape in truth.BEAMS:
@@ -63,10 +68,6 @@ def rows(fine: bool) -> Iterator[Row]:
             yield "saturation", f"{name}, {current_a:g} A", *truth.saturation(name, current_a)
         for hz in (28.0, 38.0, 96.0, 350.0):
             yield "eddy currents", f"{name}, {hz:g} Hz", *truth.eddy_currents(name, hz)
-    for name in ("paper-32", "strong", *(("triple-48", "quad-64", "resin-fine") if fine else ())):
-        bound = truth.entry(name, "shielding").bound
-        assert bound is not None
-        yield "shielding", name, bound, finer_models.true_shielding(truth.scene(name)[1])
 
 
 def bounds_table(found: list[Row]) -> list[str]:
@@ -94,7 +95,8 @@ def times_table(name: str) -> list[str]:
     layout = Layout(grid.rows, grid.columns, len(channel), 1, 1, 1.0, 1.0, "x", 0, (("none", 1.0),))
     reused = spec, layout, channel, plan.scheme
     case, beam = truth.FIELDS["paper coil"], truth.BEAMS[0]
-    taxel = finer_models.suspended(spec, plan, beam[1], finer_models.BeamShape(*beam[2]))
+    taxel = finer_models.suspended(spec, plan, beam[1], BeamShape(*beam[2]))
+    pull, amplitude, resonance, drive, bias = np.array([[0.033], [1e-5], [56.0], [28.0], [0.0]])
     pairs: dict[str, tuple[Callable[[], object], Callable[[], object], int]] = {
         "gap": (lambda: _pulled(plan, channel), lambda: finer_models.true_gap(copied(plan)), 1),
         "softening": (lambda: _pulled(plan, channel), lambda: finer_models.true_softening(copied(plan)), 1),
@@ -105,14 +107,11 @@ def times_table(name: str) -> list[str]:
             3,
         ),
         "motion": (
-            lambda: truth.motional_voltage(
-                *(np.array([v]) for v in (0.033, 1e-5, 56.0, 28.0, 0.0)),
-                lambda hz: truth.impedance(62.9, 0.0417, hz),
-            ),
+            lambda: motional_voltage(pull, amplitude, resonance, drive, bias, partial(impedance, 62.9, 0.0417)),
             lambda: truth.true_current_error(*truth.MOTIONS[0]),
             2,
         ),
-        "saturation": (lambda: finer_models.core_polarisation(case[0]), lambda: truth.saturation("paper coil", 1.0), 1),
+        "saturation": (lambda: core_polarisation(case[0]), lambda: truth.saturation("paper coil", 1.0), 1),
         "eddy currents": (
             lambda: core_eddies(case[0], 1e-7, 38.0),
             lambda: truth.eddy_currents("paper coil", 38.0),
@@ -150,28 +149,34 @@ def planned(number: int) -> Plan | None:
     return None if any(finding.level == "error" for finding in plan.findings) else plan
 
 
-def asked(plan: Plan, place: int, only: list[str]) -> dict[str, Callable[[Plan], object]]:
-    """Return the finer models to compare with plan number `place` of the valid plans; those of `only`, if any."""
-    bounds = {entry.term: entry.bound for entry in plan.left_out if entry.status == "bounded"}
-    models = {term: model for term, model in finer_models.TRUE.items() if bounds.get(term)}
-    for term, (model, every) in finer_models.DEAR.items():
-        small = term != "frame" or len(plan.taxels) <= finer_models.MOST_TAXELS
-        if bounds.get(term.removesuffix(" aside")) and (place % every == 0 or term in only) and small:
-            models[term] = model
-    return {term: model for term, model in models.items() if not only or term in only}
+def asked(plan: Plan, only: list[str]) -> dict[str, Callable[[Plan], object]]:
+    """Return the finer models to compare with a plan, those of `only` if there are any."""
+    bounds = {entry.term: entry.bound or 0.0 for entry in plan.left_out if entry.status == "bounded"}
+    models: dict[str, Callable[[Plan], object]] = {**finer_models.TRUE, **finer_models.DEAR}
+    for term, model in finer_models.CLIMBING.items():
+        if term != "frame" or len(plan.taxels) <= finer_models.MOST_TAXELS:
+            models[term] = partial(model, bound=bounds.get(bounded(term), 0.0))
+    return {term: model for term, model in models.items() if bounds.get(bounded(term)) and (not only or term in only)}
+
+
+def bounded(term: str) -> str:
+    """Return the term of the plan that a finer model is of."""
+    return term.removesuffix(" aside")
 
 
 def compared(plan: Plan, term: str, model: Callable[[Plan], object]) -> list[object]:
-    """Return bound, true size and seconds; an error of the model stands in place of its size."""
+    """Return bound, true size, seconds, and the size's own error; an error of the model stands in place of its size."""
     start = time.process_time()
-    bound = next(e.bound for e in plan.left_out if e.term == term.removesuffix(" aside"))
+    bound, off = next(e.bound for e in plan.left_out if e.term == bounded(term)), None
     try:
         true = model(plan)
     except Exception as error:  # those of netgen and ngsolve have no other root
         true = f"{type(error).__name__}: {error}"[:120]
-    if isinstance(true, tuple):
+    if isinstance(true, finer_models.Sized):
+        true, off = true
+    elif isinstance(true, tuple):
         bound, true = true
-    return [bound, true, round(time.process_time() - start, 2)]
+    return [bound, true, round(time.process_time() - start, 2), off]
 
 
 def random_campaign(wanted: int, only: list[str]) -> None:
@@ -183,7 +188,7 @@ def random_campaign(wanted: int, only: list[str]) -> None:
     with CAMPAIGN.open("a", newline="", buffering=1) as file:
         write = csv.writer(file, lineterminator="\n").writerow
         if not known:
-            write(["number", "term", "bound", "true", "seconds"])
+            write(["number", "term", "bound", "true", "seconds", "off"])
         for number in count():
             if place == wanted:
                 return
@@ -191,24 +196,29 @@ def random_campaign(wanted: int, only: list[str]) -> None:
                 continue
             plan = planned(number)
             if plan is None:
-                write([number, REFUSED, "", "", ""])
+                write([number, REFUSED, "", "", "", ""])
                 continue
-            for term, model in asked(plan, place, only).items():
+            for term, model in asked(plan, only).items():
                 if term not in known.get(number, ()):
                     write([number, term, *compared(plan, term, model)])
             place += 1
 
 
 def renewed_bounds() -> None:
-    """Renew the bounds of the campaign's rows, except where the finer model gives a bound of its own."""
-    rows, plans = list(csv.DictReader(CAMPAIGN.open())), {}
-    for row in rows:
-        number, term = int(row["number"]), row["term"]
-        if term == REFUSED or term in finer_models.OWN_BOUND:
-            continue
-        if number not in plans:
-            plans = {number: planned(number)}
-        row["bound"] = next(str(e.bound or "") for e in plans[number].left_out if e.term == term.removesuffix(" aside"))
+    """Renew the bounds of the campaign's rows, except where the finer model gives a bound of its own.
+
+    Rows of specs that have no plan any more go.
+    """
+    rows, bounds, known = [], dict[str, float | None](), ""
+    for row in csv.DictReader(CAMPAIGN.open()):
+        if row["term"] != REFUSED and row["term"] not in finer_models.OWN_BOUND:
+            if row["number"] != known:
+                plan, known = planned(int(row["number"])), row["number"]
+                bounds = {entry.term: entry.bound for entry in plan.left_out} if plan else {}
+            if bounded(row["term"]) not in bounds:
+                continue
+            row["bound"] = str(bounds[bounded(row["term"])] or "")
+        rows.append(row)
     aside = CAMPAIGN.with_suffix(".new")
     with aside.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
@@ -252,7 +262,7 @@ def main() -> None:
             random_campaign(int(sys.argv[2]), sys.argv[3:])
         print("\n".join(campaign_table()))
         return
-    found = list(rows("--fine" in sys.argv))
+    found = list(rows())
     for table in (bounds_table(found), spread_table(found), times_table("paper-32")):
         print("\n".join(table), end="\n\n")
 

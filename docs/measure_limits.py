@@ -5,6 +5,7 @@ integrated by tests/test_limits.py. Prints every file of which volts, amperes or
 """
 
 import sys
+from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +15,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import PadgenError
 from padgen.ladders.extreme import random_table
-from padgen.planner import make_plan
+from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, make_spec, template_paths
 from tests.test_limits import judged_and_found
 
@@ -28,7 +29,7 @@ TURNS = np.array([1.001, 1.001, 1.05, 1.05])
 WHAT = ("V", "A", "W of a coil", "W of the pad")
 
 
-def plans():
+def plans() -> Iterator[tuple[str, Plan]]:
     """Yield name and plan of all templates and of random specs that are planned, with up to `MOST_TAXELS` taxels."""
     for name in template_paths():
         yield name, make_plan(load_spec(name))

@@ -110,7 +110,7 @@ def _sides(radius: float) -> int:
 
 def openscad(command: list[str], count: int = BUILDS) -> list[str]:
     """Return a table row for a loop over the first `count` pads of the sweep of distinct pads."""
-    base, seconds, off = load_spec("paper-32"), [], []
+    base, seconds, off = load_spec("paper-32"), list[float](), list[float]()
     with tempfile.TemporaryDirectory() as folder:
         text, mesh = Path(folder, "pad.scad"), Path(folder, "pad.stl")
         for pair in beam_pairs()[:count]:

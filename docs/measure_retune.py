@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -179,7 +180,7 @@ def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
     return {**usual, **how}
 
 
-def recorded_row(plan: Plan, path: Path, excitation: str, how: dict, count: int) -> str:
+def recorded_row(plan: Plan, path: Path, excitation: str, how: Any, count: int) -> str:
     errors, pulls, seconds = [], [], 0.0
     for seed in range(count):
         rng = np.random.default_rng(seed)

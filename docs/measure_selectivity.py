@@ -191,8 +191,8 @@ def chart(clean_curve: list[tuple[int, float, float]]) -> str:
     counts = range(2, 14)
     curves: list[tuple[str, list[tuple[float, float]]]] = []
     for scheme in map(Scheme, in_order()):
-        points = [(n, all_states(even(geometric_ladder(LOW_HZ, HIGH_HZ, n), 15, 1), scheme).db) for n in counts]
-        curves.append((scheme.name, [(float(n), db) for n, db in points]))
+        points = [(float(n), all_states(even(geometric_ladder(LOW_HZ, HIGH_HZ, n), 15, 1), scheme).db) for n in counts]
+        curves.append((scheme.name, points))
     left, top, width, height, low, high = 60.0, 20.0, 560.0, 320.0, -20.0, 60.0
 
     def at(n: float, db: float) -> str:

@@ -160,7 +160,7 @@ def many() -> list[str]:
 
 def watched_mb(command: list[str], cache: Path) -> list[tuple[int, float]]:
     """Return the parent's resident memory in MB after each fifth of the variants (Linux)."""
-    found = []
+    found: list[tuple[int, float]] = []
     env = {**os.environ, VARIABLE: str(cache)}
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=env) as process:
         assert process.stdout

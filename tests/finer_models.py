@@ -5,6 +5,7 @@ where a channel takes long; None where the plan has nothing of the term. `tests/
 `docs/measure_left_out.py` compare these errors with the bounds.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import ceil, inf, pi
 from typing import NamedTuple
@@ -18,7 +19,6 @@ from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
 from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
 from padgen.physics.magnetic_charge import (
-    RingPotential,
     SteelBody,
     charged_core,
     fine_rings,
@@ -39,7 +39,7 @@ from padgen.planner.plan import Channel, Plan
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
-from padgen.verify.field_solid import PlacedWasher, Pull, solid_force
+from padgen.verify.field_solid import PlacedWasher, Pull, Steel, solid_force
 from padgen.verify.pad_frame import PadModes, peak_hz
 
 MOST_CHANNELS = 4
@@ -417,12 +417,12 @@ def motion_rise(plan: Plan, channel: Channel) -> float:
     # Along itself a beam is as stiff as the plan's model has it, ends included.
     slender = float(tip_stiffness(section, modulus, poisson)[0, 0]) * length**3 / bends if bridge else None
     level, away = channel.level_um * UM / length, (channel.sag_um + channel.static_um) * UM / length
+    hard = channel.hardening_per_mm2 * channel.beam.length_mm**2
     # Where all is of the second order it is found at larger motions, since digits run out.
-    more = max(0.03 / (level + away), 1.0) if not bridge else 1.0
+    more = max((0.1 / np.sqrt(hard) if bridge else 0.03) / (level + away), 1.0)
     level, away = level * more, away * more
     if bridge:
         arm, centre, gyration = 0.0, 0.0, 0.0
-    hard = channel.hardening_per_mm2 * channel.beam.length_mm**2
     most = min(away, (away / hard) ** (1 / 3)) * 1.2 if bridge else away
     found = elastica(arm, (centre, gyration), ends, slender, 1.15 * (level + most))
     if slender:  # the true offset is smaller: the beam has hardened
@@ -613,12 +613,41 @@ def true_far_modes(plan: Plan) -> float | None:
     return float(max(true))
 
 
-def true_frame(plan: Plan, order: int = 3) -> float:
-    """Compute the shift of the resonances on the whole pad's frame, made of solid elements."""
-    from padgen.verify.pad_frame import central_taxels, pad_modes, shift
+class Sized(NamedTuple):
+    """The true size of a term, and the finer model's own error in it."""
 
-    on_frame, held = pad_modes(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom", order)
-    return max(abs(shift(plan, on_frame, held, taxel)) for taxel in central_taxels(plan))
+    true: float
+    off: float
+
+
+def climbed(at: Callable[[int], tuple[float, float]], orders: Sequence[int], bound: float) -> Sized:
+    """Take elements of higher order until it is plain whether the true size is above `bound` or not.
+
+    `at` returns for an order the size and how far two ways to find it differ. To this the size's step from the last
+    order is added. The first order is never trusted; the last ends the search, whatever the error.
+    """
+    before, _ = at(orders[0])
+    for order in orders[1:]:
+        size, apart = at(order)
+        off, before = abs(size - before) + apart, size
+        if abs(bound - size) > off:
+            break
+    return Sized(size, off)
+
+
+def true_frame(plan: Plan, bound: float) -> Sized:
+    """Compute the shift of the resonances on the whole pad's frame, made of solid elements on one mesh."""
+    from padgen.verify import pad_frame
+
+    clamping = "corners" if plan.spec.pad.hole_diameter_mm else "bottom"
+    mesh = pad_frame.meshed(pad_frame._frame_solid(plan, clamping), pad_frame.MESH, "frame", set())
+
+    def at(order: int) -> tuple[float, float]:
+        with patch.object(pad_frame, "_frame_solid"), patch.object(pad_frame, "meshed", lambda *_: mesh):
+            modes = pad_frame.pad_modes(plan, clamping, order)
+        return max(abs(pad_frame.shift(plan, *modes, taxel)) for taxel in pad_frame.central_taxels(plan)), 0.0
+
+    return climbed(at, (1, 2, 3), bound)
 
 
 # Fields: finite elements.
@@ -631,13 +660,16 @@ def gap_m(plan: Plan) -> float:
 
 
 def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_a: float) -> tuple[float, float]:
-    """Return bound and loss of force with saturating steels (Froehlich), on one coarse mesh, whose error cancels."""
+    """Return bound and loss of force with saturating steels (Froehlich), on one mesh, so that its error cancels."""
     from padgen.verify.field_solid import axisymmetric_force
 
     core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
     steel = saturating("washer", washer.permeability, SATURATION_T)
-    linear = axisymmetric_force(coil, washer, gap, current_a, order=3, levels=1).force_n
-    saturating_n = axisymmetric_force(coil, washer, gap, current_a, core, steel, order=3, levels=1).force_n
+    # By coarser elements the two potentials differ by more than a fifth over long cores.
+    linear, saturating_n = (
+        axisymmetric_force(coil, washer, gap, current_a, *steels, order=4, levels=2).force_n
+        for steels in ((None, None), (core, steel))
+    )
     made = washer_magnetised(
         coil, washer, gap, np.zeros(1), np.array([pull_module.pull(coil, washer, gap, 0.0).dipole])
     )
@@ -652,21 +684,48 @@ def true_saturation(plan: Plan) -> tuple[float, float]:
     return saturation_on_axis(*magnetic_parts(plan.spec), gap_m(plan), plan.load.current_peak_ma * MA)
 
 
-def true_saturation_aside(plan: Plan, order: int = 3) -> float:
-    """Solve the loss in three dimensions, with the washer of the first channel at its place."""
-    from padgen.verify.field_solid import PlacedWasher, solid_force
+def fields_in_space(
+    coil: CoilSource, washers: Sequence[PlacedWasher], current_a: float, cases: Sequence[dict[str, Steel]]
+) -> Callable[[int], tuple[float, float]]:
+    """Return a function of the order of elements: by how much the pull on the first washer differs in the second case.
 
+    The difference is relative to the pull in the first of the two `cases`; a case names the steels that are not
+    linear. Both are solved on one mesh, so that its error cancels, and the second begins with the first's field.
+    The function returns how far virtual work and surface stress differ in it, too.
+    """
+    import ngsolve as ng
+
+    from padgen.verify import field_solid
+
+    field_solid._check(coil, washers)
+    half = all(abs(w.y_m) < 1e-9 for w in washers)
+    mesh, far_mm = field_solid._mesh(coil, washers, half, 0, 1.0)
+    source = ng.CF((0, 0, field_solid.wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
+    steels = {"core": coil.core_permeability, **{f"washer{i}": w.ring.permeability for i, w in enumerate(washers)}}
+
+    def at(order: int) -> tuple[float, float]:
+        field, pulls = None, []
+        for case in cases:
+            field = field_solid.solve_scalar(
+                mesh, source, {**steels, **case}, far_mm, order, 2.0 if half else 1.0, field
+            )
+            both = field_solid.body_wrench(field, "washer0", field_solid._foot_mm(washers[0]))
+            pulls.append([wrench[2] for wrench in both])
+        by_work, by_stress = np.abs(np.array(pulls[1]) / pulls[0] - 1).tolist()
+        return by_work, abs(by_stress - by_work)
+
+    return at
+
+
+def true_saturation_aside(plan: Plan, bound: float) -> Sized:
+    """Solve the loss in three dimensions, with the washer of the first channel at its place."""
     coil, washer = magnetic_parts(plan.spec)
-    current, offset = plan.load.current_peak_ma * MA, plan.channels[0].site.coil_distance_mm * MM
-    core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
-    steel = saturating("washer", washer.permeability, SATURATION_T)
-    pulls = [
-        solid_force(
-            coil, [PlacedWasher(washer, gap_m(plan), offset, 0.0, one)], current, other, order=order, levels=0
-        ).wrench[0, 2]
-        for one, other in ((None, None), (steel, core))
-    ]
-    return float(abs(1 - pulls[1] / pulls[0]))
+    steels: dict[str, Steel] = {"washer0": saturating("washer", washer.permeability, SATURATION_T)}
+    if coil.has_core:
+        steels["core"] = saturating("core", coil.core_permeability, SATURATION_T)
+    ring = PlacedWasher(washer, gap_m(plan), plan.channels[0].site.coil_distance_mm * MM, 0.0)
+    at = fields_in_space(coil, [ring], plan.load.current_peak_ma * MA, ({}, steels))
+    return climbed(at, (1, 2, 3), bound)
 
 
 def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resistivity: float) -> tuple:
@@ -711,29 +770,7 @@ def true_eddy_currents(plan: Plan) -> float:
     return float(abs(moved / still - 1))
 
 
-def true_shielding(plan: Plan, order: int = 3, levels: int = 0) -> float | None:
-    """Compare the pull on a coil's first washer with the pull after the other washers became air, on the same mesh."""
-    from padgen.verify.field_solid import PlacedWasher, solid_force
-
-    coil, washer = magnetic_parts(plan.spec)
-    gap, air = gap_m(plan), washer._replace(permeability=1 + 1e-9)
-    place = np.array([c.site.washer_mm for c in plan.sets[0]]) * MM
-    if len(place) < 2:
-        return None
-    first, second = place[:2]
-    if len(place) == 2 and abs(first[0] * second[1] - first[1] * second[0]) < 1e-12:
-        # On a line with the coil's axis: turned so that half the model does.
-        along = first / np.hypot(*first)
-        place = np.stack([place @ along, 0 * place[:, 0]], -1)
-    first, *rest = place
-    pulls = []
-    for other in (washer, air):
-        rings = [PlacedWasher(washer, gap, *first), *(PlacedWasher(other, gap, *at) for at in rest)]
-        pulls.append(solid_force(coil, rings, order=order, levels=levels).wrench[0, 2])
-    return float(abs(pulls[0] / pulls[1] - 1))
-
-
-# Leakage: cores and a washer in the fields of each other and of all coils.
+# Leakage and shielding: cores and washers in the fields of each other and of all coils.
 
 
 class Placed(NamedTuple):
@@ -782,41 +819,108 @@ def axial(away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.maximum(np.hypot(away[..., 0], away[..., 1]), 1e-9), np.arctan2(away[..., 1], away[..., 0])
 
 
-def many_coils(coil: CoilSource, washer: SteelRing, gap: float, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
-    """Return pulls (k, k) in N/A² on a washer at `place` by currents in coils at `axes` (k, 2), the own coil first."""
-    core, step, count = charged_core(coil, 12, 2), 0.8 * gap, len(axes)
-    sides = tube(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, (9, 5))
-    ring = Placed(steel_body(sides, washer.permeability, 4), place, gap, 4)
-    bodies = [*([Placed(core[0], axis, 0.0, 2) for axis in axes] if core else []), ring]
+def drawn(bodies: Sequence[Placed], step: float, outside: Callable[[int, np.ndarray], np.ndarray]) -> list[np.ndarray]:
+    """Return for each body the charge (parts · nodes, k) that `outside` and all other bodies draw on it.
+
+    `outside` returns, for the number of a body and its answer to potentials at its points, what it draws alone.
+    """
     ends = np.cumsum([0, *(len(b.order) * len(b.body.area) for b in bodies)])
-    mutual, outside = np.zeros((ends[-1], ends[-1])), np.zeros((ends[-1], count))
-    radius, low, charge = winding_rings(coil.windings, step)
-
-    def wound(axis: np.ndarray, at: np.ndarray, height: np.ndarray) -> RingPotential:
-        return ring_potential(axial(at - axis)[0][..., None], height[..., None], radius, low, 0, at_ring=False)
-
+    mutual, alone = np.zeros((ends[-1], ends[-1])), []
     for i, one in enumerate(bodies):
-        own, (at, height) = slice(ends[i], ends[i + 1]), one.points()
+        own, points = slice(ends[i], ends[i + 1]), one.points()
         answer = np.zeros((len(one.order), len(one.body.area)) * 2)
         for part, order in enumerate(one.order):
             answer[part, :, part] = one.body.response[order]
         answer = answer.reshape(own.stop - own.start, -1)
         for j, other in enumerate(bodies):
             if i != j:
-                mutual[own, ends[j] : ends[j + 1]] = answer @ one.projected(other.made(at, height, step)).T
-        for k, axis in enumerate(axes):
-            if one is not ring and i == k:
-                outside[own, k][: len(one.body.area)] = core[1]  # a core in its own coil
-            else:
-                outside[own, k] = answer @ one.projected(wound(axis, at, height).value[0] @ charge)
-    drawn = np.linalg.solve(np.eye(ends[-1]) - mutual, outside)
-    at, height = ring.points()
-    slope = np.array([wound(axis, at, height).along_z[0] @ charge for axis in axes])
-    for j, other in enumerate(bodies[:-1]):
-        slope += np.tensordot(drawn[ends[j] : ends[j + 1]].T, other.made(at, height, step, slope=True), 1)
+                mutual[own, ends[j] : ends[j + 1]] = answer @ one.projected(other.made(*points, step)).T
+        alone.append(outside(i, answer))
+    return np.split(np.linalg.solve(np.eye(ends[-1]) - mutual, np.concatenate(alone)), ends[1:-1])
+
+
+class Wound(NamedTuple):
+    """A coil's windings as rings of charge, at `axis` (2,)."""
+
+    rings: tuple[np.ndarray, np.ndarray, np.ndarray]
+    axis: np.ndarray
+
+    def made(self, at: np.ndarray, height: np.ndarray, slope: bool = False) -> np.ndarray:
+        """Return the potential of the windings per ampere, or its slope along z."""
+        radius, low, charge = self.rings
+        of = ring_potential(axial(at - self.axis)[0][..., None], height[..., None], radius, low, 0, at_ring=False)
+        return (of.along_z if slope else of.value)[0] @ charge
+
+
+def pulled(ring: Placed, charge: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Return forces (k, l) in N on charges (parts · nodes, k) of a body in potentials whose slope along z is (l, …)."""
     weight = (ring.body.area * np.where(ring.order == 0, 1.0, 0.5)[:, None]).ravel()
-    force = MU_0 * (drawn[ends[-2] :].T * weight) @ ring.projected(slope).T
+    return MU_0 * (charge.T * weight) @ ring.projected(slope).T
+
+
+def washer_body(washer: SteelRing, orders: int, nodes: tuple[int, int] = (9, 5)) -> SteelBody:
+    sides = tube(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, nodes)
+    return steel_body(sides, washer.permeability, orders)
+
+
+def many_coils(coil: CoilSource, washer: SteelRing, gap: float, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """Return pulls (k, k) in N/A² on a washer at `place` by currents in coils at `axes` (k, 2), the own coil first."""
+    core, step = charged_core(coil, 12, 2), 0.8 * gap
+    ring = Placed(washer_body(washer, 4), place, gap, 4)
+    bodies = [*([Placed(core[0], axis, 0.0, 2) for axis in axes] if core else []), ring]
+    coils = [Wound(winding_rings(coil.windings, step), axis) for axis in axes]
+
+    def outside(i: int, answer: np.ndarray) -> np.ndarray:
+        one, alone = bodies[i], np.zeros((len(answer), len(axes)))
+        for k, wound in enumerate(coils):
+            if one is not ring and i == k:
+                alone[: len(one.body.area), k] = core[1]  # a core in its own coil
+            else:
+                alone[:, k] = answer @ one.projected(wound.made(*one.points()))
+        return alone
+
+    charges = drawn(bodies, step, outside)
+    slope = np.array([wound.made(*ring.points(), slope=True) for wound in coils])
+    for charge, other in zip(charges[:-1], bodies[:-1], strict=True):
+        slope += np.tensordot(charge.T, other.made(*ring.points(), step, slope=True), 1)
+    force = pulled(ring, charges[-1], slope)
     return (force + force.T) / 2
+
+
+def shielded(coil: CoilSource, washer: SteelRing, gap: float, places: np.ndarray, orders: int) -> float:
+    """Return by how much washers at `places` (n, 2) over one coil change the pull on the first, relative.
+
+    Charges of the washers have waves of up to `orders` round their axes, those of the core of up to 4.
+    """
+    apart = np.linalg.norm(places[1:] - places[0], axis=1).min() - washer.outer_diameter
+    core, body, step = charged_core(coil, 12, 4), washer_body(washer, orders), 0.8 * min(gap, max(apart, gap / 4))
+    wound = Wound(winding_rings(coil.windings, 0.8 * gap), np.zeros(2))
+    middle = [Placed(core[0], np.zeros(2), 0.0, 4)] if core else []
+    forces = []
+    for count in (1, len(places)):
+        bodies = [*(Placed(body, place, gap, orders) for place in places[:count]), *middle]
+
+        def outside(i: int, answer: np.ndarray, bodies=bodies) -> np.ndarray:
+            if bodies[i].body is body:
+                return (answer @ bodies[i].projected(wound.made(*bodies[i].points())))[:, None]
+            return np.pad(core[1], (0, len(answer) - len(core[1])))[:, None]
+
+        first, *others = drawn(bodies, step, outside)
+        points = bodies[0].points()
+        slope = wound.made(*points, slope=True)
+        for charge, other in zip(others, bodies[1:], strict=True):
+            slope = slope + np.tensordot(charge[:, 0], other.made(*points, step, slope=True), 1)
+        forces.append(pulled(bodies[0], first, slope[None])[0, 0])
+    return float(abs(forces[1] / forces[0] - 1))
+
+
+def true_shielding(plan: Plan, most: int = 20) -> float | None:
+    """Compare the pull on a coil's first washer alone with that among the others, the `most` nearest of them."""
+    place = np.array([c.site.washer_mm for c in plan.sets[0]]) * MM
+    if len(place) < 2:
+        return None
+    near = place[np.linalg.norm(place - place[0], axis=1).argsort(kind="stable")[: most + 1]]
+    return shielded(*magnetic_parts(plan.spec), gap_m(plan), near, 8 if len(near) <= 4 else 4)
 
 
 def true_leakage(plan: Plan) -> float | None:
@@ -849,17 +953,21 @@ TRUE = {
 }
 """Finer models that are tried on every plan."""
 DEAR = {
-    "leakage": (true_leakage, 5),
-    "air's mass": (true_air_mass, 4),
-    "eddy currents": (true_eddy_currents, 2),
-    "saturation": (true_saturation, 8),
-    "shielding": (true_shielding, 40),
-    "saturation aside": (true_saturation_aside, 125),
-    "frame": (true_frame, 5),
+    "leakage": true_leakage,
+    "air's mass": true_air_mass,
+    "eddy currents": true_eddy_currents,
+    "saturation": true_saturation,
+    "shielding": true_shielding,
 }
-"""Slow models, each tried on one plan in so many; the frame only for up to `MOST_TAXELS` taxels with a bound."""
-MOST_TAXELS = 4
-LEAST = {"gap": 1e-6, "softening": 1e-6, "far modes": 1e-12, "saturation": 2e-5}
+"""Finer models that take up to a second or two."""
+CLIMBING = {
+    "saturation aside": true_saturation_aside,
+    "frame": true_frame,
+}
+"""Finer models that take the term's bound, too, and compute no finer than it takes to compare the two (`climbed`); the
+frame only of up to `MOST_TAXELS` taxels."""
+MOST_TAXELS = 12
+LEAST = {"gap": 1e-6, "softening": 1e-6, "far modes": 1e-12, "saturation": 2e-5, "saturation aside": 5e-5}
 """Sizes below which a finer model's own digits run out."""
 OWN_BOUND = ("beam inertia", "saturation")
 """Terms whose finer model needs parts a little other than the plan's, and gives their bound with the true size."""

@@ -5,7 +5,7 @@ times have their own clock, delay and rate; hum, drift, noise, a high-pass, clip
 """
 
 import io
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -13,7 +13,7 @@ from scipy.io import wavfile
 from scipy.signal import butter, cont2discrete, lfilter
 
 INNER_HZ = 8000
-KINDS = {
+KINDS: dict[str, dict[str, Any]] = {
     "plain": {},
     "hum": {"hum": 0.05},
     "drift": {"drift": 0.05},

@@ -34,9 +34,9 @@ from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, pape
 from padgen.physics.magnetic_charge import flux_density
 from padgen.physics.magnetics import (
     SteelRing,
-    flat_spheroid_factor,
     impedance,
     paper_force_constant,
+    ring_factor,
     solenoid,
 )
 from padgen.physics.modes import BeamPlacement, box, combine, ring, suspended_modes
@@ -293,11 +293,15 @@ def test_core_is_an_equipotential():
     assert np.abs(radial / axial).max() < 0.1
 
 
-def test_spheroid_factors():
-    # Osborn (1945): a sphere's third, and 0.0 in the flat limit, pi/4 t/D.
-    assert flat_spheroid_factor(1.0) == pytest.approx(1 / 3)
-    assert flat_spheroid_factor(2.0) == pytest.approx(0.2364, abs=1e-4)
-    assert flat_spheroid_factor(1000.0) == pytest.approx(np.pi / 4 / 1000, rel=5e-3)
+def test_ring_factors():
+    """The disc by its exact polarisation ∝ √(1 − r²/a²), the ring by its inductance: ln(8R/r) − 2 of a line ∝ cos φ."""
+    thin = 1e-4
+    assert ring_factor(SteelRing(2.0, 0.0, thin, 300)) == pytest.approx(np.pi / 6 * thin, rel=0.08)
+    wire = ring_factor(SteelRing(2.01, 1.99, 0.01, 300))
+    angle = (np.arange(200_000) + 0.5) / 200_000 * 2 * np.pi
+    own = np.cos(angle) / np.sqrt(2 - 2 * np.cos(angle) + (0.2235 * 0.02) ** 2)
+    assert wire == pytest.approx(0.01**2 / (4 * np.pi) * own.mean() * 2 * np.pi, rel=1e-3)
+    assert ring_factor(SteelRing(1.0, 0.2, 9.0, 300)) == 0
 
 
 def test_papers_equation_4_misses_by_decades():

@@ -5,6 +5,7 @@ that declares its options, and one that runs it.
 """
 
 import argparse
+import gc
 import io
 import json
 import os
@@ -45,6 +46,8 @@ def main() -> NoReturn:
     """Run the console script and end the process with the command's exit code."""
     # Threads gain nothing on thousands of 6 x 6 matrices, and waiting for them costs time on a busy machine.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Looking for cycles after every 700 new objects finds next to none, and costs a plan 15 ms.
+    gc.set_threshold(50_000)
     if DEBUG not in os.environ and not sys.warnoptions:
         # Warnings of libraries are for programmers; padgen reports problems as findings or refusals.
         warnings.simplefilter("ignore")

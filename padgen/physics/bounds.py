@@ -11,12 +11,13 @@ import numpy as np
 
 from padgen.physics.beams import BeamSection, largest_inverse_square, tip_mass
 from padgen.physics.magnetic_charge import charged_core, flux_density
-from padgen.physics.magnetics import CoilSource, SteelRing, flat_spheroid_factor
+from padgen.physics.magnetics import CoilSource, SteelRing, ring_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 
 __all__ = [
     "Magnetised",
     "beam_inertia",
+    "core_echo",
     "core_eddies",
     "core_polarisation",
     "motional_voltage",
@@ -32,6 +33,9 @@ LOCAL_PEAK = 1.5
 """Polarisation of a wide washer above the rim of a core, over the estimate from two points of the washer (from field
 solutions).
 """
+ARMS = 1.7
+"""Mean polarisation of a ring in an even field along its plane, weighted with its square, over the mean one: the arms
+beside the hole carry what its ends do not (``8/3π`` over one half, since it goes with the sine round the ring)."""
 
 
 def beam_inertia(
@@ -161,9 +165,10 @@ def _dynamic(slowness: Any) -> Any:
 class Magnetised(NamedTuple):
     """A washer in a coil's field.
 
-    `field` (n,) is in T/A, `share` (2, n) its shares at the washer's side nearest to the coil's axis and farthest
-    from it. `polarisation` (n,) in T/A is the largest in the washer, for saturation; `chi_n` (n,) is χN, by which
-    demagnetisation weakens the effect of saturation on the force.
+    `field` (n,) in T/A is that along its plane, in which flat steel is polarised. `share` (2, n) are the whole field's
+    shares at the washer's side nearest to the coil's axis and farthest from it. `polarisation` (n,) in T/A is the
+    largest in the washer, for saturation; `chi_n` (n,) is χN, by which demagnetisation weakens the effect of saturation
+    on the force.
     """
 
     field: np.ndarray
@@ -175,22 +180,24 @@ class Magnetised(NamedTuple):
 def washer_magnetised(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
 ) -> Magnetised:
-    """Return field and polarisation of washers `offset` (n,) m off a coil's axis, from the field at two points of each.
+    """Return field and polarisation of washers `offset` (n,) m off a coil's axis, from the field at points of each.
 
-    The points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
-    underside. Demagnetisation depends on direction: the mean field along the plane meets the whole disc, its remainder
-    the width of the ring, the axial field the thickness. The polarisation is at least the mean one by each washer's
+    Two points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
+    underside, the third between them. Demagnetisation depends on direction: the mean field along the line through them,
+    which drives flux through both arms of the ring as the drop of potential does, meets the whole ring, its remainder
+    the width of the ring, the axial field the thickness. The polarisation is at least that of a ring with each washer's
     `dipole` (n,) in A·m²/A.
     """
     outer, inner = washer.outer_diameter / 2, washer.inner_diameter / 2
-    at = offset + np.array([[-1.0], [1.0]]) * (outer + inner) / 2
+    at = offset + np.array([[-1.0], [0.0], [1.0]]) * (outer + inner) / 2
     radial, axial = flux_density(coil, np.maximum(np.abs(at), 1e-6 * outer), np.full_like(at, gap))
     radial = radial * np.sign(at)
+    one_sided = np.array([1, 4, 1]) / 6 @ radial  # Simpson's rule
+    radial, axial = radial[::2], axial[::2]
     ring_share = (outer - inner) / (outer - inner + washer.thickness)
-    share = np.array([flat_spheroid_factor(2 * outer / washer.thickness), 1 - ring_share, ring_share])
+    share = np.array([ring_factor(washer), 1 - ring_share, ring_share])
     chi = washer.permeability - 1
     eased = chi / (1 + chi * share)
-    one_sided = radial.mean(0)
     field = np.stack([np.broadcast_to(one_sided, radial.shape), radial - one_sided, axial])  # (3, 2, n)
     polarisation = eased[:, None, None] * field
     energy = (polarisation * field).mean(1)
@@ -199,9 +206,9 @@ def washer_magnetised(
     weight = energy / energy.sum(0)
     local = np.hypot(radial, axial)
     return Magnetised(
-        np.sqrt((local**2).mean(0)),
+        np.sqrt((radial**2).mean(0)),
         local / local.sum(0),
-        LOCAL_PEAK * np.maximum(size.max(0), MU_0 * dipole / volume),
+        LOCAL_PEAK * np.maximum(size.max(0), ARMS * MU_0 * dipole / volume),
         1 / (weight / (chi * share[:, None])).sum(0) if chi > 0 else np.full(len(offset), inf),
     )
 
@@ -255,7 +262,7 @@ def washer_eddies(washer: SteelRing, resistivity: float, frequency: float) -> fl
     For a field along its plane a sheet responds as ``tanh x/x``, ``x = (1+j) t/2δ``, whose inverse differs from 1 by at
     most ``2 (t/2δ)²/3``. Against a field through its plane a disc screens by at most ``μ0 ω t r/(2ρ)``.
     """
-    chi_n = (washer.permeability - 1) * flat_spheroid_factor(washer.outer_diameter / washer.thickness)
+    chi_n = (washer.permeability - 1) * ring_factor(washer)
     depths = washer.thickness / 2 / _skin_depth(resistivity, washer.permeability, frequency)
     along = 2 * depths**2 / 3 / (1 + chi_n)
     through = MU_0 * 2 * pi * frequency * washer.thickness * washer.outer_diameter / 4 / resistivity
@@ -304,15 +311,27 @@ def switching_delay(
         return np.where((fall > 0) & (quiet > 1), rung / np.log(quiet), inf)
 
 
+def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
+    """Return for washers at `place` (n, 2) by how much the core hands a dipole's field on, in m^-3/2.
+
+    A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field of washer k at washer n grows by the
+    product of both figures, in units of ``μ0 m/2π``.
+    """
+    volume, (_, chi_n) = pi / 4 * coil.core_diameter**2 * coil.core_length, core_polarisation(coil)
+    drawn = volume * (coil.core_permeability - 1) / (2 * pi * (1 + chi_n))
+    return sqrt(drawn) / np.hypot(np.linalg.norm(place, axis=-1), gap + coil.core_length / 2 - coil.core_top) ** 3
+
+
 def mutual_shielding(
-    moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float
+    moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float, echo: np.ndarray
 ) -> np.ndarray:
     """Return the relative error (n,) of the pull on each washer of a coil from the field of the other washers.
 
     The others are dipoles of `moment` (n,) in A·m²/A at `place` (n, 2) in m from the coil's axis, each taken to point
     along the line to the disturbed washer, where its field is ``μ0 m/(2π d³)``. The error is their sum over the coil's
     own `field` (n,) there. Each washer counts by its four quarters on the circle of radius `middle` in m; the quarters
-    towards the axis and away from it are weighted with their `share` (2, n) of the field.
+    towards the axis and away from it are weighted with their `share` (2, n) of the field. `echo` (n,) is the core's
+    (`core_echo`).
     """
     away = np.linalg.norm(place, axis=-1, keepdims=True)
     out = np.divide(place, away, out=np.tile([1.0, 0.0], (len(place), 1)), where=away > 0)
@@ -322,4 +341,5 @@ def mutual_shielding(
     apart = np.linalg.norm(quarters[:, None, :, None] - quarters[None, :, None], axis=-1)
     apart[..., np.eye(len(place), dtype=bool)] = inf
     near = np.einsum("an,bk,abnk->nk", weight, weight, 1 / apart**3)
+    near += echo[:, None] * echo * ~np.eye(len(place), dtype=bool)
     return np.asarray((near * MU_0 * moment / (2 * pi)).sum(-1) / np.where(field > 0, field, inf))

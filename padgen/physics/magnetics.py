@@ -22,10 +22,10 @@ __all__ = [
     "SteelRing",
     "Winding",
     "balanced_deflection",
-    "flat_spheroid_factor",
     "impedance",
     "paper_force_constant",
     "pull_in_deflection",
+    "ring_factor",
     "saturating",
     "slack_at",
     "solenoid",
@@ -141,12 +141,17 @@ def balanced_deflection(slack: float, gap: float, exponent: float) -> float | No
     return (low + high) / 2
 
 
-def flat_spheroid_factor(flatness: float) -> float:
-    """Return the demagnetising factor across a flat spheroid of diameter over thickness `flatness` (Osborn 1945)."""
-    if flatness <= 1.01:
-        return 1 / 3
-    m2 = flatness**2 - 1
-    return float((flatness**2 / m2**1.5 * np.arcsin(np.sqrt(m2) / flatness) - 1 / m2) / 2)
+def ring_factor(ring: SteelRing) -> float:
+    """Return the demagnetising factor of a ring in an even field along its plane.
+
+    A ring of mean radius R and cross-section w × t carries a line charge ∝ cos φ, whose own field along the ring is
+    ``wt/2πR² (ln(8R/r) − 2)`` of the polarisation; r is the mean distance of the section from itself, 0.2235 (w + t)
+    (Grover, Inductance Calculations, 1946). Of a thin disc without a hole it has 1.08 times the exact factor, of disc
+    and hole in field solutions 0.9 to 1.1 times; of thick ones it is too small, at least 0.
+    """
+    radius, width = (ring.outer_diameter + ring.inner_diameter) / 4, (ring.outer_diameter - ring.inner_diameter) / 2
+    own = np.log(8 * radius / (0.2235 * (width + ring.thickness))) - 2
+    return float(width * ring.thickness / (2 * np.pi * radius**2) * max(own, 0.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -444,10 +444,11 @@ def _leak_error(
     cube = np.linalg.norm(steps * pitch_mm, axis=-1) ** 3
     ring = np.abs(steps).max(-1)
     beyond, counted = ((1 / cube[among]).sum() for among in (ring > RINGS, (ring > 0) & (ring <= RINGS)))
-    # The model takes cores that magnetise each other as dipoles, which holds at distances above their length.
+    # The model takes cores that magnetise each other as dipoles, which holds at distances above their length. Nearer
+    # they do so with the cube of length over distance.
     nearest = np.linalg.norm(steps * pitch_mm, axis=-1)[ring > 0].min() * MM
     long = max(magnetic_parts(spec)[0].core_length / nearest, 1.0)
-    return float(LEAK_ERROR * long + max(map(np.max, shares)) + 2 * beyond / counted)
+    return float(LEAK_ERROR * long**3 + max(map(np.max, shares)) + 2 * beyond / counted)
 
 
 def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:

@@ -20,6 +20,7 @@ from padgen.core.finding import Finding
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM, decibel
 from padgen.physics.bounds import (
     beam_inertia,
+    core_echo,
     core_eddies,
     core_polarisation,
     motional_voltage,
@@ -313,13 +314,15 @@ def _bending(plan: Plan) -> Iterator[LeftOut]:
     """Bound what beams do that bend far.
 
     Of stretching it is the cubic spring's error, and the mean pull's offset, which is not in `level_shift`; of slopes
-    beyond linear theory, the secant stiffness that grows by `SLOPE_HARDENING` ``(z/l)²``.
+    beyond linear theory, the secant stiffness that grows by `SLOPE_HARDENING` ``(z/l)²``. The cubic spring is that of a
+    slender beam; shear and its ends' give change it by the order of (t/l)².
     """
     alpha, level, sag, static, shift = np.array(
         [(c.hardening_per_mm2 * UM**2 / MM**2, c.level_um, c.sag_um, c.static_um, c.level_shift) for c in plan.channels]
     ).T
     pulled = resonance_rise(alpha, level, sag + static)
-    bound = pulled - shift + HARDENING_SHARE * pulled
+    stubby = np.array([(c.beam.thickness_mm / c.beam.length_mm) ** 2 for c in plan.channels])
+    bound = pulled - shift + (HARDENING_SHARE + stubby) * pulled
     yield replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
     length = np.array([c.beam.length_mm * MM for c in plan.channels])
     sloping = resonance_rise(SLOPE_HARDENING / length**2, level * UM, (sag + static) * UM)
@@ -439,7 +442,8 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
-        shielded[own] = mutual_shielding(dipole[own], made.field[own], made.share[:, own], place, middle)
+        echo = core_echo(coil, spec.coil.gap_mm * MM, place)
+        shielded[own] = mutual_shielding(dipole[own], made.field[own], made.share[:, own], place, middle, echo)
     if shielded.any():
         yield _worst_channel("shielding", "force", channels, shielded)
     yield from _motion_effects(plan, channels)
