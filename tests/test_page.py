@@ -28,21 +28,33 @@ from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.scene import mode_heights, scene_parts
 from tests.conftest import SMALL
 
-ARGUMENTS = (
-    "--headless --no-sandbox --disable-quic --no-first-run --disable-background-networking --disable-component-update"
-    " --disable-sync --use-angle=swiftshader --enable-unsafe-swiftshader"
-)
+ARGUMENTS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
 DRAWN = "document.getElementById('canvas').dataset.drawn"
 LATE_S = 20
 """A hang: pictures take a second on a free machine (docs/performance.md)."""
 
 
-@pytest.fixture(scope="module")
-def browser():
+def chromium():
+    """Return the browser's path."""
     path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
     assert path, "needs chromium, which make test installs"
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser():
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=path, args=ARGUMENTS.split())
+        running = playwright.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
         yield running
         running.close()
 
