@@ -412,7 +412,7 @@ def test_silent_second_modes_near_a_channel_are_noted():
     crowded = {(f.where, number) for f in plan.findings if f.code == "modes.crowded" for number in f.message.split()}
     quiet = [k for k in near if (f"channel {k}", f"{plan.channels[k].second_mode_hz:.5g}") not in crowded]
     assert quiet
-    assert (found.level, found.where) == ("note", "channels " + ", ".join(map(str, quiet)))
+    assert (found.level, found.where) == ("note", f"channel{'s' * (len(quiet) > 1)} {', '.join(map(str, quiet))}")
     assert "modes.near" not in {f.code for f in make_plan(load_spec("paper-32")).findings}
 
 
