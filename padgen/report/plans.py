@@ -163,8 +163,8 @@ def _power_lines(plan: "Plan") -> list[str]:
             f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
             f" (± {prints.error_db:.1g}, by {prints.pads} prints in the computer)."
         )
-    skin = next((t for t in plan.touched if t.skin == "typical" and t.all_states_db is not None), None)
-    if skin:
+    skin = next((t for t in plan.touched if t.skin == "typical"), None)
+    if skin and skin.all_states_db is not None:
         lines.append(
             "All this is without a finger. Under typical skin (a provisional model)"
             f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g},"
