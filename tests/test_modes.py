@@ -551,8 +551,8 @@ def test_a_second_mode_in_a_slot_that_nothing_excites_is_a_note(crowded_plan):
     straight = [replace(c, pull_wrench=tuple(UPWARD)) for c in crowded_plan.channels]
     figures = plan_selectivity(crowded_plan.spec, straight)
     found = list(judge.judge_modes(replace(crowded_plan, channels=tuple(straight), selectivity=figures)))
-    assert [(f.level, f.code, f.where) for f in found] == [("note", "modes.near", "channels 1")]
-    assert f"1 at {number(lateral_hz(crowded_plan))} Hz in the slot of 3" in found[0].message
+    assert [(f.level, f.code, f.where) for f in found] == [("note", "modes.near", "channel 1")]
+    assert f"channel 1's at {number(lateral_hz(crowded_plan))} Hz in channel 3's slot" in found[0].message
     assert of(crowded_plan, "modes.near") == []
 
 

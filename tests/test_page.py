@@ -107,7 +107,7 @@ def look(page, name):
 
 def test_the_first_screen_has_verdict_picture_and_figures(page, paper_plan, paper_html):
     assert page.text_content("h1") == "paper-32"
-    assert "ON taxels of 90% of prints then vibrate at least 13.8 dB more" in page.text_content("#verdict")
+    assert "in 90% of prints ON taxels then vibrate at least 13.8 dB more" in page.text_content("#verdict")
     assert page.locator(".figure .value").all_text_contents() == ["13.8 dB", "0.93 W", "16"]
     bottom = page.locator("#figures").bounding_box()
     assert bottom["y"] + bottom["height"] <= 1000 and page.locator("#canvas").bounding_box()["y"] < 400

@@ -19,7 +19,7 @@ from padgen.planner.make import choose, finish
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.report.plans import plan_text
+from padgen.report.plans import plan_text, verdict_line
 from padgen.spec import load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.load import without_none
 
@@ -412,8 +412,14 @@ def test_silent_second_modes_near_a_channel_are_noted():
     crowded = {(f.where, number) for f in plan.findings if f.code == "modes.crowded" for number in f.message.split()}
     quiet = [k for k in near if (f"channel {k}", f"{plan.channels[k].second_mode_hz:.5g}") not in crowded]
     assert quiet
-    assert (found.level, found.where) == ("note", "channels " + ", ".join(map(str, quiet)))
+    assert (found.level, found.where) == ("note", f"channel{'s' * (len(quiet) > 1)} {', '.join(map(str, quiet))}")
     assert "modes.near" not in {f.code for f in make_plan(load_spec("paper-32")).findings}
+
+
+@pytest.mark.parametrize(("kept_db", "told"), [(13.84, "at least 13.8 dB more"), (-3.12, "at most 3.1 dB less")])
+def test_the_verdict_has_no_negative_decibels(paper_plan, kept_db, told):
+    plan = replace(paper_plan, prints=replace(paper_plan.prints, print_db=kept_db, planned_db=-10.0))
+    assert f"in 90% of prints ON taxels then vibrate {told} than OFF ones (asked: 20.0 dB)." in verdict_line(plan)
 
 
 def test_unequal_pull_is_found():

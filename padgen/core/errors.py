@@ -28,6 +28,7 @@ __all__ = [
     "PadgenError",
     "SolverError",
     "SpecError",
+    "about",
     "as_lines",
     "at_least",
     "at_most",
@@ -35,6 +36,7 @@ __all__ = [
     "number",
     "percent",
     "plain",
+    "quieter",
     "shown",
 ]
 
@@ -168,13 +170,31 @@ def number(value: float) -> str:
     return shown(value) if isinstance(value, int) else f"{value:.5g}"
 
 
+def about(value: float, digits: int = 2) -> str:
+    """Write a number with some significant digits.
+
+    >>> about(4.4917), about(123.4)
+    ('4.5', '120')
+    """
+    return number(float(f"{value:.{digits}g}"))
+
+
 def percent(share: float, digits: int = 2) -> str:
     """Write a share as per cent with some significant digits, ``?`` where it is unknown.
 
     >>> percent(0.0031), percent(0.02)
     ('0.31 %', '2 %')
     """
-    return f"{number(float(f'{share * 100:.{digits}g}'))} %" if isfinite(share) else "?"
+    return f"{about(share * 100, digits)} %" if isfinite(share) else "?"
+
+
+def quieter(level_db: float) -> str:
+    """Write by how many decibels something vibrates less, or, where the level is negative, more.
+
+    >>> quieter(20.94), quieter(-7.3)
+    ('20.9 dB less', '7.3 dB more')
+    """
+    return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"
 
 
 def at_least(value: float) -> str:

@@ -387,7 +387,10 @@ RANDOM = 12
 
 
 def force_cases() -> Iterator[ExtremeCase]:
-    """Yield the cases; every reference is a closed form or a field solution of far more unknowns."""
+    """Yield cases in which the force model is strained.
+
+    Each reference is a closed form or a field solution with far more unknowns than the model's.
+    """
     for share in (0.5, 0.99, 0.9999):
         yield _near_pull_in(share)
     for permeability in (1.001, 1.1, 10.0, 1e3, 1e6):

@@ -571,7 +571,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
 def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
     """Find the pad by its lowest layer; return its place, that layer, the layer's thickness in mm and its fullness.
 
-    The fullness is its plastic over the planned plastic.
+    The fullness is the plastic of that layer within the taxels over the plan's there.
     """
     least, top = 1.0, 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):

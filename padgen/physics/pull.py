@@ -387,7 +387,7 @@ COARSE_STEP = 1.0
 
 
 class Leakage(NamedTuple):
-    """Pulls on washers (n,), over the pull of their own coil with unit current.
+    """Pulls of neighbouring coils on n washers, as shares of their own coil's pull at 1 A; quadratic in the currents.
 
     `mutual` (n, k, k) is by the fields of neighbours k and l together: currents i_k pull with ``Σ mutual_kl i_k i_l``.
     `product` (n, k) is by neighbour k and the washer's own coil: ``2 product_k i i_k``.

@@ -1,6 +1,6 @@
 """Make the findings of a plan: limits that it breaks or nearly breaks, with proposed cures."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from itertools import combinations, pairwise
 from math import inf
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import at_least, at_most, number, percent
+from padgen.core.errors import about, at_least, at_most, number, percent, quieter
 from padgen.core.finding import LEVELS, Finding
 from padgen.core.units import MA, MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
@@ -49,7 +49,7 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.one_hot",
             "coil",
-            f"with one channel on, an OFF taxel vibrates {_quieter(one_hot)} than the ON one, asked are"
+            f"with one channel on, an OFF taxel vibrates {quieter(one_hot)} than the ON one, asked are"
             f" {bound:.1f} dB less",
         )
     if kept < bound:
@@ -59,7 +59,7 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "selectivity.all_states",
             f"state {figures.worst_state}",
             f"in this worst state (lowest channel first, 1 is ON) with drive = {figures.drive!r} an OFF taxel vibrates"
-            f" {_quieter(kept)} than an ON one{', unequal pull and all modes counted' if counted else ''}, asked are"
+            f" {quieter(kept)} than an ON one{', unequal pull and all modes counted' if counted else ''}, asked are"
             f" {bound:.1f} dB less",
             _selectivity_cures(plan),
         )
@@ -70,8 +70,8 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.pull",
             "coil",
-            f"the washer nearest to a coil's axis is pulled {number(max(pull) / min(pull))} times as strongly as the"
-            f" farthest: with one channel on, an OFF taxel vibrates {_quieter(placed)} than the ON one",
+            f"the washer nearest to a coil's axis is pulled {about(max(pull) / min(pull))} times as strongly as the"
+            f" farthest: with one channel on, an OFF taxel vibrates {quieter(placed)} than the ON one",
         )
     if (figures.snapping_db or 0.0) > SNAPPING_DB:
         yield Finding(
@@ -102,8 +102,9 @@ def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
     return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
 
 
-def _quieter(level_db: float) -> str:
-    return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"
+def _named(channels: Iterable[Channel]) -> str:
+    indices = list(dict.fromkeys(str(channel.index) for channel in channels))
+    return f"channel{'s' * (len(indices) > 1)} {', '.join(indices)}"
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
@@ -111,13 +112,13 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     step, asked = plan.reuse.leak_db, plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is not None and apart is not None and step < asked:
-        by_table = f" ({_quieter(step)} by the driver table)" * (apart >= asked)
+        by_table = f" ({quieter(step)} by the driver table)" * (apart >= asked)
         yield Finding(
             "warning" if apart < asked else "note",
             "coil.leak",
             f"channel {plan.reuse.leak_channel}",
             "in their worst state the coils around shake this taxel, when it is OFF, re-tuned"
-            f" {_quieter(apart)} than its own coil does when ON{by_table}; asked are {asked:.1f} dB less",
+            f" {quieter(apart)} than its own coil does when ON{by_table}; asked are {asked:.1f} dB less",
         )
 
 
@@ -129,7 +130,7 @@ def _unsure_pull(plan: Plan) -> Iterator[Finding]:
                 "coil.unsure",
                 f"channel {channel.index}",
                 f"the pull on its washer is known to ± {channel.force_error:.0%} only, so far off the coil's axis"
-                f" ({number(channel.site.coil_distance_mm)} mm) that one side of it is drawn up and the other down",
+                f" ({channel.site.coil_distance_mm:.2f} mm) that one side of it is drawn up and the other down",
             )
 
 
@@ -180,7 +181,7 @@ def _imperceptible(plan: Plan) -> Iterator[Finding]:
         yield Finding(
             "warning",
             "level.threshold",
-            "channels " + ", ".join(str(channel.index) for channel in silent),
+            _named(silent),
             f"{number(drive.level_um)} µm on channel 0 are not above the detection threshold: nobody feels it",
             tuple({"drive.level_um": float(at_least(drive.level_um * factor))} for factor in (1.01, 2, 5)),
         )
@@ -231,7 +232,7 @@ def _limits(plan: Plan) -> Iterator[Finding]:
             "error",
             "coil.pull_in",
             "coil",
-            f"the mean pull is {number(load.pull_in_share)} times the one at which the softest washer snaps to"
+            f"the mean pull is {about(load.pull_in_share, 3)} times the one at which the softest washer snaps to"
             " the coil",
             lower_level(spec, 0.99 / load.pull_in_share),
         )
@@ -373,7 +374,7 @@ def _layers(plan: Plan) -> Iterator[Finding]:
         yield Finding(
             "note",
             "beam.single_layer",
-            ("channels " if len(single) > 1 else "channel ") + ", ".join(str(c.index) for c in single),
+            _named(single),
             f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm are as uneven in thickness as the"
             " bed is: level it well",
         )
@@ -527,7 +528,7 @@ def _places(plan: Plan) -> Iterator[Finding]:
             "warning" if plan.pitch.ratio > HOLE_RATIO else "note",
             "layout.pitch",
             "pad",
-            f"{name} of taxels lie {number(low)} to {number(high)} mm apart, a ratio of {number(high / low)};"
+            f"{name} of taxels lie {low:.2f} to {high:.2f} mm apart, a ratio of {about(high / low, 3)};"
             f" up to {EVEN_RATIO:g} counts as even. Washers hang as near to their coil's axis as their beams allow",
         )
 
@@ -705,11 +706,13 @@ def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
     loud = {(crowd.channel, crowd.hz) for crowd in found}
     silent = [(c, other) for c, other in modes_in_slots(plan) if (c.index, c.second_mode_hz) not in loud]
     if silent:
-        listed = ", ".join(f"of {c.index} at {number(c.second_mode_hz)} Hz in the slot of {o.index}" for c, o in silent)
+        listed = ", ".join(
+            f"channel {c.index}'s at {number(c.second_mode_hz)} Hz in channel {o.index}'s slot" for c, o in silent
+        )
         yield Finding(
             "note",
             "modes.near",
-            "channels " + ", ".join(str(index) for index in dict.fromkeys(c.index for c, _ in silent)),
+            _named(c for c, _ in silent),
             f"further modes lie in other channels' slots ({listed}); the coil's pull moves them by less than"
             f" {number(1 / plan.spec.delta_y)} of the ON amplitude; a washer glued off its place would move them more",
         )

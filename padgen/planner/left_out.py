@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import at_least, at_most, number, percent
+from padgen.core.errors import at_least, at_most, number, percent, quieter
 from padgen.core.finding import Finding
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM, decibel
 from padgen.physics.bounds import (
@@ -577,17 +577,13 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
     heavy_g = added / allowed / omega**2 / GRAM
     high_hz = max((added / LOADED / mass) ** 0.5, KEPT_Q * skin.time * added / mass) / 2 / pi
     hz, q, kept = typical.resonance_hz[worst.index], typical.q[worst.index], typical.all_states_db
-    quieter = (
-        ""
-        if kept is None
-        else f", and OFF taxels vibrate {abs(kept):.1f} dB {'less' if kept > 0 else 'more'} than ON ones"
-    )
+    heard = "" if kept is None else f", and OFF taxels vibrate {quieter(kept)} than ON ones"
     yield Finding(
         "note",
         "touch.skin",
         f"channel {worst.index}",
         f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{quieter}; the touched resonance would stay within 5 % with a contact {at_most(contact_mm)} mm"
+        f" {q:.2g}{heard}; the touched resonance would stay within 5 % with a contact {at_most(contact_mm)} mm"
         f" wide, a moving mass of {at_least(heavy_g)} g or a resonance of {at_least(high_hz)} Hz",
     )
 

@@ -272,7 +272,10 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
 
 
 def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
-    """Return the layout with near washers moved off the coil's axis, if a more even pull gains over `WORTH_DB`."""
+    """Return the layout, with the washers nearest the coil's axis moved outward if that pays.
+
+    It does if the more even pull gains over `WORTH_DB` of selectivity.
+    """
     distances = [site.coil_distance_mm for site in sites_of(spec, layout, channels)]
     if len(channels) < 2 or max(distances) - min(distances) < ALIKE_MM:
         return layout

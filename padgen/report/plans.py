@@ -5,7 +5,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
-from padgen.core.errors import number, plain
+from padgen.core.errors import number, plain, quieter
 from padgen.core.finding import LEVELS, Finding
 
 if TYPE_CHECKING:
@@ -59,16 +59,17 @@ def verdict_line(plan: "Plan") -> str:
         return f"{plan.name} works: no taxel hears another."
     if level == "good":
         return (
-            f"{plan.name} works as printed: driven by the plan's table, ON taxels of {share} vibrate at least"
-            f" {prints.planned_db:.1f} dB more than OFF ones, asked are {asked:.1f} dB."
+            f"{plan.name} works as printed: driven by the plan's table, in {share} ON taxels vibrate"
+            f" {_at_worst(prints.planned_db)} than OFF ones (asked: {asked:.1f} dB)."
         )
-    kept = (
-        f"ON taxels of {share} then vibrate at least {prints.print_db:.1f} dB more than OFF ones, asked are"
-        f" {asked:.1f} dB"
-    )
+    kept = f"in {share} ON taxels then vibrate {_at_worst(prints.print_db)} than OFF ones (asked: {asked:.1f} dB)"
     if level == "retune":
         return f"{plan.name} works once every taxel is measured and re-tuned: {kept}."
     return f"{plan.name} falls short of what is asked, even once every taxel is measured and re-tuned: {kept}."
+
+
+def _at_worst(kept_db: float) -> str:
+    return f"at {'least' if kept_db > 0 else 'most'} {quieter(-kept_db)}"
 
 
 def pad_line(plan: "Plan") -> str:
@@ -82,14 +83,16 @@ def pad_line(plan: "Plan") -> str:
         if step
     ]
     even = "even" if pitch.ratio <= EVEN else "uneven"
-    full = "" if pitch.taken > 1 - 1e-9 else f"; {pitch.taken:.0%} of their crossings have a taxel"
+    taken = "every second place" if abs(pitch.taken - 0.5) < 1e-9 else f"{pitch.taken:.0%} of the places"
+    full = "" if pitch.taken > 1 - 1e-9 else f"; a taxel at {taken} of that grid"
     carrier = carrier_hz(plan.spec, plan.scheme, plan.channels[-1].resonance_hz)
     constant = "DC" if plan.scheme.has_constant and carrier is None else "AC or DC"
     return (
         f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
         + (f", {' and '.join(sides)} apart ({even}{full})" if sides else "")
         + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
-        + (" channels, two sets in turn" if coils.sets > 1 else f" channel{'s' * (len(plan.channels) > 1)}")
+        + f" channel{'s' * (len(plan.sets[0]) > 1)}"
+        + " (two sets of resonances alternate from coil to coil)" * (coils.sets > 1)
         + f", {number(plan.spec.coil.gap_mm)} mm below the washers; {coils.rows * coils.columns} amplifier"
         f" outputs, {constant} coupled{'' if carrier is None else f', on a carrier of {number(carrier)} Hz'}."
     )
@@ -149,7 +152,8 @@ def _power_lines(plan: "Plan") -> list[str]:
     load, prints, count = plan.load, plan.prints, plan.coils.rows * plan.coils.columns
     lines = [
         f"Drive: {plan.selectivity.drive}. All taxels on: {count * load.copper_loss_w:.2g} W in the coils"
-        f" ({load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V peak each);"
+        f" (per coil {load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V"
+        " peak);"
         f" idle: {count * load.idle_w:.2g} W."
     ]
     if prints.print_db is not None:
@@ -159,17 +163,18 @@ def _power_lines(plan: "Plan") -> list[str]:
             f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
             f" (± {prints.error_db:.1g}, by {prints.pads} prints in the computer)."
         )
-    skin = next((t for t in plan.touched if t.skin == "typical" and t.all_states_db is not None), None)
-    if skin:
+    skin = next((t for t in plan.touched if t.skin == "typical"), None)
+    if skin and skin.all_states_db is not None:
         lines.append(
             "All this is without a finger. Under typical skin (a provisional model)"
             f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g},"
-            f" and the worst coil keeps {skin.all_states_db:.1f} dB even as drawn."
+            f" and in the worst coil OFF taxels then vibrate {quieter(skin.all_states_db)} than ON ones, even without"
+            " print errors."
         )
     return lines
 
 
-STAGES = ("driven as planned", "with a coupon measured", "with a few taxels measured", "with every taxel measured")
+STAGES = ("nothing measured", "a coupon measured", "a few taxels", "every taxel")
 """The stages of measuring a print, in words: those of `padgen.planner.printed_pads.STAGES`."""
 
 
@@ -249,7 +254,9 @@ def _drive_lines(plan: "Plan") -> list[str]:
         lines += _selectivity_lines(plan)
     frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
     if plan.reuse.leak_db is not None:
-        lines.append(f"the coils around move an OFF taxel to at most {-plan.reuse.leak_db:.1f} dB of its ON level")
+        lines.append(
+            f"the coils around make an OFF taxel vibrate at worst {quieter(plan.reuse.leak_db)} than when it is ON"
+        )
     return [
         *lines,
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
@@ -470,7 +477,7 @@ def built_text(built: "Built", verbose: bool = False) -> str:
     lines = [
         held_line(f"{built.folder.name} {state}", built.findings),
         serious_text(built.findings, verbose),
-        figures_text(built.figures),
+        f"the pad: {figures_text(built.figures)}",
         *(f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()),
         _settings_line(built.printing) if verbose else "",
         f"{'in' if built.up_to_date else 'written to'} {plain(str(built.folder))}: {', '.join(built.files)}",
