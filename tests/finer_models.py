@@ -697,7 +697,6 @@ def fields_in_space(
 
     from padgen.verify import field_solid
 
-    field_solid._check(coil, washers)
     half = all(abs(w.y_m) < 1e-9 for w in washers)
     mesh, far_mm = field_solid._mesh(coil, washers, half, 0, 1.0)
     source = ng.CF((0, 0, field_solid.wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
