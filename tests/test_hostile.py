@@ -877,7 +877,7 @@ def test_a_bug_ends_in_one_sentence(monkeypatch, capsys):
     def broken(*_):
         raise KeyError("a\x1b[2J")
 
-    monkeypatch.setattr("padgen.make.planning.load_spec", broken)
+    monkeypatch.setattr("padgen.make.planning.find_spec", broken)
     assert cli.run(["plan", "paper-32"]) == 2
     told = capsys.readouterr()
     assert not told.out
