@@ -225,6 +225,22 @@ def test_a_table_is_as_good_as_it_states():
     assert found.moment == pytest.approx(solved.moment, abs=0.01 * (solved.pull * 2 * MM).max())
 
 
+def test_a_table_of_one_offset_knows_how_far_its_derivatives_are_off():
+    """A wide washer that hangs low: doubts at the least gaps bend the pull. True are differences of solved pulls."""
+    coil, washer = COIL, SteelRing(10 * MM, 5.3 * MM, 1 * MM, 300)
+    table = make_table(coil, washer, 0.35 / 3 * MM, 0.35 * MM, 7 * MM, 5, 1)
+    gap, offset, step = MM * np.array([0.27, 0.3, 0.325]), np.full(3, 7 / 2**0.5 * MM), 0.03
+    least, at, most = (
+        np.array([-pull(coil, washer, g * s, offset[0]).axial for g in gap]) for s in (1 - step, 1, 1 + step)
+    )
+    near, found, far = (table.at(gap * s, offset) for s in (1 - step / 2, 1, 1 + step / 2))
+    slope, bend = (most - least) / (2 * step * gap), (most - 2 * at + least) / (step * gap) ** 2
+    off = np.abs((far.slope - near.slope) / (step * gap) - bend)
+    assert (np.abs(found.slope - slope) < found.slope_off).all()
+    assert (off < found.bend_off).all()
+    assert off[2] > 0.5 * bend[2], "harmless here"
+
+
 def test_the_tables_that_padgen_brings_are_those_of_its_parts():
     """Tables match at the templates' washers (1.1 % off at 0.4 mm); else run `docs/measure_force.py tables`."""
     for name in ("paper-32", "wide-11", "resin-fine"):

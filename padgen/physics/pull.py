@@ -251,8 +251,8 @@ class PullAt(NamedTuple):
     """Pulls (n,) per A² at places.
 
     `pull` is towards the coil in N, `slope` its slope with the gap in N/m. `error` is relative; `jump` in N is its part
-    from one table to the next; `slope_off` in N/m is the error of the slope. `side`, `moment` and `dipole` are as in
-    `pull.Pull`.
+    from one table to the next; `slope_off` in N/m is the error of the slope, and `bend_off` in N/m² that of the second
+    derivative. `side`, `moment` and `dipole` are as in `pull.Pull`.
     """
 
     pull: np.ndarray
@@ -262,6 +262,7 @@ class PullAt(NamedTuple):
     error: np.ndarray
     jump: np.ndarray
     slope_off: np.ndarray
+    bend_off: np.ndarray
     dipole: np.ndarray
 
 
@@ -288,28 +289,45 @@ class PullTable(NamedTuple):
     def at(self, gap: np.ndarray, offset: np.ndarray) -> PullAt:
         """Return the pulls at gaps and offsets (n,) in m that the table covers.
 
-        The interpolation's own error is estimated as the size of the last coefficients in both directions.
+        The interpolation's own error is estimated as the size of the last coefficients in both directions. Derivatives
+        are less certain: doubts at all of the table's gaps bend the polynomial that runs through them.
         """
         per_log = 2 / log(self.high / self.low)
         along = np.log(gap / self.low) * per_log - 1
         count = len(self.scale)
         basis = chebyshev.chebvander(along, count - 1)
-        slopes = chebyshev.chebvander(along, max(count - 2, 0)) @ chebyshev.chebder(np.eye(count))
+        at_gaps, through, *derived = _at_nodes(count)
+        slopes, bends = (basis[:, : len(rise)] @ rise for rise in derived)
         across = chebyshev.chebvander(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1] - 1)
         size = np.exp(basis @ self.scale)
         coefficients = np.einsum("ijk,nj->nik", self.shape, across)
         axial, side, moment, doubt, dipole = size * np.einsum("nik,ni->kn", coefficients, basis)
         change = np.einsum("ni,ni->n", coefficients[..., 0], slopes)
-        slope = (size * change + axial * (slopes @ self.scale)) * per_log / gap
+        power = slopes @ self.scale * per_log
+        slope = (size * change * per_log + axial * power) / gap
         tails = np.abs(coefficients[:, -1, 0])
         if self.shape.shape[1] > 1:
             tails = tails + np.abs(basis @ self.shape[:, -2:, 0]).sum(-1)
         jump = size * tails
         lost = jump + np.abs(doubt)
-        # The error of a polynomial's slope is larger by about its number of coefficients.
-        steep = lost * count * per_log / gap
+        # Errors over `size` at each of the table's gaps. With one offset only `scale` depends on the gap, and the other
+        # last coefficients are 0.
+        off = np.abs(coefficients[..., 3] @ at_gaps.T) + (tails + np.abs(axial / size * self.scale[-1]))[:, None]
+        first, second = ((np.abs(part @ through) * off).sum(1) * size for part in (slopes, bends))
+        steep = first * per_log / gap
+        bend = (
+            second * (per_log / gap) ** 2
+            + (np.abs(2 * power - 1) * steep + np.abs(power - 1) * OWN_ERROR * np.abs(slope)) / gap
+        )
         x = offset / self.reach
-        return _with_errors(axial, side * x, moment * x, slope, lost, jump, steep, dipole)
+        return _with_errors(axial, side * x, moment * x, slope, lost, jump, steep, bend, dipole)
+
+
+@cache
+def _at_nodes(count: int) -> tuple[np.ndarray, ...]:
+    """Return matrices on `count` coefficients: their values at the nodes, the inverse, first and second derivative."""
+    values = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
+    return values, np.linalg.inv(values), *(chebyshev.chebder(np.eye(count), order) for order in (1, 2))
 
 
 def make_table(
@@ -324,7 +342,7 @@ def make_table(
     x = offset / reach
     shape = np.stack([axial, side / x, moment / x, doubt, dipole], -1)
     scale = np.sqrt((axial**2).mean(1)) + 1e-30
-    transforms = [np.linalg.inv(chebyshev.chebvander(at, len(at) - 1)) for at in (at_gap, at_offset)]
+    transforms = [_at_nodes(count)[1] for count in (gaps, offsets)]
     coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, shape / scale[:, None, None], optimize=True)
     return PullTable(low, high, reach, transforms[0] @ np.log(scale), coefficients)
 
@@ -361,7 +379,7 @@ def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: n
     near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
     side, axial, moment, lost, dipole = at
     slope = (far[1] - near[1]) / (2 * SLOPE_STEP * gap)
-    return _with_errors(axial, side, moment, slope, lost, 0 * lost, lost / gap, dipole)
+    return _with_errors(axial, side, moment, slope, lost, 0 * lost, lost / gap, lost / gap**2, dipole)
 
 
 def _with_errors(
@@ -372,12 +390,13 @@ def _with_errors(
     lost: np.ndarray,
     jump: np.ndarray,
     steep: np.ndarray,
+    bend: np.ndarray,
     dipole: np.ndarray,
 ) -> PullAt:
     """Return pulls towards the coil with their relative errors, from upward forces and absolute errors."""
     with np.errstate(divide="ignore", invalid="ignore"):
         error = OWN_ERROR + lost / np.abs(axial)
-    return PullAt(-axial, side, moment, -slope, error, jump, steep + OWN_ERROR * np.abs(slope), dipole)
+    return PullAt(-axial, side, moment, -slope, error, jump, steep + OWN_ERROR * np.abs(slope), bend, dipole)
 
 
 FACE, RIM, ORDERS = 5, 3, 2

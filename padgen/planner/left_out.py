@@ -151,8 +151,6 @@ RESISTIVITY_OHM_M = 1e-7
 """Resistivity of iron, the best conductor among the materials of cores and washers."""
 LEAST_GAP = 20
 """Gaps are taken to stay above the hanging gap divided by this, so that pulls stay finite."""
-CURVATURE_ERROR = 2.0
-"""Error of the curvature of a pull over its gap, times the gap, over the error of its slope."""
 BALANCE_ROUNDS = 3
 """Iterations to balance mean pull and spring."""
 SLOPE_HARDENING = 1.3
@@ -494,16 +492,16 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     unsure = error / rest.error / rest.pull
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
-    def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pull on each working mode over `force_constant_n_per_a2`, and its slope's error per µm."""
+    def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return pulls on the modes over `force_constant_n_per_a2`; errors of slope and second derivative, in µm."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
-        return at.pull * share / here, at.slope_off * unsure * UM
+        return at.pull * share / here, at.slope_off * unsure * UM, at.bend_off * unsure * UM**2
 
     # The deflection under the mean pull if that did not grow; a few iterations then find the balance.
     slack_um = static * np.maximum(1 - static / gap_um, 0) ** np.maximum(exponent, 0)
     for _ in range(BALANCE_ROUNDS):
-        pull, doubt = on_mode(static)
+        pull, doubt, bend = on_mode(static)
         static = slack_um * pull
     # Means over a swing, exact to the seventh order: of the pull, and of its component in phase with the motion.
     outer, inner = level * np.cos(np.pi / 8), level * np.sin(np.pi / 8)
@@ -514,9 +512,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     step = np.where(pull_range(near * UM) == pull_range((gap_um + level) * UM), 0.0, error)
     softer = np.maximum((slope + doubt + step * (outer + inner) / level**2) * slack_um, 0)
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
-    forces = (
-        np.abs(sum(swung) / 4 - 1) + doubt * (static + CURVATURE_ERROR * level**2 / gap_um) + rest.jump * unsure + step
-    )
+    forces = np.abs(sum(swung) / 4 - 1) + doubt * static + bend * level**2 / 4 + rest.jump * unsure + step
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 
