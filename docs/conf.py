@@ -113,7 +113,7 @@ def gallery() -> str:
     from padgen.core.display import plot_bytes
     from padgen.report.page import page_data, page_html
     from padgen.report.pictures import picture
-    from padgen.report.plans import summary_text
+    from padgen.report.plans import pad_line, verdict_line
     from padgen.spec import template_paths
 
     told = [
@@ -127,7 +127,12 @@ def gallery() -> str:
         report = GENERATED / "extra" / f"{name}.html"
         report.write_text(page_html(page_data(made)), encoding="utf-8")
         about = template_paths()[name].read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
-        verdict = summary_text(made).split("\n\n")[0]
         told += ["", f"## {name}", "", _cell(about), "", f"![{name} from both sides]({name}.svg)", ""]
-        told += ["```text", verdict, "```", "", f'<a href="../{name}.html">the whole report of {name}</a>']
+        told += [
+            _cell(verdict_line(made)),
+            "",
+            _cell(pad_line(made)),
+            "",
+            f'<a href="../{name}.html">the whole report of {name}</a>',
+        ]
     return "\n".join(told) + "\n"
