@@ -84,7 +84,7 @@ def _bounds(field: dict[str, Any]) -> str:
     if kind == "array":
         return f"list: {_bounds(field['items'])}"
     if kind in ("number", "integer"):
-        low = field.get("minimum", field.get("exclusiveMinimum"))
+        low = field.get("minimum", field.get("exclusiveMinimum", 0))
         above = "above " if "exclusiveMinimum" in field else ""
         return f"{'whole number, ' * (kind == 'integer')}{above}{number(low)} … {number(field['maximum'])}"
     return {"string": "text", "boolean": "true or false"}.get(kind, kind)
