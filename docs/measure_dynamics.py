@@ -13,8 +13,8 @@ from paper_figures import PaperFigures, draw_paper_figures, paper_figures
 from scipy.integrate import solve_ivp
 
 from padgen.core.errors import PadgenError
-from padgen.core.runner import Answer
 from padgen.ladders.extreme import dynamics_cases
+from padgen.ladders.rung import Solved
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import impedance
 from padgen.physics.propagation import Tones, propagate, tones
@@ -167,7 +167,7 @@ def extreme() -> list[str]:
             lines.append(row(case.name, case.model, f"refused: {refusal}", "", "", case.source))
             continue
         reference = case.reference()
-        truth = reference.values if isinstance(reference, Answer) else reference
+        truth = reference.values if isinstance(reference, Solved) else reference
         error = f"{np.abs(answer.values - truth).max() / np.abs(truth).max():.0e}"
         lines.append(row(case.name, case.model, error, f"{answer.stated_error:.0e}", f"{seconds:.2g}", case.source))
     return lines

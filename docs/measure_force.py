@@ -179,7 +179,7 @@ def team_mesh() -> Any:
 
 def team() -> None:
     """Print the pull on the pole at each current, with 1000 turns and elements of order 2."""
-    head("TEAM 20", "A", "measured N", "virtual work N", "at the surface N", "unknowns", "Newton steps")
+    head("TEAM 20", "A", "measured N", "virtual work N", "at the surface N", "unknowns")
     mesh = team_mesh()
     # T in A/m along z, full inside the winding, falling to 0 across it.
     x, y = (ng.IfPos(a - STRAIGHT, a - STRAIGHT, 0) for a in (ng.sqrt(c**2) for c in (ng.x, ng.y)))
@@ -190,7 +190,7 @@ def team() -> None:
         solved = solve_scalar(mesh, source, {"yoke": TEAM_STEEL, "pole": TEAM_STEEL}, FAR, 2, 4.0)
         wrench = body_wrench(solved, "pole", (0, 0, 0))
         pulls = (-float(wrench.virtual_work[2]), -float(wrench.surface[2]))
-        row(current, measured, *pulls, solved.unknowns, solved.steps)
+        row(current, measured, *pulls, solved.unknowns)
 
 
 LOW, HIGH, GAPS, STEP = 0.35 * MM, 6 * MM, 9, 0.17 * MM

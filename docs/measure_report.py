@@ -2,6 +2,8 @@
 
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from shutil import which
 
@@ -26,7 +28,7 @@ MANY = {
 RUNS = 5
 
 
-def best_s(work) -> float:
+def best_s(work: Callable[[], object]) -> float:
     """Return the least processor time in s of a few runs."""
     times = []
     for _ in range(RUNS):
@@ -34,6 +36,11 @@ def best_s(work) -> float:
         work()
         times.append(time.process_time() - start)
     return min(times)
+
+
+def page_of(pad: pg.Pad) -> str:
+    """Return the page of a built pad."""
+    return page_html(page_data(pad.plan, pad))
 
 
 def report() -> list[str]:
@@ -48,9 +55,9 @@ def report() -> list[str]:
         for name in ("paper-32", MANY):
             pad = pg.build(name)
             pad.check()
-            html = page_html(page_data(pad.plan, pad))
-            page_s = best_s(lambda pad=pad: page_html(page_data(pad.plan, pad)))
-            move_s = best_s(lambda pad=pad: page_data(pad.plan, quick=True))
+            html = page_of(pad)
+            page_s = best_s(partial(page_of, pad))
+            move_s = best_s(partial(page_data, pad.plan, quick=True))
             path = Path(folder, "report.html")
             path.write_text(html, encoding="utf-8")
             firsts = []

@@ -244,7 +244,8 @@ def loops(prints: int) -> Iterator[str]:
     yield "| pad, drive | coils | planned tones, dB | re-tuned, dB | by true f and Q, dB | lost, median, worst, dB |"
     yield "|---|---|---|---|---|---|"
     for name, scheme in LOOPS:
-        plan, rows = plan_of(name, scheme), []
+        plan = plan_of(name, scheme)
+        rows: list[Any] = []
         places = sorted(coils_of(plan))
         for seed in range(prints):
             rng = np.random.default_rng(seed)

@@ -1,11 +1,12 @@
 """Draw the pictures of the README and of the pages here from plans of the templates: part of `make pictures`."""
 
 from pathlib import Path
+from typing import Any
 
 import padgen as pg
 from padgen.core.display import plot_bytes
 
-DRAWN = (
+DRAWN: tuple[tuple[str, str, dict[str, Any], str], ...] = (
     ("section.svg", "paper-32", {}, "section"),
     ("responses.svg", "quad-64", {}, "responses"),
     ("pad.svg", "paper-32", {}, "pad"),
