@@ -540,7 +540,7 @@ TIMEOUT_S = 10.0
 GRACE_S = 0.5
 """Dask is let to give up by itself; it never does while it waits for a first word."""
 SLOW = 6
-"""How many times as long workers may take, which load padgen for the answer."""
+"""Factor on the time that workers may take to answer, since they load padgen for it."""
 PROBE = "__import__('importlib').import_module('padgen.batch.sweep').fingerprint()"
 """For `eval` in a worker: a function of ours could not even be named there if padgen is missing."""
 

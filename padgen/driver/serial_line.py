@@ -75,7 +75,7 @@ EXTRA = "play"
 BAUD, BITS_A_BYTE = 115_200, 10
 TRIES, LEAST_REPLY_S, BUSY_S = 8, 0.2, 0.005
 GREET_S = 5.0
-"""How long a device may take to answer at first: many a board starts anew when its port is opened."""
+"""Longest wait in s for a device's first answer: many boards start anew when their port is opened."""
 PINGS = 3
 """Signs of life in the time after which the device's watchdog would silence it."""
 HOLD_SHARE = 0.5

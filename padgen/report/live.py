@@ -8,6 +8,7 @@ import json
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from importlib import import_module
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
@@ -196,11 +197,12 @@ def serve(spec: str, folder: Path, port: int, ready: Callable[[str], None]) -> N
     import socket
 
     try:
-        import starlette  # noqa: F401
-        import tomli_w  # noqa: F401
-        import uvicorn
+        for name in ("starlette", "tomli_w", "uvicorn"):
+            import_module(name)
     except ImportError as error:
         raise EngineMissingError("needs the extra explore: pip install 'padgen[explore]'", "explore") from error
+    import uvicorn
+
     path = find_spec(spec)
     live = Live(read_table(path, spec), path.parent, folder)
     live.spec({})

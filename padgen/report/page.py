@@ -196,7 +196,7 @@ CHANNEL = (
     *("index", "resonance_hz", "drive_hz", "q", "ring_up_ms"),
     *("level_um", "root_stress_mpa", "print_spread", "model", "model_error"),
 )
-"""What the page takes of a channel as it is."""
+"""Fields of a channel that the page shows as the plan has them."""
 
 
 def _channel(plan: Plan, index: int) -> dict[str, Any]:

@@ -71,7 +71,7 @@ LOST_VOLUME = 1e-9
 
 
 class Fineness(NamedTuple):
-    """How fine a mesh is: `levels` of layers round singular edges, each `factor` as thick as the last,
+    """Fineness of a mesh: `levels` of layers round singular edges, each `factor` as thick as the last,
     in tetrahedra of at most `largest_mm` and `per_face` times the root of a face's area, that grow by
     `grading` (0 slow, 1 fast); `curvature` elements to a radius, `per_edge` at least along an edge."""
 
