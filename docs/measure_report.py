@@ -1,30 +1,24 @@
 """Measure size, time and first picture of the report page, for docs/performance.md."""
 
+import sys
 import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from shutil import which
 
 from playwright.sync_api import sync_playwright
 
 import padgen as pg
 from padgen.report.page import page_data, page_html
 
-ARGUMENTS = "--headless --no-sandbox --disable-quic --no-first-run --use-angle=swiftshader --enable-unsafe-swiftshader"
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.test_page import ARGUMENTS, MANY, chromium
+
 FIRST = """new MutationObserver(() => {
     const canvas = document.getElementById("canvas");
     if (canvas?.dataset.drawn) window.first ??= performance.now();
 }).observe(document, {subtree: true, attributes: true, childList: true})"""
-MANY = {
-    "name": "many",
-    "resolution": 2048,
-    "band_hz": [50, 250],
-    "q_min": 15,
-    "delta_y": 3,
-    "pad": {"width_mm": 400, "depth_mm": 400},
-}
 RUNS = 5
 
 
@@ -49,9 +43,8 @@ def report() -> list[str]:
         "| pad | MB | data and page, beyond the build s | data of a plan, without prints s | first picture s |",
         "|---|---|---|---|---|",
     ]
-    chromium = next(filter(None, map(which, ("chromium", "chromium-browser", "google-chrome"))))
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
-        browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS.split())
+        browser = playwright.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
         for name in ("paper-32", MANY):
             pad = pg.build(name)
             pad.check()

@@ -39,6 +39,14 @@ ARGUMENTS = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ]
+MANY = {
+    "name": "many",
+    "resolution": 2048,
+    "band_hz": [50, 250],
+    "q_min": 15,
+    "delta_y": 3,
+    "pad": {"width_mm": 400, "depth_mm": 400},
+}
 DRAWN = "document.getElementById('canvas').dataset.drawn"
 LATE_S = 20
 """A hang: pictures take a second on a free machine (docs/performance.md)."""
@@ -509,16 +517,7 @@ def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan, paper_html):
 
 def test_two_thousand_taxels_fit_six_megabytes(opened):
     """And take less than a second of processor time beyond the plan, simulated prints included."""
-    plan = pg.plan(
-        {
-            "name": "many",
-            "resolution": 2048,
-            "band_hz": [50, 250],
-            "q_min": 15,
-            "delta_y": 3,
-            "pad": {"width_mm": 400, "depth_mm": 400},
-        }
-    )
+    plan = pg.plan(MANY)
     start = time.process_time()
     html = page_html(page_data(plan))
     assert time.process_time() - start <= 1
