@@ -160,6 +160,17 @@ def test_hostile_fields_are_refused_in_words(server, fields):
         assert "Traceback" not in data["error"]["message"]
 
 
+@pytest.mark.parametrize("field", ["printer", "drive.threshold_file", "drive"])
+def test_files_that_a_page_names_are_not_read(server, field):
+    secret = server.folder / ("secret.toml" if field == "printer" else "secret")
+    secret.write_text("sesame = 1\n")
+    value = {"threshold_file": str(secret)} if field == "drive" else str(secret)
+    told = server.call("plan", {field: value})[1]["error"]
+    assert told["where"] == field
+    assert told["message"].startswith(("names a file", "must be one field"))
+    secret.unlink()
+
+
 @pytest.mark.parametrize("body", [b"[1, 2]", b"nonsense", b"[" * 60_000, b'{"q_min": 1e999}', b"\xff\xfe"])
 def test_bodies_that_are_no_fields_are_refused(server, body):
     status, text = server.ask("/plan", body)

@@ -67,8 +67,10 @@ class Live:
         if not isinstance(fields, Mapping):
             raise SpecError("must be a table of fields by their dotted names", "fields")
         for name, value in fields.items():
-            # A spec file may name files beside it; a page may only repeat those.
-            if isinstance(value, str) and value.endswith((".toml", ".csv")) and value != self.table.get(name):
+            if isinstance(value, Mapping):
+                raise SpecError("must be one field, by its dotted name, got a table", name)
+            # A spec file may name files beside it; a page may name none.
+            if name == "drive.threshold_file" or (isinstance(value, str) and value.endswith(".toml")):
                 raise SpecError("names a file; only the spec that this was started with may", name)
         return laid_over(self.table, dict(fields))
 
