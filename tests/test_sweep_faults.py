@@ -25,12 +25,13 @@ from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from io import FileIO
 from multiprocessing import get_context
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from padgen.batch.definition import parse_sweep
 from padgen.batch.index import write_pareto
-from padgen.batch.sweep import run_sweep, sole_sweep
+from padgen.batch.sweep import Window, run_sweep, sole_sweep
 from padgen.batch.variant import run_task
 from padgen.core import cache
 from padgen.core.errors import FileError
@@ -110,6 +111,7 @@ def test_whatever_python_breaks_down_with(place):
 PARENT = """
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from padgen.batch.definition import parse_sweep
 from padgen.batch.sweep import run_sweep
 from tests import sweep_work
@@ -174,6 +176,23 @@ def test_a_stop_is_not_charged_to_the_variants(place):
     process.send_signal(signal.SIGCONT)
     assert process.communicate(timeout=60)[0] == "stopped:  False\n"
     assert {row["status"] for row in rows(place / "out")} == {"done"}
+
+
+def test_waiting_takes_no_lock_of_a_future():
+    """Ctrl-C amid `Future.done` leaves its lock held, and the sweep would wait for ever to end its workers."""
+
+    class Finished:
+        def add_done_callback(self, tell):
+            tell(self)
+
+        def done(self):
+            raise AssertionError("must not be asked by who was told")
+
+    window = Window(SimpleNamespace(submit=lambda *_: Finished()), 1, print)
+    window.give([])
+    future, tasks = window.take(1)
+    assert isinstance(future, Finished) and tasks == []
+    assert window.take(0.01) is None and not window.pending
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

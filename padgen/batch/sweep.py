@@ -25,6 +25,7 @@ from html import escape
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -84,8 +85,10 @@ class Window:
 
     def __init__(self, executor: Any, most: int, function: Callable[..., list[Record]], *rest: Any) -> None:
         self.most, self._executor, self._function, self._rest = most, executor, function, rest
-        self.pending: list[tuple[Any, list[Task]]] = []
-        self._woken = threading.Event()
+        self.pending: dict[int, tuple[Any, list[Task]]] = {}
+        # A queue in C: Ctrl-C amid `Event` or `Future.done` would leave their locks held, and all threads stuck.
+        self._finished: SimpleQueue[int] = SimpleQueue()
+        self._silent = False
 
     def give(self, tasks: list[Task]) -> None:
         """Hand tasks over.
@@ -99,24 +102,27 @@ class Window:
             future = self._executor.submit(self._function, tasks, *self._rest)
         except Exception as error:
             raise StoppedError(f"takes no more tasks ({told(error)})", "executor") from error
-        self.pending.append((future, tasks))
-        if hasattr(future, "add_done_callback"):  # others are looked at from time to time
-            future.add_done_callback(lambda _: self._woken.set())
+        self.pending[id(future)] = future, tasks
+        if hasattr(future, "add_done_callback"):
+            future.add_done_callback(lambda future: self._finished.put(id(future)))
+        else:  # is looked at from time to time
+            self._silent = True
 
     def take(self, wait_s: float) -> tuple[Any, list[Task]] | None:
         """Return a future that is finished, with its tasks; None when `wait_s` went by without one."""
         end = time.monotonic() + wait_s
-        while time.monotonic() < end:
-            self._woken.clear()
-            for place, (future, _) in enumerate(self.pending):
-                if future.done():
-                    return self.pending.pop(place)
-            self._woken.wait(POLL_S)
+        while (wait := end - time.monotonic()) > 0:
+            try:
+                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S) if self._silent else wait))
+            except Empty:
+                for key, (future, _) in self.pending.items() if self._silent else ():
+                    if not hasattr(future, "add_done_callback") and future.done():
+                        self._finished.put(key)
         return None
 
     def rest(self) -> Iterator[tuple[Any, list[Task]]]:
         """Yield the finished futures that were not taken, with their tasks; cancel the others."""
-        for future, tasks in self.pending:
+        for future, tasks in self.pending.values():
             if future.done():
                 yield future, tasks
             elif hasattr(future, "cancel"):
