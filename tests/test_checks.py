@@ -7,6 +7,7 @@ import manifold3d
 import numpy as np
 import pytest
 
+from padgen.core.errors import GeometryError
 from padgen.planner import make_plan
 from padgen.planner.layout import to_cell
 from padgen.solid.checks import check_against, check_mesh, check_pad
@@ -320,3 +321,12 @@ def test_legs_of_a_serpentine_that_are_too_near_or_too_thin_are_found():
     assert "print.gap" in codes(check_pad(build_pad(near), near))
     thin = with_beam(plan, 0, width_mm=plan.channels[0].beam.width_mm - 0.03)
     assert {"built.planned"} <= codes(check_pad(build_pad(thin), plan))
+
+
+def test_a_closed_mesh_that_the_kernel_refuses_is_a_finding(small_pad, small_plan, monkeypatch):
+    def refusing(mesh, what):
+        raise GeometryError(f"{what} is not a manifold (ResultTooLarge)")
+
+    monkeypatch.setattr("padgen.solid.checks.as_manifold", refusing)
+    for report in (check_mesh(small_pad.mesh, PRINTER, 1.24), check_pad(small_pad, small_plan)):
+        assert "mesh.manifold" in codes(report)

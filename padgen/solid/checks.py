@@ -163,11 +163,14 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
         return figures, findings
     sample = sampled(plan, pad)
     mesh = sample.pad.mesh
+    solid, refused = _manifold(mesh)
+    if solid is None:
+        return figures, [*findings, *refused]
     print_figures, found = _kept_printable(
         mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
     )
     figures |= print_figures | {"measured_taxels": len(sample.plan.taxels)}
-    return figures, [*findings, *found, *_as_planned(sample.plan, as_manifold(mesh, "the pad"), figures)]
+    return figures, [*findings, *found, *_as_planned(sample.plan, solid, figures)]
 
 
 def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
@@ -192,10 +195,9 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
         return True, []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
-    try:
-        one, other = as_manifold(snapped, "the mesh"), as_manifold(planned, "the pad")
-    except GeometryError as error:
-        return False, [Finding("error", "mesh.manifold", "mesh", error.message)]
+    (one, refused), (other, _) = _manifold(snapped), _manifold(planned)
+    if one is None:
+        return False, refused
     if reached.mean() < 0.5:
         room = cells.room(reached)
         one, other = one ^ room, other ^ room
@@ -319,6 +321,14 @@ def volume_findings(built: float, exact: float) -> Iterator[Finding]:
         )
 
 
+def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
+    """Return the mesh as a solid, or None and why it is none."""
+    try:
+        return as_manifold(mesh, "the mesh"), []
+    except GeometryError as error:
+        return None, [Finding("error", "mesh.manifold", "mesh", error.message)]
+
+
 @lru_cache(maxsize=64)
 def _kept_printable(
     vertices_mm: bytes, triangles: bytes, printer: Printer, places: Places
@@ -330,7 +340,9 @@ def _kept_printable(
 
 def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
     """Measure walls, gaps, overhangs, skins and bridges; return figures and findings, with places in the pad."""
-    solid = as_manifold(mesh, "the mesh")
+    solid, refused = _manifold(mesh)
+    if solid is None:
+        return {}, refused
     cuts = sections(solid, mesh)
     bound, limit = 4 * max(printer.line_width_mm, printer.smallest_gap_mm), printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
