@@ -248,7 +248,9 @@ def add_play(commands: Any) -> None:
     parser.add_argument(
         "--tuning", metavar="FILE", help="with --port: the tuning.json that the firmware was written for"
     )
-    parser.add_argument("--baud", metavar="N", type=int, default=115200, help="of --port (default: %(default)s)")
+    parser.add_argument(
+        "--baud", metavar="N", type=int, default=115200, help="baud rate of --port (default: %(default)s)"
+    )
     parser.add_argument("--repeat", metavar="N", type=int, default=1, help="show all frames so many times")
     add_model(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")

@@ -139,11 +139,13 @@ def add_bench(commands: Any) -> None:
     where.add_argument("--port", metavar="PORT", default="", help="serial port of the microcontroller that plays")
     parser.add_argument("--record", metavar="NAME", help="sound card that records, by name or number (default: first)")
     parser.add_argument("--coils", action="store_true", help="the sensor hears all taxels of a coil: record by coil")
-    parser.add_argument("--tries", metavar="N", type=int, default=3, help="most recordings of one (default: 3)")
+    parser.add_argument("--tries", metavar="N", type=int, default=3, help="most recordings of one taxel (default: 3)")
     parser.add_argument("--rate", metavar="HZ", type=int, help="samples per second (default: the sound card's)")
-    parser.add_argument("--baud", metavar="N", type=int, default=115200, help="of --port (default: %(default)s)")
+    parser.add_argument(
+        "--baud", metavar="N", type=int, default=115200, help="baud rate of --port (default: %(default)s)"
+    )
     parser.add_argument("--tuning", metavar="FILE", help="with --port: tuning.json that the firmware was written for")
-    parser.add_argument("--nearest", action="store_true", help="of two like peaks take the one nearer to the plan's")
+    parser.add_argument("--nearest", action="store_true", help="of two similar peaks take the one nearer to the plan's")
     add_shared(parser, _bench, "all notes, and more taxels")
 
 

@@ -241,7 +241,8 @@ def _close(
 def _trim_text(trim: Trim) -> str:
     """Return a clause that says how to mend a coil."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
-        return "they are too close for any weight or file to part them; print that pad, or these taxels' cells, again"
+        more = f"{1 - LOWEST_TRIM:.0%}"
+        return f"to part them enough one would have to be lowered by more than {more}: print them again"
     steps = " and ".join(
         f"lower {step.id} to {step.to_hz:.1f} Hz ({float(f'{step.add_mg:.2g}'):g} mg of weight, or beams filed"
         f" {float(f'{step.file_width_mm:.2g}'):g} mm narrower)"

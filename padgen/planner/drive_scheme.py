@@ -311,7 +311,10 @@ def modes_matter(plan: Plan) -> bool:
 def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
     """Return the name of the scheme, and the reason for it in words."""
     if spec.drive.scheme != "auto":
-        return spec.drive.scheme, "as the spec asks"
+        return (
+            spec.drive.scheme,
+            "by the spec or, where that is open, by the search for the fewest coils",
+        )
     if len(planned) // spec.coil.sets == 1:
         return "tones", "a plain tone is the simplest, and a coil's one channel has no other to be told from"
     if len(planned) // spec.coil.sets == 2:

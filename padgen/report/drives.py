@@ -36,7 +36,7 @@ def driven_text(
     heard, name = driven.heard, plan.name
     done = f"the drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
-        done = f"heard on {name}, the file keeps {heard.selectivity_db:.1f} dB of {heard.asked_db:.1f} dB asked"
+        done = f"heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
     lines = [held_line(done[0].upper() + done[1:], driven.findings), serious_text(driven.findings, verbose)]
     lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames, MOST_PICTURES if verbose else 1))
     if driven.report is not None:

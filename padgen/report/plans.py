@@ -125,10 +125,10 @@ COLUMNS: "dict[str, Callable[[Channel], str]]" = {
     "prints ± %": lambda c: f"{100 * c.print_spread:.1f}",
     "drive Hz": lambda c: f"{c.drive_hz:.2f}",
     "point mass Hz": lambda c: f"{c.rule_hz:.1f}",
-    "nearest mode Hz": lambda c: f"{c.second_mode_hz:.1f}",
+    "other mode Hz": lambda c: f"{c.second_mode_hz:.1f}",
     "m mg": lambda c: f"{1e3 * c.effective_mass_g:.1f}",
     "k N/m": lambda c: number(c.stiffness_n_per_m),
-    "ring-up ms": lambda c: f"{c.ring_up_ms:.1f}",
+    "ring-up 63 % ms": lambda c: f"{c.ring_up_ms:.1f}",
     "level µm peak": lambda c: f"{c.level_um:.2f}",
     "force µN peak": lambda c: f"{1e3 * c.force_mn:.2f}",
     "suspension": lambda c: c.beam.topology,
@@ -141,8 +141,8 @@ COLUMNS: "dict[str, Callable[[Channel], str]]" = {
 """The columns of the tables of channels, by heading."""
 SHAPE = ("suspension", "beam w x t x l mm", "layers")
 SUMMARY = ("ch", "f Hz", "± %", "prints ± %", "drive Hz", *SHAPE, "level µm peak")
-MODES = ("ch", "f Hz", "by", "± %", "point mass Hz", "nearest mode Hz")
-MOTION = (*MODES, "drive Hz", "ring-up ms", "level µm peak", "force µN peak")
+MODES = ("ch", "f Hz", "by", "± %", "point mass Hz", "other mode Hz")
+MOTION = (*MODES, "drive Hz", "ring-up 63 % ms", "level µm peak", "force µN peak")
 BEAMS = ("ch", *SHAPE, "m mg", "k N/m", "prints ± %", "sag µm", "MPa at level", "off axis mm")
 SHOWN_CHANNELS = 12
 
@@ -222,17 +222,6 @@ def plan_text(plan: "Plan") -> str:
     return "\n".join([*lines, _settings_line(plan.printing)])
 
 
-def _touched_line(plan: "Plan") -> str:
-    """Return a line on the softest channel and the selectivity under a finger."""
-    first = plan.channels[0].resonance_hz
-    skins = [
-        f"{t.skin} skin {t.resonance_hz[0]:.0f} Hz, Q {t.q[0]:.2g}"
-        + ("" if t.all_states_db is None else f", {t.all_states_db:.1f} dB in all states")
-        for t in plan.touched
-    ]
-    return f"touched (provisional model), channel 0 of {first:.0f} Hz: {'; '.join(skins)}"
-
-
 def _settings_line(printing: dict[str, str]) -> str:
     settings = {key.replace("_", " "): value for key, value in printing.items()}
     printer, material, layers = (settings.pop(key) for key in ("printer", "material", "beam layers"))
@@ -290,10 +279,7 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
         f" of a coil (worst state: {worst}); asked (delta_y): {figures.asked_db:.1f} dB",
     ]
     if paper is not None and isfinite(paper):  # the formula has no value for two equal resonances
-        lines.append(
-            f"closest pair of channels: exact {one_hot:.1f} dB with one on and {states:.1f} dB in all states,"
-            f" the paper's formula {paper:.1f} dB"
-        )
+        lines.append(f"with one channel on: exact {one_hot:.1f} dB, the paper's formula {paper:.1f} dB")
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
             names = [str(channel.index) for channel in own]
@@ -307,7 +293,8 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
             ]
     kept = figures.kept_db
     if kept is not None and kept < states - SHOWN_DB:
-        lines.append(f"counting the washers' unequal distances from the coil: {kept:.1f} dB in all states")
+        cost = "" if figures.modes_cost_db is None else f" (of which the modes cost {figures.modes_cost_db:.1f} dB)"
+        lines.append(f"counting unequal pulls, other modes and stretching: {kept:.1f} dB in all states{cost}")
     if figures.optimum_db is not None:
         lines.append(f"with equal masses the optimised resonances would reach {figures.optimum_db:.2f} dB")
     if (figures.snapping_db or 0.0) >= SHOWN_DB:
@@ -415,8 +402,8 @@ EXPLAINED = (
     "good\nprints",
     "prints\nkeep dB",
     "more\nchannels",
-    "more by\nband\nalone",
-    "gain\nas drawn\ndB",
+    "more if\nthere is\nroom",
+    "gain without\nprint errors\ndB",
 )
 
 
@@ -475,7 +462,7 @@ def built_text(built: "Built", verbose: bool = False) -> str:
     """Return the verdict on a build, its findings and figures, and the files that it wrote."""
     state = "is up to date" if built.up_to_date else "is built"
     lines = [
-        held_line(f"{built.folder.name} {state}", built.findings),
+        held_line(f"the pad {state}", built.findings),
         serious_text(built.findings, verbose),
         f"the pad: {figures_text(built.figures)}",
         *(f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()),
