@@ -1,0 +1,94 @@
+"""Small formulas against what they say, worked out in another way.
+
+| formula | against | tolerance |
+|---|---|---|
+| motion of a beam's tip | the cross product, turned into the beam's axes by its angle | rounding |
+| slope of a bent beam, squared | Gauss's rule on the cubic | rounding: exact for its degree |
+| shared area of two circles | counting points of a grid | 0.5 %: a grid of 1000 × 1000 |
+| loss to saturation | the magnetisation by Fröhlich's law, twice | rounding |
+| mass of a taxel of less dense plastic | its volumes, by hand | rounding |
+"""
+
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+
+from padgen.physics.bounds import _turning, saturation_loss
+from padgen.physics.modes import BeamPlacement, to_tip
+from padgen.planner.drive_scheme import cell_is_turned
+from padgen.planner.left_out import _common_radius
+from padgen.planner.plan import Plan
+from padgen.planner.suspensions import BeamShape
+from padgen.planner.taxel_model import TaxelModel, plate_shape
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, pi / 2, -2.1])
+def test_a_tip_moves_with_its_body(angle: float) -> None:
+    tip, at = np.array([1.3, -0.4, 0.2]), np.array([0.5, 0.6, -0.7])
+    beam = BeamPlacement(None, tip, np.array([cos(angle), sin(angle)]))  # type: ignore[arg-type]
+    shift, turn = np.array([0.11, -0.23, 0.31]), np.array([0.7, 0.5, -0.9])
+    own = np.array([[cos(angle), sin(angle), 0], [-sin(angle), cos(angle), 0], [0, 0, 1]])
+    expected = np.concatenate([own @ (shift + np.cross(turn, tip - at)), own @ turn])
+    assert to_tip(beam, at) @ np.concatenate([shift, turn]) == pytest.approx(expected, abs=1e-14)
+
+
+def test_the_squared_slope_of_a_cubic() -> None:
+    """A beam of unit length: w(0) = 0, slopes a at the root and b at the tip, w at the tip."""
+    rng = np.random.default_rng(1)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    x = (nodes + 1) / 2
+    for a, w, b in rng.normal(size=(5, 3)):
+        slope = a * (1 - 4 * x + 3 * x**2) + w * (6 * x - 6 * x**2) + b * (3 * x**2 - 2 * x)
+        assert _turning((a, w, b)) == pytest.approx(weights @ slope**2 / 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("radius, apart", [(1.0, 0.4), (0.5, 1.0), (2.5, 0.3), (0.2, 0.1), (2.0, 4.0)])
+def test_the_area_that_two_circles_share(radius: float, apart: float) -> None:
+    other, side = 1.0, np.linspace(-1, 1, 1000)
+    x, y = np.meshgrid(side, side)
+    shared = ((x**2 + y**2 < other**2) & ((x - apart) ** 2 + y**2 < radius**2)).mean() * 4
+    assert pi * _common_radius(np.array([radius]), other, np.array([apart]))[0] ** 2 == pytest.approx(
+        shared, rel=5e-3, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize("share, chi, demagnetising", [(0.2, 300.0, 0.05), (0.6, 1000.0, 0.3), (0.4, 50.0, 0.0)])
+def test_the_magnetisation_lost_to_saturation(share: float, chi: float, demagnetising: float) -> None:
+    """The steel's χ(1 − s) in place of χ, where edges make s a quarter larger."""
+
+    def magnetisation(susceptibility: float) -> float:
+        return susceptibility / (1 + susceptibility * demagnetising)
+
+    left = magnetisation(chi * (1 - 1.25 * share)) / magnetisation(chi)
+    assert saturation_loss(share, chi * demagnetising) == pytest.approx(1 - left, rel=1e-12)
+    assert saturation_loss(0.8, chi * demagnetising) == 1.0
+
+
+def test_plastic_with_voids_weighs_its_share(paper_plan: Plan) -> None:
+    """A print of half the plastic, as `judge_laid` has it, misses half of what is no washer."""
+
+    class Half(TaxelModel):
+        plastic_share = 0.5
+
+    spec, beam = paper_plan.spec, paper_plan.channels[0].beam
+    shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
+    whole, half = (kind(spec, beam.topology, plate_shape(spec), shape).body.mass for kind in (TaxelModel, Half))
+    washer = spec.washer
+    ring_mm3 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2) * washer.thickness_mm
+    steel_kg = ring_mm3 * washer.density_g_per_cm3 * 1e-6
+    assert half - steel_kg == pytest.approx((whole - steel_kg) / 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("turned", ["none", "odd rows", "odd columns"])
+def test_the_first_coil_has_its_cell_as_drawn(turned: str) -> None:
+    """Every second row or column is turned, counted from the first, which is not: pictures and wiring show it so."""
+    cells = [(row, column) for row in range(3) for column in range(3) if cell_is_turned(turned, row, column)]
+    assert (
+        cells
+        == {
+            "none": [],
+            "odd rows": [(1, 0), (1, 1), (1, 2)],
+            "odd columns": [(0, 1), (1, 1), (2, 1)],
+        }[turned]
+    )
