@@ -10,12 +10,11 @@ from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm
 from padgen.solid.checks import check_pad
 from padgen.solid.compare import SMALLEST_MM, STRIP_MM, cut_anew, differences, loose_triangles, pose_of
-from padgen.solid.foreign import check_foreign
 from padgen.solid.formats import _3mf
 from padgen.solid.formats._3mf import read_3mf
 from padgen.solid.mesh import Mesh, as_manifold, topology
 from padgen.solid.pad_solid import build_pad, sampled, turned_grid
-from padgen.solid.parts import build_coupon, build_tray
+from padgen.solid.parts import build_coupon, build_tray, check_foreign
 from padgen.spec import parse_spec
 from tests.conftest import FOUR_LINES, SMALL
 from tests.tampering import KINDS, WAYS, as_single_precision, box, from_manifold, honest, tampered
