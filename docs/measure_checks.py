@@ -11,9 +11,9 @@ from pathlib import Path
 
 from padgen.core.finding import Finding
 from padgen.planner import Plan, make_plan
-from padgen.solid.foreign import check_foreign
 from padgen.solid.mesh import Mesh
 from padgen.solid.pad_solid import build_pad
+from padgen.solid.parts import check_foreign
 from padgen.spec import parse_spec
 
 sys.path.insert(0, str(Path(__file__).parent.parent))

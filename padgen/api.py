@@ -187,7 +187,7 @@ def check(
         progress("reading and checking")
         laid = check_gcode(compared, Path(mesh))
         return replace(laid, figures={**laid.figures, "compared_with": source})
-    from padgen.solid.foreign import check_foreign, read_mesh
+    from padgen.solid.parts import check_foreign, read_mesh
 
     part = read_mesh(Path(mesh))
     if spec is None:

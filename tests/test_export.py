@@ -16,13 +16,12 @@ import trimesh
 from padgen.core.errors import GeometryError, SpecError
 from padgen.make.pad import Pad, parse_formats, up_to_date
 from padgen.solid.checks import check_pad
-from padgen.solid.formats import ExportJob, Part, verified
+from padgen.solid.formats import ExportJob, Part, _3mf, verified
 from padgen.solid.formats._3mf import read_3mf, threemf_bytes
 from padgen.solid.formats.stl import stl_bytes
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
-from padgen.solid.picture import View, picture_png
 from padgen.solid.scene import scene_parts
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
@@ -174,22 +173,25 @@ def test_formats_are_parsed_in_order():
         parse_formats(",")
 
 
-def test_picture_shows_the_nearer_part():
-    """A small red plate lies above a large blue one: red in the middle, blue around it, white outside."""
+def test_picture_shows_the_nearer_part(monkeypatch):
+    """From above a small red plate lies over a large blue one: red in the middle, blue around it, white outside."""
     from PIL import Image
+
+    monkeypatch.setattr(_3mf, "AZIMUTH", 0.0)
+    monkeypatch.setattr(_3mf, "ELEVATION", np.pi / 2)
 
     def plate(half, z):
         corners = np.array([[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]], float)
         return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
 
-    data = picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40), View(0, 90))
+    data = _3mf.picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40))
     image = np.asarray(Image.open(io.BytesIO(data)))
     assert image.shape == (40, 60, 3)
     red, blue, white = image[20, 30], image[20, 42], image[2, 2]
     assert red[0] > 100 > red[2]
     assert blue[2] > 100 > blue[0]
     assert white.tolist() == [255, 255, 255]
-    again = picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40), View(0, 90))
+    again = _3mf.picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40))
     assert data == again
 
 

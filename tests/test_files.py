@@ -30,7 +30,7 @@ from padgen.core.files import (
 )
 from padgen.measured.read import read_measured
 from padgen.planner import read_plan
-from padgen.solid.foreign import read_mesh
+from padgen.solid.parts import read_mesh
 from padgen.spec import find_spec
 
 PLAN_A, PLAN_B = '{"name": "a"}', '{"name": "b"}'

@@ -32,9 +32,8 @@ from padgen.planner import make_plan, plan_to_json, search
 from padgen.planner.plan import Plan
 from padgen.report.plans import plan_text
 from padgen.solid import taxel
-from padgen.solid.foreign import read_mesh
 from padgen.solid.mesh import intersecting_pairs
-from padgen.solid.parts import bill_of_materials
+from padgen.solid.parts import bill_of_materials, read_mesh
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.fields import optional_type
 from padgen.spec.load import CATALOGUES, PLAIN_TABLES, SHORTHANDS

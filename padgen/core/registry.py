@@ -52,7 +52,7 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """Return all names: padgen's own in alphabetic order, then the registered ones in their order."""
-        return (*_names_of_files(self._package), *self.registered)
+        return (*_files(self._package), *self.registered)
 
     def families(self) -> tuple[str, ...]:
         """Return the common beginnings of names such as ``NAME-3`` and ``NAME-5``, in alphabetical order."""
@@ -111,7 +111,7 @@ class Registry(Generic[T]):
             There is none; the sentence, about the field `where`, has the nearest name.
         """
         # Padgen's own names cannot be registered, so that plugins need not be imported for them.
-        if name not in _names_of_files(self._package):
+        if name not in _files(self._package):
             if name not in self.registered:
                 raise unknown_name(name, list(self.names()), self.kind, where)
             return self._registered[name]
@@ -120,20 +120,29 @@ class Registry(Generic[T]):
 
 @cache
 def _module(package: str, name: str) -> Any:
-    """Import and keep the module of a name, since plans ask for it a thousand times and `import_module` is slow."""
-    return import_module(f"{package}.{'_' * name[0].isdigit()}{name.replace('-', '_')}")
+    """Import and keep the thing of a name, since plans ask for it a thousand times and `import_module` is slow."""
+    stem, number = _files(package)[name]
+    module = import_module(f"{package}.{stem}")
+    return module.member(number) if number else module
 
 
 @cache
-def _names_of_files(package: str) -> tuple[str, ...]:
-    """Return the names of the modules in a package of padgen.
+def _files(package: str) -> dict[str, tuple[str, int]]:
+    """Return the names of a package of padgen in alphabetic order, each with its module and its number in a family.
 
     A file with an underscore before a digit has the name without it, since no module can begin with a digit. Other
-    files with an underscore are private.
+    files with an underscore are private. A file that ends with several numbers, ``NAME_3_5.py``, is the family
+    ``NAME-3`` and ``NAME-5``: its function `member` makes them.
     """
-    folder = Path(__file__).parents[1].joinpath(*package.split(".")[1:])
-    stems = (re.sub(r"^_(?=\d)", "", path.stem) for path in folder.glob("*.py"))
-    return tuple(sorted(stem.replace("_", "-") for stem in stems if stem[0] != "_"))
+    found: dict[str, tuple[str, int]] = {}
+    for path in Path(__file__).parents[1].joinpath(*package.split(".")[1:]).glob("*.py"):
+        stem = re.sub(r"^_(?=\d)", "", path.stem)
+        family, *numbers = re.split(r"_(?=\d)", stem)
+        if len(numbers) > 1:
+            found |= {f"{family}-{number}": (path.stem, int(number)) for number in numbers}
+        elif stem[0] != "_":
+            found[stem.replace("_", "-")] = path.stem, 0
+    return dict(sorted(found.items()))
 
 
 def plugin_code() -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from padgen.core.errors import GeometryError, at_least, number
 from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
-from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, differences, loose_triangles
+from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles
 from padgen.solid.measure import (
     Dimension,
     Narrow,
@@ -86,24 +86,23 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
     if state.closed and own_figures["measured_taxels"] < len(plan.taxels):
         placed = assembled(plan, pad.tiles, pad.border, pad.grid)
         if not all(np.array_equal(a, b) for a, b in zip(placed, pad.mesh, strict=True)):
-            findings += _differing(pad.mesh, placed, plan)[1]
+            findings += _differing(pad.mesh, placed, plan)
     return Report(figures | own_figures, tuple(findings))
 
 
 def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
     """Run all checks of a mesh from any program that should equal the `pad` of `plan`, and lies where the pad does.
 
-    Triangles that are the pad's own, or its faces cut anew, need no further check. Where the mesh has others, the
-    solids are compared: every difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and
-    beams and recesses of the taxels there are measured.
+    Triangles that are the pad's own need no further check. Where the mesh has others, the solids are compared: every
+    difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and beams and recesses of the
+    taxels there are measured.
     """
     state, printer = topology(mesh), plan.spec.printer
     figures, findings = _whole(mesh, state, printer, plan.spec.material.density_g_per_cm3)
     if not state.closed or state.volume_mm3 <= 0:
         return Report(figures, tuple(findings))
-    same, differing = _differing(mesh, pad.mesh, plan)
-    findings += [] if same else _pierced(mesh)
-    if differing:
+    if differing := _differing(mesh, pad.mesh, plan):
+        findings += _pierced(mesh)
         more_figures, more = _printable(mesh, printer, Places()) if state.shells <= MOST_BODIES else ({}, [])
     else:
         more_figures, more = _of_tiles(pad, plan, True)
@@ -188,16 +187,16 @@ def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding
     ]
 
 
-def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
-    """Return whether all faces are those planned, and findings about where they differ."""
+def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> list[Finding]:
+    """Return findings about where the solids differ."""
     loose, lost, snapped = loose_triangles(mesh, planned)
-    if cut_anew(snapped.corners_mm[loose], planned.corners_mm[lost]):
-        return True, []
+    if not loose.any() and not lost.any():
+        return []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
     (one, refused), (other, _) = _manifold(snapped), _manifold(planned)
     if one is None:
-        return False, refused
+        return refused
     if reached.mean() < 0.5:
         room = cells.room(reached)
         one, other = one ^ room, other ^ room
@@ -206,7 +205,7 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
     found, rooms = differences(one, other), washer_rooms(plan, one, taxels)
-    return False, [*told(off, found, cells), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
+    return [*told(off, found, cells), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
 def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> list[Finding]:

@@ -16,24 +16,22 @@ The legs bend and twist. So the resonance depends less on the thickness and more
 beam, and less on errors common to a print. Sideways the legs are as soft as up and down.
 """
 
+from dataclasses import dataclass
 from math import pi
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from padgen.planner.suspensions import Arrangement, BeamPath, BeamShape, Block, PlateShape, Room, Segment, arc
 
-__all__ = ["BEAMS", "END_FACTOR", "ORDER", "Serpentine"]
+__all__ = ["Serpentine", "member"]
 
-ORDER = None
-END_FACTOR = 0.25
-"""Factor of the point-mass rule of the same beam, unfolded."""
-BEAMS = 1
 WIDEST_SHARE = 0.2
 """Largest width of the beam over the plate's: a wider beam would have hardly any legs."""
 
 
-class Serpentine(NamedTuple):
+@dataclass(frozen=True)
+class Serpentine:
     """A beam with an odd number of `legs` across the window; the first and last reach from its middle to one side.
 
     All bends have the radius that leaves the smallest gap between legs, so that each leg takes up the beam's width and
@@ -41,6 +39,10 @@ class Serpentine(NamedTuple):
     """
 
     legs: int
+    ORDER: ClassVar[None] = None
+    END_FACTOR: ClassVar[float] = 0.25
+    """Factor of the point-mass rule of the same beam, unfolded."""
+    BEAMS: ClassVar[int] = 1
 
     def longest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
         """Return the length in mm of the longest beam of the largest width, which holds for all narrower beams."""
@@ -84,3 +86,8 @@ class Serpentine(NamedTuple):
         """Return the length in mm of a path whose outer bends have their centres `out_mm` from the middle."""
         radius = (width_mm + gap_mm) / 2
         return gap_mm + (self.legs * pi - 2) * radius + 2 * (self.legs - 1) * out_mm
+
+
+def member(legs: int) -> Serpentine:
+    """Return the serpentine with this number of legs."""
+    return Serpentine(legs)

@@ -1,8 +1,0 @@
-"""Suspension by one beam of seven legs across the window, by `Serpentine`."""
-
-from padgen.planner.suspensions._serpentine import BEAMS, END_FACTOR, ORDER, Serpentine
-
-__all__ = ["BEAMS", "END_FACTOR", "ORDER", "arrange", "longest", "shortest", "widest"]
-
-_SHAPE = Serpentine(7)
-longest, widest, shortest, arrange = _SHAPE.longest, _SHAPE.widest, _SHAPE.shortest, _SHAPE.arrange
