@@ -14,17 +14,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from padgen.core.runner import Runner
-from padgen.ladders.stages import Solved
-from tests.extremes import SETS, CaseSet
+from tests.extremes import SETS, CaseSet, answer_of
 
 LIMIT_S = 300.0
-
-
-def answer_of(cases: CaseSet, place: int, what: str) -> Solved:
-    """Return the answer of a case's model ('solve') or of its 'reference': the case itself need not pickle."""
-    answer = getattr(list(cases())[place], what)()
-    answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
-    return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
 def verdict(runner: Runner, cases: CaseSet, place: int) -> tuple[str, str]:

@@ -804,3 +804,10 @@ def _summed(hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) ->
 
 CaseSet = Callable[[], Iterator[ExtremeCase]]
 SETS: tuple[CaseSet, ...] = (structure_cases, solid_cases, force_cases, dynamics_cases, selectivity_cases, spec_cases)
+
+
+def answer_of(cases: CaseSet, place: int, what: str) -> Solved:
+    """Return the answer of a case's model ('solve') or of its 'reference': the case itself need not pickle."""
+    answer = getattr(list(cases())[place], what)()
+    answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
+    return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
