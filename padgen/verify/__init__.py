@@ -11,7 +11,6 @@ from padgen.core.errors import EngineMissingError
 
 __all__ = [
     "Engine",
-    "mpmath",
     "ng",
     "occ",
     "require",
@@ -53,4 +52,4 @@ class Engine:
             raise _missing(self._name, str(error)) from error
 
 
-ng, occ, mpmath = (Engine(name) for name in ("ngsolve", "netgen.occ", "mpmath"))
+ng, occ = Engine("ngsolve"), Engine("netgen.occ")
