@@ -19,11 +19,19 @@ import numpy as np
 import padgen as pg
 from padgen.core.errors import PadgenError
 from padgen.measured.fits import TaxelFit, fit_measured
-from padgen.measured.predict import levels_um, planned_tones, predicted, tones_at, worst_db
 from padgen.measured.read import read_measured
-from padgen.measured.simulate import simulate_print, spreads_for
 from padgen.measured.tune import estimated, tuning_of
-from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
+from padgen.measured.tuning import (
+    TunedTaxel,
+    Tuning,
+    levels_um,
+    planned_tones,
+    planned_tuning,
+    predicted,
+    simulate_print,
+    tones_at,
+    worst_db,
+)
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner import Plan, make_plan
@@ -34,7 +42,7 @@ from padgen.spec import load_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.recordings import KINDS, recorded
-from tests.retuned_loop import by_truth, kept_db, record
+from tests.retuned_loop import by_truth, kept_db, record, spreads_for
 
 PRINTS = 1000
 SIGMA = 0.08

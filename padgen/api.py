@@ -317,7 +317,7 @@ def retune(
         The measurements cannot be read, or show no resonance.
     """
     from padgen.measured.read import read_measured
-    from padgen.measured.tuned_folder import fitted_and_retuned
+    from padgen.measured.tune import fitted_and_retuned
 
     paths = [Path(each) for each in ([measured] if isinstance(measured, str | Path) else measured)]
     found = read_measured(paths, plan, excitation, sensor)

@@ -4,21 +4,28 @@ The bytes of the WAV are voltages; coils and taxels are integrated exactly for s
 samples. Lines are heard for two seconds, each taxel's working mode alone.
 """
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 from scipy.io import wavfile
 from scipy.signal import cont2discrete, lfilter
 
 import padgen as pg
-from padgen.measured.predict import levels_um
-from padgen.measured.tuning import planned_response_um_per_a2
-from padgen.planner.printed_pads import coils_of
+from padgen.measured.tuning import levels_um, planned_response_um_per_a2
+from padgen.planner.printed_pads import Spreads, coils_of, design_of, log_detuning, spreads_of
 from tests.recordings import modal, recorded
 
 HEARD_S = 2.0
 RING_TAUS = 8.0
 """Time constants of the slowest taxel from a state's beginning until it is heard."""
+
+
+def spreads_for(plan, sigma):
+    """Return the plan's spreads, scaled by one factor so that ln f of its taxels has a root mean square of `sigma`."""
+    spreads = spreads_of(plan.spec)
+    drawn = log_detuning(design_of(plan, None), spreads, 0, 0, 2048)[2]
+    scale = sigma / float(np.sqrt((drawn**2).mean()))
+    return Spreads(*(value * scale for value in astuple(spreads)))
 
 
 def record(plan, truth, coils, folder, rng, **how):

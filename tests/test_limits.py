@@ -22,7 +22,7 @@ from padgen.core.errors import InfeasibleError, SpecError
 from padgen.core.wav_reader import read_wav
 from padgen.driver import limits, pad_drive, sound_card
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
-from padgen.driver.excitation import KINDS, excitation
+from padgen.driver.excitation import excitation
 from padgen.driver.frames import state_frame
 from padgen.driver.limits import excitation_load, judge_limits, judge_load, load_of
 from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, RATES_HZ, drive_at, make_drive
@@ -399,10 +399,9 @@ def with_level(plan: Plan, level_um: float) -> tuple:
 # ---- Excitation, tuning, carriers ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_excitation_is_judged_too(tmp_path, kind):
+def test_an_excitation_is_judged_too(tmp_path):
     def excited(name: str, plan: Plan) -> list[str]:
-        _, findings = write_excitation(plan, tmp_path / name, kind, 8000, "24", None, True)
+        _, findings = write_excitation(plan, tmp_path / name, 8000, "24", None, True)
         return [finding.code for finding in findings]
 
     assert not excited("a", planned())
@@ -413,22 +412,20 @@ def test_an_excitation_is_judged_too(tmp_path, kind):
         sound_card.play_wave(tmp_path / "c" / "excitation.wav")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_an_excitation_reaches_between_samples_counts(kind):
+def test_what_an_excitation_reaches_between_samples_counts():
     plan = planned()
-    coarse, fine = (excitation(plan, kind, rate, 2.0, together=True) for rate in (8_000, 48_000))
+    coarse, fine = (excitation(plan, rate, 2.0, together=True) for rate in (8_000, 48_000))
     loud = replace(coarse, voltage_v=40 * coarse.voltage_v, current_a=5 * coarse.current_a)
     load = excitation_load(plan, loud)
     assert [f.code for f in judge_load("x", plan, load)][:2] == ["wave.voltage", "coil.heat"]
     assert load.square_a2[0] == pytest.approx(25 * (coarse.current_a[: 2 * 8000] ** 2).mean())
     assert load.peak_v >= 40 * np.abs(coarse.voltage_v).max()
-    if kind == "chirp":
-        assert load.peak_v / 40 == pytest.approx(np.abs(fine.voltage_v).max(), rel=0.01)
+    assert load.peak_v / 40 == pytest.approx(np.abs(fine.voltage_v).max(), rel=0.01)
 
 
 def test_a_tone_that_samples_miss():
     tone = np.cos(np.pi / 2 * np.arange(50_000) + np.pi / 4) * np.sin(np.linspace(0, np.pi, 50_000))
-    played = replace(excitation(planned(), "chirp", 8000, 2.0), voltage_v=tone)
+    played = replace(excitation(planned(), 8000, 2.0), voltage_v=tone)
     assert np.abs(tone).max() < 0.708
     assert excitation_load(planned(), played).peak_v == pytest.approx(1.0, rel=0.01)
 
@@ -542,9 +539,7 @@ def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_curren
     lines = np.fft.rfft(volts_out, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)
     current = np.fft.irfft(lines, len(volts_out), axis=0)
     assert 0.5 < 1e3 * np.abs(current).max() / plan.load.current_peak_ma <= 1
-    with pytest.raises(SpecError, match="of noise has a constant part"):
-        excitation(plan, "noise", 8000)
-    assert abs(excitation(plan, "chirp", 8000).voltage_v.mean()) < 0.01
+    assert abs(excitation(plan, 8000).voltage_v.mean()) < 0.01
     rows = (tmp_path / "o" / "drive.csv").read_text().splitlines()
     assert len(rows) == 5 and "bias" not in rows[-1]
 

@@ -223,7 +223,7 @@ def test_phases_hold_for_ten_minutes(pair):
 def lines_of(path, drive, report, over=1):
     """Return amplitudes (lines, coils) of i² of one period of a file of volts, by Fourier transforms alone."""
     read = read_wav(path)
-    voltage = read.samples * report.full_scale
+    voltage = read.read() * report.full_scale
     count = len(voltage)
     hz = np.arange(count // 2 + 1) * read.rate_hz / count
     z = drive.resistance_ohm + 2j * np.pi * hz[:, None] * drive.inductance_h
@@ -335,7 +335,7 @@ def test_on_a_carrier_the_lines_are_the_same(tmp_path, quads):
         rest = lines[1:, k].copy()
         rest[np.concatenate([coil.harmonic, [centre], centre + coil.harmonic, centre - coil.harmonic]) - 1] = 0
         assert 20 * np.log10(rest.max() / wanted.max()) < -80
-    voltage = read_wav(tmp_path / "a.wav").samples
+    voltage = read_wav(tmp_path / "a.wav").read()
     assert np.abs(voltage.mean(0)).max() < 1e-3 * np.abs(voltage).max()
     assert not any(finding.code == "wave.dc" for finding in report.findings)
 
@@ -473,7 +473,7 @@ def test_nothing_is_clipped_above_the_limit(tmp_path, pair, depth):
     top = np.abs(played(drive, times)).max()
     assert report.peak == pytest.approx(top, rel=1e-12)
     assert 2 < report.peak < report.full_scale == 5.0
-    np.testing.assert_allclose(read_wav(tmp_path / "a.wav").samples * 5, played(drive, times), atol=5 * 2.0**-23)
+    np.testing.assert_allclose(read_wav(tmp_path / "a.wav").read() * 5, played(drive, times), atol=5 * 2.0**-23)
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -483,7 +483,7 @@ def test_a_file_of_amperes(tmp_path, quads, name):
     times = timeline(plan, np.stack([all_on(plan)]))
     report = write_wave(tmp_path / "a.wav", drive, times, "float", "current")
     read = read_wav(tmp_path / "a.wav")
-    amperes = read.samples * report.full_scale
+    amperes = read.read() * report.full_scale
     assert report.signal == "current" and report.full_scale == full_scale(drive, "current") < 2.5 * report.peak
     assert read.comment.startswith(f"sample 1 = {report.full_scale:g} A")
     np.testing.assert_allclose(report.rms_current_a, np.sqrt((amperes**2).mean(0)), rtol=1e-5)

@@ -23,7 +23,6 @@ from padgen.core.errors import EngineMissingError, FileError, SolverError, plain
 
 __all__ = ["add_bench", "add_calibrate", "add_retune"]
 
-KINDS = ("spectrum", "chirp", "pluck")
 MOST_TRIES = 20
 
 
@@ -68,12 +67,6 @@ def add_retune(commands: Any) -> None:
         "--simulate", metavar="SEED", type=int, help="measure a pad that the computer prints, to try the loop"
     )
     parser.add_argument(
-        "--kind",
-        default="spectrum",
-        metavar="|".join(KINDS),
-        help="with --simulate: what is measured (default: spectrum)",
-    )
-    parser.add_argument(
         "--snr", default=30.0, metavar="DB", type=float, help="with --simulate: signal over noise (default: 30)"
     )
     add_shared(parser, _retune, "all notes, and more taxels", late="measured")
@@ -82,7 +75,8 @@ def add_retune(commands: Any) -> None:
 def _retune(options: argparse.Namespace) -> int:
     simulated, both = None, "needs MEASURED, a file or a folder, or --simulate SEED, and not both"
     refuse((bool(options.measured) == (options.simulate is not None), "padgen retune", both))
-    from padgen.measured.tuned_folder import simulated_print, write_retuned
+    from padgen.measured.tune import write_retuned
+    from padgen.measured.tuning import simulate_print, simulated_measurement
 
     with progress_line() as progress:
         plan = plan_of(options, progress)
@@ -92,7 +86,8 @@ def _retune(options: argparse.Namespace) -> int:
                 (not 0 <= options.snr <= 200, "--snr", f"must be 0 … 200 dB, got {options.snr:g}"),
             )
             progress("printing and measuring a pad")
-            simulated = simulated_print(plan, options.simulate, options.kind, options.snr)
+            printed = simulate_print(plan, options.simulate)
+            simulated = printed, simulated_measurement(plan, printed, options.simulate, options.snr)
         written = write_retuned(
             plan,
             folder_of(options, plan.name),
@@ -110,7 +105,7 @@ def _retune(options: argparse.Namespace) -> int:
 
 def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
     """Print what a re-tuned folder holds, and return the exit code."""
-    from padgen.measured.tuned_folder import measured_rows
+    from padgen.measured.tune import measured_rows
     from padgen.report.measured_prints import retuned_text
 
     place = plain(str(written.folder))
@@ -154,7 +149,7 @@ def _bench(options: argparse.Namespace) -> int:
         value = getattr(options, name)
         refuse((value is not None and not 1 <= value <= most, f"--{name}", f"must be 1 … {most}, got {value}"))
     from padgen.driver.bench import RECORDED, bench
-    from padgen.measured.tuned_folder import write_retuned
+    from padgen.measured.tune import write_retuned
 
     with progress_line() as progress:
         plan = plan_of(options, progress)

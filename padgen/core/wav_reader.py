@@ -1,8 +1,4 @@
-"""Read WAV files: any number of channels, PCM of 1 to 64 bits and IEEE floats, with samples read on demand.
-
-RIFF/WAVE; RIFX, the same with the other byte order; and above 4 GiB RF64 (EBU Tech 3306), whose chunk `ds64` has the
-sizes in 64 bits.
-"""
+"""Read WAV files: any number of channels, PCM of 1 to 32 bits and IEEE floats, with samples read on demand."""
 
 import struct
 from collections.abc import Iterator
@@ -14,16 +10,13 @@ from typing import BinaryIO
 import numpy as np
 
 from padgen.core.errors import FileError, number
+from padgen.core.files import reason
 
-__all__ = ["EXTENSIBLE", "FLOAT", "IN_DS64", "PCM", "RIFF", "SUBFORMAT", "Wave", "read_wav"]
+__all__ = ["EXTENSIBLE", "FLOAT", "PCM", "SUBFORMAT", "Wave", "read_wav"]
 
-RIFF = b"RIFF", b"RIFX", b"RF64"
-"""First four bytes of a file; RIFX has the most significant bytes first."""
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 SUBFORMAT = 0, 0x10, bytes.fromhex("800000aa00389b71")
 """Fields after the format's number in the subformat of WAVE_FORMAT_EXTENSIBLE: two numbers and bytes."""
-IN_DS64 = 0xFFFFFFFF
-"""Value in place of a chunk's size where `ds64` has the size."""
 SPOILT = "is cut off or damaged, not a WAV file that can be read: it"
 READ_BYTES = 1 << 22
 MOST_CHUNKS = 1000
@@ -44,7 +37,6 @@ class Wave:
     kind: str
     bits: int
     width: int
-    big_endian: bool
     comment: str
     offset: int
     held: bytes | None
@@ -54,24 +46,16 @@ class Wave:
         """Duration in s."""
         return self.count / self.rate_hz
 
-    @property
-    def samples(self) -> np.ndarray:
-        """All samples (count, channels)."""
-        return self.read()
-
     def read(self, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """Return samples (s, channels) from `start` up to, not including, `stop`, as doubles."""
+        """Return samples (s, channels) from `start` up to, not including, `stop`, as doubles; by default all."""
         raw = self._raw()[start:stop]
-        if self.big_endian:
-            raw = raw[..., ::-1]
         if self.kind == "float":
             return np.ascontiguousarray(raw).view(f"<f{self.width}")[..., 0].astype(float)
         if self.bits <= 8:  # samples of up to 8 bits are unsigned
             return (raw[..., 0].astype(float) - 128) / 128
-        word = 4 if self.width <= 4 else 8
-        whole = np.zeros((*raw.shape[:-1], word), np.uint8)
-        whole[..., word - self.width :] = raw
-        return whole.view(f"<i{word}")[..., 0] / 2.0 ** (8 * word - 1)
+        whole = np.zeros((*raw.shape[:-1], 4), np.uint8)
+        whole[..., 4 - self.width :] = raw
+        return whole.view("<i4")[..., 0] / 2.0**31
 
     def data(self) -> Iterator[bytes]:
         """Return the samples' bytes in the file, in blocks."""
@@ -82,11 +66,9 @@ class Wave:
     def _raw(self) -> np.ndarray:
         """Return the file's bytes (count, channels, bytes of a sample)."""
         shape = self.count, self.channels, self.width
-        if not self.count:
-            return np.zeros(shape, np.uint8)
-        if self.held is None:
+        if self.held is None and self.count:
             return np.memmap(self.path, np.uint8, "r", self.offset, shape)
-        return np.ndarray(shape, np.uint8, self.held, self.offset)
+        return np.ndarray(shape, np.uint8, self.held or b"", self.offset * bool(self.count))
 
 
 def read_wav(path: Path, data: bytes | None = None) -> Wave:
@@ -97,38 +79,36 @@ def read_wav(path: Path, data: bytes | None = None) -> Wave:
     FileError
         The file is missing, not a WAV file, of an unsupported kind, or shorter than stated.
     """
-    if data is not None:
-        return _read(path, BytesIO(data), len(data), data)
     try:
-        size = path.stat().st_size
-        if not (path.is_file() or path.is_dir()):
+        if data is not None:
+            return _read(path, BytesIO(data), len(data), data)
+        if path.exists() and not (path.is_file() or path.is_dir()):
             raise FileError("cannot be read (it is no ordinary file)", str(path))
         with path.open("rb") as file:
-            return _read(path, file, size, None)
+            return _read(path, file, path.stat().st_size, None)
     except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", str(path)) from error
+        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
 
 
 def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
     """Read the head of an open file of `size` bytes; errors name `path`."""
     where, head = str(path), file.read(12)
-    if head[:4] not in RIFF or head[8:] != b"WAVE":
-        raise FileError("is not a WAV file that can be read (RIFF, RIFX or RF64)" if size else "is empty", where)
-    order = ">" if head[:4] == b"RIFX" else "<"
-    parts: dict[bytes, bytes] = {}
-    data: tuple[int, int] | None = None
-    for count, (name, start, length) in enumerate(_chunks(file, size, order)):
+    if head[:4] != b"RIFF" or head[8:] != b"WAVE":
+        raise FileError("is not a WAV file that can be read (RIFF)" if size else "is empty", where)
+    parts: dict[bytes, tuple[int, int]] = {}
+    for count, (name, start, length) in enumerate(_chunks(file, size, 12)):
         if count >= MOST_CHUNKS:
             raise FileError(f"is damaged: a WAV file has a few parts, this one more than {MOST_CHUNKS}", where)
-        if name == b"data":
-            data = data or (start, length)
-        elif name in (b"fmt ", b"LIST") and name not in parts:
-            file.seek(start)
-            parts[name] = file.read(min(length, 1 << 16))
-    if b"fmt " not in parts or data is None:
-        raise FileError(f"{SPOILT} has no {'format' if b'fmt ' not in parts else 'samples'}", where)
-    rate_hz, channels, kind, bits, width = _format(parts[b"fmt "], order, where)
-    (offset, said), frame = data, channels * width
+        parts.setdefault(name, (start, length))
+    if missing := {b"fmt ": "format", b"data": "samples"}.keys() - parts:
+        raise FileError(f"{SPOILT} has no {'samples' if b'data' in missing and b'fmt ' in parts else 'format'}", where)
+    held_of = {}
+    for name in (b"fmt ", b"LIST"):
+        start, length = parts.get(name, (0, 0))
+        file.seek(start)
+        held_of[name] = file.read(min(length, 1 << 16))
+    rate_hz, channels, kind, bits, width = _format(held_of[b"fmt "], where)
+    (offset, said), frame = parts[b"data"], channels * width
     if said > size - offset:
         there = max(size - offset, 0) // frame
         raise FileError(
@@ -136,50 +116,39 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
         )
     if said % frame:
         raise FileError(f"has {said} bytes of samples, not whole samples of {frame} bytes", where)
-    comment = _comment(parts.get(b"LIST", b""), order)
-    return Wave(path, rate_hz, channels, said // frame, kind, bits, width, order == ">", comment, offset, held)
+    info = held_of[b"LIST"]
+    chunks = _chunks(BytesIO(info), len(info), 4) if info[:4] == b"INFO" else ()
+    texts = [info[start : start + length] for name, start, length in chunks if name == b"ICMT"]
+    comment = texts[0].rstrip(b"\0").decode("utf-8", "replace") if texts else ""
+    return Wave(path, rate_hz, channels, said // frame, kind, bits, width, comment, offset, held)
 
 
-def _chunks(file: BinaryIO, size: int, order: str, start: int = 12) -> Iterator[tuple[bytes, int, int]]:
-    """Yield name, start and stated size in bytes of a file's chunks, sizes from `ds64` where they are there."""
-    in_64 = 0
+def _chunks(file: BinaryIO, size: int, start: int) -> Iterator[tuple[bytes, int, int]]:
+    """Yield name, start and stated size in bytes of a file's chunks."""
     while start + 8 <= size:
         file.seek(start)
-        name, length = struct.unpack(f"{order}4sI", file.read(8))
-        if name == b"ds64":
-            sizes = file.read(16)
-            in_64 = struct.unpack("<QQ", sizes)[1] if len(sizes) == 16 else 0
-        if name == b"data" and length == IN_DS64 and in_64:
-            length = in_64
+        name, length = struct.unpack("<4sI", file.read(8))
         yield name, start + 8, length
         start += 8 + length + length % 2
 
 
-def _format(data: bytes, order: str, where: str) -> tuple[int, int, str, int, int]:
+def _format(data: bytes, where: str) -> tuple[int, int, str, int, int]:
     """Return rate, channels, kind, bits and bytes of a sample from a format chunk."""
     if len(data) < 16:
         raise FileError(f"{SPOILT} has a format of {len(data)} bytes, at least 16 are needed", where)
-    code, channels, rate_hz, _, frame, bits = struct.unpack(f"{order}HHIIHH", data[:16])
+    code, channels, rate_hz, _, frame, bits = struct.unpack("<HHIIHH", data[:16])
     if code == EXTENSIBLE and len(data) >= 40:
-        own, *subformat = struct.unpack(f"{order}IHH8s", data[24:40])
+        own, *subformat = struct.unpack("<IHH8s", data[24:40])
         code = own if tuple(subformat) == SUBFORMAT else code
-    if bits not in {PCM: range(1, 65), FLOAT: (32, 64)}.get(code, ()):
+    if bits not in {PCM: range(1, 33), FLOAT: (32, 64)}.get(code, ()):
         raise FileError(
-            f"has samples of format {code:#06x} and {bits} bits; PCM of 1 … 64 bits and floats of 32 or 64 are read",
+            f"has samples of format {code:#06x} and {bits} bits; PCM of 1 … 32 bits and floats of 32 or 64 are read",
             where,
         )
     if not channels or not rate_hz:
         raise FileError(f"has {channels} channels at {number(rate_hz)} Hz, neither may be 0", where)
     width, fits = frame // channels, -(-bits // 8)
-    # Integers may lie in the upper part of a longer word.
-    if frame % channels or not (width == fits or (code == PCM and width in (4, 8) and width > fits > 1)):
+    # Integers may lie in the upper part of a word of 32 bits.
+    if frame % channels or width not in ((fits, 4) if code == PCM and fits > 1 else (fits,)):
         raise FileError(f"has {channels} channels of {bits} bits in {frame} bytes a sample", where)
     return rate_hz, channels, "pcm" if code == PCM else "float", bits, width
-
-
-def _comment(data: bytes, order: str) -> str:
-    """Return the comment of an INFO list, empty where there is none."""
-    for name, start, length in _chunks(BytesIO(data), len(data), order, 4) if data[:4] == b"INFO" else ():
-        if name == b"ICMT":
-            return data[start : start + length].rstrip(b"\0").decode("utf-8", "replace")
-    return ""

@@ -31,8 +31,7 @@ from padgen.core.errors import FileError, at_least, number
 from padgen.core.finding import Finding
 from padgen.core.units import MH, MM, UM
 from padgen.core.wav_reader import Wave
-from padgen.measured.predict import levels_um
-from padgen.measured.tuning import TunedTaxel, Tuning, planned_response_um_per_a2, planned_tuning
+from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning
 from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import hanging_gap_um

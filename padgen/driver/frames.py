@@ -632,7 +632,7 @@ def _heard_rows(plan: Plan, path: Path) -> Rows:
     from padgen.measured.read import read_measured
 
     measured = read_measured(path, plan)
-    if measured.kind != "driven":
+    if any(getattr(part, "squared_current_a2", None) is None for part in measured.taxels):
         raise FileError("must hold the current of a coil and the motion of its taxel in every recording", str(path))
     channel = {taxel.id: taxel.channel for taxel in plan.taxels}
     size = {c.id: 0.0 if c.cause else float(np.abs(c.seen.data).max()) for c in fitted(measured, plan)[1]}

@@ -33,8 +33,7 @@ from padgen.driver.pad_drive import (
     make_drive,
 )
 from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
-from padgen.measured.predict import printed_channels
-from padgen.measured.tuning import Tuning, planned_tuning
+from padgen.measured.tuning import Tuning, planned_tuning, printed_channels
 from padgen.physics.crest import least_constant
 from padgen.physics.magnetics import balanced_deflection, impedance
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration

@@ -15,8 +15,7 @@ import numpy as np
 
 from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import MH
-from padgen.measured.predict import levels_um
-from padgen.measured.tuning import Tuning, planned_tuning
+from padgen.measured.tuning import Tuning, levels_um, planned_tuning
 from padgen.physics.crest import (
     ALIAS_DB,
     RootMargin,

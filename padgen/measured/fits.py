@@ -8,7 +8,7 @@ import numpy as np
 
 from padgen.core.errors import FileError, SolverError, number
 from padgen.core.units import MS
-from padgen.measured.read_csv import Measured, Record, Row, Spectrum
+from padgen.measured.read import Measured, Record, Row, Spectrum
 from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, looked_at, rough_hz
 from padgen.physics.resonance_judge import ResonanceFit, Seen
 from padgen.planner.plan import Channel, Plan

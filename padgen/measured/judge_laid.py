@@ -108,7 +108,11 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
     laid = laid_pad(plan, path, _numeric(settings.get("filament_diameter", "")))
     beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
     stated = {name: settings[key] for name, keys in SETTINGS.items() for key in keys if key in settings}
-    has = _inferred(laid, beams) | stated
+    first, *others = laid.all_steps_mm.round(4).tolist()
+    usual = max(others, key=others.count, default=first)
+    # As far as comments do not state them, as laid.
+    laid_as = {"layer_height": f"{number(usual)} mm", "first_layer_height": f"{number(first)} mm"}
+    has = laid_as | stated
     wrong = _wrong(plan.printing, has)
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
@@ -195,23 +199,6 @@ def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> n
         planned = TaxelModel(plan.spec, channel.beam.topology, plate, drawn)
         result[taxels[whole]] = channel.resonance_hz * model.resonance_hz / planned.resonance_hz
     return result
-
-
-def _inferred(laid: LaidPad, beams: list[list[_Beams]]) -> dict[str, str]:
-    """Infer settings from the extrusions, for files whose comments do not state them."""
-    steps = laid.all_steps_mm.round(4)
-    values, counts = np.unique(steps[1:] if len(steps) > 1 else steps, return_counts=True)
-    found = {
-        "layer_height": f"{number(float(values[counts.argmax()]))} mm",
-        "first_layer_height": f"{number(float(steps[0]))} mm",
-    }
-    if (laid.strand_mm > 1.5 * values[counts.argmax()] + 1e-6).mean() > 0.5:
-        found["thick_bridges"] = "on"
-    pairs = [b.width_mm[:2, b.is_laid[:2].all(0)] for own in beams for b in own if len(b.width_mm) > 1]
-    narrower = np.concatenate([np.diff(pair, axis=0)[0] for pair in pairs]) if pairs else np.zeros(0)
-    if len(narrower) and np.median(narrower) > 2 * WIDTH_MM:
-        found["elephant_foot_compensation"] = f"about {float(np.median(narrower)) / 2:.2f} mm a side"
-    return found
 
 
 def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, dict[str, str]]:

@@ -230,12 +230,11 @@ FRAME, PLATE, BEAM = 1, 2, 3
 
 
 class TaxelMap:
-    """A grid over a taxel's sub-cell in its own axes, with the body, beam node, gap station and depth of each pixel.
+    """A grid over a taxel's sub-cell in its own axes, with the body, beam node and gap station of each pixel.
 
     `owner` is the nearest body (`FRAME`, `PLATE`, or `BEAM` plus the beam's index), `node` the fractional node number
     along the beams (−1 off them), `station` the nearest station of a gap (−1: none near), `side` the side of that gap,
-    and `aside_mm` the distance from the gap's middle. `depth_mm` is the depth below the surface of the solid in its
-    lowest layer, negative outside.
+    and `aside_mm` the distance from the gap's middle. `solid` is where the lowest layer has plastic.
     """
 
     def __init__(self, plan: Plan, channel: Channel) -> None:
@@ -287,7 +286,6 @@ class TaxelMap:
         washer_x, sizes = float(arrangement.washer_x_mm), plan.plate
         radius = np.hypot(x - washer_x, y)
         self.solid = solid & ~((radius < sizes.recess_diameter_mm / 2) & (radius > sizes.post_diameter_mm / 2))
-        self.depth_mm = (distance(self.solid, self.pixel_mm) - distance(~self.solid, self.pixel_mm)).astype(np.float32)
         self._gaps(~solid, away, places, sizes.gap_mm)
 
     def _run_mm(self, path: BeamPath) -> tuple[np.ndarray, np.ndarray]:
@@ -349,7 +347,6 @@ class PadMaps:
     side: np.ndarray
     aside_mm: np.ndarray
     solid: np.ndarray
-    depth_mm: np.ndarray
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
@@ -435,7 +432,7 @@ SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1)
 MOST_OTHER = 0.15
 """Largest share of a sub-cell that may differ from the plan: usual profiles have 0.06, other pads 0.23 or more."""
 LONG_MM = 1.0
-"""Least length of a bead along the pad's edge, and its largest distance from the edge."""
+"""Least length of a bead along the pad's edge, and its largest distance from the edge where that was first found."""
 ALIKE = 2e-3
 """Difference of correlations that may be rounding; a pad that looks the same when turned then gets the smaller turn."""
 IMAGE_MM, MOST_IMAGE = 0.5, 1000
@@ -615,8 +612,8 @@ def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> 
 def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     """Find where the pad lies, by the correlation of a layer's extrusions with the plan's lowest cross-section.
 
-    First all quarter turns are tried on a coarse grid, by Fourier transforms. The two best are then moved until the
-    beads lie deepest within the plan's bodies, which leaves gaps equally wide on both sides.
+    All quarter turns are tried on a coarse grid, by Fourier transforms. The two best are then centred by the beads
+    along opposite edges of the pad.
     """
     from scipy.signal import correlate
 
@@ -656,19 +653,8 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     middles = [(np.arange(n) + 0.5) * IMAGE_MM - n * IMAGE_MM / 2 for n in fine.shape]
     best = Placing(0.0, 0.0, 0, 0.0, 1.0)
     for _, quarters, centre in sorted(sorted(found, key=lambda item: -item[0])[:2], key=lambda item: item[1]):
-        own = turned(points - centre, -quarters)
-        step, moved, deepest = coarse / 2, np.zeros(2), -np.inf
-        some = own[:: max(len(own) // 10_000, 1)]
-        some = some[(np.abs(some) < size / 2).all(1)]
-        while step > 0.004:
-            tries = moved + step * SHIFTS_MM / 0.06
-            depths = [_depth(maps, some - shift) for shift in tries]
-            k = int(np.argmax(depths))
-            if depths[k] <= deepest or k == len(tries) // 2:
-                step /= 2
-            moved, deepest = tries[k], depths[k]
-        start, stop = (turned(end - centre, -quarters) - moved for end in (layer.start, layer.stop))
-        moved = moved + _off_centre(start, stop, size / 2)
+        start, stop = (turned(end - centre, -quarters) for end in (layer.start, layer.stop))
+        own, moved = turned(points - centre, -quarters), _off_centre(start, stop, size / 2)
         shown = image(own - moved, -np.array(fine.shape) * IMAGE_MM / 2, fine.shape, IMAGE_MM)
         match = float(np.corrcoef(shown.ravel(), fine.ravel())[0, 1]) if shown.any() else 0.0
         if match > best.match + ALIKE:
@@ -683,9 +669,9 @@ def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.
     for k in (0, 1):
         along = np.abs(stop[:, k] - start[:, k]) < 1e-3
         along &= np.abs(stop[:, 1 - k] - start[:, 1 - k]) > LONG_MM
-        along &= (np.abs(start[:, 1 - k]) < half_mm[1 - k]) & (np.abs(stop[:, 1 - k]) < half_mm[1 - k])
+        along &= np.maximum(np.abs(start), np.abs(stop))[:, 1 - k] < half_mm[1 - k] + LONG_MM
         depth = [half_mm[k] - side * start[along, k] for side in (-1, 1)]
-        low, high = (d[(d > 0.02) & (d < LONG_MM)] for d in depth)
+        low, high = (d[np.abs(d) < LONG_MM] for d in depth)
         if len(low) and len(high):
             off[k] = (low.min() - high.min()) / 2
     return off
@@ -701,12 +687,6 @@ def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarr
     number = np.where(inside, row * maps.places.shape[1] + column, maps.places.size).ravel()
     differs = (((laid > 0.3) & (plan < 0.05)) | ((laid < 0.15) & (plan > 0.95))).ravel()
     return float((np.bincount(number, differs) / np.maximum(np.bincount(number), 1)).max())
-
-
-def _depth(maps: PadMaps, points: np.ndarray) -> float:
-    """Return the sum of the points' depths in mm within the plan's bodies, each limited to −0.5 … 0.25 mm."""
-    taxel, _, pixel = maps.found(points)
-    return float(np.clip(maps.depth_mm[pixel[taxel >= 0]], -0.5, 0.25).sum())
 
 
 def _beams_top_mm(plan: Plan) -> float:

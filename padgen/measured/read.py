@@ -22,8 +22,11 @@ driven record holds taxels of one coil, those that its current moves. WAV files 
 what the taxels need is lowered by means over some samples, of current and motion alike.
 """
 
+import re
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -31,15 +34,80 @@ import numpy as np
 from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import read_bounded, reason, recover
 from padgen.core.units import MH
-from padgen.core.wav_reader import RIFF, Wave, read_wav
-from padgen.measured.read_csv import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, lowering, nearest_id, read_csv
+from padgen.core.wav_reader import Wave, read_wav
 from padgen.physics.resonance_fit import MOST_SAMPLES, SENSORS, current_of_voltage
 from padgen.planner.plan import Plan
 
-__all__ = ["read_measured", "read_measured_text", "read_records"]
+__all__ = ["Measured", "Record", "Row", "Spectrum", "read_measured", "read_measured_text"]
 
 LARGEST_FILE = 1 << 28
 """Most bytes of a file, or of all files in a folder."""
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Bounds of measured values, whose fourth powers are still floating-point numbers; smaller values count as silence."""
+LONGEST_NAME = 80
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A taxel's line of a table; values that were left out are None."""
+
+    id: str
+    where: str
+    resonance_hz: float
+    resonance_error_hz: float | None
+    q: float | None
+    response_um_per_a2: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spectrum:
+    """A taxel's response (n,), complex or a magnitude, over `frequency_hz` (n,).
+
+    It is in µm (µm/s, µm/s²) per A² of the line of i² where `absolute`, else relative. `power` is 0 for displacement, 1
+    for velocity, 2 for acceleration, None where the file does not say.
+    """
+
+    id: str
+    where: str
+    frequency_hz: np.ndarray
+    response: np.ndarray
+    absolute: bool
+    power: int | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Record:
+    """A taxel's motion (n,) over time, in µm (µm/s, µm/s²) where `absolute`, else relative; `power` as of `Spectrum`.
+
+    `squared_current_a2` (n,) is the coil's i², None for a free decay. `clipped` (n,) marks samples of the motion at the
+    ends of the scale. `shared` names all taxels that a record of a whole coil may hold; `id` is the first of them.
+    """
+
+    id: str
+    where: str
+    rate_hz: float
+    displacement: np.ndarray
+    squared_current_a2: np.ndarray | None
+    absolute: bool
+    power: int | None = None
+    clipped: np.ndarray | None = None
+    shared: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Measured:
+    """A measurement of a print: the measured taxels in the plan's order.
+
+    `stated` is True where the file says what its frequencies are of; then they need not be near the plan's.
+    """
+
+    where: str
+    taxels: "tuple[Part, ...]"
+    stated: bool
+
+
+Part = Row | Spectrum | Record
+Found = tuple[list[Part], bool]
 
 
 def read_measured(
@@ -87,22 +155,19 @@ def read_measured(
 def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Measured:
     """Read a measurement from the text of a CSV file; see `read_measured`."""
 
-    found, stated = read_csv(text, where, tuple(taxel.id for taxel in plan.taxels), plan, False)
+    found, stated = _csv(text, where, tuple(taxel.id for taxel in plan.taxels), plan, False)
     return _ordered(found, stated, where, plan)
-
-
-Found = tuple[list[Row | Spectrum | Record], bool]
 
 
 def _read(data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, named: bool) -> Found:
     where = str(path)
-    if data[:4] in RIFF or path.suffix.lower() in (".wav", ".wave"):
-        return read_records(data, path, ids, plan, excitation, named), False
+    if data[:4] == b"RIFF" or path.suffix.lower() in (".wav", ".wave"):
+        return _records(data, path, ids, plan, excitation, named), False
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"is neither WAV nor CSV: byte {error.start} is not UTF-8 text", where) from error
-    return read_csv(text, where, ids, plan, named and len(ids) == 1)
+    return _csv(text, where, ids, plan, named and len(ids) == 1)
 
 
 def _taxels_of(path: Path, plan: Plan) -> tuple[str, ...]:
@@ -113,12 +178,12 @@ def _taxels_of(path: Path, plan: Plan) -> tuple[str, ...]:
 def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) -> Found:
     """Read files that are named after taxels or coils."""
     ids = tuple(taxel.id for taxel in plan.taxels)
-    found: dict[str, Row | Spectrum | Record] = {}
+    found: dict[str, Part] = {}
     stated, left = [], LARGEST_FILE
     for path in files:
         own = _taxels_of(path, plan)
         if not own:
-            end = nearest_id(path.stem, ids)
+            end = _nearest(path.stem, ids)
             raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", str(path))
         data = read_bounded(path, left, "a measurement" if len(files) == 1 else "a folder of measurements")
         left -= len(data)
@@ -145,20 +210,40 @@ def _files(folder: Path) -> list[Path]:
     return [p for p in entries if p.suffix.lower() in (".csv", ".wav", ".wave") and not p.name.startswith(".")]
 
 
-def _ordered(found: list[Row | Spectrum | Record], stated: bool, where: str, plan: Plan) -> Measured:
+def _ordered(found: list[Part], stated: bool, where: str, plan: Plan) -> Measured:
     by_id = {part.id: part for part in found}
     taxels = tuple(by_id[taxel.id] for taxel in plan.taxels if taxel.id in by_id)
-    missing = tuple(taxel.id for taxel in plan.taxels if taxel.id not in by_id)
-    kinds = {_kind(part) for part in taxels}
-    return Measured(kinds.pop() if len(kinds) == 1 else "mixed", where, taxels, missing, stated)
+    return Measured(where, taxels, stated)
 
 
-def _kind(part: Row | Spectrum | Record) -> str:
-    if isinstance(part, Row):
-        return "table"
-    if isinstance(part, Spectrum):
-        return "spectrum"
-    return "decay" if part.squared_current_a2 is None else "driven"
+def _nearest(name: str, known: tuple[str, ...]) -> str:
+    """Return the end of a sentence that names the known name most like `name`, or the first and the last one."""
+    close = get_close_matches(name[:LONGEST_NAME], known, 1, 0.5)
+    return f"; the nearest is {close[0]!r}" if close else f"; they run from {known[0]!r} to {known[-1]!r}"
+
+
+SAMPLES_OF_PLANNED, FEWEST_LEFT = 40, 64
+"""Samples per period of the highest planned resonance that are kept, and the fewest of a record."""
+
+
+def _lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> int:
+    """Return the number of samples of a record of `count` whose mean is enough for the taxels `ids`."""
+    highest = max(plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels if taxel.id in ids)
+    return max(min(int(rate_hz / (SAMPLES_OF_PLANNED * highest)), count // FEWEST_LEFT), 1)
+
+
+def _squared_current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, where: str) -> np.ndarray:
+    """Return the coil's i², from its 'current' or its 'voltage'; the sentence about silence begins with `what`."""
+    if np.ptp(column**2) < SMALLEST:
+        told = f"{what} is {number(float(abs(column[0])))} throughout; leave it out for a free decay"
+        raise FileError(told, where)
+    if kind == "voltage":
+        coil = plan.spec.coil
+        column = current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
+    return np.asarray(column**2)
+
+
+# WAV
 
 
 READ_SAMPLES = 1 << 20
@@ -167,9 +252,9 @@ FEW_FULL, MOST_CLIPPED = 3.5, 0.05
 """Number of samples at full scale up to which a channel is not clipped, and the largest share that can be fitted."""
 
 
-def read_records(
+def _records(
     data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, named: bool = False
-) -> list[Row | Spectrum | Record]:
+) -> list[Part]:
     """Return records of the taxels `ids`, in relative units, from the bytes `data` of the WAV file `path`.
 
     A file that is `named` after a coil has all of its taxels in one channel.
@@ -189,7 +274,7 @@ def read_records(
             f" heard {ids[0].partition('k')[0]}.wav",
             where,
         )
-    factor = lowering(wave.rate_hz, wave.count, ids, plan)
+    factor = _lowering(wave.rate_hz, wave.count, ids, plan)
     rate = wave.rate_hz / factor
     if wave.count // factor > MOST_SAMPLES:
         raise FileError(
@@ -199,7 +284,9 @@ def read_records(
         )
     columns, held = _averaged(wave, factor, where)
     driven = count == due + 1
-    squared = _squared_current(columns[:, 0], rate, plan, excitation, where) if driven else None
+    squared = (
+        _squared_current(columns[:, 0], rate, plan, excitation, "channel 1, the excitation,", where) if driven else None
+    )
     return [
         Record(
             taxel,
@@ -213,16 +300,6 @@ def read_records(
         )
         for k, taxel in enumerate(ids[:due])
     ]
-
-
-def _squared_current(column: np.ndarray, rate: float, plan: Plan, excitation: str, where: str) -> np.ndarray:
-    if np.ptp(column**2) < SMALLEST:
-        raise FileError("channel 1, the excitation, does not change; leave it out for free decays", where)
-    if excitation == "voltage":
-        coil = plan.spec.coil
-        column = current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
-        column = column * coil.resistance_ohm
-    return np.asarray(column**2)
 
 
 def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarray]:
@@ -261,3 +338,307 @@ def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarr
             where,
         )
     return np.concatenate(means), clipped > 0
+
+
+# CSV
+
+
+TABLE = ("taxel", "resonance_hz", "q", "resonance_error_hz", "level_um", "line_a2")
+SUFFIXES = {
+    "frequency_hz": ({"mag"}, {"db"}, {"mag", "deg"}, {"db", "deg"}, {"re", "im"}),
+    "time_s": ({"mag"},),
+}
+"""Sets of columns that a taxel may have; a name without a suffix stands for 'mag'."""
+UNITS = {
+    "frequency_hz": ("um_per_a2", "um_per_s_per_a2", "um_per_s2_per_a2"),
+    "time_s": ("um", "um_per_s", "um_per_s2"),
+}
+"""Units of displacement, velocity and acceleration."""
+RELATIVE = "relative"
+DRIVE, MOTION = "drive", "motion"
+UNEVEN = 0.05
+"""Largest deviation of a time step from the median step, over the latter; rounding in files explains as much."""
+LARGEST_OF = {"resonance_hz": 1e6, "resonance_error_hz": 1e6, "q": 1e9}
+MOST_LINES, LONGEST_LINE = 2_000_000, 1 << 22
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sheet:
+    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered cells of its body."""
+
+    where: str
+    notes: dict[str, str]
+    names: tuple[str, ...]
+    lines: list[tuple[int, str]]
+
+    @property
+    def factor(self) -> float:
+        """Frequencies of the motion over those in the file."""
+        return 2.0 if self.notes.get("frequency") == DRIVE else 1.0
+
+    def cells(self, line: int, raw: str) -> list[str]:
+        """Return the cells of a line, as many as headings."""
+        cells = _cells(raw)
+        if len(cells) != len(self.names):
+            told = f"line {line} has {len(cells)} columns, the headings {len(self.names)}; is the file cut off there?"
+            raise FileError(told, self.where)
+        return cells
+
+    def number(self, line: int, name: str, cell: str) -> float:
+        """Return the number in a cell."""
+        try:
+            value = float("" if "_" in cell else cell)  # which Python takes in numbers
+        except ValueError:
+            value = np.nan
+        if not abs(value) <= LARGEST:
+            raise FileError(
+                f"line {line}, column {name!r} must be a finite number of at most {LARGEST:g}, got {cell[:30]!r};"
+                " leave out the line, or the taxel's columns",
+                self.where,
+            )
+        return value
+
+    def numbers(self) -> np.ndarray:
+        """Return the body as numbers (lines, columns)."""
+        shape = len(self.lines), len(self.names)
+        try:
+            values = np.loadtxt([line for _, line in self.lines], delimiter=",", comments=None, ndmin=2)
+        except ValueError:
+            values = np.full(shape, np.nan)
+        if values.shape != shape or not np.abs(values).max() <= LARGEST:
+            rows = ((line, self.cells(line, raw)) for line, raw in self.lines)
+            named = ([self.number(line, *pair) for pair in zip(self.names, row, strict=True)] for line, row in rows)
+            values = np.array(list(named))
+        return values
+
+
+def _csv(text: str, where: str, ids: tuple[str, ...], plan: Plan, alone: bool) -> Found:
+    """Return the data of the taxels `ids` in a CSV text, and whether it states what its frequencies are of.
+
+    With `alone` the file belongs to the one taxel in `ids`, whose columns may be named 'response'.
+    """
+    sheet = _sheet(text, where, ids[0] if alone else "")
+    for kind, read in (("taxel", _table), ("frequency_hz", _spectra), ("time_s", _series)):
+        if kind in sheet.names:
+            return read(sheet, ids, plan), "frequency" in sheet.notes
+    raise FileError(
+        "the heading must have a column 'frequency_hz' (spectra), 'time_s' (time series) or 'taxel' (a table),"
+        f" it has {', '.join(sheet.names)[:60]!r}; frequencies must be in Hz and times in s",
+        where,
+    )
+
+
+def _sheet(text: str, where: str, alone: str) -> _Sheet:
+    text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if (count := text.count("\n")) > MOST_LINES:
+        raise FileError(f"has {count} lines, at most {MOST_LINES} are read; shorter records would do, or a WAV", where)
+    notes: dict[str, str] = {}
+    lines = []
+    for line, raw in enumerate(text.split("\n"), start=1):
+        if len(raw) > LONGEST_LINE:
+            raise FileError(f"line {line} has {len(raw)} characters, at most {LONGEST_LINE} are read", where)
+        if note := re.match(r"\s*#\s*(unit|frequency|sensor)\s*:\s*(\S+)\s*$", raw, re.IGNORECASE):
+            notes[note[1].lower()] = note[2].lower()
+        elif raw.strip() and not raw.lstrip().startswith("#"):
+            lines.append((line, raw))
+    if not lines:
+        raise FileError("is empty; the first line must be the headings", where)
+    (_, heading), *body = lines
+    names = tuple(_cells(heading))
+    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
+        if sign in heading and "," not in heading:
+            told = f"its columns are separated by {name}, they must be by commas (and decimals by points)"
+            raise FileError(told, where)
+    if all(re.fullmatch(r"[-+.\de]+", name) for name in names):
+        raise FileError(f"has no headings: the first line is {heading[:40]!r}; it must name the columns", where)
+    if not body:
+        raise FileError("has headings, but no lines of numbers below them", where)
+    if notes.get("frequency", MOTION) not in (DRIVE, MOTION):
+        raise FileError(f"'# frequency:' must be {DRIVE} or {MOTION}, got {notes['frequency']!r}", where)
+    if alone:
+        names = tuple(re.sub(r"^response(?=$|_)", alone, name) for name in names)
+    name, count = Counter(names).most_common(1)[0]
+    if count > 1:
+        raise FileError(f"has {count} columns named {name!r}; keep one", where)
+    return _Sheet(where, notes, names, body)
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.split(",")]
+
+
+def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
+    """Return whether the responses are absolute, with a unit of `UNITS`, and the power that the file states."""
+    unit, sensor = sheet.notes.get("unit", RELATIVE), sheet.notes.get("sensor")
+    if unit not in (*UNITS[axis], RELATIVE):
+        raise FileError(f"'# unit:' must be {', '.join(UNITS[axis])} or {RELATIVE}, got {unit!r}", sheet.where)
+    if sensor not in (*SENSORS, None):
+        raise FileError(f"'# sensor:' must be {', '.join(SENSORS)}, got {sensor!r}", sheet.where)
+    if unit != RELATIVE:
+        return True, UNITS[axis].index(unit)
+    return False, None if sensor is None else SENSORS.index(sensor)
+
+
+def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
+    for name in sheet.names:
+        if name not in TABLE:
+            known = f"{', '.join(TABLE[:2])} and, where known, {', '.join(TABLE[2:])}"
+            raise FileError(f"a table has no column {name!r}; its columns are {known}", sheet.where)
+    if "resonance_hz" not in sheet.names:
+        raise FileError("a table must have a column 'resonance_hz', in Hz", sheet.where)
+    if ("level_um" in sheet.names) != ("line_a2" in sheet.names):
+        raise FileError("'level_um' and 'line_a2' (of the line of i² that made it) must stand together", sheet.where)
+    rows: dict[str, Row] = {}
+    for line, raw in sheet.lines:
+        cells = dict(zip(sheet.names, sheet.cells(line, raw), strict=True))
+        taxel = cells.pop("taxel")
+        if taxel not in ids:
+            raise FileError(f"line {line}: {plan.name!r} has no taxel {taxel!r}{_nearest(taxel, ids)}", sheet.where)
+        if taxel in rows:
+            raise FileError(f"line {line} is a second line of {taxel}; keep one", sheet.where)
+        values = {name: _positive(sheet, line, name, cell) for name, cell in cells.items() if cell}
+        if "resonance_hz" not in values:
+            raise FileError(f"line {line}, column 'resonance_hz' is empty; leave out the line", sheet.where)
+        if ("level_um" in values) != ("line_a2" in values):
+            raise FileError(f"line {line} has one of 'level_um' and 'line_a2'; give both or none", sheet.where)
+        rows[taxel] = Row(
+            taxel,
+            f"{sheet.where}, line {line}",
+            sheet.factor * values["resonance_hz"],
+            sheet.factor * values["resonance_error_hz"] if "resonance_error_hz" in values else None,
+            values.get("q"),
+            values["level_um"] / values["line_a2"] if "level_um" in values else None,
+        )
+    _refuse_swapped(sheet, rows, plan)
+    return list(rows.values())
+
+
+def _positive(sheet: _Sheet, line: int, name: str, cell: str) -> float:
+    value, low, high = sheet.number(line, name, cell), 0.5 * (name == "q"), LARGEST_OF.get(name, LARGEST)
+    if not low < value <= high:
+        raise FileError(
+            f"line {line}, column {name!r} must be above {number(low)} and at most {number(high)}, got {number(value)}",
+            sheet.where,
+        )
+    return value
+
+
+def _refuse_swapped(sheet: _Sheet, rows: dict[str, Row], plan: Plan) -> None:
+    """Refuse a table whose Q reads like the planned resonances and whose resonances do not."""
+    planned = {taxel.id: plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels}
+    both = [(row.resonance_hz / planned[row.id], row.q / planned[row.id]) for row in rows.values() if row.q]
+    off, swapped = np.median(np.abs(np.log(both or [(1.0, 1.0)])), axis=0)
+    if off > np.log(1.5) and swapped < np.log(1.5):
+        first = next(row for row in rows.values() if row.q)
+        raise FileError(
+            f"columns 'q' and 'resonance_hz' look swapped: {first.id} has a q of {number(float(first.q or 0))} and a"
+            f" resonance of {number(first.resonance_hz)} Hz, planned is {number(planned[first.id])} Hz; swap them back",
+            sheet.where,
+        )
+
+
+def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
+    columns = _taxel_columns(sheet, ids, plan, ("frequency_hz",))
+    told, values = _unit(sheet, "frequency_hz"), sheet.numbers()
+    axis, skip = sheet.names.index("frequency_hz"), 0
+    if values[0, axis] == 0 and len(values) > 1:
+        values, skip = values[1:], 1
+    _refuse_not_rising(sheet, values, skip, axis, "Hz")
+    found: list[Part] = []
+    for taxel, at in columns.items():
+        parts = {part: values[:, k] for part, k in at.items()}
+        if "re" in parts:
+            response = parts["re"] + 1j * parts["im"]
+        else:
+            response = parts["mag"] if "mag" in parts else 10 ** (parts["db"] / 20)
+            if (response < 0).any():
+                k = int(np.argmax(response < 0))
+                raise FileError(
+                    f"line {sheet.lines[k + skip][0]}, column {sheet.names[at['mag']]!r} is a magnitude and must be at"
+                    f" least 0, got {number(float(response[k]))}; decibels go to {taxel}_db, real parts to {taxel}_re"
+                    f" beside {taxel}_im",
+                    sheet.where,
+                )
+            if "deg" in parts:
+                response = response * np.exp(1j * np.radians(parts["deg"]))
+        frequency = sheet.factor * values[:, axis]
+        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", frequency, np.asarray(response), *told))
+    return found
+
+
+def _taxel_columns(sheet: _Sheet, ids: tuple[str, ...], plan: Plan, own: tuple[str, ...]) -> dict[str, dict[str, int]]:
+    """Return the numbers of each taxel's columns, by their suffix; `own` are the names of the other columns."""
+    found: dict[str, dict[str, int]] = {}
+    forms = SUFFIXES[own[0]]
+    for at, name in enumerate(sheet.names):
+        taxel, _, suffix = name.partition("_")
+        if name in own:
+            continue
+        if taxel not in ids or (suffix or "mag") not in set().union(*forms) or name.endswith("_"):
+            told = f"column {name!r} is no taxel of {plan.name!r} and none of {', '.join(own)}"
+            raise FileError(f"{told}{_nearest(taxel, ids)}", sheet.where)
+        found.setdefault(taxel, {})[suffix or "mag"] = at
+    if not found:
+        raise FileError(f"has no taxel's column, such as {ids[0]!r}", sheet.where)
+    for taxel, parts in found.items():
+        if set(parts) not in forms:
+            got = ", ".join(sheet.names[at] for at in parts.values())
+            raise FileError(
+                f"{taxel} must have one column ({taxel}, {taxel}_mag or {taxel}_db), either with {taxel}_deg,"
+                f" or {taxel}_re and {taxel}_im; it has {got}",
+                sheet.where,
+            )
+    return found
+
+
+def _refuse_not_rising(sheet: _Sheet, values: np.ndarray, skip: int, axis: int, unit: str) -> None:
+    """Refuse an axis that does not rise, or frequencies at or below 0; `skip` lines of the body are left out."""
+    column, name = values[:, axis], sheet.names[axis]
+    bad = np.flatnonzero(np.diff(column, prepend=0.0 if unit == "Hz" else -np.inf) <= 0)
+    if len(bad):
+        at = int(bad[0])
+        rising = [k for k in range(values.shape[1]) if k != axis and (np.diff(values[:, k]) > 0).all()]
+        other = f"; column {sheet.names[rising[0]]!r} does: are the two swapped?" if rising else "; sort the lines"
+        before = f" after {number(float(column[at - 1]))}" if at else ""
+        rule = "must be above 0 and rise" if unit == "Hz" else "must rise"
+        raise FileError(
+            f"line {sheet.lines[at + skip][0]}, column {name!r} {rule}, got {number(float(column[at]))}{before}"
+            f" {unit}{other}",
+            sheet.where,
+        )
+
+
+def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
+    columns = _taxel_columns(sheet, ids, plan, ("time_s", "current_a", "voltage_v"))
+    drives = [name for name in ("current_a", "voltage_v") if name in sheet.names]
+    if len(drives) > 1:
+        raise FileError("has both 'current_a' and 'voltage_v'; leave one out, best the voltage", sheet.where)
+    told, values, squared = _unit(sheet, "time_s"), sheet.numbers(), None
+    rate = _rate_hz(sheet, values)
+    factor = _lowering(rate, len(values), tuple(columns), plan)
+    values, rate = values[: len(values) // factor * factor].reshape(-1, factor, values.shape[1]).mean(1), rate / factor
+    for name in drives:
+        column, kind = values[:, sheet.names.index(name)], name.partition("_")[0]
+        squared = _squared_current(column, rate, plan, kind, f"column {name!r}", sheet.where)
+    return [
+        Record(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *told)
+        for taxel, parts in columns.items()
+    ]
+
+
+def _rate_hz(sheet: _Sheet, values: np.ndarray) -> float:
+    axis = sheet.names.index("time_s")
+    if len(values) < 2:
+        raise FileError("has one line of numbers; a record needs at least 32", sheet.where)
+    _refuse_not_rising(sheet, values, 0, axis, "s")
+    time = values[:, axis]
+    step = float(np.median(np.diff(time)))
+    off = np.abs(np.diff(time) - step) > UNEVEN * step + 4e-10 * np.abs(time[1:])
+    if off.any():
+        at = int(np.argmax(off)) + 1
+        raise FileError(
+            f"line {sheet.lines[at][0]}, column 'time_s' must go in even steps of {number(step)} s, got a step of"
+            f" {number(float(time[at] - time[at - 1]))} s; resample it, or cut the record there",
+            sheet.where,
+        )
+    return float((len(time) - 1) / (time[-1] - time[0]))

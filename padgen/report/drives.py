@@ -89,12 +89,11 @@ def _wave_text(plan: "Plan", report: "WaveReport") -> str:
     told = [
         f"drive.wav: {report.seconds:.3g} s of {len(report.rms_current_a)} channels (coils row by row) at"
         f" {report.rate_hz} Hz, {depth}, driven {report.scheme}; a sample of 1 stands for"
-        f" {number(report.full_scale)} {unit}, the largest is {number(report.peak)} {unit}",
-        f"each coil takes at most {number(1e3 * max(report.rms_current_a))} mA rms and"
-        f" {number(max(report.copper_loss_w))} W",
+        f" {number(report.full_scale)} {unit}, the largest is {report.peak:.3g} {unit}",
+        f"each coil takes at most {1e3 * max(report.rms_current_a):.3g} mA rms and {max(report.copper_loss_w):.3g} W",
     ]
     if report.loss_over_tones is not None and Scheme(report.scheme).has_constant:
-        told[-1] += f"; copper loss {number(report.loss_over_tones)} times that of plain tones with the same force"
+        told[-1] += f"; copper loss {report.loss_over_tones:.3g} times that of plain tones with the same force"
     if report.loops:
         told.append("it repeats without a seam")
     if report.carrier_hz is not None:
@@ -134,10 +133,10 @@ def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Fi
     """Describe an excitation file, and what to do with it."""
     low, high = played.band_hz
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
-    share = "" if played.level_share >= 1 else f", times {number(played.level_share)}"
+    share = "" if played.level_share >= 1 else f", times {played.level_share:.3g}"
     return (
-        f"excitation.wav: a {played.kind} of the force from {number(low)} to {number(high)} Hz,"
-        f" {number(played.sweep_s)} s and silence, {how}, {number(played.seconds)} s in all at {played.rate_hz} Hz;"
+        f"excitation.wav: a chirp of the force from {low:.3g} to {high:.3g} Hz,"
+        f" {played.sweep_s:.3g} s and silence, {how}, {played.seconds:.3g} s in all at {played.rate_hz} Hz;"
         f" taxels are shaken at their planned levels{share}\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
         + "".join(f"{findings_text([finding])}\n" for finding in findings)

@@ -8,7 +8,7 @@ from dataclasses import astuple
 
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
-from padgen.measured.tuned_folder import tuned_drive_csv
+from padgen.measured.tune import tuned_drive_csv
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.plan import Plan, carrier_hz
 

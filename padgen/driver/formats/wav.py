@@ -1,8 +1,8 @@
 """The pad's waveforms as a WAV file, and beside it what a reader must know: scale, coils, lines, keyframes.
 
-Files are written in blocks: PCM of 24 bits and IEEE floats, any number of channels. RIFF/WAVE; above 4 GiB RF64 (EBU
-Tech 3306), whose chunk `ds64` has the sizes in 64 bits. With more than two channels or more than 16 bits the format is
-WAVE_FORMAT_EXTENSIBLE, here without loudspeaker positions: channel k is coil k. `padgen.core.wav_reader` reads them.
+Files are written in blocks: PCM of 24 bits and IEEE floats, any number of channels. With more than two channels or more
+than 16 bits the format is WAVE_FORMAT_EXTENSIBLE, here without loudspeaker positions: channel k is coil k.
+`padgen.core.wav_reader` reads them.
 """
 
 import json
@@ -19,7 +19,7 @@ import numpy as np
 from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import OutputFolder, json_text, reason
 from padgen.core.finding import Finding
-from padgen.core.wav_reader import EXTENSIBLE, FLOAT, IN_DS64, PCM, SUBFORMAT, read_wav
+from padgen.core.wav_reader import EXTENSIBLE, FLOAT, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import carrier_text
@@ -52,6 +52,8 @@ BEYOND_LIMIT = "; not to be played: "
 LARGEST_24 = 1 - 2.0**-23
 """The largest sample that 24 bits hold; the smallest is −1."""
 MOST_CHANNELS = 65535
+LARGEST_WAVE = 4_000_000_000
+"""Bytes of the samples of a WAV file, whose sizes have 32 bits."""
 
 
 def wav_header(rate_hz: int, channels: int, count: int, depth: str, comment: str = "") -> bytes:
@@ -65,25 +67,23 @@ def wav_header(rate_hz: int, channels: int, count: int, depth: str, comment: str
     if not 1 <= channels <= MOST_CHANNELS:
         raise FileError(f"must have 1 … {MOST_CHANNELS} channels, got {channels}", "WAV")
     width = 3 if depth == "24" else 4
-    if channels * width > MOST_CHANNELS or channels * width * rate_hz > IN_DS64:
-        most = min(MOST_CHANNELS // width, IN_DS64 // (width * rate_hz))
+    if channels * width > MOST_CHANNELS or channels * width * rate_hz > LARGEST_WAVE:
+        most = min(MOST_CHANNELS // width, LARGEST_WAVE // (width * rate_hz))
         raise FileError(f"of {depth} can have at most {most} channels at {rate_hz} Hz, got {channels}", "WAV")
     data = count * channels * width
+    if data > LARGEST_WAVE:
+        raise FileError(f"would take {data / 1e9:.3g} GB, at most {LARGEST_WAVE / 1e9:g} GB are written", "WAV")
     code, frame = PCM if depth == "24" else FLOAT, channels * width
     tag, more = code, b"\0\0"
     if channels > 2 or depth == "24":
         tag, more = EXTENSIBLE, struct.pack("<HHIIHH8s", 22, 8 * width, 0, code, *SUBFORMAT)
     chunks = _chunk(b"fmt ", struct.pack("<HHIIHH", tag, channels, rate_hz, frame * rate_hz, frame, 8 * width) + more)
     if depth == "float":
-        chunks += _chunk(b"fact", struct.pack("<I", min(count, IN_DS64)))
+        chunks += _chunk(b"fact", struct.pack("<I", count))
     if comment:
         chunks += _chunk(b"LIST", b"INFO" + _chunk(b"ICMT", comment.encode() + b"\0"))
-    riff = 4 + len(chunks) + 8 + data + data % 2
-    if riff < IN_DS64:
-        return b"RIFF" + struct.pack("<I", riff) + b"WAVE" + chunks + b"data" + struct.pack("<I", data)
-    sizes = _chunk(b"ds64", struct.pack("<QQQI", riff + 36, data, count, 0))
-    head = b"RF64" + struct.pack("<I", IN_DS64) + b"WAVE" + sizes
-    return head + chunks + b"data" + struct.pack("<I", IN_DS64)
+    riff = struct.pack("<I", 4 + len(chunks) + 8 + data + data % 2)
+    return b"RIFF" + riff + b"WAVE" + chunks + b"data" + struct.pack("<I", data)
 
 
 def _chunk(name: bytes, data: bytes) -> bytes:
@@ -150,8 +150,6 @@ def _packed_float(samples: np.ndarray) -> np.ndarray:
 
 ORDER, MADE_OF, FILE = 4, "frames", "drive.wav"
 SIDECAR, HEARD = "drive-wave.json", "hear.json"
-LARGEST_WAVE = 8e9
-"""Bytes of a WAV file."""
 SIGNALS = {"voltage": "V", "current": "A"}
 """Quantities of a file's samples, and their units."""
 CHECKED_BLOCK = 1 << 12
