@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from padgen.driver.formats.c import FILE, HEAT_S, c_header, firmware_files
+from padgen.driver.formats.c import FILE, c_header, firmware_files
+from padgen.driver.limits import HEAT_S
 from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.serial_line import Kind, Message, decode, encode, frame_message, plan_hash
 from padgen.planner import Plan, make_plan

@@ -5,6 +5,7 @@
 | judged volts of a file | the samples of the file, or of the script | 1 % | between samples a peak is a little higher |
 | judged volts of the firmware | the compiled firmware, uncut, all states | 4 % | steps between states are bounded |
 | judged watts | R i², i from the volts through R and L | 1 % | a whole period of a state that is held |
+| judged heat | lag of R i² of a file's bytes, from the limit on | 0.2, 20 % | lines beat; falls count at their ends |
 """
 
 import json
@@ -23,8 +24,9 @@ from padgen.core.wav_reader import read_wav
 from padgen.driver import limits, pad_drive, sound_card
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
 from padgen.driver.excitation import excitation
+from padgen.driver.formats.c import c_header
 from padgen.driver.frames import state_frame
-from padgen.driver.limits import excitation_load, judge_limits, judge_load, load_of
+from padgen.driver.limits import HEAT_S, excitation_load, heat_s, judge_limits, judge_load, load_of
 from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, RATES_HZ, drive_at, make_drive
 from padgen.driver.serial_line import frame_message
 from padgen.driver.waveform import Timeline, ramp_s, steady, timeline, volts
@@ -182,13 +184,88 @@ def test_judged_watts_are_those_of_the_file(tmp_path, scheme, state):
 
 def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
     plan = planned("power_limit_w = 1e-4", "scheme = 'time-shared'")
-    judged = figure(written(plan, tmp_path / "o", "wav"), "coil.heat")
+    driven = written(plan, tmp_path / "o", "wav")
     drive, found = drive_at(plan, RATES_HZ), []
     for channel in range(4):
         alone = np.array([float(taxel.channel == channel) for taxel in plan.taxels])
         played = np.concatenate(list(volts(drive, steady(alone, drive.period_s))))
         found.append(watts(plan, played, drive.rate_hz))
-    assert judged == pytest.approx(max(found), rel=0.01)
+    assert load_of(plan, drive, timeline(plan, np.ones(16))).square_a2.max() * plan.spec.coil.resistance_ohm == (
+        pytest.approx(max(found), rel=0.01)
+    )
+    # A slot rises over its first half, which counts as a step in the middle of that, and falls over the second.
+    quarters = np.outer(found, [0, 1, 1, 1]).ravel()
+    weight = np.exp(driven.report.count / driven.report.rate_hz / 16 / heat_s(plan.spec.coil)) ** np.arange(16)
+    warmest = max(np.average(quarters[: n + 1], weights=weight[: n + 1]) for n in range(16))
+    assert figure(driven, "coil.heat") == pytest.approx(warmest, rel=0.01)
+
+
+# ---- Bursts --------------------------------------------------------------------------------------------------------
+
+
+def test_a_coils_heat_lags_by_what_its_copper_stores():
+    coil = planned().spec.coil
+    # 1000 turns of 22 m in all; 62.9 Ω of them are 0.0874 mm thick and weigh 1.18 g; 471 mm² give off 100 W/(m² K).
+    assert heat_s(coil) == pytest.approx(1.18e-3 * 385 / (100 * 471e-6), rel=0.01)
+    assert heat_s(replace(coil, resistance_ohm=629.0)) == pytest.approx(heat_s(coil) / 10)
+    # A winding of 2 mm that is all copper, whatever its resistance; a large one.
+    small = replace(coil, outer_diameter_mm=2.0, inner_diameter_mm=1.0, length_mm=2.0, resistance_ohm=1e-3)
+    assert heat_s(small) == pytest.approx(3.45e6 * 1.5e-9 * np.pi / (100 * 6e-6 * np.pi), rel=1e-9)
+    assert heat_s(replace(coil, resistance_ohm=1.0)) == HEAT_S and heat_s(replace(coil, resistance_ohm=1e6)) == 0.01
+
+
+@pytest.mark.parametrize("ohm", [62.9, 1200.0, 1e6])
+def test_the_firmware_averages_heat_over_no_longer(ohm):
+    plan = planned(f"name = 'paper'\nresistance_ohm = {ohm}\npower_limit_w = 100", "scheme = 'tones'\nlevel_um = 0.01")
+    for rate in (8000, 48_000):
+        header = c_header(plan, make_drive(plan, rate))
+        averaged = 2 ** int(re.search(r"define PADGEN_HEAT_SHIFT (\d+)", header).group(1)) / rate
+        assert heat_s(plan.spec.coil) / 2 < averaged <= heat_s(plan.spec.coil)
+
+
+def test_a_burst_after_a_pause_may_be_stronger_than_what_is_held_for_ever():
+    plan = planned("", "scheme = 'tones'")
+    drive, lag = drive_at(plan, CONTROLLER_RATES_HZ), heat_s(plan.spec.coil)
+    held = load_of(plan, drive, steady(np.ones(16), drive.period_s))
+    assert (held.warm_a2 == held.square_a2).all()
+
+    def share(*times_s: float, on: tuple[int, ...]) -> float:
+        load = load_of(plan, drive, Timeline(np.array([0.0, *times_s]), np.outer(on, np.ones(16)), False))
+        assert load.square_a2 == pytest.approx(held.square_a2)
+        return float((load.warm_a2 / held.warm_a2).max())
+
+    # Without a pause before: no more than what is held. Off for 3 s and on for 1 s; and a second burst 0.2 s later.
+    assert share(1.0, 1.01, 4.0, on=(1, 1, 0, 0)) == pytest.approx(1)
+    pause, burst = 1 - np.exp(-4 / lag), 1 - np.exp(-1 / lag)
+    assert share(3.0, 3.0, 4.0, on=(0, 0, 1, 1)) == pytest.approx(burst / pause)
+    both = burst * (1 + np.exp(-1.2 / lag)) / (1 - np.exp(-5.2 / lag))
+    assert share(3.0, 3.0, 4.0, 4.0, 4.2, 4.2, 5.2, on=(0, 0, 1, 1, 0, 0, 1, 1)) == pytest.approx(both)
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_no_coil_gets_warmer_than_it_may_by_the_bytes_of_a_file(tmp_path, scheme):
+    """Heat is integrated from a file's bytes, from as warm as it may be on: a coil at its limit comes near to it."""
+    plan = planned("name = 'paper'\nresistance_ohm = 800", f"scheme = '{scheme}'\nlevel_um = 3\nvoltage_limit_v = 1000")
+    coil, drive = plan.spec.coil, drive_at(plan, RATES_HZ, 48_000)
+    frames = np.zeros((12, 16))
+    frames[[5, 6, 9]] = np.array([[1.0], [0.5], [1.0]])
+    Drive(plan, frames, rate_hz=48_000).save_folder(tmp_path / "o", ["wav"], depth="float")
+    load = load_of(plan, drive, timeline(plan, frames))
+    assert load.warm_a2.max() < (0.99 if scheme == "biased" else 0.7) * load.square_a2.max()
+    _, ampere = integrated(tmp_path / "o", coil)
+    stays = np.exp(-1 / (heat_s(coil) * 48_000))
+    heat, _ = lfilter(
+        [1 - stays], [1, -stays], ampere**2 / load.warm_a2, axis=0, zi=np.full((1, ampere.shape[1]), stays)
+    )
+    after = 5 * len(ampere) // 12
+    assert heat.max() < 1.002 and heat[after:].max(0).min() > (0.6 if plan.scheme.takes_turns else 0.8)
+    # The limit itself is what decides, and so does the level that is named.
+    for power_w, codes in ((1.001, []), (0.999, ["coil.heat"])):
+        power_w *= coil.resistance_ohm * load.warm_a2.max()
+        bears = replace(plan, spec=replace(plan.spec, coil=replace(coil, power_limit_w=power_w)))
+        found = judge_limits("x", bears, drive, timeline(plan, frames))
+        assert [finding.code for finding in found] == codes
+    assert 2.9 < float(re.search(r"drive.level_um of ([\d.]+) would fit", found[0].message).group(1)) < 3.0
 
 
 @pytest.mark.parametrize("carrier_hz", [None, 3000.0, 9000.0])

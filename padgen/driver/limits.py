@@ -41,12 +41,15 @@ from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import pull_in_share
 from padgen.planner.plan import CARRIER_OVER_RESONANCE, Channel, Plan
+from padgen.spec import Coil
 
 __all__ = [
+    "HEAT_S",
     "Load",
     "carrier_text",
     "excitation_load",
     "group_channels",
+    "heat_s",
     "judge_limits",
     "judge_load",
     "least_constants",
@@ -73,15 +76,25 @@ GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
 ROUNDING = 1e-6
 """Largest rounding error of `least_constant`, relative to the sum of the lines."""
+HEAT_S, LEAST_HEAT_S = 10.0, 0.01
+"""Bounds of the time over which a coil's heat is averaged; what has less copper than for the latter is no coil."""
+COPPER_OHM_M, COPPER_J_PER_M3K = 1.72e-8, 3.45e6
+"""Resistivity and heat capacity of copper at 20 °C (IEC 60028; 8960 kg/m³ times 385 J/(kg K))."""
+MOST_W_PER_M2K = 100.0
+"""Heat that flows off a coil's surface, at most, in W/(m² K).
+
+Still air takes at most 25 (Incropera et al., Fundamentals of Heat and Mass Transfer, 7th ed. 2011, table 1.1); through
+the 0.2 to 0.3 mm of air between a coil and the lower half of its printed socket go 90 to 130.
+"""
 
 
 class Load(NamedTuple):
     """The most that is asked, of any coil where nothing else is said.
 
-    `peak_v` in V and `peak_a` in A; mean i² in A² of the warmest state of each coil, `square_a2` (coils,), and of all
-    coils together, `total_a2`; `level` (taxels,) in 0 … 1. The mean of the warmest state bounds the heat of any burst,
-    whatever the coil's thermal time constant. A peak is a bound wherever that keeps the limit, and within 3 % of what
-    is put out where it does not.
+    `peak_v` in V and `peak_a` in A; mean i² in A² of the strongest state of each coil, `square_a2` (coils,), and of all
+    coils together, `total_a2`; `warm_a2` (coils,), the steady i² that warms a coil as much (`_warm_a2`); `level`
+    (taxels,) in 0 … 1. A peak is a bound wherever that keeps the limit, and within 3 % of what is put out where it
+    does not.
     """
 
     peak_v: float
@@ -89,6 +102,7 @@ class Load(NamedTuple):
     square_a2: np.ndarray
     total_a2: float
     level: np.ndarray
+    warm_a2: np.ndarray
 
 
 class _Asked(NamedTuple):
@@ -98,15 +112,50 @@ class _Asked(NamedTuple):
     square_a2: float
 
 
+def heat_s(coil: Coil) -> float:
+    """Return a time constant of a coil's heat in s, no longer than the true one.
+
+    It is what the copper stores over what the surface can give off. How much copper there is follows from resistance
+    and wire length; it is no more than fits into the winding. Core and bobbin, which store more, are left out, and
+    aluminium of that resistance would store more too. Shorter is safe: with first-order lags the heat of a slower
+    coil is a weighted mean of the past heat of a quicker one, and no higher.
+    """
+    outer, inner, length = (size * MM for size in (coil.outer_diameter_mm, coil.inner_diameter_mm, coil.length_mm))
+    wire = coil.turns * pi * (outer + inner) / 2
+    copper = min(COPPER_OHM_M * wire**2 / coil.resistance_ohm, pi / 4 * (outer**2 - inner**2) * length)
+    surface = pi * outer * length + pi / 2 * outer**2
+    return min(max(COPPER_J_PER_M3K * copper / (MOST_W_PER_M2K * surface), LEAST_HEAT_S), HEAT_S)
+
+
+def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
+    """Return the steady i² (coils,) in A² that warms coils as much as `squares` (coils, k) at a timeline's keyframes.
+
+    A coil may be as warm as it may ever be when the file begins, since another may have been played before. Its heat
+    ``h' = (i² − h)/T`` then stays within a limit P/R if, from the beginning to any time t, the mean of i² weighted by
+    ``exp(−(t − s)/T)`` does: the largest of these means. A rise of i² counts as a step in its middle, before which the
+    blend is as much above as after it below, and a fall as one at its end: both warm no less. A loop is held for ever.
+    """
+    warmest = squares.max(1)
+    if not shown.loops:
+        heat, weight, warmest = np.zeros(len(squares)), 0.0, squares[:, 0]
+        for key, share in enumerate(-np.expm1(-np.diff(shown.time_s) / 2 / heat_s(coil))):
+            for half in (squares[:, key], squares[:, key : key + 2].max(1)):
+                heat, weight = heat + (half - heat) * share, weight + (1 - weight) * share
+                warmest = np.maximum(warmest, heat / weight)
+    return np.asarray(warmest)
+
+
 def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     """Bound what a timeline, or whatever the firmware may be sent (None), asks of the coils."""
     ramp = ramp_s(plan)
     if shown is None:
         asked = [_any(drive, coil) for coil in drive.coils]
         level, total_a2 = np.ones(len(plan.taxels)), sum(own.square_a2 for own in asked)
+        warm = np.array([own.square_a2 for own in asked])
     else:
         squares = np.stack([_squares_a2(drive, coil, shown) for coil in drive.coils])
         level, total_a2 = shown.levels.max(0), float(squares.sum(0).max())
+        warm = _warm_a2(plan.spec.coil, shown, squares)
         pairs = zip(drive.coils, squares.max(1).tolist(), strict=True)
         asked = [_Asked(level[coil.taxels], square_a2) for coil, square_a2 in pairs]
     each = list(zip(drive.coils, asked, strict=True))
@@ -116,7 +165,7 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     peak_a = max(_bound_a(drive, coil, own) for coil, own in each)
     if shown is not None and peak_a > _limit_a(plan):
         peak_a = _shown_peak(drive, shown, "current")
-    return Load(peak_v, peak_a, np.array([own.square_a2 for own in asked]), total_a2, level)
+    return Load(peak_v, peak_a, np.array([own.square_a2 for own in asked]), total_a2, level, warm)
 
 
 def _limit_a(plan: Plan) -> float:
@@ -141,7 +190,7 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
             reached = max(reached, float(np.abs(finer[FINER * OVERLAP : -FINER * OVERLAP]).max()))
     peak_a = float(np.abs(played.current_a).max(initial=0.0)) * BETWEEN
     total_a2 = float(squares.sum() if played.together else squares.max())
-    return Load(reached, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share))
+    return Load(reached, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share), squares)
 
 
 def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndarray:
@@ -387,12 +436,10 @@ def _exceeded(plan: Plan, load: Load, tuning: Tuning | None, limit_v: float) -> 
     if load.peak_a > limit_a * NEAR:
         told = f"peaks at {number(load.peak_a)} A, above amplifier.current_a = {number(limit_a)} A"
         yield "wave.current", told, (limit_a / load.peak_a) ** 2
-    loss_w, total_w = (
-        coil.resistance_ohm * float(square) for square in (load.square_a2.max(initial=0.0), load.total_a2)
-    )
+    loss_w, total_w = (coil.resistance_ohm * float(square) for square in (load.warm_a2.max(initial=0.0), load.total_a2))
     if loss_w > coil.power_limit_w * NEAR:
-        told = f"takes {number(loss_w)} W of copper loss in its warmest state, above coil.power_limit_w ="
-        yield "coil.heat", f"{told} {number(coil.power_limit_w)} W", coil.power_limit_w / loss_w
+        told = f"takes {number(loss_w)} W of copper loss at its warmest, averaged over {number(heat_s(coil))} s, above"
+        yield "coil.heat", f"{told} coil.power_limit_w = {number(coil.power_limit_w)} W", coil.power_limit_w / loss_w
     if power_w is not None and total_w > power_w * NEAR:
         told = f"takes {number(total_w)} W in all coils together, above limits.power_w = {number(power_w)} W"
         yield "limits.power", told, power_w / total_w

@@ -19,7 +19,7 @@ from padgen.core.errors import SpecError
 from padgen.core.files import OutputFolder
 from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
-from padgen.driver.limits import group_channels, judge_limits, least_constants
+from padgen.driver.limits import group_channels, heat_s, judge_limits, least_constants
 from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, CoilDrive, PadDrive
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.waveform import frame_s, ramp_s
@@ -38,14 +38,6 @@ LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
 HEADER = 2
 """Version of what header and firmware expect of each other."""
-HEAT_S = 10.0
-"""Thermal time constant of a coil, no longer than that of any that is likely.
-
-A winding half of copper (3.4 MJ/(m³ K)) in still air (at most 25 W/(m² K): Incropera et al., Fundamentals of Heat and
-Mass Transfer, 7th ed. 2011, table 1.1), as wide as long, has 3.4e6/2 · d/6 / 25: 113 s where d is 10 mm. Through core
-and board ten times as much may flow off. Shorter is safe: with first-order lags the heat of a slower coil is a weighted
-mean of the past heat of a quicker one, and no higher.
-"""
 MICRO, SMALL = 1e-6, 1e-4
 MOST_SAMPLES = (1 << 32) - 1
 """Largest value of the firmware's counters."""
@@ -188,7 +180,7 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
     pad_uw = len(drive.coils) * coil_uw
     if spec.limits.power_w is not None:
         pad_uw = min(pad_uw, floor(spec.limits.power_w / MICRO + SMALL))
-    shift = floor(log2(HEAT_S * rate))
+    shift = floor(log2(heat_s(spec.coil) * rate))
     k = resistance / (inductance * rate) if inductance else inf
     x, rise = exp(-k), -expm1(-k)
     first, second = (0.0, 0.0) if k == inf else (2 * rise / k, -expm1(-2 * k) / (2 * k))
