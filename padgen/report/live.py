@@ -17,7 +17,8 @@ from padgen.core.errors import EngineMissingError, PadgenError, SpecError
 from padgen.core.files import OutputFolder
 from padgen.make.pad import Pad
 from padgen.make.planning import plan_for
-from padgen.report.page import page_data, page_html
+from padgen.planner.plan import Plan
+from padgen.report.page import page_data, page_html, scene_data
 from padgen.spec import Spec, make_spec
 from padgen.spec.load import find_spec, laid_over, read_table, spec_schema
 
@@ -57,6 +58,7 @@ class Live:
     folder: Path
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
     _build: _Build | None = None
+    _last: tuple[str, Plan] | None = None
     _lock: Lock = field(default_factory=Lock)
 
     def spec(self, fields: Mapping[str, Any]) -> Spec:
@@ -76,17 +78,29 @@ class Live:
 
     def index(self) -> str:
         """Return the page with the form and the plan of the unchanged spec."""
-        spec = self.spec({})
+        plan = self._planned({})
         here = Path(__file__).parent / "page"
         # "<" is escaped, as a name might end the script.
-        form = json.dumps({"schema": spec_schema(), "values": asdict(spec)}).replace("<", "\\u003c")
+        form = json.dumps({"schema": spec_schema(), "values": asdict(plan.spec)}).replace("<", "\\u003c")
         script = f"window.padgenForm = {form};\n{(here / 'explore.js').read_text(encoding='utf-8')}"
         style = (here / "explore.css").read_text(encoding="utf-8")
-        return page_html(page_data(plan_for(spec), quick=True), script=script, style=style, connect=True)
+        data = {**page_data(plan, live=True), **scene_data(plan)}
+        return page_html(data, script=script, style=style, connect=True)
+
+    def _planned(self, fields: Mapping[str, Any]) -> Plan:
+        """Return the plan of the changed spec; the last one is kept, since a page asks for its scene next."""
+        last, told = self._last, repr(fields)
+        if last is None or last[0] != told:
+            last = self._last = told, plan_for(self.spec(fields))
+        return last[1]
 
     def plan(self, fields: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the page's data for the plan of the changed spec."""
-        return page_data(plan_for(self.spec(fields)), quick=True)
+        """Return the page's figures for the plan of the changed spec."""
+        return page_data(self._planned(fields), live=True)
+
+    def scene(self, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the rest of the page's data for the plan of the changed spec: shapes and masses."""
+        return scene_data(self._planned(fields))
 
     def save(self, fields: Mapping[str, Any]) -> dict[str, Any]:
         """Write the changed spec as NAME.toml and return its path."""
@@ -172,7 +186,7 @@ class Live:
 
             return answer
 
-        calls = (self.plan, self.save, self.build, self.progress)
+        calls = (self.plan, self.scene, self.save, self.build, self.progress)
         routes = [Route("/", page(self.index)), Route("/report", page(self.report))]
         routes += [Route(f"/{function.__name__}", call(function), methods=["POST"]) for function in calls]
         return Starlette(routes=routes)

@@ -41,12 +41,12 @@ from padgen.report.plans import STAGES as STAGE_WORDS
 from padgen.report.plans import pad_line, slot_hz, verdict_level, verdict_line
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
-from padgen.solid.scene import ScenePart, SceneParts, scene_parts
+from padgen.solid.scene import ScenePart, scene_parts
 
 if TYPE_CHECKING:
     from padgen.make.pad import Pad
 
-__all__ = ["REPORT_FILE", "Page", "page_data", "page_html", "study_of"]
+__all__ = ["REPORT_FILE", "Page", "page_data", "page_html", "scene_data", "study_of"]
 
 REPORT_FILE = "report.html"
 PAGE = Path(__file__).with_name("page")
@@ -92,7 +92,7 @@ class Page:
 
 
 def page_data(
-    plan: Plan, pad: "Pad | None" = None, *, quick: bool = False, study: dict[str, Any] | None = None
+    plan: Plan, pad: "Pad | None" = None, *, live: bool = False, study: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return all that the page shows of a plan, as plain data.
 
@@ -102,17 +102,15 @@ def page_data(
         The plan shown.
     pad : Pad, optional
         The built pad of this plan: its own meshes and checks are shown then, else what the plan's dimensions give.
-    quick : bool
-        Leave out what takes more than some milliseconds: the histogram of prints.
+    live : bool
+        Leave out what takes more than some milliseconds: the histogram of prints, and what is `scene_data`.
     study : dict, optional
         The table of a ``study.json`` (`study_of`).
     """
     # As plan.json records it, so that the page is the same from a plan just made as from one read back.
     plan = plan_from_json(plan_to_json(plan))
     report = pad.check() if pad else None
-    parts = scene_parts(plan, pad.solid if pad else None)
     figures = report.figures if report else {}
-    plastic_g = figures.get("plastic_g") or _plastic_g(plan, parts)
     return {
         "name": plan.name,
         "built": report is not None,
@@ -122,22 +120,43 @@ def page_data(
         "coils": _coils(plan),
         "channels": [_channel(plan, index) for index in range(len(plan.channels))],
         "taxels": _taxels(plan),
-        "shapes": [_shape(part) for part in parts],
         "motion": _motion(plan),
         "selectivity": {**asdict(plan.selectivity), "sets": [[c.index for c in own] for own in plan.sets]},
         "ladder": [slot_hz(plan, channel.resonance_hz) for channel in plan.channels],
-        "prints": _prints(plan, quick),
+        "prints": _prints(plan, live),
         "drive": {"columns": COLUMNS, "rows": [astuple(row) for row in drive_rows(plan)]},
         "findings": [_finding(f) for f in (*plan.findings, *(report.findings if report else ()))],
         "checked": {key: value for key, value in figures.items() if isinstance(value, (int, float, list))},
         "study": study,
         "left_out": [asdict(entry) for entry in plan.left_out],
-        "bom": list(csv.reader(io.StringIO(bill_of_materials(plan, plastic_g)))),
-        "masses_g": {"plastic": plastic_g, "washers": _washers_g(plan, parts)},
         "manual": _manual(plan),
         "spec": {key: value for key, value in asdict(plan.spec).items() if value is not None},
         "versions": {"padgen": __version__, **versions()},
+        **({} if live else scene_data(plan, pad)),
     }
+
+
+def scene_data(plan: Plan, pad: "Pad | None" = None) -> dict[str, Any]:
+    """Return the part of the page's data that needs the meshes of a plan's parts: the shapes, and what is weighed."""
+    parts = scene_parts(plan, pad.solid if pad else None)
+    volumes_mm3 = {
+        material: sum(len(p.places) * signed_volume_mm3(p.mesh) for p in parts if p.material == material)
+        for material in ("pad", "steel")
+    }
+    measured_g = pad.check().figures.get("plastic_g") if pad else None
+    plastic_g = measured_g or _mass_g(volumes_mm3["pad"], plan.spec.material.density_g_per_cm3)
+    return {
+        "shapes": [_shape(part) for part in parts],
+        "bom": list(csv.reader(io.StringIO(bill_of_materials(plan, plastic_g)))),
+        "masses_g": {
+            "plastic": plastic_g,
+            "washers": _mass_g(volumes_mm3["steel"], plan.spec.washer.density_g_per_cm3),
+        },
+    }
+
+
+def _mass_g(volume_mm3: float, density_g_per_cm3: float) -> float:
+    return volume_mm3 * MM**3 * density_g_per_cm3 * G_PER_CM3 / GRAM
 
 
 def _figures(plan: Plan) -> list[dict[str, str]]:
@@ -284,7 +303,7 @@ def _motion(plan: Plan) -> dict[str, Any]:
     }
 
 
-def _prints(plan: Plan, quick: bool) -> dict[str, Any]:
+def _prints(plan: Plan, live: bool) -> dict[str, Any]:
     """Return what prints keep at each stage of measuring them, and how many of the simulated prints keep how much.
 
     They are the very prints that the plan's figures were taken from.
@@ -300,7 +319,7 @@ def _prints(plan: Plan, quick: bool) -> dict[str, Any]:
         "edges_db": [],
         "counts": [],
     }
-    if quick or prints.print_db is None or not prints.pads:
+    if live or prints.print_db is None or not prints.pads:
         return told
     stages = STAGES[0], STAGES[-1]
     ratio = printed(design_of(plan, None), spreads_of(plan.spec), prints.pads, 0, stages).ratio
@@ -313,17 +332,6 @@ def _prints(plan: Plan, quick: bool) -> dict[str, Any]:
 
 def _finding(finding: Finding) -> dict[str, str]:
     return {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
-
-
-def _plastic_g(plan: Plan, parts: SceneParts) -> float:
-    """Return the mass in g of the printed pad by the parts' volumes."""
-    volume = sum(len(p.places) * signed_volume_mm3(p.mesh) for p in parts if p.material == "pad")
-    return volume * MM**3 * plan.spec.material.density_g_per_cm3 * G_PER_CM3 / GRAM
-
-
-def _washers_g(plan: Plan, parts: SceneParts) -> float:
-    volume = sum(len(p.places) * signed_volume_mm3(p.mesh) for p in parts if p.material == "steel")
-    return volume * MM**3 * plan.spec.washer.density_g_per_cm3 * G_PER_CM3 / GRAM
 
 
 def _manual(plan: Plan) -> dict[str, Any]:

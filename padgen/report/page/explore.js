@@ -23,27 +23,35 @@
     return data;
   }
 
-  // At most one plan is asked for at a time; moves that come meanwhile are planned together, the newest last.
+  // At most one plan is asked for at a time; moves that come meanwhile are planned together, the newest last. The figures
+  // are shown first. All else follows where no newer move waits, and while moves keep coming now and then.
+  const NOW_AND_THEN_MS = 400;
   let busy = false;
   let waiting = false;
   async function replan() {
-    if (busy) {
-      waiting = true;
-      return;
-    }
+    waiting = true;
+    if (busy) return;
     busy = true;
-    do {
-      waiting = false;
-      const start = performance.now();
-      try {
-        const data = await ask("plan", changed);
+    let drawn = performance.now();
+    try {
+      while (waiting) {
+        waiting = false;
+        const start = performance.now();
+        const fields = { ...changed };
+        const data = await ask("plan", fields);
         refuse(data.error);
-        if (!data.error) window.padgen.show(data);
-      } catch {
-        refuse({ where: "", message: "padgen explore does not answer; is it still running?" });
+        if (data.error) continue;
+        window.padgen.figures(data);
+        window.padgen.tookMs = performance.now() - start;
+        document.dispatchEvent(new Event("padgen-figures"));
+        await window.padgen.painted();
+        if (waiting && performance.now() - drawn < NOW_AND_THEN_MS) continue;
+        await window.padgen.follow(await ask("scene", fields), () => waiting);
+        drawn = performance.now();
       }
-      window.padgen.tookMs = performance.now() - start;
-    } while (waiting);
+    } catch {
+      refuse({ where: "", message: "padgen explore does not answer; is it still running?" });
+    }
     busy = false;
     document.dispatchEvent(new Event("padgen-planned"));
   }

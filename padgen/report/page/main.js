@@ -15,18 +15,20 @@ const SLOWED = [10, 20, 50, 100, 200, 500];
 
 let data = null;
 let view = null;
-const state = { selected: null, bits: "", sequence: "", colour: "channel", explode: 0, section: 0, playing: false, slowed: 50 };
+const state = { selected: null, bits: "1", sequence: "", colour: "channel", explode: 0, section: 0, playing: false, slowed: 50 };
 let frame = null; // {motions: per taxel {level_um, tones}, on: Set}
+const inView = () => view?.shows(data); // else its parts still are an older plan's
 
 // The view ---------------------------------------------------------------------------------------------------------
 
 function makeOnce() {
   try {
-    view = makeView(byId("canvas"), { picked: (index) => select(index === null || index === undefined ? null : data.taxels.id[index]), moved: () => {} });
+    view = makeView(byId("canvas"), { picked: (index) => select(data.taxels.id[index]) });
   } catch {
     byId("no-3d").hidden = false;
     byId("canvas").hidden = true;
   }
+  put("contents", [...document.querySelectorAll("main section[id] > h2")].map((title) => h("a", { href: `#${title.parentElement.id}` }, title.textContent)));
   byId("colour").addEventListener("change", (event) => ((state.colour = event.target.value), paint()));
   for (const name of ["explode", "section"])
     byId(name).addEventListener("input", (event) => {
@@ -58,7 +60,10 @@ function makeOnce() {
     if (document.body.dataset.print) takePictures();
     view?.drawNow();
   });
-  new IntersectionObserver((entries) => entries.some((entry) => entry.isIntersecting) && takePictures(), { rootMargin: "400px" }).observe(byId("manual"));
+  new IntersectionObserver((entries) => {
+    manualNear = entries[entries.length - 1].isIntersecting;
+    if (manualNear) takePictures();
+  }, { rootMargin: "400px" }).observe(byId("manual"));
 }
 
 const BELOW = ["copper", "iron", "tray"];
@@ -114,7 +119,7 @@ function paint() {
   if (!mode.value) {
     const shown = data.channels.length <= 12 ? data.channels : [data.channels[0], data.channels[data.channels.length - 1]];
     put("legend", h("strong", {}, mode.title), shown.map((channel) => h("span", {}, h("i", { paint: { background: channelColour(channel.index, data.channels.length) } }), `${channel.index}: ${fixed(channel.resonance_hz, 0)} Hz`)));
-    view?.colours(mode.of);
+    if (inView()) view.colours(mode.of);
     return;
   }
   const values = every.map(mode.value);
@@ -123,7 +128,7 @@ function paint() {
   const share = (value) => (high > low ? (value - low) / (high - low) : 0.5);
   const ends = high > low ? [low, (low + high) / 2, high] : [low];
   put("legend", h("strong", {}, mode.title), known.length ? ends.map((value) => h("span", {}, h("i", { paint: { background: mode.scale(share(value)) } }), mode.told(value))) : h("span", {}, "nothing leaks"));
-  view?.colours((i) => (values[i] === null ? "#bbbbbb" : mode.scale(share(values[i]))));
+  if (inView()) view.colours((i) => (values[i] === null ? "#bbbbbb" : mode.scale(share(values[i]))));
 }
 
 // A taxel --------------------------------------------------------------------------------------------------------
@@ -133,7 +138,7 @@ const placeOf = (index) => [data.taxels.x_mm[index], data.taxels.y_mm[index]];
 
 function marks() {
   const chosen = data.index.get(state.selected);
-  view?.mark([...(chosen === undefined ? [] : [placeOf(chosen)]), ...highlighted]);
+  if (inView()) view.mark([...(chosen === undefined ? [] : [placeOf(chosen)]), ...highlighted]);
 }
 
 function select(id) {
@@ -223,7 +228,7 @@ function explained() {
 }
 
 function still() {
-  view?.lift(new Float32Array(data.taxels.id.length));
+  if (inView()) view.lift(new Float32Array(data.taxels.id.length));
 }
 
 let began = 0;
@@ -262,8 +267,7 @@ function moveTo(seconds) {
     }
     return cache.get(motion);
   });
-  view?.lift(heights);
-  return heights;
+  if (inView()) view.lift(heights);
 }
 
 // Sections ---------------------------------------------------------------------------------------------------------
@@ -274,17 +278,19 @@ function first() {
   put("verdict", h("span", { class: `pill ${verdict.level}` }, WORDS[verdict.level] || ""), h("span", {}, verdict.sentence));
   put("about", verdict.about);
   put("figures", data.figures.map(({ label, value, note }) => h("div", { class: "figure" }, h("h2", {}, label), h("p", { class: "value" }, value), h("p", { class: "soft" }, note))));
-  const links = [...document.querySelectorAll("main section[id] > h2")].map((title) => h("a", { href: `#${title.parentElement.id}` }, title.textContent));
-  put("contents", links);
   document.title = `${data.name.slice(0, 120)}: ${num(pad.width_mm)} × ${num(pad.depth_mm)} mm, ${data.taxels.id.length} taxels`;
 }
 
 const DRIVE = { channel: ["channel"], resonance_hz: ["resonance", "Hz"], drive_hz: ["line of i", "Hz"], force_mn: ["force", "mN"], current_ma_peak: ["current", "mA peak"], voltage_v_peak: ["voltage", "V peak"], impedance_ohm: ["impedance", "Ω"], phase_deg: ["phase", "°"], ring_up_ms: ["ring-up", "ms"] };
 
-function tables() {
-  const { drive, taxels, channels } = data;
+function driverTable() {
+  const { drive } = data;
   const columns = drive.columns.map((key) => ({ key, name: (DRIVE[key] || [key])[0], unit: (DRIVE[key] || [])[1] }));
   put("drive-body", table("Driver table", columns, drive.rows.map((row) => row.map((value) => (typeof value === "number" && !Number.isInteger(value) ? { text: num(value, 5), value } : { text: value === null ? "∞" : String(value), value }))), { copy: true, note: "all are in drive.csv" }));
+}
+
+function taxelTable() {
+  const { taxels, channels } = data;
   const rows = taxels.id.map((id, index) => {
     const channel = channels[taxels.channel[index]];
     const [row, column] = taxels.pixel[index];
@@ -362,8 +368,9 @@ function origin() {
 }
 
 let pictured = null;
+let manualNear = false;
 function takePictures() {
-  if (pictured === data || !view) return;
+  if (pictured === data || !inView()) return;
   pictured = data;
   const [wide, high] = [560, 360];
   const taken = (name, share, without) => view.picture(name, share, wide, high, without);
@@ -379,46 +386,90 @@ function takePictures() {
 
 // One entry --------------------------------------------------------------------------------------------------------
 
-/** Render everything anew from `next`; camera, colours and the chosen taxel (by its id) stay. */
-function show(next) {
-  const before = data;
-  fitCharts();
+function scene() {
+  const first = !view?.shows();
+  view?.show(data);
+  paint();
+  marks();
+  if (!first) return;
+  view?.resize();
+  view?.look("aslant");
+  view?.drawNow(); // the first picture does not wait for the tables
+}
+
+function responses() {
+  const { sets } = data.motion;
+  const set = Math.min(Number(byId("response-set").value) || 0, sets.length - 1);
+  put("response-set", sets.map((own, k) => h("option", { value: k, selected: k === set }, sets.length > 1 ? `set ${k}: channels ${own.channels.join(", ").slice(0, 60)}` : "every place")));
+  byId("response-set").parentElement.hidden = sets.length < 2;
+  showResponses(data, set);
+}
+
+function assembly() {
+  put("manual-body", manual(data, {}));
+  if (manualNear) takePictures();
+}
+
+const SECTIONS = {
+  view: scene,
+  responses,
+  selectivity: () => put("selectivity-body", heatMap(data)),
+  prints: () => put("prints-body", histogram(data)),
+  wiring: () => put("wiring-body", wiring(data)),
+  checks,
+  study: () => put("study-body", study(data)),
+  bom: billOfMaterials,
+  taxels: taxelTable,
+  manual: assembly,
+  origin,
+};
+
+/** Show the figures of `next`: verdict, levels, ladder, driver table; the chosen taxel (by its id) and the state stay. */
+function figures(next) {
   next.index = new Map(next.taxels.id.map((id, index) => [id, index]));
   data = next;
   first();
-  view?.show(data);
-  paint();
-  if (!before) {
-    view?.resize();
-    view?.look("aslant");
-    const most = Math.max(...data.motion.sets.map((set) => set.channels.length));
-    state.bits = "1".padEnd(most, "0");
-    view?.drawNow(); // the first picture does not wait for the tables
-  } else {
-    view?.explode(state.explode);
-    view?.section(state.section);
-  }
   setState(state.bits);
   select(data.index.has(state.selected) ? state.selected : null);
-  const set = Math.min(Number(byId("response-set").value) || 0, data.motion.sets.length - 1);
-  put("response-set", data.motion.sets.map((own, k) => h("option", { value: k, selected: k === set }, data.motion.sets.length > 1 ? `set ${k}: channels ${own.channels.join(", ").slice(0, 60)}` : "every place")));
-  byId("response-set").parentElement.hidden = data.motion.sets.length < 2;
-  showResponses(data, set);
-  put("selectivity-body", heatMap(data));
+  fitCharts();
   put("ladder-body", ladder(data));
-  put("prints-body", histogram(data));
-  tables();
-  put("wiring-body", wiring(data));
-  checks();
-  put("study-body", study(data));
-  billOfMaterials();
-  put("manual-body", manual(data, {}));
-  origin();
-  document.dispatchEvent(new CustomEvent("padgen-show"));
+  driverTable();
+}
+
+/** Render everything anew from `next`; camera, colours, the chosen taxel and the state stay. */
+function show(next) {
+  figures(next);
+  for (const draw of Object.values(SECTIONS)) draw();
+  document.dispatchEvent(new Event("padgen-show"));
+}
+
+// Where nothing is painted, as in a tab behind others, no frame comes.
+const painted = () => new Promise((done) => (requestAnimationFrame(() => setTimeout(done)), setTimeout(done, 250)));
+
+/**
+ * Render what `figures` has left, with the parts of the `rest`: the sections in sight, and, once these are painted, all
+ * others, unless `isLate()`.
+ */
+async function follow(rest, isLate) {
+  Object.assign(data, rest);
+  const inSight = (id) => {
+    const { top, bottom } = byId(id).getBoundingClientRect();
+    return bottom > 0 && top < innerHeight;
+  };
+  const ids = Object.keys(SECTIONS);
+  const near = ids.filter(inSight);
+  for (const id of near) SECTIONS[id]();
+  await painted();
+  if (isLate()) return;
+  for (const id of ids) if (!near.includes(id)) SECTIONS[id]();
+  document.dispatchEvent(new Event("padgen-show"));
 }
 
 window.padgen = {
   show,
+  figures,
+  follow,
+  painted,
   select,
   play,
   moveTo,

@@ -2,21 +2,26 @@
 
 import {
   AmbientLight,
+  BackSide,
   BufferAttribute,
   BufferGeometry,
   Color,
+  DecrementWrapStencilOp,
   DirectionalLight,
-  DoubleSide,
   FrontSide,
   Group,
   HemisphereLight,
+  IncrementWrapStencilOp,
   InstancedBufferAttribute,
   InstancedMesh,
   Matrix4,
+  Mesh,
   MeshBasicMaterial,
   MeshLambertMaterial,
+  NotEqualStencilFunc,
   PerspectiveCamera,
   Plane,
+  PlaneGeometry,
   Raycaster,
   Scene,
   TorusGeometry,
@@ -54,8 +59,8 @@ function geometryOf(shape) {
   return geometry;
 }
 
-export function makeView(canvas, { picked, moved }) {
-  const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: true });
+export function makeView(canvas, { picked }) {
+  const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, stencil: true, preserveDrawingBuffer: true });
   renderer.localClippingEnabled = true;
   const scene = new Scene();
   const camera = new PerspectiveCamera(28, 1, 0.1, 5000);
@@ -66,80 +71,104 @@ export function makeView(canvas, { picked, moved }) {
   controls.enableZoom = false;
   canvas.addEventListener("focus", () => (controls.enableZoom = true));
   canvas.addEventListener("blur", () => (controls.enableZoom = false));
-  controls.addEventListener("change", () => (draw(), moved()));
+  controls.addEventListener("change", () => draw());
   const sun = new DirectionalLight("#ffffff", 2.1);
   scene.add(new HemisphereLight("#ffffff", "#8a8f99", 1.25), new AmbientLight("#ffffff", 0.25), sun);
 
   const plane = new Plane(new Vector3(0, 1, 0), 1e9);
-  const cut = { value: 0 };
   const marks = new InstancedMesh(new TorusGeometry(1, 0.09, 10, 40), new MeshBasicMaterial({ color: "#e4572e" }), MARKS);
   marks.count = 0;
   marks.frustumCulled = false;
+  const root = new Group();
+  scene.add(root, marks);
 
   let data = null;
-  let root = null;
-  let layers = []; // {shape, mesh, rest: z of its group}
+  let layers = []; // {shape, mesh, sides, taxels}
   let ofChannel = new Map(); // channel → [layers], taxel and washer, whose places are those of its taxels
   let apart = 0;
   let radius = 50;
   let bottom = 0; // of coils or tray, mm
   let asked = false;
 
-  function material(name, hasMotion) {
-    const own = new MeshLambertMaterial({ color: MATERIALS[name], flatShading: true });
-    own.onBeforeCompile = (shader) => {
-      shader.uniforms.cut = cut;
-      if (hasMotion) {
-        shader.vertexShader = shader.vertexShader
-          .replace("#include <common>", "#include <common>\nattribute float height;\nattribute float lift;")
-          .replace("#include <begin_vertex>", "#include <begin_vertex>\ntransformed.z += height * lift;")
-          .replace("#include <color_vertex>", `#include <color_vertex>\n${name === "pad" ? "vColor.rgb = mix(vec3(1.0), vColor.rgb, smoothstep(0.0, 0.1, abs(height)));" : ""}`);
-      }
-      // Seen from inside, a cut solid's walls are drawn flat, as if it were full.
-      shader.fragmentShader = shader.fragmentShader
-        .replace("#include <common>", "#include <common>\nuniform float cut;")
-        .replace("#include <dithering_fragment>", "#include <dithering_fragment>\nif (cut > 0.5 && !gl_FrontFacing) gl_FragColor = vec4(diffuse * vec3(0.62), opacity);");
-    };
-    own.customProgramCacheKey = () => `${hasMotion ? name === "pad" : "still"}${hasMotion}`;
-    return own;
+  // Materials are made once: compiling their shaders takes longer than all else that a new plan needs.
+  const materials = new Map();
+  function material(use, Kind, name, moves, options) {
+    const key = `${use} ${name} ${moves}`;
+    if (!materials.has(key)) {
+      const own = new Kind({ color: MATERIALS[name], ...options });
+      if (moves)
+        own.onBeforeCompile = (shader) => {
+          shader.vertexShader = shader.vertexShader
+            .replace("#include <common>", "#include <common>\nattribute float height;\nattribute float lift;")
+            .replace("#include <begin_vertex>", "#include <begin_vertex>\ntransformed.z += height * lift;")
+            .replace("#include <color_vertex>", `#include <color_vertex>\n${own.isMeshLambertMaterial && name === "pad" ? "vColor.rgb = mix(vec3(1.0), vColor.rgb, smoothstep(0.0, 0.1, abs(height)));" : ""}`);
+        };
+      own.customProgramCacheKey = () => `${moves} ${name === "pad"}`;
+      materials.set(key, own);
+    }
+    return materials.get(key);
   }
+
+  // Where the cut is inside a material, more of its back faces than of its front faces lie behind the plane: the stencil
+  // counts them, and a lid in the plane is drawn where it is not 0.
+  const COUNTS = [[BackSide, IncrementWrapStencilOp], [FrontSide, DecrementWrapStencilOp]].map(([side, op]) => ({
+    ...{ side, clippingPlanes: [plane], colorWrite: false, depthWrite: false, depthTest: false },
+    ...{ stencilWrite: true, stencilZPass: op },
+  }));
+  const lids = Object.keys(MATERIALS).map((name, k) => {
+    const own = material("lid", MeshBasicMaterial, name, false, { stencilWrite: true, stencilFunc: NotEqualStencilFunc });
+    own.color.multiplyScalar(0.4);
+    const lid = new Mesh(new PlaneGeometry(1, 1).rotateX(Math.PI / 2), own);
+    lid.renderOrder = 2 * k + 2;
+    lid.visible = false;
+    lid.onAfterRender = () => renderer.clearStencil();
+    scene.add(lid);
+    return lid;
+  });
+
+  function layerOf(shape) {
+    const moves = shape.channel !== null;
+    const count = shape.places.length;
+    const geometry = geometryOf(shape);
+    if (moves) geometry.setAttribute("lift", new InstancedBufferAttribute(new Float32Array(count), 1));
+    const mesh = new InstancedMesh(geometry, material("lit", MeshLambertMaterial, shape.material, moves, { flatShading: true }), count);
+    mesh.frustumCulled = false;
+    const sides = COUNTS.map((options, k) => {
+      const side = new InstancedMesh(geometry, material(k, MeshBasicMaterial, shape.material, moves, options), count);
+      side.instanceMatrix = mesh.instanceMatrix;
+      side.frustumCulled = false;
+      side.renderOrder = 2 * Object.keys(MATERIALS).indexOf(shape.material) + 1;
+      return side;
+    });
+    return { shape, mesh, sides };
+  }
+
+  const MESH = ["name", "material", "channel", "step_mm", "vertices", "triangles"];
+  const alike = (one, other) => MESH.every((key) => one[key] === other[key]) && `${one.middle_mm}` === `${other.middle_mm}` && one.places.length === other.places.length;
 
   function show(next) {
     data = next;
-    if (root) {
-      scene.remove(root);
-      for (const { mesh } of layers) (mesh.geometry.dispose(), mesh.material.dispose(), mesh.dispose());
-    }
-    root = new Group();
-    layers = [];
+    const before = layers;
+    root.clear();
     ofChannel = new Map();
     const matrix = new Matrix4();
-    for (const shape of data.shapes) {
-      const moves = shape.channel !== null;
-      const geometry = geometryOf(shape);
-      const mesh = new InstancedMesh(geometry, material(shape.material, moves), shape.places.length);
-      shape.places.forEach(([x, y, z, turned], k) => {
-        matrix.makeRotationZ(turned ? Math.PI : 0).setPosition(x, y, z);
-        mesh.setMatrixAt(k, matrix);
-      });
-      const layer = { shape, mesh, taxels: null };
-      if (moves) {
-        geometry.setAttribute("lift", new InstancedBufferAttribute(new Float32Array(shape.places.length), 1));
-        if (!ofChannel.has(shape.channel)) ofChannel.set(shape.channel, []);
-        ofChannel.get(shape.channel).push(layer);
-        if (shape.names.length) layer.taxels = shape.names.map((name) => data.index.get(name));
-      }
-      mesh.frustumCulled = false;
-      mesh.computeBoundingSphere();
-      layers.push(layer);
-      root.add(mesh);
-    }
-    root.add(marks);
-    scene.add(root);
+    // Parts whose mesh is as before stay on the graphics card.
+    layers = data.shapes.map((shape) => {
+      const layer = before.find((own) => alike(own.shape, shape)) ?? layerOf(shape);
+      layer.shape = shape;
+      layer.taxels = shape.names.length ? shape.names.map((name) => data.index.get(name)) : null;
+      shape.places.forEach(([x, y, z, turned], k) => layer.mesh.setMatrixAt(k, matrix.makeRotationZ(turned ? Math.PI : 0).setPosition(x, y, z)));
+      layer.mesh.instanceMatrix.needsUpdate = true;
+      layer.mesh.computeBoundingSphere();
+      if (shape.channel !== null) ofChannel.set(shape.channel, [...(ofChannel.get(shape.channel) ?? []), layer]);
+      root.add(layer.mesh, ...layer.sides);
+      return layer;
+    });
+    for (const { mesh } of before.filter((layer) => !layers.includes(layer))) (mesh.geometry.dispose(), mesh.dispose());
     const { pad } = data;
     radius = Math.hypot(pad.width_mm / 2 + pad.border_mm, pad.depth_mm / 2 + pad.border_mm);
     bottom = Math.min(...data.shapes.map((shape) => shape.middle_mm[2] - (shape.material === "pad" ? 0 : shape.depth_mm / 2)));
-    hide(hidden);
+    section(cutAt);
     explode(apart);
   }
 
@@ -177,7 +206,12 @@ export function makeView(canvas, { picked, moved }) {
   /** Hide the parts of these materials. */
   function hide(materials) {
     hidden = materials;
-    for (const { shape, mesh } of layers) mesh.visible = !hidden.includes(shape.material);
+    const shown = (name) => !hidden.includes(name);
+    for (const { shape, mesh, sides } of layers) {
+      mesh.visible = shown(shape.material);
+      for (const side of sides) side.visible = mesh.visible && cutAt > 0;
+    }
+    lids.forEach((lid, k) => (lid.visible = cutAt > 0 && shown(Object.keys(MATERIALS)[k])));
     draw();
   }
 
@@ -185,22 +219,25 @@ export function makeView(canvas, { picked, moved }) {
 
   function explode(share) {
     apart = share;
-    for (const { shape, mesh } of layers) mesh.position.z = zOf(shape.material);
+    for (const { shape, mesh, sides } of layers) for (const each of [mesh, ...sides]) each.position.z = zOf(shape.material);
     mark(marked);
   }
 
+  let cutAt = 0;
   /** Cut away what lies nearer than a share of the depth; 0: nothing. */
   function section(share) {
     const half = data.pad.depth_mm / 2 + data.pad.border_mm;
-    cut.value = share > 0 ? 1 : 0;
-    for (const { mesh } of layers) {
-      // Both sides are drawn only where they can be seen: of cut parts.
-      mesh.material.side = share > 0 ? DoubleSide : FrontSide;
-      mesh.material.clippingPlanes = share > 0 ? [plane] : null;
-      mesh.material.needsUpdate = true;
-    }
+    if (share > 0 !== cutAt > 0)
+      for (const own of materials.values()) {
+        if (own.isMeshLambertMaterial) own.clippingPlanes = share > 0 ? [plane] : null;
+      }
+    cutAt = share;
     plane.constant = share > 0 ? half - 2 * half * share + 1e-3 : 1e9;
-    draw();
+    for (const lid of lids) {
+      lid.position.y = -plane.constant;
+      lid.scale.setScalar(20 * radius);
+    }
+    hide(hidden);
   }
 
   let marked = [];
@@ -319,5 +356,5 @@ export function makeView(canvas, { picked, moved }) {
   }
 
   new ResizeObserver(resize).observe(canvas.parentElement);
-  return { show, colours, lift, hide, explode, section, mark, look, zoom, resize, placeOf, picture, drawNow };
+  return { show, shows: (those) => Boolean(data) && (!those || data === those), colours, lift, hide, explode, section, mark, look, zoom, resize, placeOf, picture, drawNow };
 }
