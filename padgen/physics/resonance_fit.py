@@ -31,6 +31,8 @@ from padgen.physics.circle_fit import circle_resonance, detuning
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
+    NEEDED,
+    NEEDED_OF_SPECTRA,
     ResonanceFit,
     Seen,
     checked,
@@ -84,6 +86,10 @@ EXCITED = 1e-3
 QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 """Share of the largest i² below which a coil is silent; kept silence before (s) and after it (time constants)."""
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
+BEGINS, MOST_TAPS, TAP, QUIET_TAP, BEFORE_TAP = 0.8, 30, 0.5, 0.3, 0.1
+"""Share of a record in which a decay must begin; most decays, their least size over the largest, and that of the quiet
+before them; and the end of each that is left out.
+"""
 FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
 """Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
 ANSWERING, FEWEST_ANSWERING = 3.0, 40
@@ -104,7 +110,7 @@ SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
 FILLED, MOST_CAPS = 4, 400
 """Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
-LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.08
+LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.15
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
 second.
@@ -132,7 +138,7 @@ class Lines(NamedTuple):
 
     def at(self, keep: np.ndarray) -> "Lines":
         """Return the lines of the indices `keep`."""
-        slow = None if self.slow is None else self.slow[keep]
+        slow = None if self.slow is None else self.slow[:, keep]
         return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow, self.noise)
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "Lines":
@@ -295,31 +301,51 @@ def fit_decay(
     SolverError
         No decay, two comparable sines in it (unless `near_hz` selects one), or too short a record.
     """
-    y = np.asarray(response, float)
-    refuse_bad_record(y)
-    first = _largest(y)
-    if first > 0.8 * len(y):
+    whole = np.asarray(response, float)
+    refuse_bad_record(whole)
+    size = np.abs(whole - whole.mean())
+    first, late = int(size[: int(BEGINS * len(size))].argmax()), int(size.argmax())
+    if size[first] < TAP * size[late]:
         raise SolverError(
-            f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
-            " at its largest value; if there was an excitation, add it as a column"
+            f"is largest {number(late / rate_hz)} s into a record of {number(len(size) / rate_hz)} s: a free decay"
+            " starts at its largest value; if there was an excitation, add it as a column"
         )
     if clipped is not None and clipped[first:].any():
         first += int(np.flatnonzero(clipped[first:])[-1]) + 1
-    y = y[first : first + MOST_SAMPLES // 4]
+        size[:first] = 0
+    y = whole[first : first + MOST_SAMPLES // 4]
     refuse_bad_record(y)
-    for _ in range(3):
+    taps: list[int] = []
+    for turn in range(4):
         lines = _record_lines(rate_hz, y)
         peaks = _peaks(lines, 0)
         hz, q, _ = peaks[0]
+        taps = taps if turn else _taps(size, int(rate_hz / hz))
+        apart = int((1 - BEFORE_TAP) * min(np.diff(taps), default=0))
+        if not turn and apart > DECAY_PERIODS * rate_hz / hz:
+            y = whole[taps[0] : taps[0] + apart]
+            continue
         seconds = max(DECAY_TAUS * q / (np.pi * hz), DECAY_PERIODS / hz)
         if seconds * rate_hz >= 0.9 * len(y):
             break
         y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
-    fit = _fit_peaks(lines, peaks, near_hz, 0, exact)
+    further = [_record_lines(rate_hz, whole[k : k + len(y)]) for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart]
+    fit = _fit_peaks(_beside([lines, *further]), peaks, near_hz, 0, exact)
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_DECAY)
     return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, seconds=len(response) / rate_hz)
+
+
+def _taps(size: np.ndarray, period: int) -> list[int]:
+    """Return the samples at which decays begin, in a record of absolute `size` (n,), in order."""
+    from scipy.ndimage import uniform_filter1d
+
+    energy = uniform_filter1d(size**2, max(period, 1))
+    loud, quiet = energy > TAP**2 * energy.max(), energy < QUIET_TAP**2 * energy.max()
+    turns = np.flatnonzero(loud | quiet)
+    begin = turns[1:][loud[turns[1:]] & quiet[turns[:-1]]]
+    return [int(k + size[k : k + 2 * period].argmax()) for k in begin[:MOST_TAPS]]
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
@@ -359,11 +385,20 @@ def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, i
 def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
     """Return the lines of a record, without its mean."""
     level = y - y.mean()
-    slow = np.fft.rfft(level * np.linspace(-0.5, 0.5, len(y)))[1:-1] if x is not None else None
+    time = np.linspace(-0.5, 0.5, len(y))
+    late = [level * time, level * time**2, *([] if x is None else [(x - x.mean()) * time])]
+    slow = np.array([np.fft.rfft(each)[1:-1] for each in late])
     data = np.fft.rfft(level)[1:-1]
     size = np.full(len(data), np.sqrt(np.mean(np.abs(data) ** 2)) or 1.0, complex)
     inputs = [size] if x is None else [np.fft.rfft(x - x.mean())[1:-1], size]
     return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
+
+
+def _beside(parts: list[Lines]) -> Lines:
+    """Return the lines of records of the same modes one after the other, each with inputs of its own."""
+    inputs = [np.concatenate([k * own.inputs[0] for k in row]) for row, own in zip(np.eye(len(parts)), parts, strict=True)]
+    joined = [np.concatenate([getattr(p, name).T for p in parts]).T for name in ("frequency", "data", "slow")]
+    return Lines(joined[0], joined[1], np.array(inputs), parts[0].seconds, joined[2])
 
 
 def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
@@ -477,7 +512,7 @@ def _basis(lines: Lines, theta: np.ndarray, power: int, extra: np.ndarray) -> np
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
     shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
     if lines.seconds:
-        shapes += [(s - 1 / s) ** k for k in range(2 + (len(lines.inputs) == 1))]
+        shapes += [(s - 1 / s) ** k for k in range(3)]
     else:
         shapes += [s**power, s ** (power - 2)]
     return np.concatenate([np.stack([x * shape for x in lines.inputs for shape in shapes], 1), extra], 1)
@@ -552,10 +587,11 @@ def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, n
     return columns, prior
 
 
-def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
+def _covariance(fit: _Solved, power: int, phased: bool, unseen: np.ndarray) -> np.ndarray:
     """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
 
-    The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
+    The residual of each line is its own measure of noise, so that noise of any colour counts where it is. `unseen`
+    (n, k) is what errors of one sigma, which the residual need not show, add to the data.
     """
     columns, prior = _real_columns(fit, power, phased)
     if not phased:  # the part along the model alone was measured
@@ -577,7 +613,8 @@ def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
         plain = plain * np.outer(bigger, bigger)
     else:
         plain = plain * _correlation(fit.residual) ** 2
-    return np.asarray(plain / np.outer(norm, norm))
+    moved = inverse @ (columns.conj().T @ unseen).real
+    return np.asarray((plain + moved @ moved.T) / np.outer(norm, norm))
 
 
 def _correlation(residual: np.ndarray) -> float:
@@ -707,6 +744,14 @@ def _fit_peaks(
         if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
             break
         start = fit.theta
+    if local.slow is not None and len(local.slow) > 2:
+        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
+        drifts = local.slow[2] * _mode(local.frequency, *fit.modes[0], power)
+        left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), drifts)
+        if np.linalg.norm(left) > 0.5 * np.linalg.norm(drifts):
+            fit = _without_hum(fit, power)
+            slow = np.array([*local.slow[:2], local.slow[0] * local.frequency / local.frequency[0]]).T
+            fit = _solve(local, fit.theta, power, np.concatenate([fit.extra, slow], 1))
     for peak in close:
         fit = _without_hum(fit, power)
         fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
@@ -759,7 +804,7 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
 
 
 def _extended(fit: _Solved, power: int) -> _Solved | None:
-    """Return a better fit, with a further mode or a drift in the model; None where none is worth it."""
+    """Return a better fit, with a further mode; None where none is worth it."""
     lines, size = fit.lines, np.abs(fit.residual)
     if fit.noise < SMALLEST_NOISE * np.abs(lines.data).max():
         return None
@@ -767,13 +812,7 @@ def _extended(fit: _Solved, power: int) -> _Solved | None:
     if size.max() < middle * np.sqrt(np.log(len(size)) + 4) and _correlation(fit.residual) == 1:
         return None
     hz, q, _ = _start(lines, fit.residual, power, [])
-    more = _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
-    if more is None and lines.slow is not None:
-        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
-        left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), lines.slow)
-        if np.linalg.norm(left) > 0.5 * np.linalg.norm(lines.slow):
-            more = _better(fit, fit.theta, power, np.concatenate([fit.extra, lines.slow[:, None]], 1))
-    return more
+    return _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
 
 
 def _mains(lines: Lines) -> np.ndarray:
@@ -794,12 +833,13 @@ def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.n
         return np.asarray(lines.frequency == hz, float)[:, None]
     away = (hz - lines.frequency)[:, None] / lines.step_hz
     known = np.concatenate([fit.basis, _slopes(fit, power)], 1)
-    sines = _projected(known, _sines(away + CENTRES))
+    together = (lines.inputs[lines.inputs[:, place] != 0] != 0).any(0)  # of the same tap, where there are several
+    sines = _projected(known, _sines(away + CENTRES) * together[:, None])
     centre = CENTRES[(np.abs(sines.conj().T @ fit.residual) / np.linalg.norm(sines, axis=0)).argmax()]
     near = np.abs(away - np.array([-2, -1, 1, 2])) < 0.5
     spared = near[:, near.any(0)] if width_hz > SPARE * lines.step_hz else near[:, :0]
     waver = _sines(away + centre + np.array([-0.5, 0.0, 0.5]))
-    return np.asarray(np.concatenate([waver, spared], 1) * np.abs(lines.data).max())
+    return np.asarray(np.concatenate([waver, spared], 1) * together[:, None] * np.abs(lines.data).max())
 
 
 def _sines(away: np.ndarray) -> np.ndarray:
@@ -841,12 +881,15 @@ def _result(
                 others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
-    covariance = _covariance(fit, n, phased)
-    sigma = np.sqrt(np.diag(covariance))[:2]
-    count = len(fit.factors)
-    place = len(fit.theta) + np.array([0, count * phased])
+    late = np.zeros(len(fit.residual)) if fit.lines.slow is None else fit.lines.slow[0] * fit.lines.seconds
+    unseen = np.stack([DRIFT / max(seconds, 1.0) * late, clock * 2j * np.pi * fit.lines.frequency * late], 1)
+    place = len(fit.theta) + np.array([0, len(fit.factors) * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
-    peak_error = float(np.sqrt(along @ covariance[np.ix_(place, place)] @ along))
+    errors = []
+    for each in (0 * unseen, unseen):
+        covariance = _covariance(fit, n, phased, each)
+        sigma = np.sqrt(np.append(np.diag(covariance)[:2], along @ covariance[np.ix_(place, place)] @ along))
+        errors.append((float(hz * sigma[0]), float(q * sigma[1]), float(sigma[2])))
     lines, drive = fit.lines, fit.lines.inputs[0]
     strong = np.abs(drive) > EXCITED * np.abs(drive).max()
     alone = fit.residual + fit.basis[:, 0] * fit.factors[0]
@@ -854,20 +897,23 @@ def _result(
     circle = None
     if phased:
         circle = circle_resonance(
-            lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
+            lines.frequency[strong], alone[strong] / drive[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
-    drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = (
-        float(hz * sigma[0]),
-        float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * max(seconds, 1.0)))),
-        peak_error,
-    )
+    data, left = lines.data[strong] / drive[strong], fit.residual[strong] / drive[strong]
+    drawn = Seen(lines.frequency[strong], data, data - left)
     noise = fit.noise / float(np.abs(drive).mean())
-    found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
+    needed = NEEDED if fit.lines.seconds else NEEDED_OF_SPECTRA
+    found = checked((float(hz), float(q), peak), errors[0], needed, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
     agree = found.agree and not 0 < MOST_MISFIT * lines.noise < fit.noise
-    error_hz = float(hz * np.hypot(sigma[0], clock))
-    return found._replace(seen=drawn, power=power, agree=agree, resonance_error_hz=error_hz)
+    return found._replace(
+        seen=drawn,
+        power=power,
+        agree=agree,
+        resonance_error_hz=errors[1][0],
+        q_error=errors[1][1],
+        peak_error=errors[1][2],
+    )
 
 
 # Spectra
