@@ -90,8 +90,8 @@ BEGINS, MOST_TAPS, TAP, QUIET_TAP, BEFORE_TAP = 0.8, 30, 0.5, 0.3, 0.1
 """Share of a record in which a decay must begin; most decays, their least size over the largest, and that of the quiet
 before them; and the end of each that is left out.
 """
-FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
-"""Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
+FEWEST_SAMPLES, MOST_SAMPLES, MOST_OF_DECAY = 64, 3 << 18, 1 << 18
+"""Fewest and most samples of a driven record, and most of a decay; all that follow are left out."""
 ANSWERING, FEWEST_ANSWERING = 3.0, 40
 """Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left, and fewest lines: of
 fewer, the model can follow what is no answer.
@@ -108,8 +108,10 @@ SEEN, WIDE = 6.0, 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, MOST_CAPS = 4, 400
-"""Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
+FILLED, MOST_CAPS, MOST_HELD = 4, 400, 4000
+"""Rounds in which clipped crests are fitted, the number of their heights (of more, neighbours share one), and the most
+clipped samples, whose fit takes half a second.
+"""
 LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.15
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
@@ -139,7 +141,9 @@ class Lines(NamedTuple):
     def at(self, keep: np.ndarray) -> "Lines":
         """Return the lines of the indices `keep`."""
         slow = None if self.slow is None else self.slow[:, keep]
-        return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow, self.noise)
+        return self._replace(
+            frequency=self.frequency[keep], data=self.data[keep], inputs=self.inputs[:, keep], slow=slow
+        )
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "Lines":
         """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
@@ -247,43 +251,50 @@ def fit_driven(
         )
     held = np.zeros(len(y), bool) if clipped is None else clipped
     rings = ring_s or len(y) / rate_hz / 8
-    first_lag = _lag(rate_hz, x, y)
-    x, y, held = _shifted(first_lag, x, y, held)
-    loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
-    start = max(int(loud[0] - BEFORE_S * rate_hz), 0)
-    count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x)) - start
-    count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
-    x, y, held = (v[start : start + count] for v in (x, y, held))
-    rough = _gated(rate_hz, x, y, rings)[0]
+    cross = _cross(rate_hz, x, y)
+    first_lag = _lag(cross)
+    _refuse_lag(first_lag, x, y)
+    rough = _gated(rate_hz, cross, first_lag, rings)
     hz, q, _ = _start(rough, rough.data, power or 0, [])
     if not hz:
         raise SolverError("is too short to show a resonance, or shows none; record longer, or excite more")
     first = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES)
-    second_lag = _lag(rate_hz, x, y, first.modes[0])
-    if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
+    lag = _lag(cross, first.modes[0])
+    _refuse_lag(lag, x, y)
+    if abs(lag - first_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
         raise SolverError(NO_ANSWER)
-    x, y, held = _shifted(second_lag, x, y, held)
-    gated, low, high = _gated(rate_hz, x, y, rings)
+    x, y, held = x[max(-lag, 0) :], y[max(lag, 0) :], held[max(lag, 0) :]
+    loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
+    start = max(int(loud[0] - BEFORE_S * rate_hz), 0)
+    count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x), len(y)) - start
+    count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
+    x, y, held = (v[start : start + count] for v in (x, y, held))
+    if held.sum() > MOST_HELD:
+        raise SolverError(
+            f"has {held.sum()} clipped samples, at most {MOST_HELD} can be restored: lower the input's gain, or cut it"
+            f" to {at_most(len(y) / rate_hz * MOST_HELD / held.sum())} s in which the excitation passes the resonance"
+        )
+    gated = _gated(rate_hz, cross, lag, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
     lines, clean = _record_lines(rate_hz, y, x), y
     if held.any():
         own = _chosen(peaks, near_hz, exact)
         first = _solve(lines.around(own.hz, own.q), np.log([own.hz, own.q]), n or 0)
-        clean = _filled(first, rate_hz, x, y, held, n or 0)[1]
+        clean = _filled(first, rate_hz, y, held, n or 0)[1]
         lines = _record_lines(rate_hz, clean, x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
     if held.any():
-        fit, clean = _filled(fit, rate_hz, x, y, held, n or 0)
+        fit, clean = _filled(fit, rate_hz, y, held, n or 0)
     hz, q = fit.modes[0]
-    clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
+    clock = CLOCK if abs(lag) > LATE_S * rate_hz else 0.0
     _refuse_short(len(y) / rate_hz, hz)
     away = np.abs(detuning(fit.lines.frequency, hz, q))
     near = away < max(ANSWERING, float(np.sort(away)[:FEWEST_ANSWERING][-1]))
     answer = (fit.basis[:, 0] * fit.factors[0])[near]
     if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
-    refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
+    refuse_edge(cross.low_hz, cross.high_hz, hz, q, "the excited band", "the excitation", rate_hz / len(y))
     return _result(lines, fit, peaks, near_hz, n, clock=clock, seconds=len(response) / rate_hz)
 
 
@@ -313,7 +324,7 @@ def fit_decay(
     if clipped is not None and clipped[first:].any():
         first += int(np.flatnonzero(clipped[first:])[-1]) + 1
         size[:first] = 0
-    y = whole[first : first + MOST_SAMPLES // 4]
+    y = whole[first : first + MOST_OF_DECAY]
     refuse_bad_record(y)
     taps: list[int] = []
     for turn in range(4):
@@ -329,7 +340,9 @@ def fit_decay(
         if seconds * rate_hz >= 0.9 * len(y):
             break
         y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
-    further = [_record_lines(rate_hz, whole[k : k + len(y)]) for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart]
+    further = [
+        _record_lines(rate_hz, whole[k : k + len(y)]) for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart
+    ]
     fit = _fit_peaks(_beside([lines, *further]), peaks, near_hz, 0, exact)
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
@@ -344,16 +357,18 @@ def _taps(size: np.ndarray, period: int) -> list[int]:
     energy = uniform_filter1d(size**2, max(period, 1))
     loud, quiet = energy > TAP**2 * energy.max(), energy < QUIET_TAP**2 * energy.max()
     turns = np.flatnonzero(loud | quiet)
-    begin = turns[1:][loud[turns[1:]] & quiet[turns[:-1]]]
+    begin = turns[loud[turns] & np.append(True, quiet[turns[:-1]])]
     return [int(k + size[k : k + 2 * period].argmax()) for k in begin[:MOST_TAPS]]
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
     """Return the response over frequency of a record as it is, without a fit: of a decay the transform."""
     if squared_current is None or np.ptp(squared_current) == 0:
-        lines = _record_lines(rate_hz, response[_largest(response) :])
+        first = int(np.abs(response - response.mean(dtype=float)).argmax())
+        lines = _record_lines(rate_hz, response[first : first + MOST_OF_DECAY])
     else:
-        lines = _gated(rate_hz, squared_current, response, len(response) / rate_hz / 8)[0]
+        cross = _cross(rate_hz, squared_current, response)
+        lines = _gated(rate_hz, cross, 0, len(response) / rate_hz / 8)
     return Seen(lines.frequency, lines.data, None)
 
 
@@ -396,16 +411,29 @@ def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Li
 
 def _beside(parts: list[Lines]) -> Lines:
     """Return the lines of records of the same modes one after the other, each with inputs of its own."""
-    inputs = [np.concatenate([k * own.inputs[0] for k in row]) for row, own in zip(np.eye(len(parts)), parts, strict=True)]
+    inputs = [
+        np.concatenate([k * own.inputs[0] for k in row]) for row, own in zip(np.eye(len(parts)), parts, strict=True)
+    ]
     joined = [np.concatenate([getattr(p, name).T for p in parts]).T for name in ("frequency", "data", "slow")]
     return Lines(joined[0], joined[1], np.array(inputs), parts[0].seconds, joined[2])
 
 
-def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Return circular frequencies (n,), the transfer function from x to y in the excited band alone, and its ends.
+class _Cross(NamedTuple):
+    """Transfer function `response` (n,) of a record over `frequency` (n,) in Hz, in the excited band alone, its ends,
+    and its `impulse` (n,), complex.
 
     It is twice the record long, so that lags of either sign stay apart.
     """
+
+    frequency: np.ndarray
+    response: np.ndarray
+    impulse: np.ndarray
+    low_hz: float
+    high_hz: float
+
+
+def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
+    """Return the response of y to x."""
     from scipy.fft import next_fast_len
     from scipy.ndimage import uniform_filter1d
 
@@ -422,44 +450,41 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.nd
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
-    return frequency, response, float(frequency[band[0]]), float(frequency[band[-1]])
+    ends = float(frequency[band[0]]), float(frequency[band[-1]])
+    return _Cross(frequency, response, np.fft.ifft(response), *ends)
 
 
-def _lag(rate: float, x: np.ndarray, y: np.ndarray, mode: np.ndarray | None = None) -> int:
+def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
     """Return the delay of y after x in samples: where the impulse response, or a `mode` (Hz, Q) in it, begins."""
-    frequency, matched, _, _ = _cross(rate, x, y)
+    impulse, inside = cross.impulse, cross.response != 0
     if mode is not None:
-        inside = matched != 0
-        matched[inside] *= _mode(frequency[inside], mode[0], mode[1], 0).conj()
-    lag = int(np.abs(np.fft.ifft(matched)).argmax())
-    return lag - len(matched) * (lag > len(matched) // 2)
+        matched = cross.response.copy()
+        matched[inside] *= _mode(cross.frequency[inside], mode[0], mode[1], 0).conj()
+        impulse = np.fft.ifft(matched)
+    lag = int(np.abs(impulse).argmax())
+    return lag - len(impulse) * (lag > len(impulse) // 2)
 
 
-def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
-    """Return x and the signals that are `lag` samples late, without the delay."""
-    start, end = max(lag, 0), max(-lag, 0)
+def _refuse_lag(lag: int, x: np.ndarray, y: np.ndarray) -> None:
+    """Refuse a delay that leaves the answer to most of the excitation outside the record: one that chance has made."""
     count = len(x) - abs(lag)
-    kept = [x[end : end + count], *(v[start : start + count] for v in late)]
-    # A delay that leaves the answer to most of the excitation outside the record is one that chance has made.
-    heard = count >= FEWEST_SAMPLES and np.sum(kept[0] ** 2) > np.sum(x**2) / 2
-    if not heard or not (np.ptp(kept[0]) and np.ptp(kept[1])):
+    kept, late = x[max(-lag, 0) :][:count], y[max(lag, 0) :][:count]
+    if count < FEWEST_SAMPLES or np.sum(kept**2) <= np.sum(x**2) / 2 or not (np.ptp(kept) and np.ptp(late)):
         raise SolverError(NO_ANSWER)
-    return kept
 
 
-def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lines, float, float]:
-    """Return the response by the impulse response's beginning, for some eight time constants, and the excited band."""
-    _, response, low, high = _cross(rate, x, y)
-    impulse = np.fft.ifft(response)
+def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> Lines:
+    """Return the response by the beginning of the impulse response, at `lag`, for some eight time constants."""
+    impulse = cross.impulse
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
-    kept = np.roll(impulse, before)[: before + after] * np.clip(np.linspace(4, 0, before + after), 0, 1)
+    kept = np.roll(impulse, before - lag)[: before + after] * np.clip(np.linspace(4, 0, before + after), 0, 1)
     frequency = np.fft.fftfreq(2 * len(kept), 1 / rate)[: len(kept)]
     data = np.fft.fft(kept, 2 * len(kept))[: len(kept)] * np.exp(2j * np.pi * frequency * before / rate)
-    inside = np.flatnonzero((frequency >= low / 1.1) & (frequency <= 1.1 * high) & (frequency > 0))
-    away = np.roll(impulse, len(impulse) // 2)[: len(impulse) // 4]
+    inside = np.flatnonzero((frequency >= cross.low_hz / 1.1) & (frequency <= 1.1 * cross.high_hz) & (frequency > 0))
+    away = np.roll(impulse, len(impulse) // 2 - lag)[: len(impulse) // 4]
     noise = float(np.sqrt(np.mean(np.abs(away) ** 2) * len(kept)))
-    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), low, high
+    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside)
 
 
 def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
@@ -482,12 +507,6 @@ def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: 
         slope = float(np.polyfit(log, over, 1)[0]) if len(log) > 3 and np.ptp(log) > WIDE else np.nan
         found |= {n for n in range(3) if abs(slope - n) < 0.4} or {None}
     return found.pop() if len(found) == 1 else None
-
-
-def _largest(y: np.ndarray) -> int:
-    """Return the index at which a signal is farthest from its mean."""
-    middle = y.mean(dtype=float)
-    return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
 
 
 def _refuse_short(seconds: float, hz: float) -> None:
@@ -603,12 +622,15 @@ def _covariance(fit: _Solved, power: int, phased: bool, unseen: np.ndarray) -> n
     count = len(fit.residual)
     plain = fit.noise**2 / 2 * inverse
     if fit.lines.seconds and count > 4 * len(inverse):
-        scores = (columns.conj() * fit.residual[:, None]).real
+        # A line that the model follows by itself leaves less residual than its noise (J. G. MacKinnon, H. White, J.
+        # Econometrics 29, 1985, 305-325: HC3).
+        followed = (columns.conj() @ inverse * columns).real.sum(1) / 2
+        scores = (columns.conj() * (fit.residual / np.maximum(1 - followed, 0.5))[:, None]).real
         meat = scores.T @ scores
         for lag, share in ((1, 0.67), (2, 0.33)):
             across = scores[lag:].T @ scores[:-lag]
             meat += share * (across + across.T)
-        robust = inverse @ meat @ inverse * (count / (count - len(inverse) / 2))
+        robust = inverse @ meat @ inverse
         bigger = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(plain), 1e-300), 1.0))
         plain = plain * np.outer(bigger, bigger)
     else:
@@ -688,9 +710,7 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
     return found
 
 
-def _filled(
-    fit: _Solved, rate: float, x: np.ndarray, y: np.ndarray, held: np.ndarray, power: int
-) -> tuple[_Solved, np.ndarray]:
+def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: int) -> tuple[_Solved, np.ndarray]:
     """Return the fit with a cap on each crest of which the samples `held` were clipped, and y with these caps.
 
     Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
@@ -716,7 +736,7 @@ def _filled(
         step = np.linalg.lstsq(square / np.outer(norm, norm), seen / norm, rcond=1e-13)[0] / norm
         heights = heights + step[-count:]
         there = y + heights[own] * shapes
-        fit = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
+        fit = _solve(fit.lines._replace(data=np.fft.rfft(there)[places]), fit.theta, power, fit.extra)
     return fit._replace(caps=caps), there
 
 

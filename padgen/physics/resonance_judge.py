@@ -49,6 +49,7 @@ SURE, NEEDED, NEEDED_OF_SPECTRA = 3.0, (0.3, 0.1), (1.5, np.inf)
 frequency in halves of the bandwidth, where 0.3 are 0.4 dB, and of Q as a share of it, where 0.1 is 0.9 dB of the level.
 """
 MOST_HARDER = 100.0
+"""Largest factor by which a measurement is asked to be stronger."""
 COMPARABLE = 0.5
 """Share of the first peak from which a second one is as likely to be the right one."""
 MOST_APART, MOST_APART_Q = 0.25, 2.0
@@ -106,23 +107,23 @@ def checked(
 ) -> ResonanceFit:
     """Return a fit's frequency, Q and peak with one sigma each, beside the result of the second method, if any.
 
-    `errors` are of noise alone. Refuses a resonance of which they leave too little, and one that the second method finds
-    elsewhere.
+    `errors` are of noise alone. Refuses a resonance that they leave less known than `needed`, and one that the second
+    method finds elsewhere.
     """
     hz, q, peak = figures
-    near = needed[0] * hz / (2 * q)
-    for sigma, most, what, per, unit in (
-        (errors[0], near, "it", 1.0, "Hz"),
+    needs = [
+        (errors[0], needed[0] * hz / (2 * q), "it", 1.0, "Hz"),
         (errors[1], needed[1] * q, f"its Q of {number(q)}", 100 / q, "%"),
-    ):
-        if not SURE * sigma <= most:
-            times = float(np.nan_to_num(np.minimum(SURE * sigma / most, MOST_HARDER), nan=MOST_HARDER))
-            raise SolverError(
-                f"noise hides the resonance near {number(hz)} Hz: {what} is known only to ± {SURE * sigma * per:.3g}"
-                f" {unit} (three sigma), where ± {most * per:.3g} {unit} are needed; excite, or pluck,"
-                f" {at_least(times)} times as hard, average {int(np.ceil(times**2))} measurements (a recording may hold"
-                " as many plucks), or leave this taxel out"
-            )
+    ]
+    sigma, most, what, per, unit = max(needs, key=lambda need: np.nan_to_num(need[0] / need[1], nan=np.inf))
+    if not SURE * sigma <= most:
+        times = float(np.nan_to_num(np.minimum(SURE * sigma / most, MOST_HARDER), nan=MOST_HARDER))
+        raise SolverError(
+            f"noise hides the resonance near {number(hz)} Hz: {what} is known only to ± {SURE * sigma * per:.3g} {unit}"
+            f" (three sigma), where ± {most * per:.3g} {unit} are needed; excite, or pluck, {at_least(times)} times as"
+            f" hard, average {int(np.ceil(times**2))} measurements (a recording may hold as many plucks), or leave this"
+            " taxel out"
+        )
     seen = check or CircleFit(np.nan, np.nan, np.nan, np.nan)
     agree = check is None
     if check is not None:
