@@ -171,7 +171,8 @@ def recordings(count: int, excitations: list[str]) -> Iterator[str]:
         path = Path(folder) / "r0c0k0.wav"
         for excitation in excitations:
             for kind, how in KINDS.items():
-                yield f"| {excitation}, {kind} | {recorded_row(plan, path, excitation, how, count)} |"
+                results = [fitted_recording(plan, path, excitation, how, seed) for seed in range(count)]
+                yield f"| {excitation}, {kind} | {recorded_row(results)} |"
 
 
 def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
@@ -188,30 +189,34 @@ def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
     return {**usual, **how}
 
 
-def recorded_row(plan: Plan, path: Path, excitation: str, how: Any, count: int) -> str:
-    errors, pulls, seconds = [], [], 0.0
-    for seed in range(count):
-        rng = np.random.default_rng(seed)
-        true = np.array([60 * np.exp(0.15 * rng.standard_normal()), 15 * np.exp(0.25 * rng.standard_normal())])
-        bench = benched(rng, excitation, how)
-        made = recorded(rng, (true[0],), (true[1],), excitation=excitation, mains=(50.0, 60.0)[seed % 2], **bench)
-        path.write_bytes(made.wav())
-        start = process_time()
-        try:
-            (fit,) = fit_measured(read_measured(path, plan), plan)
-            found, sigma = np.array([(fit.resonance_hz, fit.q), (fit.resonance_error_hz, fit.q_error)])
-            errors.append(np.abs(found / true - 1))
-            pulls.append(np.abs(found - true) / sigma)
-        except PadgenError as error:
-            print(seed, error, file=sys.stderr)
-        seconds += process_time() - start
-    if not errors:
-        return f"0 of {count} | | | | {seconds / count:.2f}"
-    middle, worst = np.median(errors, axis=0), np.max(errors, axis=0)
-    within = (np.array(pulls) < 1.96).mean(0)
+def fitted_recording(plan: Plan, path: Path, excitation: str, how: Any, seed: int) -> tuple[Any, str, float]:
+    """Return true, found f and Q and their sigmas (3, 2) of a recording, or why it was refused, and seconds taken."""
+    rng = np.random.default_rng(seed)
+    true = 60 * np.exp(0.15 * rng.standard_normal()), 15 * np.exp(0.25 * rng.standard_normal())
+    bench = benched(rng, excitation, how)
+    made = recorded(rng, (true[0],), (true[1],), excitation=excitation, mains=(50.0, 60.0)[seed % 2], **bench)
+    path.write_bytes(made.wav())
+    start = process_time()
+    try:
+        (fit,) = fit_measured(read_measured(path, plan), plan)
+    except PadgenError as error:
+        return None, str(error), process_time() - start
+    seconds = process_time() - start
+    return (true, (fit.resonance_hz, fit.q), (fit.resonance_error_hz, fit.q_error)), "", seconds
+
+
+def recorded_row(results: list[tuple[Any, str, float]]) -> str:
+    """Return counts, errors, coverage and time of `fitted_recording`s."""
+    count, seconds = len(results), np.mean([seconds for _, _, seconds in results])
+    fits = np.array([found for found, _, _ in results if found is not None], float)
+    if not len(fits):
+        return f"0 of {count} | | | | {seconds:.2f}"
+    true, found, sigma = np.moveaxis(fits, 1, 0)
+    error, within = np.abs(found / true - 1), (np.abs(found - true) < 1.96 * sigma).mean(0)
+    middle, worst = np.median(error, axis=0), error.max(0)
     return (
-        f"{len(errors)} of {count} | {middle[0]:.3%}, {worst[0]:.2%} | {middle[1]:.1%}, {worst[1]:.1%} |"
-        f" {within[0]:.1%}, {within[1]:.1%} | {seconds / count:.2f}"
+        f"{len(fits)} of {count} | {middle[0]:.3%}, {worst[0]:.2%} | {middle[1]:.1%}, {worst[1]:.1%} |"
+        f" {within[0]:.1%}, {within[1]:.1%} | {seconds:.2f}"
     )
 
 

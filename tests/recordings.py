@@ -118,11 +118,14 @@ def recorded(
     clock_ppm=0.0,
     second=0.0,
     polarity=None,
+    taps=1,
 ):
     """Return a recording of modes `hz`, `q`, `size`; disturbances are shares of the motion's peak."""
     if excitation == "pluck":
         tap = np.sin(np.pi * np.arange(16) / 16)
-        force = np.concatenate([np.zeros(INNER_HZ // 2), tap, np.zeros(int(seconds * INNER_HZ))])
+        rings = np.concatenate([tap, np.zeros(int(seconds * INNER_HZ))])
+        hard = [1.0, *rng.uniform(0.6, 1.0, taps - 1)]
+        force = np.concatenate([np.zeros(INNER_HZ // 2), *(each * rings for each in hard)])
         current = None
     else:
         current = chirp(seconds, *band) if excitation == "chirp" else noise(rng, seconds, *band)

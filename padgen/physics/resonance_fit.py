@@ -31,6 +31,8 @@ from padgen.physics.circle_fit import circle_resonance, detuning
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
+    NEEDED,
+    NEEDED_OF_SPECTRA,
     ResonanceFit,
     Seen,
     checked,
@@ -84,8 +86,12 @@ EXCITED = 1e-3
 QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
 """Share of the largest i² below which a coil is silent; kept silence before (s) and after it (time constants)."""
 DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
-FEWEST_SAMPLES, MOST_SAMPLES = 64, 1 << 20
-"""Fewest and most samples of a driven record; of a decay the first quarter of the latter are used."""
+BEGINS, MOST_TAPS, TAP, QUIET_TAP, BEFORE_TAP = 0.8, 30, 0.5, 0.3, 0.1
+"""Share of a record in which a decay must begin; most decays, their least size over the largest, and that of the quiet
+before them; and the end of each that is left out.
+"""
+FEWEST_SAMPLES, MOST_SAMPLES, MOST_OF_DECAY = 64, 3 << 18, 1 << 18
+"""Fewest and most samples of a driven record, and most of a decay; all that follow are left out."""
 ANSWERING, FEWEST_ANSWERING = 3.0, 40
 """Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left, and fewest lines: of
 fewer, the model can follow what is no answer.
@@ -102,9 +108,11 @@ SEEN, WIDE = 6.0, 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, MOST_CAPS = 4, 400
-"""Rounds in which clipped crests are fitted, and the number of their heights: of more, neighbours share one."""
-LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.08
+FILLED, MOST_CAPS, MOST_HELD = 4, 400, 4000
+"""Rounds in which clipped crests are fitted, the number of their heights (of more, neighbours share one), and the most
+clipped samples, whose fit takes half a second.
+"""
+LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.15
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
 second.
@@ -132,8 +140,10 @@ class Lines(NamedTuple):
 
     def at(self, keep: np.ndarray) -> "Lines":
         """Return the lines of the indices `keep`."""
-        slow = None if self.slow is None else self.slow[keep]
-        return Lines(self.frequency[keep], self.data[keep], self.inputs[:, keep], self.seconds, slow, self.noise)
+        slow = None if self.slow is None else self.slow[:, keep]
+        return self._replace(
+            frequency=self.frequency[keep], data=self.data[keep], inputs=self.inputs[:, keep], slow=slow
+        )
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "Lines":
         """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
@@ -241,43 +251,50 @@ def fit_driven(
         )
     held = np.zeros(len(y), bool) if clipped is None else clipped
     rings = ring_s or len(y) / rate_hz / 8
-    first_lag = _lag(rate_hz, x, y)
-    x, y, held = _shifted(first_lag, x, y, held)
-    loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
-    start = max(int(loud[0] - BEFORE_S * rate_hz), 0)
-    count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x)) - start
-    count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
-    x, y, held = (v[start : start + count] for v in (x, y, held))
-    rough = _gated(rate_hz, x, y, rings)[0]
+    cross = _cross(rate_hz, x, y)
+    first_lag = _lag(cross)
+    _refuse_lag(first_lag, x, y)
+    rough = _gated(rate_hz, cross, first_lag, rings)
     hz, q, _ = _start(rough, rough.data, power or 0, [])
     if not hz:
         raise SolverError("is too short to show a resonance, or shows none; record longer, or excite more")
     first = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES)
-    second_lag = _lag(rate_hz, x, y, first.modes[0])
-    if abs(second_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
+    lag = _lag(cross, first.modes[0])
+    _refuse_lag(lag, x, y)
+    if abs(lag - first_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
         raise SolverError(NO_ANSWER)
-    x, y, held = _shifted(second_lag, x, y, held)
-    gated, low, high = _gated(rate_hz, x, y, rings)
+    x, y, held = x[max(-lag, 0) :], y[max(lag, 0) :], held[max(lag, 0) :]
+    loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
+    start = max(int(loud[0] - BEFORE_S * rate_hz), 0)
+    count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x), len(y)) - start
+    count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
+    x, y, held = (v[start : start + count] for v in (x, y, held))
+    if held.sum() > MOST_HELD:
+        raise SolverError(
+            f"has {held.sum()} clipped samples, at most {MOST_HELD} can be restored: lower the input's gain, or cut it"
+            f" to {at_most(len(y) / rate_hz * MOST_HELD / held.sum())} s in which the excitation passes the resonance"
+        )
+    gated = _gated(rate_hz, cross, lag, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
     lines, clean = _record_lines(rate_hz, y, x), y
     if held.any():
         own = _chosen(peaks, near_hz, exact)
         first = _solve(lines.around(own.hz, own.q), np.log([own.hz, own.q]), n or 0)
-        clean = _filled(first, rate_hz, x, y, held, n or 0)[1]
+        clean = _filled(first, rate_hz, y, held, n or 0)[1]
         lines = _record_lines(rate_hz, clean, x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
     if held.any():
-        fit, clean = _filled(fit, rate_hz, x, y, held, n or 0)
+        fit, clean = _filled(fit, rate_hz, y, held, n or 0)
     hz, q = fit.modes[0]
-    clock = CLOCK if abs(first_lag + second_lag) > LATE_S * rate_hz else 0.0
+    clock = CLOCK if abs(lag) > LATE_S * rate_hz else 0.0
     _refuse_short(len(y) / rate_hz, hz)
     away = np.abs(detuning(fit.lines.frequency, hz, q))
     near = away < max(ANSWERING, float(np.sort(away)[:FEWEST_ANSWERING][-1]))
     answer = (fit.basis[:, 0] * fit.factors[0])[near]
     if not _gain(fit) >= LEAST_GAIN or np.linalg.norm(answer) < np.linalg.norm(fit.residual[near]):
         raise SolverError(NO_ANSWER)
-    refuse_edge(low, high, hz, q, "the excited band", "the excitation", rate_hz / len(y))
+    refuse_edge(cross.low_hz, cross.high_hz, hz, q, "the excited band", "the excitation", rate_hz / len(y))
     return _result(lines, fit, peaks, near_hz, n, clock=clock, seconds=len(response) / rate_hz)
 
 
@@ -295,39 +312,63 @@ def fit_decay(
     SolverError
         No decay, two comparable sines in it (unless `near_hz` selects one), or too short a record.
     """
-    y = np.asarray(response, float)
-    refuse_bad_record(y)
-    first = _largest(y)
-    if first > 0.8 * len(y):
+    whole = np.asarray(response, float)
+    refuse_bad_record(whole)
+    size = np.abs(whole - whole.mean())
+    first, late = int(size[: int(BEGINS * len(size))].argmax()), int(size.argmax())
+    if size[first] < TAP * size[late]:
         raise SolverError(
-            f"is largest {number(first / rate_hz)} s into a record of {number(len(y) / rate_hz)} s: a free decay starts"
-            " at its largest value; if there was an excitation, add it as a column"
+            f"is largest {number(late / rate_hz)} s into a record of {number(len(size) / rate_hz)} s: a free decay"
+            " starts at its largest value; if there was an excitation, add it as a column"
         )
     if clipped is not None and clipped[first:].any():
         first += int(np.flatnonzero(clipped[first:])[-1]) + 1
-    y = y[first : first + MOST_SAMPLES // 4]
+        size[:first] = 0
+    y = whole[first : first + MOST_OF_DECAY]
     refuse_bad_record(y)
-    for _ in range(3):
+    taps: list[int] = []
+    for turn in range(4):
         lines = _record_lines(rate_hz, y)
         peaks = _peaks(lines, 0)
         hz, q, _ = peaks[0]
+        taps = taps if turn else _taps(size, int(rate_hz / hz))
+        apart = int((1 - BEFORE_TAP) * min(np.diff(taps), default=0))
+        if not turn and apart > DECAY_PERIODS * rate_hz / hz:
+            y = whole[taps[0] : taps[0] + apart]
+            continue
         seconds = max(DECAY_TAUS * q / (np.pi * hz), DECAY_PERIODS / hz)
         if seconds * rate_hz >= 0.9 * len(y):
             break
         y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
-    fit = _fit_peaks(lines, peaks, near_hz, 0, exact)
+    further = [
+        _record_lines(rate_hz, whole[k : k + len(y)]) for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart
+    ]
+    fit = _fit_peaks(_beside([lines, *further]), peaks, near_hz, 0, exact)
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_DECAY)
     return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, seconds=len(response) / rate_hz)
 
 
+def _taps(size: np.ndarray, period: int) -> list[int]:
+    """Return the samples at which decays begin, in a record of absolute `size` (n,), in order."""
+    from scipy.ndimage import uniform_filter1d
+
+    energy = uniform_filter1d(size**2, max(period, 1))
+    loud, quiet = energy > TAP**2 * energy.max(), energy < QUIET_TAP**2 * energy.max()
+    turns = np.flatnonzero(loud | quiet)
+    begin = turns[loud[turns] & np.append(True, quiet[turns[:-1]])]
+    return [int(k + size[k : k + 2 * period].argmax()) for k in begin[:MOST_TAPS]]
+
+
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
     """Return the response over frequency of a record as it is, without a fit: of a decay the transform."""
     if squared_current is None or np.ptp(squared_current) == 0:
-        lines = _record_lines(rate_hz, response[_largest(response) :])
+        first = int(np.abs(response - response.mean(dtype=float)).argmax())
+        lines = _record_lines(rate_hz, response[first : first + MOST_OF_DECAY])
     else:
-        lines = _gated(rate_hz, squared_current, response, len(response) / rate_hz / 8)[0]
+        cross = _cross(rate_hz, squared_current, response)
+        lines = _gated(rate_hz, cross, 0, len(response) / rate_hz / 8)
     return Seen(lines.frequency, lines.data, None)
 
 
@@ -359,18 +400,40 @@ def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, i
 def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
     """Return the lines of a record, without its mean."""
     level = y - y.mean()
-    slow = np.fft.rfft(level * np.linspace(-0.5, 0.5, len(y)))[1:-1] if x is not None else None
+    time = np.linspace(-0.5, 0.5, len(y))
+    late = [level * time, level * time**2, *([] if x is None else [(x - x.mean()) * time])]
+    slow = np.array([np.fft.rfft(each)[1:-1] for each in late])
     data = np.fft.rfft(level)[1:-1]
     size = np.full(len(data), np.sqrt(np.mean(np.abs(data) ** 2)) or 1.0, complex)
     inputs = [size] if x is None else [np.fft.rfft(x - x.mean())[1:-1], size]
     return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
 
 
-def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Return circular frequencies (n,), the transfer function from x to y in the excited band alone, and its ends.
+def _beside(parts: list[Lines]) -> Lines:
+    """Return the lines of records of the same modes one after the other, each with inputs of its own."""
+    inputs = [
+        np.concatenate([k * own.inputs[0] for k in row]) for row, own in zip(np.eye(len(parts)), parts, strict=True)
+    ]
+    joined = [np.concatenate([getattr(p, name).T for p in parts]).T for name in ("frequency", "data", "slow")]
+    return Lines(joined[0], joined[1], np.array(inputs), parts[0].seconds, joined[2])
+
+
+class _Cross(NamedTuple):
+    """Transfer function `response` (n,) of a record over `frequency` (n,) in Hz, in the excited band alone, its ends,
+    and its `impulse` (n,), complex.
 
     It is twice the record long, so that lags of either sign stay apart.
     """
+
+    frequency: np.ndarray
+    response: np.ndarray
+    impulse: np.ndarray
+    low_hz: float
+    high_hz: float
+
+
+def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
+    """Return the response of y to x."""
     from scipy.fft import next_fast_len
     from scipy.ndimage import uniform_filter1d
 
@@ -387,44 +450,41 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.nd
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
-    return frequency, response, float(frequency[band[0]]), float(frequency[band[-1]])
+    ends = float(frequency[band[0]]), float(frequency[band[-1]])
+    return _Cross(frequency, response, np.fft.ifft(response), *ends)
 
 
-def _lag(rate: float, x: np.ndarray, y: np.ndarray, mode: np.ndarray | None = None) -> int:
+def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
     """Return the delay of y after x in samples: where the impulse response, or a `mode` (Hz, Q) in it, begins."""
-    frequency, matched, _, _ = _cross(rate, x, y)
+    impulse, inside = cross.impulse, cross.response != 0
     if mode is not None:
-        inside = matched != 0
-        matched[inside] *= _mode(frequency[inside], mode[0], mode[1], 0).conj()
-    lag = int(np.abs(np.fft.ifft(matched)).argmax())
-    return lag - len(matched) * (lag > len(matched) // 2)
+        matched = cross.response.copy()
+        matched[inside] *= _mode(cross.frequency[inside], mode[0], mode[1], 0).conj()
+        impulse = np.fft.ifft(matched)
+    lag = int(np.abs(impulse).argmax())
+    return lag - len(impulse) * (lag > len(impulse) // 2)
 
 
-def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
-    """Return x and the signals that are `lag` samples late, without the delay."""
-    start, end = max(lag, 0), max(-lag, 0)
+def _refuse_lag(lag: int, x: np.ndarray, y: np.ndarray) -> None:
+    """Refuse a delay that leaves the answer to most of the excitation outside the record: one that chance has made."""
     count = len(x) - abs(lag)
-    kept = [x[end : end + count], *(v[start : start + count] for v in late)]
-    # A delay that leaves the answer to most of the excitation outside the record is one that chance has made.
-    heard = count >= FEWEST_SAMPLES and np.sum(kept[0] ** 2) > np.sum(x**2) / 2
-    if not heard or not (np.ptp(kept[0]) and np.ptp(kept[1])):
+    kept, late = x[max(-lag, 0) :][:count], y[max(lag, 0) :][:count]
+    if count < FEWEST_SAMPLES or np.sum(kept**2) <= np.sum(x**2) / 2 or not (np.ptp(kept) and np.ptp(late)):
         raise SolverError(NO_ANSWER)
-    return kept
 
 
-def _gated(rate: float, x: np.ndarray, y: np.ndarray, rings: float) -> tuple[Lines, float, float]:
-    """Return the response by the impulse response's beginning, for some eight time constants, and the excited band."""
-    _, response, low, high = _cross(rate, x, y)
-    impulse = np.fft.ifft(response)
+def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> Lines:
+    """Return the response by the beginning of the impulse response, at `lag`, for some eight time constants."""
+    impulse = cross.impulse
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
-    kept = np.roll(impulse, before)[: before + after] * np.clip(np.linspace(4, 0, before + after), 0, 1)
+    kept = np.roll(impulse, before - lag)[: before + after] * np.clip(np.linspace(4, 0, before + after), 0, 1)
     frequency = np.fft.fftfreq(2 * len(kept), 1 / rate)[: len(kept)]
     data = np.fft.fft(kept, 2 * len(kept))[: len(kept)] * np.exp(2j * np.pi * frequency * before / rate)
-    inside = np.flatnonzero((frequency >= low / 1.1) & (frequency <= 1.1 * high) & (frequency > 0))
-    away = np.roll(impulse, len(impulse) // 2)[: len(impulse) // 4]
+    inside = np.flatnonzero((frequency >= cross.low_hz / 1.1) & (frequency <= 1.1 * cross.high_hz) & (frequency > 0))
+    away = np.roll(impulse, len(impulse) // 2 - lag)[: len(impulse) // 4]
     noise = float(np.sqrt(np.mean(np.abs(away) ** 2) * len(kept)))
-    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside), low, high
+    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside)
 
 
 def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
@@ -449,12 +509,6 @@ def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: 
     return found.pop() if len(found) == 1 else None
 
 
-def _largest(y: np.ndarray) -> int:
-    """Return the index at which a signal is farthest from its mean."""
-    middle = y.mean(dtype=float)
-    return max(int(y.argmax()), int(y.argmin()), key=lambda k: abs(float(y[k]) - middle))
-
-
 def _refuse_short(seconds: float, hz: float) -> None:
     """Refuse a record of too few periods."""
     if seconds * hz < FEWEST_PERIODS:
@@ -477,7 +531,7 @@ def _basis(lines: Lines, theta: np.ndarray, power: int, extra: np.ndarray) -> np
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
     shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
     if lines.seconds:
-        shapes += [(s - 1 / s) ** k for k in range(2 + (len(lines.inputs) == 1))]
+        shapes += [(s - 1 / s) ** k for k in range(3)]
     else:
         shapes += [s**power, s ** (power - 2)]
     return np.concatenate([np.stack([x * shape for x in lines.inputs for shape in shapes], 1), extra], 1)
@@ -552,10 +606,11 @@ def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, n
     return columns, prior
 
 
-def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
+def _covariance(fit: _Solved, power: int, phased: bool, unseen: np.ndarray) -> np.ndarray:
     """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
 
-    The residual of each line is its own measure of noise, so that noise of any colour counts where it is.
+    The residual of each line is its own measure of noise, so that noise of any colour counts where it is. `unseen`
+    (n, k) is what errors of one sigma, which the residual need not show, add to the data.
     """
     columns, prior = _real_columns(fit, power, phased)
     if not phased:  # the part along the model alone was measured
@@ -567,17 +622,21 @@ def _covariance(fit: _Solved, power: int, phased: bool) -> np.ndarray:
     count = len(fit.residual)
     plain = fit.noise**2 / 2 * inverse
     if fit.lines.seconds and count > 4 * len(inverse):
-        scores = (columns.conj() * fit.residual[:, None]).real
+        # A line that the model follows by itself leaves less residual than its noise (J. G. MacKinnon, H. White, J.
+        # Econometrics 29, 1985, 305-325: HC3).
+        followed = (columns.conj() @ inverse * columns).real.sum(1) / 2
+        scores = (columns.conj() * (fit.residual / np.maximum(1 - followed, 0.5))[:, None]).real
         meat = scores.T @ scores
         for lag, share in ((1, 0.67), (2, 0.33)):
             across = scores[lag:].T @ scores[:-lag]
             meat += share * (across + across.T)
-        robust = inverse @ meat @ inverse * (count / (count - len(inverse) / 2))
+        robust = inverse @ meat @ inverse
         bigger = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(plain), 1e-300), 1.0))
         plain = plain * np.outer(bigger, bigger)
     else:
         plain = plain * _correlation(fit.residual) ** 2
-    return np.asarray(plain / np.outer(norm, norm))
+    moved = inverse @ (columns.conj().T @ unseen).real
+    return np.asarray((plain + moved @ moved.T) / np.outer(norm, norm))
 
 
 def _correlation(residual: np.ndarray) -> float:
@@ -651,9 +710,7 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
     return found
 
 
-def _filled(
-    fit: _Solved, rate: float, x: np.ndarray, y: np.ndarray, held: np.ndarray, power: int
-) -> tuple[_Solved, np.ndarray]:
+def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: int) -> tuple[_Solved, np.ndarray]:
     """Return the fit with a cap on each crest of which the samples `held` were clipped, and y with these caps.
 
     Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
@@ -679,7 +736,7 @@ def _filled(
         step = np.linalg.lstsq(square / np.outer(norm, norm), seen / norm, rcond=1e-13)[0] / norm
         heights = heights + step[-count:]
         there = y + heights[own] * shapes
-        fit = _solve(_record_lines(rate, there, x).at(places - 1), fit.theta, power, fit.extra)
+        fit = _solve(fit.lines._replace(data=np.fft.rfft(there)[places]), fit.theta, power, fit.extra)
     return fit._replace(caps=caps), there
 
 
@@ -707,6 +764,14 @@ def _fit_peaks(
         if np.abs(fit.theta[:2] - start[:2]).max() < 0.05 / np.exp(start[1]):
             break
         start = fit.theta
+    if local.slow is not None and len(local.slow) > 2:
+        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
+        drifts = local.slow[2] * _mode(local.frequency, *fit.modes[0], power)
+        left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), drifts)
+        if np.linalg.norm(left) > 0.5 * np.linalg.norm(drifts):
+            fit = _without_hum(fit, power)
+            slow = np.array([*local.slow[:2], local.slow[0] * local.frequency / local.frequency[0]]).T
+            fit = _solve(local, fit.theta, power, np.concatenate([fit.extra, slow], 1))
     for peak in close:
         fit = _without_hum(fit, power)
         fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
@@ -759,7 +824,7 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
 
 
 def _extended(fit: _Solved, power: int) -> _Solved | None:
-    """Return a better fit, with a further mode or a drift in the model; None where none is worth it."""
+    """Return a better fit, with a further mode; None where none is worth it."""
     lines, size = fit.lines, np.abs(fit.residual)
     if fit.noise < SMALLEST_NOISE * np.abs(lines.data).max():
         return None
@@ -767,13 +832,7 @@ def _extended(fit: _Solved, power: int) -> _Solved | None:
     if size.max() < middle * np.sqrt(np.log(len(size)) + 4) and _correlation(fit.residual) == 1:
         return None
     hz, q, _ = _start(lines, fit.residual, power, [])
-    more = _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
-    if more is None and lines.slow is not None:
-        # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
-        left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), lines.slow)
-        if np.linalg.norm(left) > 0.5 * np.linalg.norm(lines.slow):
-            more = _better(fit, fit.theta, power, np.concatenate([fit.extra, lines.slow[:, None]], 1))
-    return more
+    return _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
 
 
 def _mains(lines: Lines) -> np.ndarray:
@@ -794,12 +853,13 @@ def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.n
         return np.asarray(lines.frequency == hz, float)[:, None]
     away = (hz - lines.frequency)[:, None] / lines.step_hz
     known = np.concatenate([fit.basis, _slopes(fit, power)], 1)
-    sines = _projected(known, _sines(away + CENTRES))
+    together = (lines.inputs[lines.inputs[:, place] != 0] != 0).any(0)  # of the same tap, where there are several
+    sines = _projected(known, _sines(away + CENTRES) * together[:, None])
     centre = CENTRES[(np.abs(sines.conj().T @ fit.residual) / np.linalg.norm(sines, axis=0)).argmax()]
     near = np.abs(away - np.array([-2, -1, 1, 2])) < 0.5
     spared = near[:, near.any(0)] if width_hz > SPARE * lines.step_hz else near[:, :0]
     waver = _sines(away + centre + np.array([-0.5, 0.0, 0.5]))
-    return np.asarray(np.concatenate([waver, spared], 1) * np.abs(lines.data).max())
+    return np.asarray(np.concatenate([waver, spared], 1) * together[:, None] * np.abs(lines.data).max())
 
 
 def _sines(away: np.ndarray) -> np.ndarray:
@@ -841,12 +901,15 @@ def _result(
                 others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
-    covariance = _covariance(fit, n, phased)
-    sigma = np.sqrt(np.diag(covariance))[:2]
-    count = len(fit.factors)
-    place = len(fit.theta) + np.array([0, count * phased])
+    late = np.zeros(len(fit.residual)) if fit.lines.slow is None else fit.lines.slow[0] * fit.lines.seconds
+    unseen = np.stack([DRIFT / max(seconds, 1.0) * late, clock * 2j * np.pi * fit.lines.frequency * late], 1)
+    place = len(fit.theta) + np.array([0, len(fit.factors) * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
-    peak_error = float(np.sqrt(along @ covariance[np.ix_(place, place)] @ along))
+    errors = []
+    for each in (0 * unseen, unseen):
+        covariance = _covariance(fit, n, phased, each)
+        sigma = np.sqrt(np.append(np.diag(covariance)[:2], along @ covariance[np.ix_(place, place)] @ along))
+        errors.append((float(hz * sigma[0]), float(q * sigma[1]), float(sigma[2])))
     lines, drive = fit.lines, fit.lines.inputs[0]
     strong = np.abs(drive) > EXCITED * np.abs(drive).max()
     alone = fit.residual + fit.basis[:, 0] * fit.factors[0]
@@ -854,20 +917,23 @@ def _result(
     circle = None
     if phased:
         circle = circle_resonance(
-            lines.frequency[strong], (alone / drive)[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
+            lines.frequency[strong], alone[strong] / drive[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
-    drawn = Seen(lines.frequency[strong], (lines.data / drive)[strong], ((lines.data - fit.residual) / drive)[strong])
-    errors = (
-        float(hz * sigma[0]),
-        float(q * np.hypot(sigma[1], DRIFT * q / (np.pi * hz * max(seconds, 1.0)))),
-        peak_error,
-    )
+    data, left = lines.data[strong] / drive[strong], fit.residual[strong] / drive[strong]
+    drawn = Seen(lines.frequency[strong], data, data - left)
     noise = fit.noise / float(np.abs(drive).mean())
-    found = checked((float(hz), float(q), peak), errors, noise, "circle", circle, tuple(others))
+    needed = NEEDED if fit.lines.seconds else NEEDED_OF_SPECTRA
+    found = checked((float(hz), float(q), peak), errors[0], needed, noise, "circle", circle, tuple(others))
     # A residual far above the scatter of neighbouring points is of another form.
     agree = found.agree and not 0 < MOST_MISFIT * lines.noise < fit.noise
-    error_hz = float(hz * np.hypot(sigma[0], clock))
-    return found._replace(seen=drawn, power=power, agree=agree, resonance_error_hz=error_hz)
+    return found._replace(
+        seen=drawn,
+        power=power,
+        agree=agree,
+        resonance_error_hz=errors[1][0],
+        q_error=errors[1][1],
+        peak_error=errors[1][2],
+    )
 
 
 # Spectra

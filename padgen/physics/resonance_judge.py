@@ -13,7 +13,8 @@ from padgen.physics.circle_fit import CircleFit
 __all__ = [
     "COMPARABLE",
     "LEAST_GAIN",
-    "MOST_VAGUE",
+    "NEEDED",
+    "NEEDED_OF_SPECTRA",
     "ResonanceFit",
     "Seen",
     "checked",
@@ -43,11 +44,15 @@ LEAST_GAIN = 40.0
 """Least decrease of the sum of squares by the resonance, in variances; 1000 points of noise reach 25 by chance."""
 MOST_LEFT = 0.2
 """Largest residual of a fit, over the largest response, that may be more than noise."""
-MOST_VAGUE = 0.25
-"""Largest sigma of the frequency in bandwidths; with more the tone is no better placed than by chance."""
+SURE, NEEDED, NEEDED_OF_SPECTRA = 3.0, (0.3, 0.1), (1.5, np.inf)
+"""Sigmas of noise that must be within what re-tuning needs of a recording and, at least, of a spectrum: of the
+frequency in halves of the bandwidth, where 0.3 are 0.4 dB, and of Q as a share of it, where 0.1 is 0.9 dB of the level.
+"""
+MOST_HARDER = 100.0
+"""Largest factor by which a measurement is asked to be stronger."""
 COMPARABLE = 0.5
 """Share of the first peak from which a second one is as likely to be the right one."""
-MOST_APART, MOST_APART_Q = MOST_VAGUE, 2.0
+MOST_APART, MOST_APART_Q = 0.25, 2.0
 """Largest difference of two methods, in bandwidths for the frequency and as a factor for Q; beyond it one is wrong."""
 AGREEMENT, AGREEMENT_FLOOR = 3.0, 0.01
 """Two methods agree within this many sigmas, or within this share of the bandwidth, which costs 0.02 % of the
@@ -94,6 +99,7 @@ class ResonanceFit(NamedTuple):
 def checked(
     figures: tuple[float, float, float],
     errors: tuple[float, float, float],
+    needed: tuple[float, float],
     noise: float,
     name: str,
     check: CircleFit | None,
@@ -101,14 +107,22 @@ def checked(
 ) -> ResonanceFit:
     """Return a fit's frequency, Q and peak with one sigma each, beside the result of the second method, if any.
 
-    Refuses a resonance that is not known to a quarter of its bandwidth, and one that the second method finds elsewhere.
+    `errors` are of noise alone. Refuses a resonance that they leave less known than `needed`, and one that the second
+    method finds elsewhere.
     """
     hz, q, peak = figures
-    if not errors[0] <= MOST_VAGUE * hz / q:
+    needs = [
+        (errors[0], needed[0] * hz / (2 * q), "it", 1.0, "Hz"),
+        (errors[1], needed[1] * q, f"its Q of {number(q)}", 100 / q, "%"),
+    ]
+    sigma, most, what, per, unit = max(needs, key=lambda need: np.nan_to_num(need[0] / need[1], nan=np.inf))
+    if not SURE * sigma <= most:
+        times = float(np.nan_to_num(np.minimum(SURE * sigma / most, MOST_HARDER), nan=MOST_HARDER))
         raise SolverError(
-            f"the resonance near {number(hz)} Hz is known only to ± {number(errors[0])} Hz, where ±"
-            f" {at_most(MOST_VAGUE * hz / q)} Hz, a quarter of its bandwidth, is needed;"
-            " excite more, average longer, or leave this taxel out"
+            f"noise hides the resonance near {number(hz)} Hz: {what} is known only to ± {SURE * sigma * per:.3g} {unit}"
+            f" (three sigma), where ± {most * per:.3g} {unit} are needed; excite, or pluck, {at_least(times)} times as"
+            f" hard, average {int(np.ceil(times**2))} measurements (a recording may hold as many plucks), or leave this"
+            " taxel out"
         )
     seen = check or CircleFit(np.nan, np.nan, np.nan, np.nan)
     agree = check is None
