@@ -243,7 +243,7 @@ def biggest() -> Iterator[str]:
             else:
                 time = np.arange(len(columns))[:, None] / rate
                 heads = ",".join(["time_s", "current_a", *ids])
-                np.savetxt(path, np.hstack([time, columns]), "%.7g", ",", header=heads, comments="")
+                np.savetxt(path, np.hstack([time, columns]), "%.9g", ",", header=heads, comments="")
             command = ["padgen", "retune", plan.name, str(path), "-o", str(folder / "out"), "--nearest"]
             ran = subprocess.run([sys.executable, "-c", USED, sys.executable, "-m", *command], stdout=-1, check=True)
             taken, most = (float(word) for word in ran.stdout.split())

@@ -119,9 +119,9 @@ def agree(own: CircleFit, check: CircleFit | None, needed: tuple[float, float]) 
     far = abs(hz - check.resonance_hz) > MOST_APART * hz / q or not 1 / MOST_APART_Q < q / check.q < MOST_APART_Q
     if far and not alike:
         raise SolverError(
-            f"least squares find {number(hz)} Hz with a Q of {number(q)}, the circle {number(check.resonance_hz)} Hz with"
-            f" a Q of {number(check.q)}: one is wrong; check that the data are of one resonance, and that no voltage is"
-            " read as a current (--excitation voltage)"
+            f"least squares find {number(hz)} Hz with a Q of {number(q)}, the circle {number(check.resonance_hz)} Hz"
+            f" with a Q of {number(check.q)}: one is wrong; check that the data are of one resonance, and that no"
+            " voltage is read as a current (--excitation voltage)"
         )
     return alike
 
