@@ -3,9 +3,11 @@
 `python docs/measure_retune.py [PRINTS]` compares prints whose resonances are known with other models.
 `python docs/measure_retune.py recordings [COUNT [EXCITATION …]]` measures the fits of disturbed recordings
 (`tests/recordings.py`), `python docs/measure_retune.py loop [PRINTS]` the WAVs of prints that were recorded so and
-re-tuned (`tests/retuned_loop.py`), `python docs/measure_retune.py eye` what a stroboscope tells.
+re-tuned (`tests/retuned_loop.py`), `python docs/measure_retune.py eye` what a stroboscope tells, `python
+docs/measure_retune.py big` time and memory of `padgen retune` with the largest files.
 """
 
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -15,6 +17,7 @@ from time import process_time
 from typing import Any
 
 import numpy as np
+from scipy.io import wavfile
 
 import padgen as pg
 from padgen.core.errors import PadgenError
@@ -182,10 +185,12 @@ def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
     that of the player to come where a taxel is plucked, and the two devices' where there is a delay between both.
     """
     usual: dict = {"rate": 4000, "drift": 0.03 * rng.standard_normal()}
-    if excitation == "pluck" or "delay_s" in how:
+    if excitation.startswith("pluck") or "delay_s" in how:
         usual["clock_ppm"] = float(rng.uniform(-100, 100, 2).sum())
     if excitation == "pluck":
         usual["seconds"] = 3.0
+    if excitation == "plucks":
+        usual |= {"seconds": 1.5, "taps": 12}
     return {**usual, **how}
 
 
@@ -218,6 +223,52 @@ def recorded_row(results: list[tuple[Any, str, float]]) -> str:
         f"{len(fits)} of {count} | {middle[0]:.3%}, {worst[0]:.2%} | {middle[1]:.1%}, {worst[1]:.1%} |"
         f" {within[0]:.1%}, {within[1]:.1%} | {seconds:.2f}"
     )
+
+
+def biggest() -> Iterator[str]:
+    """Yield processor time and memory of `padgen retune` with files at the limits of what is read."""
+    yield "| file | MB | taxels | processor time, s | s a taxel | memory, MB |"
+    yield "|---|---|---|---|---|---|"
+    plan, rng = plan_of("paper-32"), np.random.default_rng(0)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for what, rate, seconds, ids in (
+            ("WAV, chirp, all taxels", 48000, 80, [t.id for t in plan.taxels]),
+            ("WAV, noise, all taxels", 48000, 80, [t.id for t in plan.taxels]),
+            ("WAV, pluck, all taxels", 48000, 80, [t.id for t in plan.taxels]),
+            ("WAV, chirp, one taxel", 96000, 290, ["r0c0k0"]),
+            ("WAV, noise, one taxel", 96000, 290, ["r0c0k0"]),
+            ("CSV, chirp, one taxel", 8000, 248, ["r0c0k0"]),
+            ("CSV, chirp, 8 taxels", 8000, 138, [t.id for t in plan.taxels][:8]),
+        ):
+            kind, excitation, _ = (part.strip() for part in what.split(","))
+            made = recorded(rng, (60.0,), (15.0,), excitation=excitation, rate=rate, seconds=float(seconds), hum=0.01)
+            each = [made.motion / np.abs(made.motion).max()] * len(ids)
+            columns = np.stack(each if made.reference is None else [made.reference, *each], 1)
+            path = folder / f"{ids[0] if len(ids) == 1 else 'all'}.{kind.lower()}"
+            if kind == "WAV":
+                wavfile.write(path, rate, np.round(30000 * columns).astype(np.int16))
+            else:
+                time = np.arange(len(columns))[:, None] / rate
+                heads = ",".join(["time_s", "current_a", *ids])
+                np.savetxt(path, np.hstack([time, columns]), "%.9g", ",", header=heads, comments="")
+            command = ["padgen", "retune", plan.name, str(path), "-o", str(folder / "out"), "--nearest"]
+            ran = subprocess.run([sys.executable, "-c", USED, sys.executable, "-m", *command], stdout=-1, check=True)
+            taken, most = (float(word) for word in ran.stdout.split())
+            yield (
+                f"| {what} | {path.stat().st_size / 1e6:.0f} | {len(ids)} | {taken:.1f} | {taken / len(ids):.2f} |"
+                f" {most / 1e3:.0f} |"
+            )
+            path.unlink()
+
+
+USED = """
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(used.ru_utime + used.ru_stime, used.ru_maxrss)
+"""
+"""Runs a command from a small process, whose memory does not count as the command's."""
 
 
 SWING_READ, STEPS, FALLEN = 0.05, 8, 0.7
@@ -287,6 +338,10 @@ def main() -> None:
     if sys.argv[1:2] == ["recordings"]:
         excitations = sys.argv[3:] or ["chirp", "noise", "pluck"]
         for line in recordings(int(sys.argv[2]) if len(sys.argv) > 2 else 200, excitations):
+            print(line, flush=True)
+        return
+    if sys.argv[1:2] == ["big"]:
+        for line in biggest():
             print(line, flush=True)
         return
     if sys.argv[1:2] == ["eye"]:

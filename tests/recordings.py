@@ -121,7 +121,7 @@ def recorded(
     taps=1,
 ):
     """Return a recording of modes `hz`, `q`, `size`; disturbances are shares of the motion's peak."""
-    if excitation == "pluck":
+    if excitation.startswith("pluck"):
         tap = np.sin(np.pi * np.arange(16) / 16)
         rings = np.concatenate([tap, np.zeros(int(seconds * INNER_HZ))])
         hard = [1.0, *rng.uniform(0.6, 1.0, taps - 1)]

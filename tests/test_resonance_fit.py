@@ -22,7 +22,7 @@ import pytest
 from padgen.core.errors import SolverError
 from padgen.physics.circle_fit import CircleFit, circle_resonance, taubin_circle
 from padgen.physics.resonance_fit import _correlation, current_of_voltage, fit_decay, fit_driven, fit_spectrum
-from padgen.physics.resonance_judge import NEEDED, NEEDED_OF_SPECTRA, checked, point_noise
+from padgen.physics.resonance_judge import NEEDED, NEEDED_OF_SPECTRA, agree, point_noise
 
 SWEEP = np.linspace(40.0, 160.0, 100)
 FINE = np.linspace(40.0, 160.0, 200)
@@ -403,9 +403,9 @@ def test_a_long_decay_is_fitted_by_its_beginning():
 
 def test_methods_a_bandwidth_apart_are_refused_and_errors_apart_are_not():
     def beside(hz, q):
-        return checked((60, 15, 1.0), (1e-3, 1e-3, 1e-3), NEEDED, 0.01, "circle", CircleFit(hz, 1e-3, q, 1e-3), ())
+        return agree(CircleFit(60, 1e-3, 15, 1e-3), CircleFit(hz, 1e-3, q, 1e-3), NEEDED)
 
-    assert not beside(60.9, 20).agree
+    assert not beside(60.9, 20)
     for hz, q in ((61.1, 15), (58.9, 15), (60, 31), (60, 7)):
         with pytest.raises(SolverError, match=f"least squares find 60 Hz with a Q of 15, the circle {hz} Hz"):
             beside(hz, q)
@@ -415,9 +415,9 @@ def test_what_noise_hides_is_refused_with_how_much_more_is_needed():
     """Ten percent of Q, and 0.3 of half a bandwidth, must be three sigma of noise."""
 
     def known(error_hz, q_error, needed=NEEDED):
-        return checked((60, 15, 1.0), (error_hz, q_error, 1e-3), needed, 0.01, "circle", None, ())
+        return agree(CircleFit(60, error_hz, 15, q_error), None, needed)
 
-    assert known(0.19, 0.49).agree
+    assert known(0.19, 0.49)
     with pytest.raises(SolverError, match=r"noise hides .* it is known only to ± 0.63 Hz .* where ± 0.6 Hz are needed"):
         known(0.21, 0.49)
     with pytest.raises(
@@ -427,7 +427,7 @@ def test_what_noise_hides_is_refused_with_how_much_more_is_needed():
     with pytest.raises(SolverError, match="100 times as hard"):
         known(0.19, np.nan)
     # A spectrum was averaged by whoever made it.
-    assert known(0.9, 3.0, NEEDED_OF_SPECTRA).agree
+    assert known(0.9, 3.0, NEEDED_OF_SPECTRA)
 
 
 @pytest.mark.parametrize("bend", [0.1, -0.1])

@@ -118,8 +118,7 @@ def fitted(
                     continue
                 fit = _fit(part, channels[taxel], near_hz)
                 fits[taxel] = _from_fit(taxel, fit, part)
-                if fit.seen is not None:
-                    curves.append(Curve(taxel, fit.seen, ""))
+                curves.append(Curve(taxel, fit.seen, ""))
         except SolverError as error:
             refused.append((part, error))
             curves.append(Curve(part.id, _seen(part), error.message))
@@ -212,7 +211,6 @@ def _from_row(row: Row, channel: Channel) -> TaxelFit:
 
 def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | Record) -> TaxelFit:
     own = MethodFit("least squares", fit.resonance_hz, fit.resonance_error_hz, fit.q, fit.q_error)
-    check = MethodFit(fit.check, fit.check_resonance_hz, fit.check_resonance_error_hz, fit.check_q, fit.check_q_error)
     unit = (2 * np.pi * fit.resonance_hz) ** (fit.power or 0)
     return TaxelFit(
         taxel,
@@ -225,7 +223,7 @@ def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | Record) -> TaxelFi
         True,
         fit.agree,
         float(20 * np.log10(fit.peak / fit.noise)) if fit.noise > 0 else None,
-        (own, check) if fit.check else (own,),
+        (own, MethodFit("circle", *fit.check)) if fit.check else (own,),
         "" if fit.power is None else SENSORS[fit.power],
     )
 

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
-from padgen.physics.circle_fit import circle_resonance, detuning
+from padgen.physics.circle_fit import CircleFit, circle_resonance, detuning
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
@@ -35,7 +35,7 @@ from padgen.physics.resonance_judge import (
     NEEDED_OF_SPECTRA,
     ResonanceFit,
     Seen,
-    checked,
+    agree,
     point_noise,
     refuse_bad_record,
     refuse_bad_spectrum,
@@ -685,6 +685,13 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
     return best
 
 
+def _shown(fit: _Solved) -> bool:
+    """Return whether data show the first mode: more than noise does by chance, and no smaller than the mode."""
+    near = np.abs(detuning(fit.lines.frequency, fit.modes[0, 0], fit.modes[0, 1])) < 1
+    largest = np.abs(fit.lines.data / fit.lines.inputs[0])[near].max(initial=0.0)
+    return bool(abs(fit.factors[0]) < 1.5 * largest and _gain(fit) > LEAST_GAIN)
+
+
 def _peaks(lines: Lines, power: int) -> list[_Peak]:
     """Return the modes in a spectrum, a gated response or the transform of a decay, most powerful first."""
     if len(lines.data) < FEWEST_LINES:
@@ -700,9 +707,7 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
             hz, q = fit.modes[0]
         passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
         inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step and q > FURTHER_Q
-        near = np.abs(detuning(lines.frequency, hz, q)) < 1
-        inside &= abs(fit.factors[0]) < 1.5 * np.abs(rest / lines.inputs[0])[near].max(initial=0.0)
-        if not found or (inside and _gain(fit) > LEAST_GAIN and passed[-1].size > LEAST_SHARE * found[0].size):
+        if not found or (inside and _shown(fit) and passed[-1].size > LEAST_SHARE * found[0].size):
             found.append(passed[-1])
             rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
     if not found:
@@ -766,7 +771,7 @@ def _fit_peaks(
         start = fit.theta
     if local.slow is not None and len(local.slow) > 2:
         # In noise, a response that drifts is none that the model has; in a sweep it is, of a slightly other damping.
-        drifts = local.slow[2] * _mode(local.frequency, *fit.modes[0], power)
+        drifts = local.slow[2] * _mode(local.frequency, fit.modes[0, 0], fit.modes[0, 1], power)
         left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), drifts)
         if np.linalg.norm(left) > 0.5 * np.linalg.norm(drifts):
             fit = _without_hum(fit, power)
@@ -891,13 +896,7 @@ def _result(
         # A peak of the first look counts where the record itself shows it.
         if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
             seen = _fit_peaks(lines, peaks, far.hz, n, exact=True)
-            inside = np.abs(detuning(seen.lines.frequency, *seen.modes[0])) < 1
-            largest = np.abs(seen.lines.data / seen.lines.inputs[0])[inside].max(initial=0.0)
-            if (
-                abs(seen.factors[0]) < 1.5 * largest
-                and _gain(seen) > LEAST_GAIN
-                and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q
-            ):
+            if _shown(seen) and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q:
                 others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
         refuse_two(hz, peak, tuple(others))
@@ -920,19 +919,22 @@ def _result(
             lines.frequency[strong], alone[strong] / drive[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
     data, left = lines.data[strong] / drive[strong], fit.residual[strong] / drive[strong]
-    drawn = Seen(lines.frequency[strong], data, data - left)
-    noise = fit.noise / float(np.abs(drive).mean())
     needed = NEEDED if fit.lines.seconds else NEEDED_OF_SPECTRA
-    found = checked((float(hz), float(q), peak), errors[0], needed, noise, "circle", circle, tuple(others))
-    # A residual far above the scatter of neighbouring points is of another form.
-    agree = found.agree and not 0 < MOST_MISFIT * lines.noise < fit.noise
-    return found._replace(
-        seen=drawn,
-        power=power,
-        agree=agree,
+    agreed = agree(CircleFit(float(hz), errors[0][0], float(q), errors[0][1]), circle, needed)
+    return ResonanceFit(
+        resonance_hz=float(hz),
         resonance_error_hz=errors[1][0],
+        q=float(q),
         q_error=errors[1][1],
+        peak=peak,
         peak_error=errors[1][2],
+        noise=fit.noise / float(np.abs(drive).mean()),
+        check=circle,
+        # A residual far above the scatter of neighbouring points is of another form.
+        agree=agreed and not 0 < MOST_MISFIT * lines.noise < fit.noise,
+        others=tuple(others),
+        seen=Seen(lines.frequency[strong], data, data - left),
+        power=power,
     )
 
 

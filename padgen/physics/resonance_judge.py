@@ -17,7 +17,7 @@ __all__ = [
     "NEEDED_OF_SPECTRA",
     "ResonanceFit",
     "Seen",
-    "checked",
+    "agree",
     "point_noise",
     "refuse_bad_record",
     "refuse_bad_spectrum",
@@ -72,10 +72,10 @@ class ResonanceFit(NamedTuple):
     """One resonance, by two methods.
 
     Fields ending in `_error` are one sigma; `peak` is the amplitude at resonance in the unit of the data. `noise` is
-    that of a point; for a driven record, that of a sample over its largest response. Fields starting with `check_` are
-    the results of the second method, `check` ('' where it could not be used); `agree` says whether the two agree.
-    `others` are further peaks (Hz, amplitude). `power` is 0, 1 or 2 for displacement, velocity or acceleration, None
-    where this is neither stated nor recognised.
+    that of a point; for a driven record, that of a sample over its largest response. `check` is the result of the
+    second method (None where it could not be used), `agree` says whether the two agree. `others` are further peaks (Hz,
+    amplitude). `power` is 0, 1 or 2 for displacement, velocity or acceleration, None where this is neither stated nor
+    recognised.
     """
 
     resonance_hz: float
@@ -85,35 +85,22 @@ class ResonanceFit(NamedTuple):
     peak: float
     peak_error: float
     noise: float
-    check: str
-    check_resonance_hz: float
-    check_resonance_error_hz: float
-    check_q: float
-    check_q_error: float
+    check: CircleFit | None
     agree: bool
     others: tuple[tuple[float, float], ...]
-    seen: Seen | None = None
-    power: int | None = None
+    seen: Seen
+    power: int | None
 
 
-def checked(
-    figures: tuple[float, float, float],
-    errors: tuple[float, float, float],
-    needed: tuple[float, float],
-    noise: float,
-    name: str,
-    check: CircleFit | None,
-    others: tuple[tuple[float, float], ...],
-) -> ResonanceFit:
-    """Return a fit's frequency, Q and peak with one sigma each, beside the result of the second method, if any.
+def agree(own: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
+    """Return whether a fit, whose sigmas are of noise alone, agrees with that of the second method, if there is one.
 
-    `errors` are of noise alone. Refuses a resonance that they leave less known than `needed`, and one that the second
-    method finds elsewhere.
+    Refuses a resonance that noise leaves less known than `needed`, and one that the second method finds elsewhere.
     """
-    hz, q, peak = figures
+    hz, hz_error, q, q_error = own
     needs = [
-        (errors[0], needed[0] * hz / (2 * q), "it", 1.0, "Hz"),
-        (errors[1], needed[1] * q, f"its Q of {number(q)}", 100 / q, "%"),
+        (hz_error, needed[0] * hz / (2 * q), "it", 1.0, "Hz"),
+        (q_error, needed[1] * q, f"its Q of {number(q)}", 100 / q, "%"),
     ]
     sigma, most, what, per, unit = max(needs, key=lambda need: np.nan_to_num(need[0] / need[1], nan=np.inf))
     if not SURE * sigma <= most:
@@ -124,21 +111,19 @@ def checked(
             f" hard, average {int(np.ceil(times**2))} measurements (a recording may hold as many plucks), or leave this"
             " taxel out"
         )
-    seen = check or CircleFit(np.nan, np.nan, np.nan, np.nan)
-    agree = check is None
-    if check is not None:
-        near_hz = max(AGREEMENT * float(np.hypot(errors[0], check.resonance_error_hz)), AGREEMENT_FLOOR * hz / q)
-        near_q = max(AGREEMENT * float(np.hypot(errors[1], check.q_error)), AGREEMENT_FLOOR * q)
-        agree = abs(hz - check.resonance_hz) <= near_hz and abs(q - check.q) <= near_q
-        far = abs(hz - check.resonance_hz) > MOST_APART * hz / q or not 1 / MOST_APART_Q < q / check.q < MOST_APART_Q
-        if far and not agree:
-            raise SolverError(
-                f"least squares find {number(hz)} Hz with a Q of {number(q)}, the {name}"
-                f" {number(check.resonance_hz)} Hz with a Q of {number(check.q)}: one is wrong; check that the data are"
-                " of one resonance, and that no voltage is read as a current (--excitation voltage)"
-            )
-    method = name if check else ""
-    return ResonanceFit(hz, errors[0], q, errors[1], peak, errors[2], noise, method, *seen, agree, others)
+    if check is None:
+        return True
+    near_hz = max(AGREEMENT * float(np.hypot(hz_error, check.resonance_error_hz)), AGREEMENT_FLOOR * hz / q)
+    near_q = max(AGREEMENT * float(np.hypot(q_error, check.q_error)), AGREEMENT_FLOOR * q)
+    alike = abs(hz - check.resonance_hz) <= near_hz and abs(q - check.q) <= near_q
+    far = abs(hz - check.resonance_hz) > MOST_APART * hz / q or not 1 / MOST_APART_Q < q / check.q < MOST_APART_Q
+    if far and not alike:
+        raise SolverError(
+            f"least squares find {number(hz)} Hz with a Q of {number(q)}, the circle {number(check.resonance_hz)} Hz"
+            f" with a Q of {number(check.q)}: one is wrong; check that the data are of one resonance, and that no"
+            " voltage is read as a current (--excitation voltage)"
+        )
+    return alike
 
 
 def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
