@@ -23,7 +23,7 @@ from padgen.planner import plan_to_json
 from padgen.planner.channels import heard_modes
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import plan_from_json
-from padgen.report.page import PAGE, page_data, page_html, study_of
+from padgen.report.page import PAGE, page_data, page_html, scene_data, study_of
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.scene import mode_heights, scene_parts
 from tests.conftest import SMALL
@@ -100,6 +100,11 @@ def paper_html(paper_plan):
 @pytest.fixture(scope="module")
 def page(opened, paper_html):
     return opened(paper_html)
+
+
+def whole(plan):
+    """Return all that the live page shows of a plan, which has no histogram of prints."""
+    return {**page_data(plan, live=True), **scene_data(plan)}
 
 
 def pixels(page) -> np.ndarray:
@@ -249,7 +254,7 @@ def test_colours_cut_and_explosion(page, paper_plan):
 def test_the_page_s_motion_is_the_planner_s(page, paper_html, name):
     """The script's lines and modes against `off_energy`, for every taxel off while all others of its coil are on."""
     plan = pg.plan(name)
-    page.evaluate("data => padgen.show(data)", page_data(plan, quick=True))
+    page.evaluate("data => padgen.show(data)", whole(plan))
     for which, own in enumerate(plan.sets):
         placed = placed_channels(plan.spec, own)
         energy = off_energy(placed, plan.scheme, heard_modes(plan.spec, own, placed.line))
@@ -282,7 +287,7 @@ def test_nothing_serious_for_screen_readers(page, opened, paper_html):
 def test_prints_as_two_pages(page, paper_html, name):
     """Also where channels, coils and findings are many."""
     if name != "paper-32":
-        data = page_data(pg.plan("wide-11" if name == "crowded" else name), quick=True)
+        data = whole(pg.plan("wide-11" if name == "crowded" else name))
         page.evaluate("data => padgen.show(data)", crowded(data) if name == "crowded" else data)
     assert count_pages(page) == 2
     page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
@@ -324,7 +329,7 @@ def spoiled(value, text, key=""):
 @pytest.mark.parametrize("text", [EVIL, "../../x", "x" * 100_000], ids=["html", "path", "long"])
 def test_names_are_text_and_never_run(opened, paper_plan, text):
     """A page with a hostile text in the place of every word: of names, findings, parts, settings and the spec."""
-    data = page_data(paper_plan, quick=True)
+    data = whole(paper_plan)
     hostile = spoiled(data, text)
     hostile["versions"]["padgen"] = text
     hostile["taxels"]["id"] = [f"{text[:200]}{k}" for k in range(len(paper_plan.taxels))]
@@ -365,7 +370,7 @@ def test_a_spec_with_such_a_name_is_refused(tmp_path, capsys, monkeypatch):
 
 
 def test_the_policy_allows_the_page_s_own_scripts_only(browser, paper_plan, tmp_path):
-    html = page_html(page_data(paper_plan, quick=True), script="window.second = 1", style="h1 { color: red }")
+    html = page_html(whole(paper_plan), script="window.second = 1", style="h1 { color: red }")
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html)[1]
     assert policy.startswith("default-src 'none'") and "unsafe" not in policy and "connect-src 'none'" in policy
     assert "connect-src 'self'" in page_html({"name": "x"}, connect=True)
@@ -391,7 +396,7 @@ def test_the_policy_allows_the_page_s_own_scripts_only(browser, paper_plan, tmp_
 def test_everything_is_shown_anew_without_reloading(page, paper_html):
     page.evaluate("padgen.select('r1c1k1')")
     page.evaluate("document.addEventListener('padgen-show', () => (window.shown = (window.shown || 0) + 1))")
-    page.evaluate("data => padgen.show(data)", page_data(pg.plan("pad-32"), quick=True))
+    page.evaluate("data => padgen.show(data)", whole(pg.plan("pad-32")))
     assert page.text_content("h1") == "pad-32"
     assert page.evaluate("[padgen.state.selected, window.shown]") == ["r1c1k1", 1]
     assert page.locator("#drive-body tbody tr").count() == 6
@@ -510,7 +515,7 @@ def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan, paper_html):
         (tmp_path / "study.json").write_text(text)
         assert study_of(tmp_path) is None
     (tmp_path / "study.json").write_text(json.dumps(table))
-    page.evaluate("data => padgen.show(data)", page_data(paper_plan, quick=True, study=study_of(tmp_path)))
+    page.evaluate("data => padgen.show(data)", {**whole(paper_plan), "study": study_of(tmp_path)})
     assert page.locator("#study-body circle").count() == 2 and "0.001 s" in page.text_content("#study-body")
     page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
 
