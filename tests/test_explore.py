@@ -13,8 +13,9 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 import padgen as pg
+from padgen.core.files import json_line
 from padgen.planner import plan_to_json
-from padgen.report.page import page_data
+from padgen.report.page import page_data, scene_data
 from tests.test_page import ARGUMENTS, LATE_S, chromium
 
 
@@ -68,7 +69,13 @@ def test_a_move_shows_what_padgen_plan_says(server, fields):
     status, data = server.call("plan", fields)
     assert status == 200
     # To the last digit: both are the same calls, in two processes.
-    assert data == json.loads(json.dumps(page_data(pg.plan("paper-32", **tables), quick=True)))
+    plan = pg.plan("paper-32", **tables)
+    assert data == json.loads(json_line(page_data(plan, live=True)))
+    assert server.call("scene", fields) == (200, json.loads(json_line(scene_data(plan))))
+    recorded = json.loads(plan_to_json(plan))
+    for key in ("resonance_hz", "drive_hz", "q", "level_um"):
+        assert [channel[key] for channel in data["channels"]] == [channel[key] for channel in recorded["channels"]]
+    assert data["selectivity"].items() >= recorded["selectivity"].items()
 
 
 def test_no_cad_kernel_is_loaded_by_planning(server):

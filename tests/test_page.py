@@ -22,8 +22,9 @@ from padgen.physics.selectivity import off_energy
 from padgen.planner import plan_to_json
 from padgen.planner.channels import heard_modes
 from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.layout import coil_axis_mm
 from padgen.planner.plan import plan_from_json
-from padgen.report.page import PAGE, page_data, page_html, study_of
+from padgen.report.page import PAGE, page_data, page_html, scene_data, study_of
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.scene import mode_heights, scene_parts
 from tests.conftest import SMALL
@@ -98,8 +99,22 @@ def paper_html(paper_plan):
 
 
 @pytest.fixture(scope="module")
-def page(opened, paper_html):
-    return opened(paper_html)
+def paper_page(opened, paper_html):
+    page = opened(paper_html)
+    page.evaluate("window.first = padgen.data")
+    return page
+
+
+@pytest.fixture
+def page(paper_page):
+    """The report of paper-32, shown again after a test that has shown another pad."""
+    yield paper_page
+    paper_page.evaluate("padgen.data === window.first || padgen.show(window.first)")
+
+
+def whole(plan):
+    """Return all that the live page shows of a plan, which has no histogram of prints."""
+    return {**page_data(plan, live=True), **scene_data(plan)}
 
 
 def pixels(page) -> np.ndarray:
@@ -245,11 +260,41 @@ def test_colours_cut_and_explosion(page, paper_plan):
     look(page, "aslant")
 
 
+def test_a_cut_shows_full_material(page, paper_plan):
+    """As much copper as the windings of one row of coils have in the plane through their axes."""
+    coil, pad = paper_plan.spec.coil, paper_plan.spec.pad
+    half = pad.depth_mm / 2 + pad.border_mm
+    y = coil_axis_mm(paper_plan.coils, paper_plan.coils.rows - 1, 0)[1]
+    page.evaluate("share => padgen.view().section(share)", (y + half) / (2 * half))
+    look(page, "side")
+    image = pixels(page)
+    # Lids have 0.4 of the light of copper, #b8753a, and no shades.
+    lid = [round(255 * srgb(0.4 * linear(v / 255))) for v in (0xB8, 0x75, 0x3A)]
+    found = (np.abs(image[..., :3] - lid).max(-1) <= 2) & (image[..., 3] > 250)
+    ends = page.evaluate("y => [-20, 20].map((x) => padgen.view().placeOf(x, y, -8)[0])", y)
+    mm = 40 / (ends[1] - ends[0])
+    asked = paper_plan.coils.columns * (coil.outer_diameter_mm - coil.inner_diameter_mm) * coil.length_mm
+    # Pixels at the edges of copper are mixed with others.
+    assert found.sum() * mm**2 == pytest.approx(asked, rel=0.06)
+    page.evaluate("padgen.view().section(0)")
+    look(page, "aslant")
+
+
+def linear(share):
+    """Return the light of a colour's part in sRGB (IEC 61966-2-1), both 0 … 1."""
+    return ((share + 0.055) / 1.055) ** 2.4
+
+
+def srgb(light):
+    """Return a colour's part in sRGB of its light, both 0 … 1."""
+    return 1.055 * light ** (1 / 2.4) - 0.055
+
+
 @pytest.mark.parametrize("name", ["triple-48", "quad-64", "wide-11", "pad-32"])
-def test_the_page_s_motion_is_the_planner_s(page, paper_html, name):
+def test_the_page_s_motion_is_the_planner_s(page, name):
     """The script's lines and modes against `off_energy`, for every taxel off while all others of its coil are on."""
     plan = pg.plan(name)
-    page.evaluate("data => padgen.show(data)", page_data(plan, quick=True))
+    page.evaluate("data => padgen.figures(data)", page_data(plan, live=True))
     for which, own in enumerate(plan.sets):
         placed = placed_channels(plan.spec, own)
         energy = off_energy(placed, plan.scheme, heard_modes(plan.spec, own, placed.line))
@@ -260,16 +305,16 @@ def test_the_page_s_motion_is_the_planner_s(page, paper_html, name):
             there = [t.id for t in plan.taxels if t.channel == channel.index and sum(t.coil) % plan.coils.sets == which]
             # Figures in the page have ten digits; the plan counts no spurs of two channels for which there is no third.
             assert levels[there[0]] / channel.level_um == pytest.approx(energy[position] ** 0.5, rel=1e-6)
-    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
 
 
 def data_of(html):
     return re.search(r'<script type="application/json" id="data">(.*?)</script>', html, re.S)[1]
 
 
-def test_nothing_serious_for_screen_readers(page, opened, paper_html):
+def test_nothing_serious_for_screen_readers(page, opened, small_plan):
     page.evaluate("padgen.select('r0c1k0')")
-    for each in (page, opened(paper_html, color_scheme="dark", viewport={"width": 390, "height": 844})):
+    phone = opened(small_plan.report().html, color_scheme="dark", viewport={"width": 390, "height": 844})
+    for each in (page, phone):
         found = Axe().run(each).response["violations"]
         serious = [(v["id"], v["nodes"][0]["html"]) for v in found if v["impact"] in ("serious", "critical")]
         assert serious == []
@@ -279,13 +324,12 @@ def test_nothing_serious_for_screen_readers(page, opened, paper_html):
 
 
 @pytest.mark.parametrize("name", ["paper-32", "big-512", "wide-11", "crowded"])
-def test_prints_as_two_pages(page, paper_html, name):
+def test_prints_as_two_pages(page, name):
     """Also where channels, coils and findings are many."""
     if name != "paper-32":
-        data = page_data(pg.plan("wide-11" if name == "crowded" else name), quick=True)
+        data = whole(pg.plan("wide-11" if name == "crowded" else name))
         page.evaluate("data => padgen.show(data)", crowded(data) if name == "crowded" else data)
     assert count_pages(page) == 2
-    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
 
 
 def crowded(data):
@@ -322,15 +366,15 @@ def spoiled(value, text, key=""):
 
 
 @pytest.mark.parametrize("text", [EVIL, "../../x", "x" * 100_000], ids=["html", "path", "long"])
-def test_names_are_text_and_never_run(opened, paper_plan, text):
+def test_names_are_text_and_never_run(opened, small_plan, text):
     """A page with a hostile text in the place of every word: of names, findings, parts, settings and the spec."""
-    data = page_data(paper_plan, quick=True)
+    data = whole(small_plan)
     hostile = spoiled(data, text)
     hostile["versions"]["padgen"] = text
-    hostile["taxels"]["id"] = [f"{text[:200]}{k}" for k in range(len(paper_plan.taxels))]
+    hostile["taxels"]["id"] = [f"{text[:200]}{k}" for k in range(len(small_plan.taxels))]
     hostile["drive"]["columns"] = data["drive"]["columns"]
     hostile["findings"].append({"level": "error", "code": text, "where": "channel 1", "message": text})
-    page = opened(page_html(hostile), viewport={"width": 800, "height": 600})
+    page = opened(page_html(hostile), viewport={"width": 600, "height": 400})
     shown = text if len(text) <= 2000 else f"{text[:1000]}…{text[-1000:]}"
     assert page.text_content("h1") == shown
     assert shown in page.text_content("#bom-body") and shown in page.text_content("#manual-body")
@@ -364,13 +408,13 @@ def test_a_spec_with_such_a_name_is_refused(tmp_path, capsys, monkeypatch):
     assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
 
 
-def test_the_policy_allows_the_page_s_own_scripts_only(browser, paper_plan, tmp_path):
-    html = page_html(page_data(paper_plan, quick=True), script="window.second = 1", style="h1 { color: red }")
+def test_the_policy_allows_the_page_s_own_scripts_only(browser, small_plan, tmp_path):
+    html = page_html(whole(small_plan), script="window.second = 1", style="h1 { color: red }")
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', html)[1]
     assert policy.startswith("default-src 'none'") and "unsafe" not in policy and "connect-src 'none'" in policy
     assert "connect-src 'self'" in page_html({"name": "x"}, connect=True)
     (tmp_path / "report.html").write_text(html, encoding="utf-8")
-    page = browser.new_page()
+    page = browser.new_page(viewport={"width": 600, "height": 400})
     page.goto((tmp_path / "report.html").as_uri())
     assert page.evaluate("[window.second, getComputedStyle(document.querySelector('h1')).color]") == [
         1,
@@ -388,14 +432,14 @@ def test_the_policy_allows_the_page_s_own_scripts_only(browser, paper_plan, tmp_
     page.close()
 
 
-def test_everything_is_shown_anew_without_reloading(page, paper_html):
+def test_everything_is_shown_anew_without_reloading(page):
     page.evaluate("padgen.select('r1c1k1')")
     page.evaluate("document.addEventListener('padgen-show', () => (window.shown = (window.shown || 0) + 1))")
-    page.evaluate("data => padgen.show(data)", page_data(pg.plan("pad-32"), quick=True))
+    page.evaluate("data => padgen.show(data)", whole(pg.plan("pad-32")))
     assert page.text_content("h1") == "pad-32"
     assert page.evaluate("[padgen.state.selected, window.shown]") == ["r1c1k1", 1]
     assert page.locator("#drive-body tbody tr").count() == 6
-    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
+    page.evaluate("padgen.show(window.first)")
     assert page.text_content("h1") == "paper-32" and page.locator("#drive-body tbody tr").count() == 2
 
 
@@ -503,16 +547,15 @@ def test_a_plan_read_back_gives_the_same_page(paper_plan):
     assert page_html(page_data(again)) == page_html(page_data(paper_plan))
 
 
-def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan, paper_html):
+def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan):
     rung = {"model": "beam", "resolution": "6", "seconds": 1e-3, "error_at_most": 0.01, "is_bound": False}
     table = {"ladders": [{"ladder": "structure", "quantity": "Hz", "rungs": [rung, {**rung, "seconds": 2.0}]}]}
     for text in ("{", "[]", '{"ladders": [1]}', json.dumps(table)[:-1]):
         (tmp_path / "study.json").write_text(text)
         assert study_of(tmp_path) is None
     (tmp_path / "study.json").write_text(json.dumps(table))
-    page.evaluate("data => padgen.show(data)", page_data(paper_plan, quick=True, study=study_of(tmp_path)))
+    page.evaluate("data => padgen.show(data)", {**whole(paper_plan), "study": study_of(tmp_path)})
     assert page.locator("#study-body circle").count() == 2 and "0.001 s" in page.text_content("#study-body")
-    page.evaluate("data => padgen.show(data)", json.loads(data_of(paper_html)))
 
 
 def test_two_thousand_taxels_fit_six_megabytes(opened):

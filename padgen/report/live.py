@@ -14,7 +14,7 @@ from threading import Lock, Thread
 from typing import Any
 
 from padgen.core.errors import EngineMissingError, PadgenError, SpecError
-from padgen.core.files import OutputFolder
+from padgen.core.files import OutputFolder, json_line
 from padgen.make.pad import Pad
 from padgen.make.planning import plan_for
 from padgen.planner.plan import Plan
@@ -146,7 +146,7 @@ class Live:
         from starlette.applications import Starlette
         from starlette.concurrency import run_in_threadpool
         from starlette.requests import Request
-        from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+        from starlette.responses import HTMLResponse, PlainTextResponse, Response
         from starlette.routing import Route
 
         hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
@@ -182,7 +182,7 @@ class Live:
                     data = await run_in_threadpool(function, json.loads(bytes(body) or b"{}"))
                 except (PadgenError, ValueError, RecursionError, MemoryError) as error:
                     data = {"error": _told(error)}  # an answer, too: browsers report other codes as faults
-                return JSONResponse(data, 200, HEADERS)
+                return Response(json_line(data), 200, HEADERS, "application/json")
 
             return answer
 

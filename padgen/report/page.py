@@ -107,8 +107,9 @@ def page_data(
     study : dict, optional
         The table of a ``study.json`` (`study_of`).
     """
-    # As plan.json records it, so that the page is the same from a plan just made as from one read back.
-    plan = plan_from_json(plan_to_json(plan))
+    if not live:
+        # As plan.json records it, so that the page is the same from a plan just made as from one read back.
+        plan = plan_from_json(plan_to_json(plan))
     report = pad.check() if pad else None
     figures = report.figures if report else {}
     return {

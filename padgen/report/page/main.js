@@ -109,7 +109,7 @@ const MODES = {
     range: () => [0, 1],
     scale: (share) => scaled(share),
   },
-  leak: { title: "Leak of the coils around, below its own level", value: (i) => data.channels[data.taxels.channel[i]].leak_db, told: (v) => `${fixed(v, 1)} dB`, scale: (share) => heat(1 - share) },
+  leak: { title: "Leak of the coils around, below its own level, at its channel's worst place", value: (i) => data.channels[data.taxels.channel[i]].leak_db, told: (v) => `${fixed(v, 1)} dB`, scale: (share) => heat(1 - share) },
   stress: { title: "Stress at the beam's root at full level", value: (i) => data.channels[data.taxels.channel[i]].root_stress_mpa, told: (v) => `${num(v, 3)} MPa`, scale: heat },
 };
 

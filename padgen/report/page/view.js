@@ -92,21 +92,18 @@ export function makeView(canvas, { picked }) {
 
   // Materials are made once: compiling their shaders takes longer than all else that a new plan needs.
   const materials = new Map();
-  function material(use, Kind, name, moves, options) {
-    const key = `${use} ${name} ${moves}`;
-    if (!materials.has(key)) {
-      const own = new Kind({ color: MATERIALS[name], ...options });
-      if (moves)
-        own.onBeforeCompile = (shader) => {
-          shader.vertexShader = shader.vertexShader
-            .replace("#include <common>", "#include <common>\nattribute float height;\nattribute float lift;")
-            .replace("#include <begin_vertex>", "#include <begin_vertex>\ntransformed.z += height * lift;")
-            .replace("#include <color_vertex>", `#include <color_vertex>\n${own.isMeshLambertMaterial && name === "pad" ? "vColor.rgb = mix(vec3(1.0), vColor.rgb, smoothstep(0.0, 0.1, abs(height)));" : ""}`);
-        };
-      own.customProgramCacheKey = () => `${moves} ${name === "pad"}`;
-      materials.set(key, own);
-    }
+  function material(use, Kind, name, options) {
+    const key = `${use} ${name}`;
+    if (!materials.has(key)) materials.set(key, Object.assign(new Kind({ color: MATERIALS[name], ...options }), { onBeforeCompile: moved }));
     return materials.get(key);
+  }
+
+  // Parts move by their height in the mode, times their copy's lift; what does not move keeps the plastic's colour.
+  function moved(shader) {
+    shader.vertexShader = shader.vertexShader
+      .replace("#include <common>", "#include <common>\nattribute float height;\nattribute float lift;")
+      .replace("#include <begin_vertex>", "#include <begin_vertex>\ntransformed.z += height * lift;")
+      .replace("#include <color_vertex>", "#include <color_vertex>\n#ifdef USE_INSTANCING_COLOR\nvColor.rgb = mix(vec3(1.0), vColor.rgb, smoothstep(0.0, 0.1, abs(height)));\n#endif");
   }
 
   // Where the cut is inside a material, more of its back faces than of its front faces lie behind the plane: the stencil
@@ -116,7 +113,7 @@ export function makeView(canvas, { picked }) {
     ...{ stencilWrite: true, stencilZPass: op },
   }));
   const lids = Object.keys(MATERIALS).map((name, k) => {
-    const own = material("lid", MeshBasicMaterial, name, false, { stencilWrite: true, stencilFunc: NotEqualStencilFunc });
+    const own = material("lid", MeshBasicMaterial, name, { stencilWrite: true, stencilFunc: NotEqualStencilFunc });
     own.color.multiplyScalar(0.4);
     const lid = new Mesh(new PlaneGeometry(1, 1).rotateX(Math.PI / 2), own);
     lid.renderOrder = 2 * k + 2;
@@ -131,10 +128,10 @@ export function makeView(canvas, { picked }) {
     const count = shape.places.length;
     const geometry = geometryOf(shape);
     if (moves) geometry.setAttribute("lift", new InstancedBufferAttribute(new Float32Array(count), 1));
-    const mesh = new InstancedMesh(geometry, material("lit", MeshLambertMaterial, shape.material, moves, { flatShading: true }), count);
+    const mesh = new InstancedMesh(geometry, material("lit", MeshLambertMaterial, shape.material, { flatShading: true }), count);
     mesh.frustumCulled = false;
     const sides = COUNTS.map((options, k) => {
-      const side = new InstancedMesh(geometry, material(k, MeshBasicMaterial, shape.material, moves, options), count);
+      const side = new InstancedMesh(geometry, material(k, MeshBasicMaterial, shape.material, options), count);
       side.instanceMatrix = mesh.instanceMatrix;
       side.frustumCulled = false;
       side.renderOrder = 2 * Object.keys(MATERIALS).indexOf(shape.material) + 1;
@@ -301,7 +298,7 @@ export function makeView(canvas, { picked }) {
   function draw() {
     if (asked) return;
     asked = true;
-    requestAnimationFrame(drawNow);
+    requestAnimationFrame(() => asked && drawNow());
   }
 
   /** Return the place of a point (mm) in the page: x, y in CSS pixels. */
