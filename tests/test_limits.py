@@ -5,7 +5,7 @@
 | judged volts of a file | the samples of the file, or of the script | 1 % | between samples a peak is a little higher |
 | judged volts of the firmware | the compiled firmware, uncut, all states | 4 % | steps between states are bounded |
 | judged watts | R i², i from the volts through R and L | 1 % | a whole period of a state that is held |
-| judged heat | lag of R i² of a file's bytes, from the limit on | 0.2, 20 % | lines beat; falls count at their ends |
+| judged heat | lag of R i² of a file's bytes, from the limit on | 0.2, 30 % | lines beat; changes count as the larger |
 """
 
 import json
@@ -192,10 +192,9 @@ def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
     assert load_of(plan, drive, timeline(plan, np.ones(16))).square_a2.max() * plan.spec.coil.resistance_ohm == (
         pytest.approx(max(found), rel=0.01)
     )
-    # A slot rises over its first half, which counts as a step in the middle of that, and falls over the second.
-    quarters = np.outer(found, [0, 1, 1, 1]).ravel()
-    weight = np.exp(driven.report.count / driven.report.rate_hz / 16 / heat_s(plan.spec.coil)) ** np.arange(16)
-    warmest = max(np.average(quarters[: n + 1], weights=weight[: n + 1]) for n in range(16))
+    # One slot after the other: the mean up to each one's end, what was before counting less and less.
+    weight = np.exp(driven.report.count / driven.report.rate_hz / 4 / heat_s(plan.spec.coil)) ** np.arange(4)
+    warmest = max(np.average(found[: n + 1], weights=weight[: n + 1]) for n in range(4))
     assert figure(driven, "coil.heat") == pytest.approx(warmest, rel=0.01)
 
 
@@ -237,9 +236,8 @@ def test_a_burst_after_a_pause_may_be_stronger_than_what_is_held_for_ever():
     assert share(1.0, 1.01, 4.0, on=(1, 1, 0, 0)) == pytest.approx(1)
     pause, burst = 1 - np.exp(-4 / lag), 1 - np.exp(-1 / lag)
     assert share(3.0, 3.0, 4.0, on=(0, 0, 1, 1)) == pytest.approx(burst / pause)
-    # A rise of 1 s counts as a step in its middle, a fall as one at its end.
-    assert share(3.0, 4.0, on=(0, 0, 1)) == pytest.approx((1 - np.exp(-0.5 / lag)) / pause)
-    assert share(3.0, 3.0, 4.0, on=(0, 0, 1, 0)) == pytest.approx(burst / pause)
+    # A change counts as the larger of both.
+    assert share(3.0, 4.0, on=(0, 0, 1)) == share(3.0, 3.0, 4.0, on=(0, 0, 1, 0)) == pytest.approx(burst / pause)
     both = burst * (1 + np.exp(-1.2 / lag)) / (1 - np.exp(-5.2 / lag))
     assert share(3.0, 3.0, 4.0, 4.0, 4.2, 4.2, 5.2, on=(0, 0, 1, 1, 0, 0, 1, 1)) == pytest.approx(both)
 
@@ -260,7 +258,7 @@ def test_no_coil_gets_warmer_than_it_may_by_the_bytes_of_a_file(tmp_path, scheme
         [1 - stays], [1, -stays], ampere**2 / load.warm_a2, axis=0, zi=np.full((1, ampere.shape[1]), stays)
     )
     after = 5 * len(ampere) // 12
-    assert heat.max() < 1.002 and heat[after:].max(0).min() > (0.6 if plan.scheme.takes_turns else 0.8)
+    assert heat.max() < 1.002 and heat[after:].max(0).min() > (0.5 if plan.scheme.takes_turns else 0.7)
     # The limit itself is what decides, and so does the level that is named.
     for power_w, codes in ((1.001, []), (0.999, ["coil.heat"])):
         power_w *= coil.resistance_ohm * load.warm_a2.max()
