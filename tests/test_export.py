@@ -145,9 +145,11 @@ def test_glb_has_a_node_for_every_taxel_washer_and_coil(folder, small_plan):
 def test_bill_of_materials(small_plan):
     rows = list(csv.DictReader(io.StringIO(bill_of_materials(small_plan, 3.21))))
     counts = {"washer": "4", "coil": "1", "plastic": "3.21", "screw": "4"}
-    counts |= {"amplifier channel": "1", "wire": "2", "glue": "4"}
+    counts |= {"amplifier channel": "1", "sound card": "1", "wire": "2", "glue": "4"}
     assert {r["item"]: r["quantity"] for r in rows} == counts
-    assert next(r["what"] for r in rows if r["item"] == "amplifier channel").endswith("(1 x opa548; or 1 x opa549)")
+    told = {r["item"]: r["what"] for r in rows}
+    assert told["amplifier channel"].endswith("(1 x opa548; or 1 x opa549; or 1 x l272)")
+    assert told["sound card"].startswith("1 outputs: es-9; or bela; or a microcontroller board")
 
 
 def test_a_file_that_reads_back_otherwise_is_refused(small_pad):

@@ -234,6 +234,15 @@ def test_plan_survives_json(paper_plan, paper_spec):
     assert again.spec == paper_spec
 
 
+def test_a_plan_of_an_older_padgen_without_parts_is_read(paper_plan):
+    table = json.loads(plan_to_json(paper_plan))
+    assert table.pop("parts")["amplifiers"]
+    older = plan_from_json(json.dumps(table))
+    assert not older.parts.amplifiers and plan_to_json(replace(older, parts=paper_plan.parts)) == plan_to_json(
+        paper_plan
+    )
+
+
 def test_a_plan_holds_the_wanted_lines_of_the_squared_current():
     for name in ("paper-32", "wide-11"):
         for channel in json.loads(plan_to_json(make_plan(load_spec(name))))["channels"]:

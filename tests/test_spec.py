@@ -9,7 +9,7 @@ import pytest
 from padgen.core.errors import FileError, SpecError
 from padgen.planner import make_plan, plan_to_json
 from padgen.spec import catalogue, load_spec, parse_spec, template_paths
-from padgen.spec.load import CATALOGUES, spec_schema
+from padgen.spec.load import CATALOGUES, PARTS, spec_schema
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
 
@@ -115,6 +115,13 @@ def test_every_field_says_what_it_is():
     for part in (spec, spec.pad, spec.taxel, spec.material, spec.printer, spec.washer, spec.coil, spec.drive):
         for item in fields(part):
             assert item.metadata.get("doc") or item.name in type(spec).__dataclass_fields__
+
+
+@pytest.mark.parametrize("table", PARTS)
+def test_other_parts_have_figures_and_a_source(table):
+    for entry in catalogue(table).values():
+        assert len(entry["source"]) > 20 and entry.get("channels", 1) > 0 and entry.get("clock_mhz", 1) > 0
+        assert entry.get("coupling", "") in ("", "AC", "DC")
 
 
 @pytest.mark.parametrize("table", CATALOGUES)

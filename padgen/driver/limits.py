@@ -132,16 +132,16 @@ def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
 
     A coil may be as warm as it may ever be when the file begins, since another may have been played before. Its heat
     ``h' = (i² − h)/T`` then stays within a limit P/R if, from the beginning to any time t, the mean of i² weighted by
-    ``exp(−(t − s)/T)`` does: the largest of these means. A rise of i² counts as a step in its middle, before which the
-    blend is as much above as after it below, and a fall as one at its end: both warm no less. A loop is held for ever.
+    ``exp(−(t − s)/T)`` does: the largest of these means. Through a transition i² counts as the larger of before and
+    after, so that a state alone is judged as it is held. A loop is held for ever.
     """
     warmest = squares.max(1)
     if not shown.loops:
         heat, weight, warmest = np.zeros(len(squares)), 0.0, squares[:, 0]
-        for key, share in enumerate(-np.expm1(-np.diff(shown.time_s) / 2 / heat_s(coil))):
-            for half in (squares[:, key], squares[:, key : key + 2].max(1)):
-                heat, weight = heat + (half - heat) * share, weight + (1 - weight) * share
-                warmest = np.maximum(warmest, heat / weight)
+        for key, share in enumerate(-np.expm1(-np.diff(shown.time_s) / heat_s(coil))):
+            heat += (squares[:, key : key + 2].max(1) - heat) * share
+            weight += (1 - weight) * share
+            warmest = np.maximum(warmest, heat / weight)
     return np.asarray(warmest)
 
 

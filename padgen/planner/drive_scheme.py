@@ -5,7 +5,6 @@ between coils, which all use the same frequencies, with the choice of cells to t
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise, product
 from math import hypot, inf
@@ -36,6 +35,7 @@ from padgen.planner.plan import (
     Channel,
     CoilLoad,
     FrameRate,
+    Parts,
     Plan,
     Reuse,
     SchemeFigures,
@@ -47,7 +47,7 @@ from padgen.planner.plan import (
     passes,
     scheme_named,
 )
-from padgen.spec import Amplifier, Spec, catalogue
+from padgen.spec import Spec, catalogue
 
 if TYPE_CHECKING:
     from padgen.planner.search import Optimum
@@ -58,7 +58,7 @@ __all__ = [
     "coil_load",
     "coil_reuse",
     "coils_around",
-    "fitting_amplifiers",
+    "fitting_parts",
     "frame_rates",
     "is_fed",
     "modes_matter",
@@ -157,15 +157,20 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
     )
 
 
-def fitting_amplifiers(plan: Plan) -> dict[str, int]:
-    """Return the amplifiers of the catalogue that can play all channels of a plan, and how many of each it takes."""
-    coils, fitting = plan.coils.rows * plan.coils.columns, {}
-    for name, entry in catalogue("amplifier").items():
-        drive = replace(plan.spec.drive, voltage_limit_v=entry["voltage_v"])
-        spec = replace(plan.spec, amplifier=Amplifier(**entry), drive=drive)
-        if passes(spec, plan.scheme) and is_fed(spec, coil_load(spec, plan.channels, plan.scheme)):
-            fitting[name] = -(-coils // int(entry["channels"]))
-    return fitting
+def fitting_parts(plan: Plan) -> Parts:
+    """Return the parts of the catalogues that can play all channels of a plan, driven as it is planned."""
+    coils, load, amplifiers = plan.coils.rows * plan.coils.columns, plan.load, catalogue("amplifier").items()
+    carrier = carrier_hz(plan.spec, plan.scheme, max(channel.resonance_hz for channel in plan.channels))
+    passed = ("DC",) if plan.scheme.has_constant and carrier is None else ("AC", "DC", "")
+    fed = {
+        name: -(-coils // int(entry["channels"]))
+        for name, entry in amplifiers
+        if entry["coupling"] in passed
+        and load.voltage_peak_v <= entry["voltage_v"]
+        and load.current_peak_ma * MA <= entry["current_a"]
+    }
+    cards = catalogue("sound_card").items()
+    return Parts(fed, tuple(name for name, e in cards if e["channels"] >= coils and e["coupling"] in passed))
 
 
 def is_fed(spec: Spec, load: CoilLoad) -> bool:

@@ -16,7 +16,15 @@ from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import driven, force_constants, plan_channels
 from padgen.planner.cures import Cure, refusal, varied, with_tried_cures
-from padgen.planner.drive_scheme import cell_is_turned, coil_load, coil_reuse, frame_rates, is_fed, plan_selectivity
+from padgen.planner.drive_scheme import (
+    cell_is_turned,
+    coil_load,
+    coil_reuse,
+    fitting_parts,
+    frame_rates,
+    is_fed,
+    plan_selectivity,
+)
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
 from padgen.planner.left_out import left_out, touched_pads
@@ -236,7 +244,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
     capacity = replace(bare.capacity, prints=count)
-    known = replace(bare, left_out=left_out(bare), prints=prints, capacity=capacity)
+    known = replace(bare, left_out=left_out(bare), prints=prints, capacity=capacity, parts=fitting_parts(bare))
     return replace(known, findings=judge(known))
 
 

@@ -7,7 +7,7 @@ Reading refuses missing entries, entries of another kind, and sizes that no pad 
 import json
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin
@@ -447,6 +447,18 @@ class LeftOut:
     status: str = "bounded"
 
 
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Parts of the catalogues that play all channels of the plan: amplifiers, with how many it takes, and sound cards.
+
+    A sound card has an output for each coil's amplifier; one whose coupling is not known counts as AC coupled. What
+    would do on a carrier alone is not among them: a spec that names such an amplifier is planned with a carrier.
+    """
+
+    amplifiers: dict[str, int]
+    sound_cards: tuple[str, ...]
+
+
 @dataclass(frozen=True, repr=False)
 class Plan:
     """The plan of a pad; all later stages work from it and from nothing else.
@@ -473,6 +485,7 @@ class Plan:
     printing: dict[str, str]
     left_out: tuple[LeftOut, ...]
     findings: tuple[Finding, ...]
+    parts: Parts = Parts({}, ())
 
     def __repr__(self) -> str:
         coils, channels = self.coils, self.channels
@@ -596,6 +609,8 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
         entries = {}
         for item in fields(kind):
             place = item.name if kind is Plan else f"{where}.{item.name}"
+            if item.name not in value and item.default is not MISSING:
+                continue  # a plan of an older padgen
             if item.name not in value:
                 raise ValueError(f"{place} is missing")
             entries[item.name] = _read(item.type, value[item.name], place, kind in DRAWN)

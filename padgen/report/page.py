@@ -31,7 +31,7 @@ from padgen.driver.formats.csv import drive_rows
 from padgen.driver.frames import taxel_grid
 from padgen.planner.channels import heard_modes
 from padgen.planner.drive_rows import COLUMNS
-from padgen.planner.drive_scheme import fitting_amplifiers, placed_channels
+from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
 from padgen.planner.layout import coil_axis_mm, corner_groove
 from padgen.planner.plan import Plan, plan_from_json, plan_to_json
@@ -164,7 +164,7 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
     """Return the three figures of the first screen."""
     prints, load, count = plan.prints, plan.load, plan.coils.rows * plan.coils.columns
     kept = "no limit" if prints.print_db is None else f"{prints.print_db:.1f} dB"
-    fitting = [f"{n}\u00a0×\u00a0{name}" for name, n in fitting_amplifiers(plan).items()]
+    fitting = [f"{n}\u00a0×\u00a0{name}" for name, n in plan.parts.amplifiers.items()]
     own = plan.spec.amplifier
     return [
         {

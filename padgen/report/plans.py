@@ -235,8 +235,14 @@ def _count_text(count: int, searched_to: int) -> str:
 
 def _drive_lines(plan: "Plan") -> list[str]:
     """Return lines on the drive scheme, its selectivity, and its load on coil and amplifier."""
-    from padgen.planner.drive_scheme import fitting_amplifiers
+    from padgen.core.errors import SpecError
+    from padgen.driver.formats.c import boards_in_time
+    from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, drive_at
 
+    try:
+        boards = boards_in_time(drive_at(plan, CONTROLLER_RATES_HZ))
+    except SpecError:  # a drive that the firmware does not play
+        boards = []
     figures, load = plan.selectivity, plan.load
     lines = [f"drive: {figures.drive}, {figures.why}"]
     if figures.one_hot_db is not None:
@@ -252,8 +258,10 @@ def _drive_lines(plan: "Plan") -> list[str]:
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; largest level of channel 0:"
         f" {number(load.reachable_level_um)} µm, limited by {load.reachable_by}",
-        "amplifiers of the catalogue that drive it: "
-        + (", ".join(f"{count} x {name}" for name, count in fitting_amplifiers(plan).items()) or "none"),
+        "parts of the catalogues that drive it: amplifiers "
+        + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
+        + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
+        + f" {', '.join(boards) or 'none'}",
         *_force_line(plan.channels),
     ]
 

@@ -19,8 +19,14 @@ from padgen.core.errors import GeometryError, InfeasibleError, MeshFileError, nu
 from padgen.core.files import read_bounded, reason, recover
 from padgen.core.finding import Finding
 from padgen.planner.drive_rows import table_csv
-from padgen.planner.drive_scheme import fitting_amplifiers
-from padgen.planner.fixtures import Tray, coupon_groove, coupon_plan, plan_tray, screw_for, tray_findings
+from padgen.planner.fixtures import (
+    Tray,
+    coupon_groove,
+    coupon_plan,
+    plan_tray,
+    screw_for,
+    tray_findings,
+)
 from padgen.planner.plan import Plan
 from padgen.solid.checks import Report, check_against, check_mesh, check_pad, told, volume_findings
 from padgen.solid.compare import Pose, differences, pose_of
@@ -190,14 +196,18 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if pad.hole_diameter_mm else 0, "pieces", screws),
     ]
-    own, load, fitting = spec.amplifier, plan.load, fitting_amplifiers(plan)
+    own, load, parts = spec.amplifier, plan.load, plan.parts
     some = (
-        f"{own.name}: {own.channels} channels" if own else "; or ".join(f"{n} x {name}" for name, n in fitting.items())
+        f"{own.name}: {own.channels} channels"
+        if own
+        else "; or ".join(f"{n} x {name}" for name, n in parts.amplifiers.items())
     )
+    cards = "; or ".join((*parts.sound_cards, "a microcontroller board with as many converters"))
     asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
     glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
     rows += [
         ("amplifier channel", coils, "pieces", f"{asked}{'' if some == '' else f' ({some})'}"),
+        ("sound card", 1, "pieces", f"{coils} outputs: {cards}"),
         (
             "wire",
             2 * coils,

@@ -23,6 +23,7 @@ from padgen.core.registry import SCHEMES
 from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
     Amplifier,
+    Board,
     Coil,
     Drive,
     Limits,
@@ -30,6 +31,7 @@ from padgen.spec.model import (
     Model,
     Pad,
     Printer,
+    SoundCard,
     Spec,
     Spread,
     Suspension,
@@ -392,12 +394,14 @@ CATALOGUES = {
     "coil": (Coil, "coils.csv"),
     "amplifier": (Amplifier, "amplifiers.csv"),
 }
+PARTS = {"sound_card": (SoundCard, "sound_cards.csv"), "board": (Board, "boards.csv")}
+"""Catalogues of parts that a spec has no table for."""
 
 
 @cache
 def catalogue(table: str) -> dict[str, dict[str, Any]]:
     """Return the entries of one catalogue by name, with values of their fields' types."""
-    kind, filename = CATALOGUES[table]
+    kind, filename = {**CATALOGUES, **PARTS}[table]
     types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
     with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
         rows = csv.DictReader(lines)

@@ -15,8 +15,9 @@ from zlib import crc32
 
 import numpy as np
 
-from padgen.core.errors import SpecError
+from padgen.core.errors import SpecError, number
 from padgen.core.files import OutputFolder
+from padgen.core.finding import Finding
 from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import group_channels, heat_s, judge_limits, least_constants
@@ -26,8 +27,19 @@ from padgen.driver.waveform import frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
+from padgen.spec import catalogue
 
-__all__ = ["FILE", "MADE_OF", "ORDER", "SCHEME_NUMBERS", "c_header", "firmware_files", "write"]
+__all__ = [
+    "FILE",
+    "MADE_OF",
+    "ORDER",
+    "SCHEME_NUMBERS",
+    "boards_in_time",
+    "c_header",
+    "firmware_files",
+    "sample_mhz",
+    "write",
+]
 
 ORDER, MADE_OF, FILE = 2, "host", "pad_drive.h"
 FIRMWARE = Path(__file__).with_name("firmware")
@@ -38,6 +50,11 @@ LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
 HEADER = 2
 """Version of what header and firmware expect of each other."""
+ROOT_CLOCKS, CLOCKS, WAVE_CLOCKS = (300, 370, 50), (200, 320, 95), 125
+"""Clocks of a Cortex-M4 with floating-point unit that a sample takes at most, for each spur-free or other sample, coil
+and taxel, and for each sine with its slope: they bound what `docs/measure_firmware.py` counts; compilers differ."""
+CLOCK_SHARE = 2 / 3
+"""Share of a board's clock that samples may take; the rest is for converters, the line and waiting for memory."""
 MICRO, SMALL = 1e-6, 1e-4
 MOST_SAMPLES = (1 << 32) - 1
 """Largest value of the firmware's counters."""
@@ -49,9 +66,28 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the header and the firmware; the worst that a host may send is judged."""
     drive = job.drive_at(CONTROLLER_RATES_HZ)
     job.findings += judge_limits(FILE, job.plan, drive, tuning=job.request.tuning)
+    if not boards_in_time(drive):
+        told = f"takes up to {number(round(sample_mhz(drive)))} MHz of a Cortex-M4's clock at {drive.rate_hz} samples/s"
+        job.findings += (
+            Finding("warning", "firmware.time", FILE, f"{told}; no board of the catalogue makes them in time"),
+        )
     out.write(FILE, c_header(job.plan, drive, job.request.tuning))
     for name, data in firmware_files().items():
         out.write(name, data)
+
+
+def sample_mhz(drive: PadDrive) -> float:
+    """Return the millions of clocks a second that the samples of a drive take at most on a Cortex-M4."""
+    each, coil, taxel = ROOT_CLOCKS if drive.scheme.is_root else CLOCKS
+    kinds = {own.harmonic.tobytes() + own.line_a2.tobytes() + own.phase_rad.tobytes(): own for own in drive.coils}
+    waves, taxels = (sum(len(own.taxels) for own in coils) for coils in (kinds.values(), drive.coils))
+    return (each + coil * len(drive.coils) + taxel * taxels + WAVE_CLOCKS * waves) * drive.rate_hz * MICRO
+
+
+def boards_in_time(drive: PadDrive) -> list[str]:
+    """Return the boards of the catalogue that make the samples of a drive in time."""
+    boards, needed = catalogue("board").items(), sample_mhz(drive) / CLOCK_SHARE
+    return [name for name, board in boards if board["clock_mhz"] >= needed]
 
 
 def firmware_files() -> dict[str, bytes]:
