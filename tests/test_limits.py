@@ -237,9 +237,29 @@ def test_a_burst_after_a_pause_may_be_stronger_than_what_is_held_for_ever():
     pause, burst = 1 - np.exp(-4 / lag), 1 - np.exp(-1 / lag)
     assert share(3.0, 3.0, 4.0, on=(0, 0, 1, 1)) == pytest.approx(burst / pause)
     # A change counts as the larger of both.
-    assert share(3.0, 4.0, on=(0, 0, 1)) == share(3.0, 3.0, 4.0, on=(0, 0, 1, 0)) == pytest.approx(burst / pause)
+    for times_s, on in (((3.0, 4.0), (0, 0, 1)), ((3.0, 3.0, 4.0), (0, 0, 1, 0))):
+        assert share(*times_s, on=on) == pytest.approx(burst / pause)
     both = burst * (1 + np.exp(-1.2 / lag)) / (1 - np.exp(-5.2 / lag))
     assert share(3.0, 3.0, 4.0, 4.0, 4.2, 4.2, 5.2, on=(0, 0, 1, 1, 0, 0, 1, 1)) == pytest.approx(both)
+
+
+def test_files_played_on_end_keep_a_coil_within_its_limit():
+    """Ten plays of one file, from a coil as warm as it may be, with its heat integrated in small steps."""
+    plan = planned("", "scheme = 'tones'")
+    lag, step_s = heat_s(plan.spec.coil), 1e-3
+    drive, rng = drive_at(plan, CONTROLLER_RATES_HZ), np.random.default_rng(5)
+    times = np.concatenate([[0.0], np.cumsum(np.repeat(rng.uniform(0.2, 3.0, 6), 2) * np.tile([1.0, 0.05], 6))])
+    on = np.repeat([0, 1, 0, 1, 0, 1, 0], 2)[:13]
+    load = load_of(plan, drive, Timeline(times, np.outer(on, np.ones(16)), False))
+    limit_a2, held_a2 = load.warm_a2[0], load.square_a2[0]
+    assert limit_a2 < 0.99 * held_a2
+    warmest = heat = limit_a2
+    for _ in range(10):
+        for t in np.arange(0, times[-1], step_s):
+            heat += step_s / lag * (held_a2 * np.interp(t, times, on) ** 2 - heat)
+            warmest = max(warmest, heat)
+    # The steps' own error is some 1e-4.
+    assert warmest <= limit_a2 * 1.001
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
