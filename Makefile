@@ -88,7 +88,7 @@ accuracy: $(STAMP) ## compute what docs/accuracy.md and docs/dynamics.md report 
 	for part in campaign beams elasticity loop force pad left_out dynamics stretching; do \
 	  OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_$$part.py || exit 1; done
 	$(BIN)/padgen study paper-32
-	$(BIN)/python docs/measure_extremes.py
+	$(BIN)/padgen study --extreme
 
 waveforms: $(STAMP) ## measure what docs/waveforms.md and docs/retune.md report (an hour)
 	for part in waveforms.py ear.py retune.py "retune.py recordings" "retune.py loop" "retune.py eye"; do \

@@ -6,7 +6,7 @@ Prints how many cures of each kind do what they say, and each that does not.
 import sys
 from collections import Counter
 
-from tests.random_specs import random_table
+from padgen.ladders.extreme import random_table
 from tests.test_cures import cures_of
 
 SPECS = 300

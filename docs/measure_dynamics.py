@@ -13,13 +13,14 @@ from paper_figures import PaperFigures, draw_paper_figures, paper_figures
 from scipy.integrate import solve_ivp
 
 from padgen.core.errors import PadgenError
-from padgen.ladders.stages import Solved, dynamics_models, dynamics_question
+from padgen.ladders.extreme import dynamics_cases
+from padgen.ladders.rung import Solved
+from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import impedance
 from padgen.physics.propagation import Tones, propagate, tones
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate
-from tests.extremes import dynamics_cases
 
 HERE = Path(__file__).parent
 MASS_KG, GAP_M = 1e-4, 1e-3

@@ -25,6 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from padgen.core.errors import PadgenError
 from padgen.core.units import UM
+from padgen.ladders.extreme import random_table
 from padgen.make.planning import plan_for
 from padgen.physics.bounds import core_eddies, core_polarisation, motional_voltage
 from padgen.physics.magnetics import impedance
@@ -36,7 +37,6 @@ from padgen.planner.suspensions import BeamShape
 from padgen.spec import make_spec
 from tests import finer_models
 from tests import test_left_out as truth
-from tests.random_specs import random_table
 
 Row = tuple[str, str, float, float]
 

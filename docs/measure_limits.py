@@ -14,9 +14,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import PadgenError
+from padgen.ladders.extreme import random_table
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, make_spec, template_paths
-from tests.random_specs import random_table
 from tests.test_limits import judged_and_found
 
 SPECS = 200

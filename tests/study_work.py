@@ -1,14 +1,15 @@
-"""What rungs do in tests of studies, in a module that their processes load quickly."""
+"""What rungs and extreme cases do in tests of studies, in a module that their processes load quickly."""
 
 import os
 import sys
-from math import nan
+from math import inf, nan
 from pathlib import Path
 
 import numpy as np
 
 from padgen.core.errors import SolverError
-from padgen.ladders.stages import Solved
+from padgen.ladders.extreme import ExtremeCase
+from padgen.ladders.rung import Solved
 
 EXACT = 3.0
 
@@ -53,3 +54,21 @@ def nothing() -> Solved:
 
 def in_own_process() -> Solved:
     return Solved(np.array([float(os.getpid())]), unknowns=len(sys.argv[1]))
+
+
+def extreme_cases():
+    """Yield a case for each verdict."""
+
+    def case(name, solve, reference=lambda: np.array([1.0])):
+        return ExtremeCase(name, "test", "model", solve, reference, "by hand")
+
+    yield case("right", lambda: Solved(np.array([1.001]), 0.01, 1e-9, 10.0))
+    yield case("refused", refuses)
+    yield case("wrong", lambda: Solved(np.array([1.1]), 0.01))
+    yield case("no number", lambda: Solved(np.array([nan]), 0.01))
+    yield case("states nothing", lambda: Solved(np.array([1.0]), inf))
+    yield case("dies", lambda: os.abort())
+    yield case("no reference", lambda: Solved(np.array([1.0]), 0.01), refuses)
+
+
+OWN_CASES = (extreme_cases,)

@@ -7,10 +7,10 @@ import pytest
 
 from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured
 from padgen.core.finding import Finding
+from padgen.ladders.extreme import random_table
 from padgen.planner import cures, make_plan, plan_from_json, plan_to_json
 from padgen.spec import make_spec
 from padgen.spec.load import laid_over, without_none
-from tests.random_specs import random_table
 
 SPECS = (0, 3, 4, 6, 7, 13, 15, 21, 22, 23, 26, 42, 52, 55, 56, 60, 78, 83, 88, 112)
 """Others take seconds: `docs/measure_cures.py` has three hundred."""

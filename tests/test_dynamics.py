@@ -22,6 +22,7 @@ import pytest
 
 from docs.paper_figures import draw_paper_figures, paper_figures
 from padgen.core.errors import SolverError
+from padgen.ladders.extreme import dynamics_cases, exact_displacement
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
 from padgen.physics.propagation import (
@@ -37,7 +38,6 @@ from padgen.physics.propagation import (
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
-from tests.extremes import dynamics_cases, exact_displacement
 from tests.finer_models import merged
 
 MASS, GAP = 1e-4, 1e-3

@@ -18,7 +18,9 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
-from padgen.ladders.stages import Solved, axisymmetric_pull, charges_pull, paper_pull, three_d_pull
+from padgen.ladders.extreme import force_cases, random_pull
+from padgen.ladders.rung import Solved
+from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.magnetics import MILD_STEEL, TEAM_STEEL, SteelRing, saturating, solenoid
 from padgen.verify.field_solid import (
     PlacedWasher,
@@ -29,7 +31,6 @@ from padgen.verify.field_solid import (
     solid_pull,
     solve_scalar,
 )
-from tests.extremes import force_cases, random_pull
 from tests.finer_models import shielding
 
 MAGNETS = json.loads((Path(__file__).parent / "reference" / "magnetostatics.json").read_text())
@@ -256,7 +257,7 @@ def test_pull_on_a_neighbours_washer(off_axis):
 
 
 QUICK = ("balance", "permeability 1.001", "permeability 1e+06", "gap of 0.01 w", "gap of 100 w", "core 0 of")
-"""Cases that take no seconds; the others run the same code, in `docs/measure_extremes.py`."""
+"""Cases that take no seconds; the others run the same code, in `padgen study --extreme`."""
 CASES = [c for c in force_cases() if c.model in ("balance", "axisymmetric") and any(q in c.name for q in QUICK)]
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
+from padgen.ladders.extreme import Cantilever, exact_frequencies, frame_answer, structure_cases
 from padgen.physics import beams, frame
 from padgen.physics.beams import BeamSection, tip_stiffness
 from padgen.physics.frame import (
@@ -32,7 +33,6 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_frame import taxel_frame
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import parse_spec
-from tests.extremes import Cantilever, exact_frequencies, frame_answer, structure_cases
 
 STEEL = (200e9, 200e9 / 2.6, 8000.0)
 SPEC = parse_spec('name = "a"\nresolution = 1\nband_hz = [20, 2000]\nq_min = 15\n')
@@ -239,7 +239,7 @@ def test_refusals(change, words):
 
 
 def test_extreme_frames_know_their_error():
-    """A few of the extreme cases; `docs/measure_extremes.py` has all."""
+    """A few of the extreme cases; `padgen study` runs all."""
     cases = [case for case in structure_cases() if case.model == "frame"]
     assert len({case.name for case in cases}) == len(cases) >= 25
     for case in cases[::6]:

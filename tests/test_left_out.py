@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from padgen.core.units import G_PER_CM3, GPA, MH, UM
+from padgen.ladders.extreme import random_table
 from padgen.physics.bounds import beam_inertia, core_eddies, motional_voltage, mutual_shielding, washer_eddies
 from padgen.physics.magnetics import MU_0, SteelRing, impedance, solenoid
 from padgen.planner import Plan
@@ -36,7 +37,6 @@ from tests.finer_models import (
     true_saturation_aside,
     true_shielding,
 )
-from tests.random_specs import random_table
 
 SLACK = 1.01
 MOST = 20.0

@@ -13,14 +13,25 @@ propagation only the latter.
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from math import nan, pi
+from math import pi
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from padgen.core.errors import SolverError, number
 from padgen.core.units import GRAM, MH, MM
+from padgen.ladders.rung import (
+    Ladder,
+    Rung,
+    Scene,
+    Solved,
+    Theory,
+    chosen_channels,
+    distinct_channels,
+    run_apart,
+    write_steps,
+)
 from padgen.physics.ladder import geometric_ladder, optimal_ladder
 from padgen.physics.magnetics import impedance, paper_force_constant
 from padgen.physics.propagation import Tones, propagate, signal, squared, steady_lines, tones
@@ -38,17 +49,12 @@ from padgen.verify.field_solid import Pull, axisymmetric_force, solid_pull
 __all__ = [
     "LADDERS",
     "DynamicsQuestion",
-    "Ladder",
-    "Rung",
     "Scene",
-    "Solved",
     "allocation_ladders",
     "axisymmetric_pull",
     "beam_hz",
     "bound_promise",
     "charges_pull",
-    "chosen_channels",
-    "distinct_channels",
     "dynamics_ladders",
     "dynamics_models",
     "dynamics_question",
@@ -68,105 +74,7 @@ __all__ = [
     "structure_ladders",
     "taxel_solids",
     "three_d_pull",
-    "write_steps",
 ]
-
-MOST_SUBJECTS = 4
-"""Taxels that are studied one by one where a pad has more."""
-
-
-class Scene(NamedTuple):
-    """A plan, and a folder for what is made on the way."""
-
-    plan: Plan
-    aside: Path
-
-    def step(self, channel: Channel) -> Path:
-        """Return where `write_steps` puts the STEP file of a channel's taxel."""
-        return self.aside / f"taxel-{channel.index}.step"
-
-
-def distinct_channels(plan: Plan) -> tuple[Channel, ...]:
-    """Return channels whose taxels differ in their beams, the first of each kind."""
-    found = {channel.beam: channel for channel in reversed(plan.channels)}
-    return tuple(sorted(found.values(), key=lambda channel: channel.index))
-
-
-def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
-    """Return the distinct channels, or of many a few that are spread from the lowest to the highest."""
-    every = distinct_channels(plan)
-    if len(every) <= MOST_SUBJECTS:
-        return every
-    places = (round(k * (len(every) - 1) / (MOST_SUBJECTS - 1)) for k in range(MOST_SUBJECTS))
-    return tuple(every[place] for place in places)
-
-
-def write_steps(scene: Scene) -> None:
-    """Write the STEP files of `chosen_channels`, as a build does. Imports build123d.
-
-    Raises
-    ------
-    PadgenError
-        The kernel refuses a taxel.
-    """
-    from padgen.solid.formats.step import write_taxel_step
-
-    for channel in chosen_channels(scene.plan):
-        write_taxel_step(scene.plan, channel, scene.step(channel))
-
-
-class Solved(NamedTuple):
-    """A model's answer: `values` of any shape, the relative error that it states itself, where it does.
-
-    `residual` is of the linear or eigen problem behind it, nan where there is none; `unknowns` is how many it solved
-    for, 0 for a formula.
-    """
-
-    values: np.ndarray
-    stated_error: float = nan
-    residual: float = nan
-    unknowns: int = 0
-
-
-@dataclass(frozen=True)
-class Rung:
-    """One model at one resolution.
-
-    `solve` runs in a process of its own, so that it must pickle: a `functools.partial` of a function
-    of a module. Rungs of one `series` follow each other from coarse to fine. `imports` are loaded before
-    the clock starts, and so runs `prepare`, whose result `solve` is called with where there is one.
-    A rung that is not `offered` is never recommended: it is there to be measured against.
-    """
-
-    model: str
-    resolution: str
-    solve: Callable[..., Solved]
-    series: str = ""
-    imports: tuple[str, ...] = ()
-    limit_s: float = 600.0
-    prepare: Callable[[], Any] | None = None
-    offered: bool = True
-
-
-@dataclass(frozen=True)
-class Ladder:
-    """Models (rungs), coarse to fine, that answer one question about one `subject`.
-
-    The last three rungs of the series `reference` are what the others are measured against. Errors
-    are relative to each value (`relative_to` = "each") or to the largest one ("largest"). `before` is called
-    once, ahead of the rungs, in a process of its own.
-    """
-
-    name: str
-    subject: str
-    quantity: str
-    unit: str
-    rungs: tuple[Rung, ...]
-    reference: str
-    relative_to: str = "largest"
-    note: str = ""
-    before: Callable[[], Any] | None = None
-
 
 FINEST = "coupled"
 COUPLED_TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10)
@@ -385,6 +293,7 @@ def _as_ratio(decibel: float, count: int) -> Solved:
 CHORDS_MM = (0.04, 0.01, 0.0025, 0.000625, 0.00015625)
 INTEGRATED_TO = (1e-3, 1e-6, 1e-9)
 KERNEL = ("build123d", "padgen.solid.taxel")
+CHORD = "mesh, chord and angle together"
 
 
 def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
@@ -397,7 +306,7 @@ def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
         # The height of a segment goes with the square of its angle.
         angle = ANGLE_RAD * (chord / CHORD_MM) ** 0.5
         solve = partial(mesh_volumes, chord, angle)
-        rungs.append(Rung("mesh", f"chord {chord:.2g} mm, {angle:.2g} rad", solve, imports=KERNEL, prepare=model))
+        rungs.append(Rung("mesh", f"chord {chord:.2g} mm, {angle:.2g} rad", solve, CHORD, chord, KERNEL, prepare=model))
     for tolerance in INTEGRATED_TO:
         solve = partial(exact_volumes, tolerance)
         label = f"integrated to {tolerance:g}"
@@ -410,6 +319,7 @@ def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
         tuple(rungs),
         "B-rep",
         "each",
+        {CHORD: Theory(1, "a segment's area goes with its height, the chord tolerance", True)},
         f"a build meshes with a chord of {CHORD_MM:g} mm and {ANGLE_RAD:g} rad; the unknowns are triangles and faces",
     )
 
@@ -504,11 +414,15 @@ def charges_pull(pull: Pull) -> Solved:
     return Solved(found.pull, float(found.error[0]))
 
 
-def axisymmetric_pull(pull: Pull, order: int = 5, levels: int = 4) -> Solved:
-    """Return the pull by elements of `order` in the half plane, the middle of what two potentials say."""
+def axisymmetric_pull(pull: Pull, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
+    """Return the pull by elements of `order` in the half plane, the middle of what two potentials say.
+
+    With `scalar`, what the scalar potential says alone.
+    """
     steels = pull.core_steel, pull.washer_steel
     found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, *steels, order=order, levels=levels)
-    answer = np.array([-found.force_n / pull.current_a**2])
+    force_n = found.scalar_n if scalar else found.force_n
+    answer = np.array([-force_n / pull.current_a**2])
     return Solved(answer, found.error, found.residual, unknowns=found.unknowns)
 
 
@@ -522,8 +436,11 @@ def three_d_pull(pull: Pull, order: int = 3, levels: int = 1) -> Solved:
 GRADED = ((2, 0), (2, 1), (3, 1), (3, 2), (4, 3), (5, 4))
 """(order, levels of refinement at the edges that matter), as `solve_modes` has them; the last steps refine both."""
 ELEMENTS, FULL = (1, 2, 4, 8), 4
-FRAMES = ("padgen.planner.taxel_frame",)
+FRAME, FRAMES = "frame, cubic elements", ("padgen.planner.taxel_frame",)
 REFERENCE = "solid, graded"
+THEORY = {
+    FRAME: Theory(4, "frequencies by cubic shapes and consistent mass; what the flares' fixed slices err by stays"),
+}
 ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elasticity")
 
 
@@ -537,8 +454,9 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
             "Hz",
             tuple(_structure_rungs(scene, channel)),
             REFERENCE,
+            theory=THEORY,
             note=f"{ORDER_NOTE} that hold much energy",
-            before=None if place else partial(write_steps, scene),
+            before=None if place else partial(run_apart, write_steps, scene),
         )
 
 
@@ -548,7 +466,7 @@ def _structure_rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
     yield Rung("beam", "rigid plate, 6 degrees of freedom", partial(beam_hz, spec, channel))
     for elements in ELEMENTS:
         solve = partial(frame_hz, spec, channel, elements, False)
-        yield Rung("frame", f"{elements} element{'s' * (elements > 1)} a beam", solve, imports=FRAMES)
+        yield Rung("frame", f"{elements} element{'s' * (elements > 1)} a beam", solve, FRAME, 1 / elements, FRAMES)
     solve = partial(frame_hz, spec, channel, FULL, True)
     yield Rung("frame", f"{FULL} higher-order elements a beam", solve, imports=FRAMES)
     step = scene.step(channel)

@@ -1,42 +1,59 @@
-"""`padgen study`: run the ladders rung by rung, judge them, and leave the files: CSV, JSON and a picture.
+"""`padgen study`: run the ladders rung by rung, judge them, and leave the files: CSV, JSON and pictures.
 
-A rung runs in a process of its own, on one thread: a crash of an engine costs one rung, netgen and build123d never
-meet in one process, and the peak of memory is the rung's own. Rungs run one after the other, never in parallel: they
-are timed. Ctrl-C ends the running, and files are written of what was measured until then; before the first rung's end
-it leaves everything as it was.
-
-The reference of a ladder is the last rung of its series `reference`. Two refinements lead to it:
-with differences d₁, then d₂, and their ratio r = d₂/d₁, a sequence that goes on falling by r has
-``d₂ r/(1 − r)`` left, which is below d₂ for r ≤ ½ (Aitken's estimate; Roache, *Annu. Rev. Fluid Mech.*
-29, 1997, for grids). So the reference's own uncertainty is d₂, more when r is larger, and not less than
-a share of d₁: a last step that hardly changed anything may have refined what does not matter.
-Differences that do not fall show nothing.
+Rungs run one after the other, never in parallel: they are timed. Ctrl-C ends the running, and files are written of
+what was measured until then; before the first rung's end it leaves everything as it was. The stiff and extreme cases
+(`run_extreme`) run one process each, too, and each model is held to the error that it states.
 """
 
-import gc
 import json
-import pickle
-import sys
 import tempfile
-import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from itertools import pairwise
-from math import ceil, floor, inf, isfinite, isnan, log10, nan
+from dataclasses import asdict, astuple, dataclass, fields
+from functools import partial
+from math import ceil, floor, isfinite, isnan, log10, nan
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import version
 from padgen.core.display import COLOURS, INK, PALE, plot_bytes, plot_style, seconds_text, table
-from padgen.core.errors import SolverError, percent
+from padgen.core.errors import percent
 from padgen.core.files import OutputFolder, file_hash, json_text
 from padgen.core.registry import names_in
-from padgen.core.runner import Runner, peak_mb, refuse_unshared, reset_peak, uninterrupted
-from padgen.ladders.stages import LADDERS, Ladder, Rung, Scene, Solved
+from padgen.core.runner import refuse_unshared, uninterrupted
+from padgen.ladders.extreme import (
+    ExtremeCase,
+    dynamics_cases,
+    force_cases,
+    selectivity_cases,
+    solid_cases,
+    spec_cases,
+    structure_cases,
+)
+from padgen.ladders.rung import (
+    NOT_RUN,
+    TIMES,
+    TOLERANCES,
+    Judged,
+    Ladder,
+    Measured,
+    Order,
+    Pick,
+    Row,
+    Scene,
+    Solved,
+    apart,
+    judged,
+    measured,
+    picks,
+    recommended_for,
+    timed,
+)
+from padgen.ladders.stages import LADDERS
 from padgen.make.planning import parse_tolerance
 from padgen.planner.drive_rows import table_csv
 
@@ -44,253 +61,120 @@ if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
 __all__ = [
-    "NOT_RUN",
+    "EXTREME_FILES",
+    "MISSING",
+    "SETS",
     "STUDY_FILES",
-    "TIMES",
-    "TOLERANCES",
-    "Judged",
-    "Measured",
-    "Pick",
-    "Row",
+    "ExtremeStudy",
     "Study",
-    "judged",
+    "Verdict",
+    "extreme_picture",
+    "extreme_text",
+    "judged_error",
     "ladder_text",
-    "measured",
     "measured_study",
+    "missing_rungs",
+    "named_cases",
     "parse_only",
-    "picks",
     "picks_text",
-    "recommended_for",
+    "relative_error",
+    "run_extreme",
     "run_ladders",
     "run_study",
-    "run_timed",
     "study_csv",
     "study_figure",
     "study_json",
+    "study_pictures",
     "study_text",
+    "verdict_of",
 ]
+
+CaseSet = Callable[[], Iterable[ExtremeCase]]
+SETS: tuple[CaseSet, ...] = (
+    structure_cases,
+    solid_cases,
+    force_cases,
+    dynamics_cases,
+    selectivity_cases,
+    spec_cases,
+)
+LIMIT_S = 300.0
+RIGHT, REFUSED, WRONG, UNCHECKED, MISSING = "right", "refused", "WRONG", "unchecked", "not run"
 
 
 @dataclass(frozen=True)
-class Measured:
-    """The figures of a rung that was run; `values` is None where it refused or broke down, and `note` says why.
+class Verdict:
+    """The verdict on a case: the columns of its table. `error` is relative, against the case's own reference.
 
-    `seconds` (wall) and `cpu_seconds` are the best of `runs`, `memory_mb` is the peak over what the
-    process held after its imports.
+    'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
+    stated, no number, or no end; 'unchecked': the reference itself could not be computed; 'not run'.
     """
 
-    values: np.ndarray | None = None
-    unknowns: int = 0
-    residual: float = nan
+    domain: str
+    case: str
+    model: str
+    error: float = nan
+    stated_error: float = nan
     seconds: float = nan
-    cpu_seconds: float = nan
-    runs: int = 0
-    memory_mb: float = nan
+    residual: float = nan
+    condition: float = nan
+    verdict: str = MISSING
+    source: str = ""
     note: str = ""
 
 
-NOT_RUN = Measured(note="not run: the study was stopped")
+def named_cases(sets: Sequence[CaseSet] = SETS) -> list[tuple[CaseSet, int, ExtremeCase]]:
+    """List all cases of `sets`, each with its set and its place there: the case itself need not pickle."""
+    return [(cases, place, case) for cases in sets for place, case in enumerate(cases())]
 
 
-@dataclass(frozen=True)
-class Row:
-    """A rung with what was measured and its `error`, which is at most `at_most`.
-
-    With `is_bound` the error cannot be told from the reference's own: only `at_most` is known.
-    """
-
-    rung: Rung
-    measured: Measured
-    error: float = nan
-    at_most: float = inf
-    is_bound: bool = False
+def _asked(cases: CaseSet, place: int, what: str) -> Solved:
+    """Return the answer of a case's model ('solve') or of its 'reference'; run in a process of its own."""
+    answer = getattr(list(cases())[place], what)()
+    answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
+    return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A ladder that was run. `uncertainty` is the reference's own error, inf where nothing is known of it.
-
-    `converged` tells whether two refinements show it; `why` is that as a sentence. `reference` is
-    the index of its row, None where no rung of the reference's series has an answer.
-    """
-
-    ladder: Ladder
-    rows: tuple[Row, ...]
-    reference: int | None
-    uncertainty: float
-    converged: bool
-    why: str
-
-
-TOLERANCES = (0.1, 0.01, 0.001, 0.0001)
-ROUNDING = 1e-12
-"""Relative differences that are as good as none."""
-SLOWEST = 0.7
-"""Largest ratio of two differences that counts as falling."""
-FASTEST = 0.05
-"""Smallest ratio that is believed."""
-CAUTION = 2.0
-"""Factor on differences that do not fall, to estimate the error: a guess, and reported as one."""
-
-
-class Pick(NamedTuple):
-    """The cheapest rung that meets a tolerance for every subject of a ladder, and what it costs and errs."""
-
-    ladder: str
-    tolerance: float
-    model: str
-    resolution: str
-    seconds: float
-    at_most: float
-
-
-def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
-    """Return errors and the reference of a ladder from its measured rungs, in its order."""
-    line = [i for i, rung in enumerate(ladder.rungs) if rung.series == ladder.reference]
-    solved = [i for i in line if measured[i].values is not None]
-    reference = solved[-1] if solved else None
-    uncertainty, converged, why = _uncertainty(ladder, measured, solved)
-    if line and solved and solved[-1] != line[-1]:
-        why += f"; finer ones have no answer ({measured[line[-1]].note})"
-    rows = []
-    for rung, figures in zip(ladder.rungs, measured, strict=True):
-        error = inf if reference is None else _distance(ladder, figures, measured[reference])
-        row = Row(rung, figures, error, error + uncertainty, error <= uncertainty)
-        rows.append(row if isfinite(error) else Row(rung, figures))
-    return Judged(ladder, tuple(rows), reference, uncertainty, converged, why)
-
-
-def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[int]) -> tuple[float, bool, str]:
-    """Return the reference's own relative error, whether it is shown, and a sentence on it."""
-    if not solved:
-        return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
-    name = f"{ladder.rungs[solved[-1]].model}, {ladder.rungs[solved[-1]].resolution}"
-    if len(solved) < 3:
-        return inf, False, f"the reference {name} is not shown to be converged: it needs two coarser ones"
-    first, second = (_distance(ladder, measured[a], measured[b]) for a, b in pairwise(solved[-3:]))
-    said = f"the last two refinements changed it by {percent(first)} and {percent(second)}"
-    ratio = second / first if first > 0 else inf
-    if second <= ROUNDING or ratio <= SLOWEST:
-        left = second * max(1.0, ratio / (1 - ratio)) if ratio <= SLOWEST else second
-        return max(left, FASTEST * first, ROUNDING), True, f"the reference is {name}: {said}"
-    return CAUTION * max(first, second), False, f"the reference is {name}, which is not shown to be converged: {said}"
-
-
-def _distance(ladder: Ladder, one: Measured, other: Measured) -> float:
-    """Return the largest difference of two answers, relative to the second as the ladder says.
-
-    inf where they have no common shape.
-    """
-    a, b = one.values, other.values
-    if a is None or b is None or a.shape != b.shape:
-        return inf
-    scale = np.abs(b) if ladder.relative_to == "each" else np.full(b.shape, np.abs(b).max(initial=0.0))
-    difference = np.abs(a - b)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.where(difference > 0, difference / scale, 0.0)
-    return float(relative.max(initial=0.0))
-
-
-def recommended_for(result: Judged, tolerances: Sequence[float]) -> list[list[float]]:
-    """Return for each row the tolerances for which it is the quickest whose error is known to be no larger."""
-    found: list[list[float]] = [[] for _ in result.rows]
-    for tolerance in tolerances:
-        held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
-        if held:
-            found[min(held, key=lambda i: result.rows[i].measured.seconds)].append(tolerance)
-    return found
-
-
-def _holds(row: Row, tolerance: float) -> bool:
-    return row.rung.offered and row.at_most <= tolerance
-
-
-def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
-    """Return for each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
-
-    A ladder and tolerance for which none is known has a `Pick` without a model.
-    """
-    by_ladder: dict[str, list[Judged]] = {}
-    for result in results:
-        by_ladder.setdefault(result.ladder.name, []).append(result)
-    return tuple(_pick(name, own, tol) for name, own in by_ladder.items() for tol in tolerances)
-
-
-def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
-    held: dict[tuple[str, str], list[Row]] = {}
-    for row in (row for result in results for row in result.rows if _holds(row, tolerance)):
-        held.setdefault((row.rung.model, row.rung.resolution), []).append(row)
-    costs = {key: sum(row.measured.seconds for row in rows) for key, rows in held.items() if len(rows) == len(results)}
-    if not costs:
-        return Pick(name, tolerance, "", "", nan, inf)
-    best = min(costs, key=lambda key: costs[key])
-    return Pick(name, tolerance, *best, costs[best] / len(results), max(row.at_most for row in held[best]))
-
-
-BUDGET_S, MOST_RUNS = 2.0, 7
-LONG_S = 6.0
-"""A run that takes longer is not repeated, a shorter one at least once."""
-MODELS = ("padgen.physics", "padgen.planner", "padgen.verify")
-TIMES = (
-    f"run times are the best of 2 to {MOST_RUNS} runs (of one run if it takes over {LONG_S:g} s) on one thread, with"
-    " empty caches, without starting Python and imports"
-)
-
-
-def measured(rung: Rung) -> Measured:
-    """Run a rung again and again in a process of its own; a refusal or a crash is a `Measured` with its sentence."""
-    with Runner(imports=rung.imports) as runner:
-        answer = runner.run(run_timed, pickle.dumps((rung.prepare, rung.solve)), time_s=rung.limit_s)
+def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S) -> Verdict:
+    """Run a case of `named_cases` and its reference, and compare them, allowing for the reference's own error."""
+    cases, place, case = named
+    say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
+    answer = timed(partial(_asked, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":
-        return Measured(note="refused: " * (answer.kind == "refused") + answer.sentence)
-    solved, seconds, cpu_seconds, runs, memory_mb = answer.value
-    values = np.atleast_1d(np.asarray(solved.values, float))
-    known, note = (values, "") if np.isfinite(values).all() else (None, "its answer is not a number")
-    unknowns, residual = int(solved.unknowns), float(solved.residual)
-    return Measured(known, unknowns, residual, seconds, cpu_seconds, runs, memory_mb, note)
+        return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
+    found: Solved = answer.value.value
+    stated, *figures = (float(figure) for figure in found[1:4])
+    say = partial(say, stated_error=stated, seconds=answer.value.seconds, residual=figures[0], condition=figures[1])
+    truth = apart(_asked, cases, place, "reference", limit_s=limit_s)
+    if truth.kind != "value":
+        return say(verdict=UNCHECKED, note=f"no reference: {truth.sentence}")
+    error = relative_error(found.values, truth.value.values)
+    verdict, note = judged_error(error, stated, float(truth.value.stated_error))
+    return say(error=error, verdict=verdict, note=note)
 
 
-def run_timed(pickled: bytes) -> tuple[Solved, float, float, int, float]:
-    """Run a pickled pair in this process: a function to call off the clock or None, and the one to time.
-
-    Returns the answer, the best wall and processor times in s, the number of runs, and the peak of memory in MB over
-    what was held before.
-    """
-    prepare, _ = pickle.loads(pickled)  # so that the modules it names are loaded
-    try:
-        made = () if prepare is None else (prepare(),)
-        reset_peak()
-        before = peak_mb() or 0.0
-        value, *times = _run(pickled, made)
-        memory = max((peak_mb() or 0.0) - before, 0.0)
-        walls, cpus = ([seconds] for seconds in times)
-        while len(walls) < MOST_RUNS and (len(walls) < 2 or sum(walls) < BUDGET_S) and min(walls) < LONG_S:
-            _, *times = _run(pickled, made)
-            walls, cpus = [*walls, times[0]], [*cpus, times[1]]
-    except MemoryError as error:
-        raise SolverError("the machine has not enough memory for it") from error
-    return value, min(walls), min(cpus), len(walls), memory
+def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
+    """Return the largest difference over the largest entry of `reference`; nan for a shape or number that is none."""
+    if values.shape != reference.shape or not np.isfinite(reference).all() or not np.isfinite(values).all():
+        return nan
+    difference, scale = float(np.abs(values - reference).max(initial=0.0)), float(np.abs(reference).max(initial=0.0))
+    return difference / scale if scale else difference
 
 
-def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
-    """Run once; return the value with its wall and processor seconds.
-
-    Unpickled anew and with empty caches, so that a repeated run is as dear as the first.
-    """
-    _, work = pickle.loads(pickled)
-    for name, module in list(sys.modules.items()):
-        if name.startswith(MODELS):
-            for held in list(vars(module).values()):
-                if hasattr(type(held), "cache_clear"):
-                    held.cache_clear()
-    gc.collect()
-    wall, cpu = time.perf_counter(), time.process_time()
-    value = work(*made)
-    return value, time.perf_counter() - wall, time.process_time() - cpu
+def judged_error(error: float, stated: float, allowed: float = 0.0) -> tuple[str, str]:
+    """Return the verdict on an error beside the stated one (plus `allowed`, the reference's), and why if wrong."""
+    if isnan(error):
+        return WRONG, "the answer is not a number, or not of the reference's shape"
+    if not isfinite(stated):
+        return WRONG, "it states no error"
+    if error > stated + allowed:
+        return WRONG, f"{error / stated:.3g} times what it states" if stated > 0 else "it states to be exact"
+    return RIGHT, ""
 
 
-STUDY_FILES = ("study.csv", "study.json", "study.svg")
-PACKAGES = ("numpy", "scipy", "ngsolve", "build123d")
+STUDY_FILES = ("study.csv", "study.json", "study.svg", "study.png")
+EXTREME_FILES = ("extreme.csv", "extreme.json", "extreme.svg")
+PACKAGES = ("numpy", "scipy", "ngsolve", "build123d", "mpmath")
 Progress = Callable[[str], None]
 
 
@@ -314,16 +198,30 @@ class Study:
     @property
     def missing(self) -> tuple[str, ...]:
         """Rungs that were not run since the study was stopped; none where it was not."""
-        return tuple(
-            f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
-            for result in self.ladders
-            for row in result.rows
-            if row.measured is NOT_RUN
-        )
+        return missing_rungs(self.ladders)
 
     def plot(self) -> Any:
         """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
         return study_figure(self.ladders, self.tolerances, self.name)
+
+
+@dataclass(frozen=True)
+class ExtremeStudy:
+    """The verdicts on the extreme cases; `holds` where none is worse than it states."""
+
+    folder: Path
+    files: tuple[str, ...]
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def holds(self) -> bool:
+        """True where no case is wrong."""
+        return all(found.verdict != WRONG for found in self.verdicts)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Cases that were not run since the study was stopped."""
+        return tuple(f"{found.domain}, {found.case}" for found in self.verdicts if found.verdict == MISSING)
 
 
 def parse_only(text: str | None) -> tuple[str, ...]:
@@ -360,9 +258,7 @@ def measured_study(
         scene = Scene(plan, Path(aside))
         results = run_ladders([ladder for name in only or LADDERS for ladder in LADDERS[name](scene)], progress)
     about = {
-        "padgen": __version__,
-        "versions": {name: version(name) for name in PACKAGES},
-        "times": TIMES,
+        **_about(),
         "name": plan.name,
         "spec": file_hash(json.dumps(asdict(plan.spec), sort_keys=True).encode()),
         "tolerances": list(tolerances),
@@ -390,10 +286,12 @@ def run_study(
         study = measured_study(plan, only, tolerance, progress)
         with uninterrupted():
             progress("drawing")
-            out.write(STUDY_FILES[0], study_csv(study))
-            out.write(STUDY_FILES[1], study_json(study))
-            out.write(STUDY_FILES[2], plot_bytes(study.plot(), "svg"))
-            out.commit()
+            pictures = study_pictures(study.ladders, study.tolerances, study.name)
+            texts = (
+                study_csv(study.ladders, study.tolerances),
+                study_json(study.ladders, study.about, study.tolerances),
+            )
+            _commit(out, STUDY_FILES, (*texts, *pictures))
     return study
 
 
@@ -405,10 +303,7 @@ def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: Non
         for ladder, own in zip(ladders, found, strict=True):
             if ladder.before:
                 progress(f"rung {done + 1} of {total}: {ladder.name}, modelling")
-                with Runner() as runner:
-                    answer = runner.run(ladder.before)
-                if answer.error:
-                    raise answer.error
+                ladder.before()
             for rung in ladder.rungs:
                 done += 1
                 where = f"{ladder.name}, {ladder.subject}: {rung.model}, {rung.resolution}"
@@ -422,10 +317,50 @@ def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: Non
     ]
 
 
+def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequence[CaseSet] = SETS) -> ExtremeStudy:
+    """Hold every model to what it states in its extreme cases, and write `EXTREME_FILES` into `folder`.
+
+    Interrupted (Ctrl-C), the cases that were left are 'not run'.
+
+    Raises
+    ------
+    FileError
+        The folder cannot be written; what was there stays.
+    KeyboardInterrupt
+        It was interrupted before the first case was done.
+    """
+    with OutputFolder(folder) as out:
+        cases = named_cases(sets)
+        verdicts = [Verdict(case.domain, case.name, case.model, source=case.source) for *_, case in cases]
+        with suppress(KeyboardInterrupt):
+            for place, named in enumerate(cases):
+                progress(f"case {place + 1} of {len(cases)}: {named[-1].domain}, {named[-1].name}")
+                verdicts[place] = verdict_of(named)
+        study = ExtremeStudy(folder, EXTREME_FILES, tuple(verdicts))
+        if len(study.missing) == len(cases) > 0:
+            raise KeyboardInterrupt
+        with uninterrupted():
+            progress("drawing")
+            table = {**_about(), "stopped": bool(study.missing), "cases": verdicts}
+            texts = _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts]), json_text(table)
+            _commit(out, EXTREME_FILES, (*texts, extreme_picture(verdicts)))
+    return study
+
+
+def _commit(out: OutputFolder, names: Sequence[str], texts: Sequence[str | bytes]) -> None:
+    for name, text in zip(names, texts, strict=True):
+        out.write(name, text)
+    out.commit()
+
+
 def _tolerances(asked: float | None) -> tuple[float, ...]:
     if asked is not None and not 0 < asked <= 1:
         return _tolerances(parse_tolerance(repr(asked)))
     return tuple(sorted({*TOLERANCES, *([] if asked is None else [asked])}, reverse=True))
+
+
+def _about() -> dict[str, Any]:
+    return {"padgen": __version__, "versions": {name: version(name) for name in PACKAGES}, "times": TIMES}
 
 
 HEAD = ("subject", "quantity", "unit")
@@ -435,6 +370,7 @@ COLUMNS = (
     "model",
     "resolution",
     "series",
+    "step",
     "unknowns",
     "error",
     "error_at_most",
@@ -447,32 +383,47 @@ COLUMNS = (
     "values",
     "note",
 )
+EXTREME_COLUMNS = tuple(item.name for item in fields(Verdict))
 
 
-def study_csv(study: Study) -> str:
+def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
+    """Name the rungs that were not run since the study was stopped."""
+    return tuple(
+        f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
+        for result in results
+        for row in result.rows
+        if row.measured is NOT_RUN
+    )
+
+
+def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCES) -> str:
     """Write one row per rung, in the order of the ladders; no number is an empty cell."""
     rows = []
-    for result in study.ladders:
+    for result in results:
         ladder = result.ladder
-        for row, holds in zip(result.rows, recommended_for(result, study.tolerances), strict=True):
+        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True):
             table, values = _rung(row), row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
             table["recommended_for"] = " ".join(f"{tolerance:g}" for tolerance in holds)
-            cells = (table[name] for name in COLUMNS)
-            rows.append([v if not isinstance(v, float) else f"{v:.10g}" if isfinite(v) else "" for v in cells])
-    return table_csv(COLUMNS, rows)
+            rows.append([table[name] for name in COLUMNS])
+    return _csv(COLUMNS, rows)
 
 
-def study_json(study: Study) -> str:
-    """Write all that was measured, with what was studied, by which versions, ahead of it."""
+def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    cells = ([v if not isinstance(v, float) else f"{v:.10g}" if isfinite(v) else "" for v in row] for row in rows)
+    return table_csv(columns, cells)
+
+
+def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
+    """Write all that was measured, with `about` (what was studied, by which versions) ahead of it."""
+    missing = missing_rungs(results)
     told = {
-        "stopped": bool(study.missing),
-        "missing": study.missing,
-        "recommended": [p._asdict() for p in study.picks],
-        "ladders": [_ladder(result) for result in study.ladders],
+        "stopped": bool(missing),
+        "missing": missing,
+        "recommended": [p._asdict() for p in picks(results, tolerances)],
     }
-    return json_text({**study.about, **told})
+    return json_text({**about, **told, "ladders": [_ladder(result) for result in results]})
 
 
 def _ladder(result: Judged) -> dict[str, Any]:
@@ -481,6 +432,15 @@ def _ladder(result: Judged) -> dict[str, Any]:
         "ladder": ladder.name,
         **{name: getattr(ladder, name) for name in (*HEAD, "relative_to", "note")},
         **{name: getattr(result, name) for name in ("reference", "uncertainty", "converged", "why")},
+        "orders": [
+            {
+                "series": order.series,
+                "observed": order.observed,
+                "theory": order.theory.order if order.theory else None,
+                "why": order.theory.why if order.theory else "",
+            }
+            for order in result.orders
+        ],
         "rungs": [_rung(row) for row in result.rows],
     }
 
@@ -488,7 +448,7 @@ def _ladder(result: Judged) -> dict[str, Any]:
 def _rung(row: Row) -> dict[str, Any]:
     rung, own = row.rung, row.measured
     return {
-        **{name: getattr(rung, name) for name in ("model", "resolution", "series", "offered")},
+        **{name: getattr(rung, name) for name in ("model", "resolution", "series", "offered", "step")},
         "unknowns": own.unknowns,
         "error": row.error,
         "error_at_most": row.at_most,
@@ -501,9 +461,10 @@ def _rung(row: Row) -> dict[str, Any]:
 
 HEADINGS = ("model", "unknowns", "value", "error", "run time", "memory\nMB", "quickest for\nan error of")
 WIDEST_MODEL = 36
+EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "residual", "condition", "verdict")
 
 
-def study_text(study: Study) -> str:
+def study_text(study: "Study") -> str:
     """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
     parts, stopped = [], []
     for result in study.ladders:
@@ -516,7 +477,7 @@ def study_text(study: Study) -> str:
 
 
 def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
-    """Write one ladder as a table, and what it was measured against."""
+    """Write one ladder as a table, what it was measured against, and the orders of convergence."""
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
@@ -526,6 +487,7 @@ def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
         lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
+    lines += [_order(order) for order in result.orders]
     noted = [row for row in result.rows if row.measured.note and row.measured is not NOT_RUN]
     lines += [f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}" for row in noted]
     return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
@@ -551,6 +513,12 @@ def _table_row(row: Row, holds: Sequence[float]) -> tuple[str, ...]:
     )
 
 
+def _order(order: Order) -> str:
+    observed = "not observed" if order.observed is None else f"{order.observed:.2f} observed"
+    theory = "" if order.theory is None else f", {order.theory.order:g} in theory ({order.theory.why})"
+    return f"order of convergence, {order.series}: {observed}{theory}"
+
+
 def picks_text(picks: Iterable[Pick]) -> str:
     """Write the recommended rung of each ladder for each tolerance."""
     rows = []
@@ -561,26 +529,81 @@ def picks_text(picks: Iterable[Pick]) -> str:
     return "recommended rungs\n" + table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
 
 
+def extreme_text(study: "ExtremeStudy") -> str:
+    """Write the table of cases, then what is refused or wrong, sentence by sentence."""
+    rows = []
+    for found in study.verdicts:
+        errors = _two_digits(found.error), _two_digits(found.stated_error), seconds_text(found.seconds)
+        rest = _two_digits(found.residual), _two_digits(found.condition), found.verdict
+        rows.append((found.domain, found.case, found.model, *errors, *rest))
+    lines = [table(EXTREME_HEADINGS, rows, left=3)]
+    lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
+    counts = Counter(found.verdict for found in study.verdicts)
+    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
+
+
+def _two_digits(value: float) -> str:
+    return f"{value:.2g}" if isfinite(value) else ""
+
+
 MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
+VERDICT_COLOURS = {"right": COLOURS[2], "WRONG": COLOURS[1], "unchecked": COLOURS[4], "refused": PALE}
 PANEL_INCHES = (5.6, 4.2)
 LEAST = 1e-13
 """Errors below are drawn here."""
 
 
+def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
+    """Return the plot of `study_figure` as SVG and PNG."""
+    figure = study_figure(results, tolerances, name)
+    return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+
+
 def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
     """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
-    from matplotlib.figure import Figure
-
     with plot_style():
         panels: dict[str, list[Judged]] = {}
         for result in results:
             panels.setdefault(result.ladder.name, []).append(result)
-        columns, rows = min(len(panels), 2), -(-len(panels) // 2)
-        figure = Figure(figsize=(PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.4), layout="constrained")
-        for place, (ladder, own) in enumerate(panels.items(), 1):
-            _panel(figure.add_subplot(rows, columns, place), ladder, own, tolerances)
+        figure, axes = _figure(max(len(panels), 1))
+        for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
+            _panel(axis, ladder, own, tolerances)
         figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
     return figure
+
+
+def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
+    """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
+    with plot_style():
+        figure, (axis,) = _figure(1)
+        axis.plot([LEAST, 10], [LEAST, 10], color=PALE, linewidth=1)
+        domains = list(dict.fromkeys(found.domain for found in verdicts))
+        for found in verdicts:
+            if isfinite(found.error) and isfinite(found.stated_error):
+                place = (max(found.stated_error, LEAST), max(found.error, LEAST))
+                mark = MARKS[domains.index(found.domain) % len(MARKS)]
+                axis.plot(*place, mark, color=VERDICT_COLOURS[found.verdict], markersize=5, linestyle="none")
+        for index, domain in enumerate(domains):
+            axis.plot([], [], MARKS[index % len(MARKS)], color=INK, linestyle="none", label=domain)
+        axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")
+        axis.set_title("extreme cases: green below the line is right, red is worse than stated")
+        if domains:
+            axis.legend(frameon=False)
+        axis.grid(alpha=0.25)
+        return plot_bytes(figure, "svg")
+
+
+def _figure(count: int) -> tuple[Any, list[Any]]:
+    from matplotlib.figure import Figure
+
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.4), layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for spare in axes[count:]:
+        spare.set_axis_off()
+    return figure, axes[:count]
 
 
 def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:

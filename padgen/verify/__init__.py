@@ -11,6 +11,7 @@ from padgen.core.errors import EngineMissingError
 
 __all__ = [
     "Engine",
+    "mpmath",
     "ng",
     "occ",
     "require",
@@ -52,4 +53,4 @@ class Engine:
             raise _missing(self._name, str(error)) from error
 
 
-ng, occ = Engine("ngsolve"), Engine("netgen.occ")
+ng, occ, mpmath = (Engine(name) for name in ("ngsolve", "netgen.occ", "mpmath"))

@@ -13,8 +13,9 @@ sentence. Selectivity has a Q up to 1e7, thousands of channels, lines that all b
 formula in 60 digits, at the frequencies that the doubles stand for.
 """
 
+import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from math import nan, pi, sqrt
 from pathlib import Path
@@ -22,11 +23,11 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-import mpmath
 import numpy as np
 
-from padgen.core.errors import SolverError, number
-from padgen.ladders.stages import Solved, axisymmetric_pull, charges_pull, three_d_pull
+from padgen.core.errors import PadgenError, SolverError, number
+from padgen.ladders.rung import Solved
+from padgen.ladders.stages import axisymmetric_pull, charges_pull, three_d_pull
 from padgen.make.planning import plan_for
 from padgen.physics.frame import AttachedBody, Element, Frame, checked_frame_modes, divided, rectangle
 from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder
@@ -43,12 +44,32 @@ from padgen.physics.propagation import STATED_ERROR, Tones, circuit_current, pro
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.spec import catalogue, make_spec
-from padgen.verify import occ
+from padgen.spec import Spec, catalogue, make_spec
+from padgen.spec.fields import choices
+from padgen.verify import mpmath, occ
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
-from padgen.verify.field_solid import Pull, axisymmetric_force
-from tests.random_specs import outcome, random_table
+from padgen.verify.field_solid import Pull
+
+__all__ = [
+    "BlockTaxel",
+    "Cantilever",
+    "ExtremeCase",
+    "beam_answer",
+    "dynamics_cases",
+    "exact_displacement",
+    "exact_frequencies",
+    "force_cases",
+    "frame_answer",
+    "outcome",
+    "random_pull",
+    "random_table",
+    "selectivity_cases",
+    "solid_answer",
+    "solid_cases",
+    "spec_cases",
+    "structure_cases",
+]
 
 
 @dataclass(frozen=True)
@@ -127,7 +148,7 @@ def frame_answer(beam: Cantilever) -> Solved:
     modes, error = checked_frame_modes(frame, 5 * MODES)
     motion = np.abs(modes.node_motion) * np.repeat([1.0, beam.length], 3)
     up = motion[..., 2].max(1) > UP_SHARE * motion.max((1, 2))
-    return Solved(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual)
+    return Solved(modes.frequency_hz[up][:MODES], float(error[up][:MODES].max()), modes.residual, modes.condition)
 
 
 def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> np.ndarray:
@@ -426,15 +447,8 @@ def _planned_case(name: str, pull: Pull) -> ExtremeCase:
 
 def _axisymmetric_case(name: str, pull: Pull) -> ExtremeCase:
     source = "the same by elements of order 7 and six refinements, with its own error"
-    solve, finer = partial(axisymmetric_pull, pull), partial(_by_scalar_potential, pull)
+    solve, finer = partial(axisymmetric_pull, pull), partial(axisymmetric_pull, pull, *FINER_FIELD, scalar=True)
     return ExtremeCase(name, "force", "axisymmetric", solve, finer, source)
-
-
-def _by_scalar_potential(pull: Pull) -> Solved:
-    order, levels = FINER_FIELD
-    steels = pull.core_steel, pull.washer_steel
-    found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, *steels, order=order, levels=levels)
-    return Solved(np.array([-found.scalar_n / pull.current_a**2]), found.error)
 
 
 def _solid_case(name: str, pull: Pull) -> ExtremeCase:
@@ -498,7 +512,13 @@ def dynamics_cases() -> Iterator[ExtremeCase]:
 
 
 def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Tones, time_s: float) -> float:
-    """Return the displacement in m of one resonator from rest by the textbook formula, in arithmetic of many digits."""
+    """Return the displacement in m of one resonator from rest by the textbook formula, in arithmetic of many digits.
+
+    Raises
+    ------
+    EngineMissingError
+        mpmath is not installed.
+    """
     mp = mpmath.mp.clone()
     mp.dps = DIGITS + 20
     omega, t = 2 * mp.pi * mp.mpf(float(frequency_hz)), mp.mpf(float(time_s))
@@ -654,6 +674,9 @@ SOLIDS = (0, 1, 9, 11, 30, 37)
 SOLID_TOLERANCE = 3e-3
 QUICK, QUICK_ERROR = (3, 1), 3e-3
 """Order and levels of elements that a beam model is held against, and what they may be off by."""
+MOST_ODD = 4
+"""Fields, at most, that are drawn from all that they may be, the others being of the catalogues or usual."""
+LONGEST_SENTENCE = 1000
 IMPOSSIBLE: dict[str, dict[str, Any]] = {
     "a washer that sags by 10 mm over a gap of 1 mm": {"resonances_hz": [5.0], "band_hz": [4, 6], "resolution": 1},
     "a washer that rests on its coil by its weight": {"coil": {"gap_mm": 0.05}, "resonances_hz": [60.0, 120.0]},
@@ -664,6 +687,18 @@ IMPOSSIBLE: dict[str, dict[str, Any]] = {
     },
     "a level of twice the gap": {"drive": {"level_um": 2000.0}},
 }
+FREE = (
+    "resolution",
+    "threshold_file",
+    "threshold_hz",
+    "threshold_um",
+    "resonances_hz",
+    "structure",
+    "name",
+    "source",
+    "power_w",
+)
+"""Fields of the spec that are not drawn among the odd ones: without bounds, or drawn always."""
 
 
 def spec_cases() -> Iterator[ExtremeCase]:
@@ -719,6 +754,70 @@ def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Solved
     working = found.modes.working
     stated = error if setting else float(found.error[working])
     return Solved(found.modes.frequency_hz[[working]], stated, found.residual)
+
+
+def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
+    """Draw spec number `number`, as a table; the same on every machine."""
+    random = Random(number)
+    draw = random.random
+    low, side_mm = 10 * 20 ** draw(), 30 * 5 ** draw()
+    material, made = random.choice(sorted(catalogue("material").items()))
+    printers = [name for name, entry in sorted(catalogue("printer").items()) if entry["process"] == made["process"]]
+    table: dict[str, Any] = {
+        "name": f"random-{number}",
+        "resolution": 1 + int((side_mm / 12) ** 2 * draw()),
+        "band_hz": [low, low * 2 * 10 ** draw()],
+        "q_min": 3 * 30 ** draw(),
+        "material": material,
+        "printer": random.choice(printers),
+        "washer": random.choice(sorted(catalogue("washer"))),
+        "pad": {"width_mm": side_mm, "depth_mm": side_mm},
+        "suspension": {"topology": random.choice(["auto", "cantilever", "folded", "bridge"])},
+    }
+    for _ in range(int(draw() * (most_odd + 1))):
+        name, item = random.choice(DRAWN)
+        meta = item.metadata
+        if known := choices(meta):
+            value: Any = random.choice(known)
+        elif meta["low"] > 0:
+            value = meta["low"] * (meta["high"] / meta["low"]) ** draw()
+        else:
+            value = meta["high"] * draw() ** 4
+        entry = table.setdefault(name, {}) if name else table
+        if isinstance(entry, str):
+            entry = table[name] = {"name": entry}
+        entry[item.name] = int(value) if item.type == "int" or item.type is int else value
+    return table
+
+
+def _is_drawn(item: Any) -> bool:
+    single = "low" in item.metadata and "count" not in item.metadata
+    return item.name not in FREE and (single or bool(choices(item.metadata)))
+
+
+DRAWN = [
+    (name, item)
+    for name, table in [("", Spec), *((part.name, part.type) for part in fields(Spec) if is_dataclass(part.type))]
+    for item in fields(table)
+    if _is_drawn(item)
+]
+"""The tables of a spec ("" is the top level) and their fields, those that have bounds or choices."""
+
+
+def outcome(table: dict[str, Any]) -> str:
+    """Return the fault of the answer to a spec, empty where it is a plan of finite figures or one sentence.
+
+    A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
+    """
+    try:
+        plan = plan_for(make_spec(table))
+    except PadgenError as error:
+        return "its refusal is no sentence" if "\n" in str(error) or len(str(error)) > LONGEST_SENTENCE else ""
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    honest = any(finding.level == "error" for finding in plan.findings)
+    lost = re.search(r"(\w+)\W+(nan|inf)\b", repr(vars(plan)))
+    return f"{lost[1]} is no number" if lost and not honest else ""
 
 
 SUM_DIGITS = 60
@@ -800,14 +899,3 @@ def _summed(hz: list[Any], line: list[Any], q: Any, scheme: Scheme, off: int) ->
             both = 2 * mpmath.sqrt(line[a] * line[b]) if scheme.name == "tones" else line[a] * line[b] / biased
             total += heard((hz[a] + hz[b]) / half, both) + heard(abs(hz[a] - hz[b]) / half, both)
     return total
-
-
-CaseSet = Callable[[], Iterator[ExtremeCase]]
-SETS: tuple[CaseSet, ...] = (structure_cases, solid_cases, force_cases, dynamics_cases, selectivity_cases, spec_cases)
-
-
-def answer_of(cases: CaseSet, place: int, what: str) -> Solved:
-    """Return the answer of a case's model ('solve') or of its 'reference': the case itself need not pickle."""
-    answer = getattr(list(cases())[place], what)()
-    answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
-    return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
