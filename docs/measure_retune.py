@@ -244,7 +244,8 @@ def biggest() -> Iterator[str]:
             kind, excitation, _ = (part.strip() for part in what.split(","))
             made = recorded(rng, (60.0,), (15.0,), excitation=excitation, rate=rate, seconds=float(seconds), hum=0.01)
             each = [made.motion / np.abs(made.motion).max()] * len(ids)
-            columns = np.stack(each if made.reference is None else [made.reference, *each], 1)
+            first = [] if made.reference is None else [made.reference / np.abs(made.reference).max()]
+            columns = np.stack([*first, *each], 1)
             path = folder / f"{ids[0] if len(ids) == 1 else 'all'}.{kind.lower()}"
             if kind == "WAV":
                 wavfile.write(path, rate, np.round(30000 * columns).astype(np.int16))

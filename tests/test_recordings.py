@@ -8,6 +8,8 @@
 | selectivity of the re-tuned WAV | that of tones on the true f and Q | 0.5 dB | the bar |
 """
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -132,6 +134,21 @@ def test_refused_data_are_drawn(plan, tmp_path, capsys):
     path.unlink()
     assert cli.run(["retune", str(spec), str(tmp_path / "r0c0k0.wav"), "-o", str(out)]) in (0, 1)
     assert {"tuning.json", "tuning.png"} <= {p.name for p in out.iterdir()}
+
+
+def test_refused_taxels_keep_none_of_the_fits_arrays(plan, tmp_path):
+    made, rng = recorded(np.random.default_rng(1), rate=4000), np.random.default_rng(2)
+    for taxel in plan.taxels:
+        noise = made._replace(motion=rng.standard_normal(len(made.motion)))
+        (tmp_path / f"{taxel.id}.wav").write_bytes(noise.wav())
+    measured = read_measured(tmp_path, plan)
+    tracemalloc.start()
+    curves, refused = fitted(measured, plan)[1:]
+    kept = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert [curve.cause != "" for curve in curves] == [True] * 4
+    assert refused is not None
+    assert kept < 2 * sum(each.nbytes for curve in curves for each in curve.seen[:2])
 
 
 def test_the_same_data_give_the_same_picture(plan, tmp_path):

@@ -120,18 +120,18 @@ def fitted(
                 fits[taxel] = _from_fit(taxel, fit, part)
                 curves.append(Curve(taxel, fit.seen, ""))
         except SolverError as error:
-            refused.append((part, error))
+            refused.append((part, error.message))  # the error itself would keep the fit's arrays alive
             curves.append(Curve(part.id, _seen(part), error.message))
     ordered = tuple(fits[taxel.id] for taxel in plan.taxels if taxel.id in fits)
     return ordered, tuple(curves), _refusal(refused) if refused else None
 
 
-def _refusal(refused: list[tuple[Row | Spectrum | Record, SolverError]]) -> FileError:
-    part, error = refused[0]
+def _refusal(refused: list[tuple[Row | Spectrum | Record, str]]) -> FileError:
+    part, cause = refused[0]
     more = [other.id for other, _ in refused[1:]]
     named = ", ".join(more[:MOST_NAMED]) + (" …" if len(more) > MOST_NAMED else "")
     rest = f" ({len(more)} more cannot be fitted: {named})" if more else ""
-    return FileError(error.message + rest, part.where)
+    return FileError(cause + rest, part.where)
 
 
 def _fit(part: Spectrum | Record, channel: Channel, near_hz: float | None) -> ResonanceFit:

@@ -277,15 +277,14 @@ def fit_driven(
     gated = _gated(rate_hz, cross, lag, rings)
     peaks = _peaks(gated, power or 0)
     n = _recognised(gated, peaks, near_hz, power)
-    lines, clean = _record_lines(rate_hz, y, x), y
+    lines = _record_lines(rate_hz, y, x)
     if held.any():
         own = _chosen(peaks, near_hz, exact)
         first = _solve(lines.around(own.hz, own.q), np.log([own.hz, own.q]), n or 0)
-        clean = _filled(first, rate_hz, y, held, n or 0)[1]
-        lines = _record_lines(rate_hz, clean, x)
+        lines = _record_lines(rate_hz, _filled(first, rate_hz, y, held, n or 0)[1], x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
     if held.any():
-        fit, clean = _filled(fit, rate_hz, y, held, n or 0)
+        fit, _ = _filled(fit, rate_hz, y, held, n or 0)
     hz, q = fit.modes[0]
     clock = CLOCK if abs(lag) > LATE_S * rate_hz else 0.0
     _refuse_short(len(y) / rate_hz, hz)
@@ -340,10 +339,17 @@ def fit_decay(
         if seconds * rate_hz >= 0.9 * len(y):
             break
         y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
-    further = [
-        _record_lines(rate_hz, whole[k : k + len(y)]) for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart
-    ]
-    fit = _fit_peaks(_beside([lines, *further]), peaks, near_hz, 0, exact)
+    further = [k for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart]
+    parts = [lines, *(_record_lines(rate_hz, whole[k : k + len(y)]) for k in further)]
+    inputs = np.repeat(np.eye(len(parts)), len(lines.data), 1) * np.concatenate([part.inputs[0] for part in parts])
+    joined = Lines(
+        np.tile(lines.frequency, len(parts)),
+        np.concatenate([part.data for part in parts]),
+        inputs,  # one for each decay, so that each has factors of its own
+        lines.seconds,
+        np.concatenate([part.slow for part in parts if part.slow is not None], 1),
+    )
+    fit = _fit_peaks(joined, peaks, near_hz, 0, exact)
     _refuse_short(len(y) / rate_hz, float(fit.modes[0, 0]))
     if not _gain(fit) >= LEAST_GAIN:
         raise SolverError(NO_DECAY)
@@ -407,15 +413,6 @@ def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Li
     size = np.full(len(data), np.sqrt(np.mean(np.abs(data) ** 2)) or 1.0, complex)
     inputs = [size] if x is None else [np.fft.rfft(x - x.mean())[1:-1], size]
     return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
-
-
-def _beside(parts: list[Lines]) -> Lines:
-    """Return the lines of records of the same modes one after the other, each with inputs of its own."""
-    inputs = [
-        np.concatenate([k * own.inputs[0] for k in row]) for row, own in zip(np.eye(len(parts)), parts, strict=True)
-    ]
-    joined = [np.concatenate([getattr(p, name).T for p in parts]).T for name in ("frequency", "data", "slow")]
-    return Lines(joined[0], joined[1], np.array(inputs), parts[0].seconds, joined[2])
 
 
 class _Cross(NamedTuple):
@@ -783,7 +780,14 @@ def _fit_peaks(
     if alone:
         return _without_hum(fit, power)
     for _ in range(MOST_MODES):
-        more = _extended(_without_hum(fit, power), power)
+        fit = _without_hum(fit, power)
+        size = np.abs(fit.residual)
+        noise = float(np.median(size)) / np.sqrt(np.log(2))
+        shown = size.max() >= noise * np.sqrt(np.log(len(size)) + 4) or _correlation(fit.residual) > 1
+        if fit.noise < SMALLEST_NOISE * np.abs(local.data).max() or not shown:
+            break
+        hz, q, _ = _start(local, fit.residual, power, [])
+        more = _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
         if more is None:
             break
         fit = more
@@ -800,7 +804,8 @@ def _without_hum(fit: _Solved, power: int) -> _Solved:
     lines = fit.lines
     for _ in range(MOST_HUM):
         size = np.abs(fit.residual)
-        hum = size * _mains(lines)
+        off = [np.abs(lines.frequency - hz * np.maximum(np.round(lines.frequency / hz), 1)) for hz in MAINS_HZ]
+        hum = size * (np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
         if hum.max() <= 3.5 * np.median(size) / np.sqrt(np.log(2)):
             break
         hz, q = fit.modes[0]
@@ -826,24 +831,6 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     size = np.abs(more.factors[: len(hz)]) / np.abs(fit.factors[0])
     own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0] and 0.5 < size[0] < 2 and (size[1:] < 2).all()
     return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
-
-
-def _extended(fit: _Solved, power: int) -> _Solved | None:
-    """Return a better fit, with a further mode; None where none is worth it."""
-    lines, size = fit.lines, np.abs(fit.residual)
-    if fit.noise < SMALLEST_NOISE * np.abs(lines.data).max():
-        return None
-    middle = float(np.median(size)) / np.sqrt(np.log(2))
-    if size.max() < middle * np.sqrt(np.log(len(size)) + 4) and _correlation(fit.residual) == 1:
-        return None
-    hz, q, _ = _start(lines, fit.residual, power, [])
-    return _better(fit, np.append(fit.theta, np.log([hz, q])), power, fit.extra) if hz else None
-
-
-def _mains(lines: Lines) -> np.ndarray:
-    """Return whether lines (n,) are at a multiple of a mains frequency."""
-    off = [np.abs(lines.frequency - hz * np.maximum(np.round(lines.frequency / hz), 1)) for hz in MAINS_HZ]
-    return np.asarray(np.minimum(*off) < np.maximum(MAINS_OFF * lines.frequency, 1.01 * lines.step_hz))
 
 
 def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.ndarray:
