@@ -32,8 +32,8 @@ MOVE = """([name, value]) => new Promise((done) => {
     const painted = (then) => requestAnimationFrame(() => setTimeout(then));
     const start = performance.now();
     document.addEventListener("padgen-figures", () => painted(() => done(performance.now() - start)), {once: true});
-    window.all = new Promise((told) =>
-        document.addEventListener("padgen-planned", () => painted(() => told(performance.now() - start)), {once: true}));
+    window.all = new Promise((told) => document.addEventListener(
+        "padgen-planned", () => painted(() => told(performance.now() - start)), {once: true}));
     const field = document.getElementById(`field-${name}`);
     field.value = value;
     field.dispatchEvent(new Event("change"));
@@ -59,7 +59,7 @@ def page_of(pad: pg.Pad) -> str:
 def report() -> list[str]:
     """Return the table of the page's size and times."""
     lines = [
-        "| pad | MB | data and page, beyond the build s | data of a plan, without prints s | first picture s |",
+        "| pad | MB | data and page, beyond the build s | figures of a move s | first picture s |",
         "|---|---|---|---|---|",
     ]
     with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
@@ -69,7 +69,7 @@ def report() -> list[str]:
             pad.check()
             html = page_of(pad)
             page_s = best_s(partial(page_of, pad))
-            move_s = best_s(partial(page_data, pad.plan, quick=True))
+            move_s = best_s(partial(page_data, pad.plan, live=True))
             path = Path(folder, "report.html")
             path.write_text(html, encoding="utf-8")
             firsts = []
@@ -108,7 +108,7 @@ def steps(plan: Plan) -> list[tuple[str, str]]:
 
 
 def moves() -> list[str]:
-    """Return the table of moves of the live page: time to the figures and to all, and the processor's time for figures."""
+    """Return the table of moves of the live page: time to the figures, the processor's part in it, and time to all."""
     lines = [
         "| spec | moves | figures ms: median | worst | of processor: server | page | all ms: median | worst |",
         "|---|---|---|---|---|---|---|---|",

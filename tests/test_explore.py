@@ -17,7 +17,7 @@ from padgen.core.files import json_line
 from padgen.planner import plan_to_json
 from padgen.report.page import page_data, scene_data
 from padgen.report.plans import verdict_line
-from tests.test_page import ARGUMENTS, LATE_S, chromium
+from tests.test_page import ARGUMENTS, LATE_S, chromium, hear
 
 
 class Server:
@@ -228,8 +228,7 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         told, asked = [], []
         page.add_init_script(WATCH)
         page.on("request", lambda request: asked.append(urlsplit(request.url).path))
-        page.on("console", lambda message: told.append(message.text))
-        page.on("pageerror", lambda error: told.append(str(error)))
+        hear(page, told)
         page.goto(server.address, timeout=1000 * LATE_S)
         linked = page.evaluate("linked")
         value = page.evaluate(PLANNED, ["q_min", "slider", 700])
