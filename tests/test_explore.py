@@ -16,14 +16,15 @@ import padgen as pg
 from padgen.core.files import json_line
 from padgen.planner import plan_to_json
 from padgen.report.page import page_data, scene_data
-from tests.test_page import ARGUMENTS, LATE_S, chromium
+from padgen.report.plans import verdict_line
+from tests.test_page import ARGUMENTS, LATE_S, chromium, hear
 
 
 class Server:
     """A running `padgen explore`."""
 
-    def __init__(self, folder):
-        command = [sys.executable, "-m", "padgen", "explore", "paper-32", "--no-browser", "-o", str(folder)]
+    def __init__(self, folder, spec="paper-32"):
+        command = [sys.executable, "-m", "padgen", "explore", spec, "--no-browser", "-o", str(folder)]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=dict(os.environ))
         self.address = self.process.stdout.readline().strip()
         parts = urlsplit(self.address)
@@ -47,13 +48,16 @@ class Server:
     def libraries(self):
         return Path(f"/proc/{self.process.pid}/maps").read_text()
 
+    def stop(self):
+        self.process.terminate()
+        self.process.communicate(timeout=10)
+
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
     running = Server(tmp_path_factory.mktemp("explore"))
     yield running
-    running.process.terminate()
-    running.process.communicate(timeout=10)
+    running.stop()
 
 
 CHANGES = [{}, {"q_min": 17.25}, {"coil.gap_mm": 1.3, "delta_y": 7}, {"printer": "fdm-0.25", "band_hz": [45, 180]}]
@@ -195,18 +199,45 @@ PLANNED = """async ([name, kind, value]) => {
 }"""
 
 
+WATCH = """
+window.linked = 0;
+const link = WebGL2RenderingContext.prototype.linkProgram;
+WebGL2RenderingContext.prototype.linkProgram = function (...given) { linked += 1; return link.apply(this, given); };
+window.first = [];
+document.addEventListener("padgen-figures", () =>
+  first.push([document.querySelector("#verdict span:last-child").textContent, padgen.view().shows(padgen.data)]));
+"""
+BURST = """(values) => new Promise((done) => {
+  document.addEventListener("padgen-planned", done, { once: true });
+  const slider = document.getElementById("field-q_min").nextElementSibling;
+  for (const value of values) {
+    slider.value = value;
+    slider.dispatchEvent(new Event("input"));
+  }
+}).then(() => Number(document.getElementById("field-q_min").value))"""
+
+
 def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
-    """In a real browser: figures as `padgen plan` has them to the last digit; after a refusal the last plan stays."""
+    """In a real browser: figures as `padgen plan` has them to the last digit; after a refusal the last plan stays.
+
+    Figures come before the 3-D view, no shader is compiled anew, and moves that a later one overtakes are not planned.
+    """
     with sync_playwright() as playwright:
         running = playwright.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
         page = running.new_page(viewport={"width": 1280, "height": 860})
-        told = []
-        page.on("console", lambda message: told.append(message.text))
-        page.on("pageerror", lambda error: told.append(str(error)))
+        told, asked = [], []
+        page.add_init_script(WATCH)
+        page.on("request", lambda request: asked.append(urlsplit(request.url).path))
+        hear(page, told)
         page.goto(server.address, timeout=1000 * LATE_S)
+        linked = page.evaluate("linked")
         value = page.evaluate(PLANNED, ["q_min", "slider", 700])
         assert float(value) > 15
-        own = json.loads(plan_to_json(pg.plan("paper-32", q_min=float(value))))
+        plan = pg.plan("paper-32", q_min=float(value))
+        assert page.evaluate("first") == [[verdict_line(plan), False]]
+        assert page.evaluate("padgen.view().shows(padgen.data)")
+        assert page.evaluate("linked") == linked > 0
+        own = json.loads(plan_to_json(plan))
         for key in ("resonance_hz", "q", "drive_hz"):
             shown = page.evaluate("window.padgen.data.channels").copy()
             assert [channel[key] for channel in shown] == [channel[key] for channel in own["channels"]]
@@ -218,5 +249,10 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         assert page.evaluate("window.padgen.data.spec.q_min") == float(value)
         page.evaluate(PLANNED, ["pad.width_mm", "number", "50"])
         assert not page.evaluate("document.body.classList.contains('refused')")
+        asked.clear()
+        last = page.evaluate(BURST, list(range(500, 600, 5)))
+        assert page.evaluate("padgen.data.spec.q_min") == last > 15
+        assert asked.count("/plan") == 2, "the first of twenty moves and the last"
+        assert page.text_content("#verdict span:last-child") == verdict_line(pg.plan("paper-32", q_min=last))
         running.close()
     assert told == []

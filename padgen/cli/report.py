@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.cli.common import add_model, add_output, asked_of, code_of, folder_of, print_json, progress_line, show
-from padgen.core.errors import LONGEST, PadgenError, plain
+from padgen.core.errors import LONGEST, PadgenError, SpecError, plain
 
 if TYPE_CHECKING:
     from padgen.make.pad import Pad
@@ -69,6 +69,8 @@ def _recorded(folder: Path) -> "Plan":
     from padgen.make.planning import plan_for
     from padgen.planner import plan_to_json, read_plan
 
+    if not (folder / "plan.json").exists():
+        raise SpecError("has no plan.json; name a spec, or a folder that padgen plan or build wrote", str(folder))
     plan = read_plan(folder / "plan.json")
     if plan.spec.model.structure != "solid":
         with suppress(PadgenError):

@@ -200,12 +200,14 @@
   const save = make("button", "Write the spec", { type: "button" });
   const build = make("button", "Build the pad", { type: "button" });
   const report = make("a", "Show its report", { href: `/report?token=${encodeURIComponent(token)}`, target: "_blank", hidden: true });
-  buttons.append(save, build, report);
+  const pad = make("a", "See the pad", { href: "#view", className: "only-narrow" });
+  buttons.append(save, build, report, pad);
   form.append(make("h2", "Spec"), status, buttons, job, section("the pad", schema.properties, "", values), tables);
   form.addEventListener("submit", (event) => event.preventDefault());
   live.append(form);
   live.hidden = false;
   document.body.classList.add("live");
+  document.getElementById("verdict").setAttribute("aria-live", "polite");
 
   save.addEventListener("click", async () => {
     const data = await ask("save", changed);

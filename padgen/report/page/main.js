@@ -5,7 +5,7 @@ import { fitCharts, heatMap, histogram, ladder, study, wiring } from "./charts.j
 import { manual } from "./manual.js";
 import { at, framesOf, movedBy } from "./motion.js";
 import { showResponses } from "./responses.js";
-import { facts, jump, table } from "./tables.js";
+import { facts, jump, table, unprinted } from "./tables.js";
 import { makeView } from "./view.js";
 
 const WORDS = { good: "Works as printed", retune: "Works once re-tuned", short: "Falls short", error: "Does not work" };
@@ -286,7 +286,7 @@ const DRIVE = { channel: ["channel"], resonance_hz: ["resonance", "Hz"], drive_h
 function driverTable() {
   const { drive } = data;
   const columns = drive.columns.map((key) => ({ key, name: (DRIVE[key] || [key])[0], unit: (DRIVE[key] || [])[1] }));
-  put("drive-body", table("Driver table", columns, drive.rows.map((row) => row.map((value) => (typeof value === "number" && !Number.isInteger(value) ? { text: num(value, 5), value } : { text: value === null ? "∞" : String(value), value }))), { copy: true, note: "all are in drive.csv" }));
+  put("drive-body", table("Driver table", columns, drive.rows.map((row) => row.map((value) => (typeof value === "number" && !Number.isInteger(value) ? { text: num(value, 5), value } : { text: value === null ? "∞" : String(value), value }))), { copy: true, file: "drive.csv" }));
 }
 
 function taxelTable() {
@@ -300,6 +300,8 @@ function taxelTable() {
   put("taxels-body", table("Taxels", heads.map(([name, unit]) => ({ name, unit })), rows, { copy: true, click: (index) => (select(taxels.id[index]), jump("view")) }));
 }
 
+const PRINTED_CHECKS = 6;
+const PRINTED_PARTS = 11;
 const LEVELS = ["error", "warning", "note"];
 
 function checks() {
@@ -311,12 +313,13 @@ function checks() {
     "checks-body",
     h("p", {}, `${head}. ${data.built ? "The plan and the finished mesh were checked." : "The plan was checked; the mesh is measured when the pad is built."}`),
     measured.length ? h("dl", { class: "facts" }, measured.flatMap(([key, name]) => [h("dt", {}, name), h("dd", {}, [].concat(data.checked[key]).map((value) => num(Math.abs(value) < 1e-6 ? 0 : value, Number.isInteger(value) ? 9 : 3)).join(" × "))])) : null,
-    h("ul", { class: "findings" }, ordered.map((finding) => {
+    h("ul", { class: "findings" }, ordered.map((finding, index) => {
       const places = placesOf(finding);
       const inner = [h("strong", {}, finding.level), " ", h("span", { class: "where" }, finding.where), `: ${finding.message} `, h("code", {}, finding.code)];
       const show = () => ((highlighted = places), marks(), jump("view"), put("taxel-told", `${places.length} place${places.length > 1 ? "s" : ""} marked: ${finding.where}`));
-      return h("li", { class: finding.level }, places.length ? h("button", { type: "button", class: "finding", on: { click: show } }, inner) : inner);
+      return h("li", { class: `${finding.level}${index < PRINTED_CHECKS && finding.level !== "note" ? "" : " beyond"}` }, places.length ? h("button", { type: "button", class: "finding", on: { click: show } }, inner) : inner);
     })),
+    unprinted(ordered.filter((finding, index) => index >= PRINTED_CHECKS || finding.level === "note").length, "finding", "report.html"),
   );
 }
 
@@ -352,7 +355,8 @@ function billOfMaterials() {
   put(
     "bom-body",
     h("dl", { class: "facts" }, facts([["pad without washers", `${data.built ? "" : "about "}${num(masses.plastic, 3)} g`], ["washers", `${num(masses.washers, 3)} g`], ["pad, washers glued", `${num(masses.plastic + masses.washers, 3)} g`], stack])),
-    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Bill of materials" }, h("table", {}, h("thead", {}, h("tr", {}, head.map((name) => h("th", { scope: "col", class: "left" }, name)))), h("tbody", {}, rows.map(([item, quantity, unit, what]) => h("tr", {}, h("th", { scope: "row" }, item), h("td", {}, quantity), h("td", { class: "left" }, unit), h("td", { class: "left" }, what)))))),
+    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Bill of materials" }, h("table", {}, h("thead", {}, h("tr", {}, head.map((name) => h("th", { scope: "col", class: "left" }, name)))), h("tbody", {}, rows.map(([item, quantity, unit, what], index) => h("tr", { class: index < PRINTED_PARTS ? null : "beyond" }, h("th", { scope: "row" }, item), h("td", {}, quantity), h("td", { class: "left" }, unit), h("td", { class: "left" }, what)))))),
+    unprinted(rows.length - PRINTED_PARTS, "row", "bom.csv"),
   );
 }
 

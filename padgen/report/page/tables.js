@@ -5,11 +5,14 @@ import { byId, h } from "./dom.js";
 const FIRST = 40;
 const PRINTED = 12;
 
+/** Say on paper how many of so many rows are not on it, and where they are. */
+export const unprinted = (count, what, where) => (count > 0 ? h("p", { class: "only-print soft" }, `${count} more ${what}${count > 1 ? "s" : ""}: see ${where}`) : null);
+
 /**
  * Make a table. `columns` are {name, unit?, left?}, `rows` arrays of {text, value?} or plain texts and numbers;
- * `click(row index)` makes rows clickable.
+ * `click(row index)` makes rows clickable; `file` has all rows of a table that paper has the first of.
  */
-export function table(caption, columns, rows, { click = null, copy = false, note = "" } = {}) {
+export function table(caption, columns, rows, { click = null, copy = false, file = "" } = {}) {
   let order = rows.map((_, index) => index);
   let sorted = null;
   let shown = FIRST;
@@ -60,13 +63,12 @@ export function table(caption, columns, rows, { click = null, copy = false, note
     }),
   );
   fill();
-  const beyond = rows.length > PRINTED ? h("p", { class: "only-print soft" }, `${PRINTED} of ${rows.length} rows${note ? `; ${note}` : ""}`) : null;
   return h(
     "div",
     {},
     h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption }, h("table", {}, h("caption", { class: "hidden" }, caption), h("thead", {}, head), body)),
     h("p", { class: "no-print row" }, more, copy ? copyButton(columns, rows, cell) : null),
-    beyond,
+    unprinted(rows.length - PRINTED, "row", file),
   );
 }
 
