@@ -471,3 +471,11 @@ def test_clipped_samples_beyond_what_can_be_restored_are_refused():
         SolverError, match=r"has \d{4} clipped samples, at most 4000 can be restored: lower the input's"
     ):
         fit_driven(1000.0, x, y, clipped=clipped)
+
+
+def test_a_constant_between_silence_hides_no_noise():
+    rng = np.random.default_rng(9)
+    x = np.zeros(10_000)
+    x[1000:9000] = 1 + 0.15 * rng.standard_normal(8000)
+    fit = fit_driven(1000.0, x, answer(x, 1000.0, 80, 15, 50.0), ring_s=0.06)
+    assert (fit.resonance_hz, fit.q) == (pytest.approx(80, rel=1e-3), pytest.approx(15, rel=1e-2))

@@ -251,24 +251,25 @@ def fit_driven(
         )
     held = np.zeros(len(y), bool) if clipped is None else clipped
     rings = ring_s or len(y) / rate_hz / 8
-    cross = _cross(rate_hz, x, y)
-    first_lag = _lag(cross)
-    _refuse_lag(first_lag, x, y)
-    rough = _gated(rate_hz, cross, first_lag, rings)
+    first_lag = _lag(_cross(rate_hz, x, y))
+    x, y, held = _shifted(first_lag, x, y, held)
+    # Without silence, the constant of the excitation hides none of its lines.
+    loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
+    inside = slice(
+        max(int(loud[0] - BEFORE_S * rate_hz), 0), min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x))
+    )
+    cross = _cross(rate_hz, x[inside], y[inside])
+    rough = _gated(rate_hz, cross, 0, rings)
     hz, q, _ = _start(rough, rough.data, power or 0, [])
     if not hz:
         raise SolverError("is too short to show a resonance, or shows none; record longer, or excite more")
     first = _solve(rough.around(hz, q), np.log([hz, q]), power or 0, tries=FIRST_TRIES)
     lag = _lag(cross, first.modes[0])
-    _refuse_lag(lag, x, y)
-    if abs(lag - first_lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
+    if abs(lag) > RINGING_TAUS * rings * rate_hz:  # no part of the response that began at the first
         raise SolverError(NO_ANSWER)
-    x, y, held = x[max(-lag, 0) :], y[max(lag, 0) :], held[max(lag, 0) :]
-    loud = np.flatnonzero(np.abs(x) > QUIET_SHARE * np.abs(x).max())
-    start = max(int(loud[0] - BEFORE_S * rate_hz), 0)
-    count = min(int(loud[-1] + RINGING_TAUS * rings * rate_hz), len(x), len(y)) - start
-    count -= count % (1 << max(count.bit_length() - 10, 0))  # a length whose Fourier transform is quick
-    x, y, held = (v[start : start + count] for v in (x, y, held))
+    x, y, held = _shifted(lag, x[inside], y[inside], held[inside])
+    count = len(x) - len(x) % (1 << max(len(x).bit_length() - 10, 0))  # a length whose Fourier transform is quick
+    x, y, held = (v[:count] for v in (x, y, held))
     if held.sum() > MOST_HELD:
         raise SolverError(
             f"has {held.sum()} clipped samples, at most {MOST_HELD} can be restored: lower the input's gain, or cut it"
@@ -286,7 +287,7 @@ def fit_driven(
     if held.any():
         fit, _ = _filled(fit, rate_hz, y, held, n or 0)
     hz, q = fit.modes[0]
-    clock = CLOCK if abs(lag) > LATE_S * rate_hz else 0.0
+    clock = CLOCK if abs(first_lag + lag) > LATE_S * rate_hz else 0.0
     _refuse_short(len(y) / rate_hz, hz)
     away = np.abs(detuning(fit.lines.frequency, hz, q))
     near = away < max(ANSWERING, float(np.sort(away)[:FEWEST_ANSWERING][-1]))
@@ -462,12 +463,15 @@ def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
     return lag - len(impulse) * (lag > len(impulse) // 2)
 
 
-def _refuse_lag(lag: int, x: np.ndarray, y: np.ndarray) -> None:
-    """Refuse a delay that leaves the answer to most of the excitation outside the record: one that chance has made."""
-    count = len(x) - abs(lag)
-    kept, late = x[max(-lag, 0) :][:count], y[max(lag, 0) :][:count]
-    if count < FEWEST_SAMPLES or np.sum(kept**2) <= np.sum(x**2) / 2 or not (np.ptp(kept) and np.ptp(late)):
+def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
+    """Return x and the signals that are `lag` samples late, without the delay."""
+    count = max(len(x) - abs(lag), 0)
+    kept = [x[max(-lag, 0) :][:count], *(v[max(lag, 0) :][:count] for v in late)]
+    # A delay that leaves the answer to most of the excitation outside the record is one that chance has made.
+    heard = count >= FEWEST_SAMPLES and np.sum(kept[0] ** 2) > np.sum(x**2) / 2
+    if not heard or not (np.ptp(kept[0]) and np.ptp(kept[1])):
         raise SolverError(NO_ANSWER)
+    return kept
 
 
 def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> Lines:
