@@ -253,6 +253,7 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         last = page.evaluate(BURST, list(range(500, 600, 5)))
         assert page.evaluate("padgen.data.spec.q_min") == last > 15
         assert asked.count("/plan") == 2, "the first of twenty moves and the last"
-        assert page.text_content("#verdict span:last-child") == verdict_line(pg.plan("paper-32", q_min=last, pad={"width_mm": 52}))
+        plan = pg.plan("paper-32", q_min=last, pad={"width_mm": 52})
+        assert page.text_content("#verdict span:last-child") == verdict_line(plan)
         running.close()
     assert told == []
