@@ -17,7 +17,7 @@ from statistics import median
 
 from measure_growth import growth
 from measure_openscad import openscad
-from measure_report import report
+from measure_report import moves, report
 from measure_sweep import BUILDS, HEAD, beam_axes, many, sweeps, swept_s
 
 from padgen.core.cache import VARIABLE
@@ -112,6 +112,16 @@ def report_section() -> list[str]:
         "Bars: 1.5 and 6 MB, 1 s beyond the build, 2 s to the first picture.",
         "",
         *report(),
+        "",
+        "## Moves of the live page",
+        "",
+        "`padgen explore`: a field changes, the figures (verdict, levels, ladder, driver table) are painted, then",
+        "the 3-D view and the charts in sight, then the rest. In headless Chromium without a graphics card; the",
+        "fields take turns, some change the layout. *Of processor*: what server and page spend until the figures",
+        "are painted, however busy the machine is otherwise. Bars: 100 ms for 32 taxels, 300 ms for 512. `python",
+        "docs/measure_report.py` measures this alone.",
+        "",
+        *moves(),
     ]
 
 

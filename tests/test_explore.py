@@ -236,7 +236,6 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         plan = pg.plan("paper-32", q_min=float(value))
         assert page.evaluate("first") == [[verdict_line(plan), False]]
         assert page.evaluate("padgen.view().shows(padgen.data)")
-        assert page.evaluate("linked") == linked > 0
         own = json.loads(plan_to_json(plan))
         for key in ("resonance_hz", "q", "drive_hz"):
             shown = page.evaluate("window.padgen.data.channels").copy()
@@ -247,12 +246,14 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         assert "9" in page.locator("#live .status").inner_text()
         assert page.evaluate("document.body.classList.contains('refused')")
         assert page.evaluate("window.padgen.data.spec.q_min") == float(value)
-        page.evaluate(PLANNED, ["pad.width_mm", "number", "50"])
+        page.evaluate(PLANNED, ["pad.width_mm", "number", "52"])
         assert not page.evaluate("document.body.classList.contains('refused')")
+        assert page.evaluate("padgen.view().drawNow(), linked") == linked > 0
         asked.clear()
         last = page.evaluate(BURST, list(range(500, 600, 5)))
         assert page.evaluate("padgen.data.spec.q_min") == last > 15
         assert asked.count("/plan") == 2, "the first of twenty moves and the last"
-        assert page.text_content("#verdict span:last-child") == verdict_line(pg.plan("paper-32", q_min=last))
+        plan = pg.plan("paper-32", q_min=last, pad={"width_mm": 52})
+        assert page.text_content("#verdict span:last-child") == verdict_line(plan)
         running.close()
     assert told == []
