@@ -456,6 +456,7 @@ def test_pads_are_limited_by_work():
     plan = plan_of(scheme="tones")
     responses = 4 * 4 * (4**2 + 4 * 4 * 3) + 10 * 16
     result = print_yield(plan, 1000, spreads=USUAL, budget=100 * responses)
+    assert (result.pads, result.pads_asked) == (100, 1000)
     assert result.planned.pads.made == 100
     with pytest.raises(ValueError, match="pads must be at least 1, got 0"):
         print_yield(plan, 0)

@@ -215,7 +215,7 @@ def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
 
 
 KIND = "pulls"
-CODE = ("physics/magnetic_charge.py", "physics/pull.py")
+CODE = ("physics/magnetics.py", "physics/pull.py")
 LOW, RANGE, GAPS = 0.35 * MM, 3, 5
 """Parts outside the catalogues are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)`."""
 

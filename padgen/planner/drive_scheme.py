@@ -15,8 +15,7 @@ import numpy as np
 
 from padgen.core.errors import number
 from padgen.core.units import MA, MH, MM, MS, UM, decibel
-from padgen.physics.magnetic_charge import pole_error
-from padgen.physics.magnetics import CoilSource, SteelRing, pull_in_deflection, slack_at
+from padgen.physics.magnetics import CoilSource, SteelRing, pole_error, pull_in_deflection, slack_at
 from padgen.physics.modes import jump_amplitude
 from padgen.physics.pull import Leakage, leakage
 from padgen.physics.resonator import ModalTaxels, relative_energy
