@@ -259,12 +259,9 @@ def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> Pul
 
     low, high, reach = LOW * RANGE**part, LOW * RANGE ** (part + 1), max(offset_m, 1e-9) * sqrt(2)
     key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
-    try:
-        known = np.array(cache.load(KIND, key), float).reshape(-1, GAPS)
-        if np.isfinite(known).all():
-            return PullTable(low, high, reach, known[0], known[1:].T[:, None])
-    except (TypeError, ValueError):
-        pass
+    if known := cache.load(KIND, key):
+        scale, *shape = np.array(known)
+        return PullTable(low, high, reach, scale, np.array(shape).T[:, None])
     table = make_table(coil, washer, low, high, reach, GAPS, 1)
     cache.store(KIND, key, [table.scale.tolist(), *table.shape[:, 0].T.tolist()])
     return table
