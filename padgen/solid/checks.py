@@ -122,17 +122,9 @@ def _whole(
     small_enough = np.all(np.sort(size[:2]) <= np.sort(bed[:2])) and size[2] <= bed[2]
     measures, room = (" x ".join(map(number, each)) for each in (size, bed))
     first = _spot(*mesh.vertices_mm[state.first_broken].tolist()) if len(mesh.vertices_mm) else ""
-    open_edges, crowded, turned = state.open_edges, state.crowded_edges, state.turned_edges
-    bad = f"must be 0, the first near {first}"
+    broken = f"{state.broken_edges} edges do not join two triangles that agree which side is out, must be 0"
     cases = (
-        # What is wrong with one edge shows in others: only the first kind is told.
-        (open_edges, "mesh.closed", f"{open_edges} edges have a triangle on one side only, {bad}"),
-        (crowded and not open_edges, "mesh.closed", f"{crowded} edges join more than two triangles, {bad}"),
-        (
-            turned and not open_edges and not crowded,
-            "mesh.closed",
-            f"{turned} edges join triangles that disagree which side is out, {bad}",
-        ),
+        (not state.closed, "mesh.closed", f"{broken}, the first near {first}"),
         (
             state.closed and state.volume_mm3 <= 0,
             "mesh.inside_out",
