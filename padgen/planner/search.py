@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,7 +44,6 @@ __all__ = [
     "planned_optimum",
     "printed_count",
     "reachable_hz",
-    "searched_to",
     "sites_of",
     "sized_layouts",
     "slot_band_hz",
@@ -165,7 +164,8 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     )
 
     def kept() -> Optimum | None:
-        return _from_plain(cache.load(KIND, key), count)
+        entry = cache.load(KIND, key)
+        return entry and Optimum(tuple(entry[0]), *entry[1:])
 
     def made() -> Optimum:
         best = _searched(spec, count, low_hz, high_hz)
@@ -173,18 +173,6 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
         return best
 
     return cache.once(KIND, key, kept, made)
-
-
-def _from_plain(entry: Any, count: int) -> Optimum | None:
-    """Return the optimum in a cache entry, or None if the entry is not `count` rising resonances."""
-    try:
-        hz, reached_db, drive = entry
-        ladder = np.array(hz, float)
-        known = Optimum(tuple(ladder.tolist()), float(reached_db), str(drive))
-    except (OverflowError, TypeError, ValueError):
-        return None
-    rises = ladder.shape == (count,) and ladder[0] > 0 and bool((np.diff(ladder) > 0).all())
-    return known if rises and np.isfinite([*ladder, reached_db]).all() else None
 
 
 def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
@@ -377,12 +365,12 @@ def searched_to(scheme: Scheme) -> int:
 
 @lru_cache(maxsize=256)
 def largest_counts(
-    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
+    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float
 ) -> tuple[int, int]:
     """Return the most channels that keep a selectivity of `target_db` in all states, and the most with one channel on.
 
-    The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
-    are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
+    The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `LARGEST`
+    channels are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
     """
 
     def one_hot_holds(count: int) -> bool:
@@ -391,12 +379,11 @@ def largest_counts(
     def states_hold(count: int) -> bool:
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
-    singly = min(TRIED_SINGLY, most)
-    one_hot = next((count - 1 for count in range(2, singly + 1) if not one_hot_holds(count)), singly)
+    one_hot = next((count - 1 for count in range(2, TRIED_SINGLY + 1) if not one_hot_holds(count)), TRIED_SINGLY)
     # From above, since no count keeps more in all states than with one channel on.
     states = next((count for count in range(min(one_hot, searched_to(scheme)), 1, -1) if states_hold(count)), 1)
     if one_hot == TRIED_SINGLY:
-        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
+        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, LARGEST)
         if states == TRIED_SINGLY:
             states = _largest_that_holds(states_hold, TRIED_SINGLY, one_hot)
     return states, one_hot
