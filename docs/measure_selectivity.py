@@ -107,7 +107,7 @@ def speed() -> list[str]:
         ("all states, tones, 512 channels", best_s(lambda: all_states(many, TONES)), "2"),
         ("all states, tones, 11 channels, closed form", best_s(lambda: all_states(few, TONES)), ""),
         (
-            "yield of 100,000 pads of 32 taxels",
+            "yield of 100,000 pads of 32 taxels, costs of all spreads included",
             best_s(lambda: print_yield(plan), 1),
             "5",
         ),
@@ -117,8 +117,8 @@ def speed() -> list[str]:
 
 def yields() -> list[str]:
     lines = [
-        "| pad, asked | planned tones: good taxels, pads | re-tuned: good taxels, pads | median dB |",
-        "|---|---|---|---|",
+        "| pad, asked | planned tones: good taxels, pads | re-tuned: good taxels, pads | median dB | costliest |",
+        "|---|---|---|---|---|",
     ]
 
     def row(name: str, result: PrintYield) -> str:
@@ -126,6 +126,7 @@ def yields() -> list[str]:
         return (
             f"| {name} | {before.taxels.share:.1%}, {before.pads.share:.2%} | {after.taxels.share:.1%},"
             f" {after.pads.share:.2%} | {before.median_db:.1f} → {after.median_db:.1f} |"
+            f" {result.costliest_retuned[0].replace('_', ' ')} |"
         )
 
     for name, delta_y in (("paper-32", 5), ("triple-48", 5), ("triple-48", 10), ("quad-64", 5)):

@@ -1,6 +1,7 @@
 """`plan --explain`, `plan --yield`, beams in the printer's steps, and optimised spacing, as a user meets them."""
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
@@ -10,10 +11,11 @@ import pytest
 
 from padgen.cli import run
 from padgen.core.errors import InfeasibleError, as_lines
+from padgen.core.files import json_text
 from padgen.physics.schemes import in_order
 from padgen.planner import explain, make_plan
 from padgen.planner.cures import varied
-from padgen.planner.explain import _changes, _channels_held, _limits, explain_plan
+from padgen.planner.explain import CapacityRow, _changes, _channels_held, _limits, explain_plan
 from padgen.planner.print_yield import print_yield
 from padgen.report.plans import explanation_text, plan_text, yield_text
 from padgen.spec import load_spec, make_spec, parse_spec
@@ -126,10 +128,13 @@ def test_changes_are_ranked_by_what_prints_keep_then_by_what_they_buy(explained)
     assert plan.prints.good_share < asked
     works = [c.good_share is not None and c.good_share >= asked for c in changes]
     assert any(works) and works == sorted(works, reverse=True)
+    stages = explanation.stage_channels
+    assert stages == tuple(sorted(stages)) and stages[0] < stages[-1] == plan.capacity.prints
     gained = [c.gained for c, good in zip(changes, works, strict=True) if good]
     assert gained == sorted(gained, reverse=True)
     lacking = [(-(c.good_share or 0.0), -(c.print_db or 0.0)) for c in changes[sum(works) :]]
     assert lacking == sorted(lacking)
+    assert any(c.change.startswith("q_min = ") and c.gained_in_band > 0 for c in changes)
 
 
 def test_the_limit_that_binds_is_named():
@@ -140,9 +145,14 @@ def test_the_limit_that_binds_is_named():
     assert any(limit.startswith("copper loss: it allows") for limit in _limits(make_plan(weak), 4, "biased"))
 
 
-def test_the_text_says_what_is_held(explained):
+def test_capacities_by_scheme_and_law(explained):
+    rows = json.loads(json_text(explained[2]))["capacities"]
+    rows = [CapacityRow(**row) for row in rows]
+    assert {(row.scheme, row.level_law) for row in rows} == {(s, p) for s in SCHEMES for p in (0.0, 1.0, 2.0)}
+    assert all(1 <= row.all_states <= row.one_hot for row in rows)
     text = explanation_text(explained[2])
     assert "4 channels per coil keep what was asked (driven biased); one more is stopped by" in text
+    assert "time-shared  " in text
 
 
 def test_explain_on_the_command_line(tmp_path, capsys):
@@ -193,9 +203,11 @@ def test_bad_yields_are_refused(arguments, sentence, tmp_path, capsys):
     assert not (tmp_path / "new").exists()
 
 
-def test_yield_text_says_where_the_plan_itself_falls_short(paper_plan):
+def test_yield_text_says_what_costs_most(paper_plan):
     text = yield_text(print_yield(paper_plan, 200))
     assert "200 pads printed in the computer (seed 0)" in text
+    # As planned, common height and each taxel's own thickness cost about alike.
+    assert re.search("costliest spread, tones as planned: (common z|thickness) mm, re-tuned: thickness mm", text)
     assert "so that hardly a pad can be good at 20.0 dB" in text
 
 

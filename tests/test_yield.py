@@ -8,6 +8,7 @@
 | sigma of f, all spreads | sum of squares | 4 sigma | sampling only |
 | sigma of f by gradient | g/√(2π) in a square's corner | 4 sigma | an integral over directions |
 | re-tuned, modulus alone | the plan's figure | 1e-9 dB | scaling all frequencies changes no ratio |
+| neighbours swapped, too close | normal law of their distance | 4 sigma | sampling only |
 | share of lone taxels | normal law over the half-power band | 4 sigma | independent taxels |
 | one printed coil | all 2^n states with complex receptances | 1e-9 dB | the same sums in another order |
 | capacity that prints, closed form | Monte-Carlo of the ladders | 1 channel | of all lines one comes near |
@@ -21,7 +22,7 @@ import subprocess
 import sys
 from dataclasses import asdict, astuple, replace
 from functools import cache
-from itertools import combinations, product
+from itertools import combinations, pairwise, product
 from math import hypot, log, sqrt
 from pathlib import Path
 
@@ -130,6 +131,7 @@ def test_a_pad_that_is_scaled_as_a_whole_is_as_selective_after_tuning():
     result = print_yield(plan, 2000, spreads=only(modulus=0.2))
     assert dbs(result.retuned) == pytest.approx([plan.selectivity.placed_own_modes_db] * 4, abs=DB)
     assert result.planned.median_db < result.retuned.median_db - 10
+    assert result.swapped_share == 0
 
 
 def test_tuning_never_costs_yield_where_channels_are_far_apart():
@@ -311,7 +313,7 @@ def test_taxels_that_have_a_coil_each_follow_the_normal_law():
     assert found.share == pytest.approx(share, abs=4 * sqrt(share * (1 - share) / 20_000))
     assert pads.share == pytest.approx(share**4, abs=4 * sqrt(share**4 * (1 - share**4) / 5000))
     assert result.retuned.taxels.share == 1
-    assert (result.planned.median_db, result.nominal_db) == (None, None)
+    assert (result.planned.median_db, result.nominal_db, result.swapped_share) == (None, None, None)
     assert "1/sqrt(2)" in result.criterion and "no selectivity" in result.criterion
 
 
@@ -354,6 +356,23 @@ def test_quantiles_rise_and_intervals_are_wilson_s():
         assert least * alone < taxels.high - taxels.low < 5 * alone
 
 
+def test_neighbours_that_swapped_or_came_too_close():
+    plan, sigma_mm = plan_of(), 0.1
+    result = print_yield(plan, 2000, spreads=only(thickness_mm=sigma_mm))
+    limit, swapped, crowded = log(ladder_ratio(30.0, 10.0)), [], []
+    pairs = pairwise(zip(plan.channels, result.channels, strict=True))
+    for (a, low), (b, high) in pairs:
+        sigma = sigma_mm * hypot(low.per_thickness / a.beam.thickness_mm, high.per_thickness / b.beam.thickness_mm)
+        apart = norm(log(b.resonance_hz / a.resonance_hz), sigma)
+        swapped.append(apart.cdf(0))
+        crowded.append(apart.cdf(limit) - apart.cdf(-limit))
+    # The pairs of a coil share channels: as sure as from one pair of each of 8000 coils.
+    sampling = 4 * 0.5 / sqrt(8000)
+    assert min(np.mean(swapped), np.mean(crowded)) > 2 * sampling
+    assert result.swapped_share == pytest.approx(np.mean(swapped), abs=sampling)
+    assert result.crowded_share == pytest.approx(np.mean(crowded), abs=sampling)
+
+
 # Capacity with a guard band, in closed form
 
 BAND_HZ, COILS = (20.0, 1000.0), 16
@@ -365,7 +384,7 @@ def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND
     weight = np.zeros((8, count))
     weight[module.NAMES.index("thickness_mm")] = 1.0
     design = module.Design(
-        *(hz, q * one, one, one, np.zeros((2, count)), 1.0, law, scheme, need, weight, np.zeros((count, 3))),
+        *(hz, q * one, one, one, np.zeros((2, count)), 1.0, law, scheme, need, 1.0, weight, np.zeros((count, 3))),
         *(np.tile(np.arange(count), coils), np.zeros((count * coils, 2)), 50.0),
         (module.Coils(np.arange(count), np.arange(count * coils).reshape(coils, count).T),),
     )
@@ -420,6 +439,9 @@ def test_spread_of_a_ratio_and_coils_of_a_plan():
     sampled = np.std(pairs, axis=-1).max()
     assert plan.prints.ratio_spread == pytest.approx(sampled, rel=4 / sqrt(2 * pads))
     assert 1 <= plan.capacity.prints < plan.capacity.exact
+    missed = [(log_x[2] - known).std(axis=-1).max() for known in (0.0, *log_x)]
+    # The largest of several channels' samples is a little larger than its sigma.
+    assert module.missed_spreads(design, spreads) == pytest.approx(missed, rel=6 / sqrt(2 * pads))
     plan = replace(plan, selectivity=replace(plan.selectivity, asked_db=21.5))
     prints = what_prints_keep(plan)
     taxels = print_yield(plan, prints.pads).good_prints
@@ -428,6 +450,24 @@ def test_spread_of_a_ratio_and_coils_of_a_plan():
         share = prints.coil_shares[row * plan.coils.columns + column]
         assert prints.good_share <= share <= min(taxels[i] for i in own)
     assert prints.good_share >= 1 - sum(1 - share for share in prints.coil_shares)
+
+
+# What costs most
+
+
+def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
+    plan = plan_of(delta_y=2.0)
+    result = print_yield(plan, 300, spreads=only(thickness_mm=0.04, modulus=1e-5))
+    assert [cost.spread for cost in result.costs] == list(module.NAMES)
+    cost = result.costs[module.NAMES.index("thickness_mm")]
+    assert result.cost_pads == 300
+    for name in ("planned", "retuned"):
+        outcome, gain = getattr(result, name), getattr(cost, name)
+        assert getattr(result, f"costliest_{name}") == ("thickness_mm", "pads")
+        assert gain.pads == pytest.approx(1 - outcome.pads.share)
+        assert gain.taxels == pytest.approx(1 - outcome.taxels.share)
+        assert gain.median_db == pytest.approx(plan.selectivity.placed_own_modes_db - outcome.median_db, abs=0.05)
+    assert print_yield(plan, 50, spreads=NONE).costliest_retuned == ("none", "none")
 
 
 # The same bits, bounded work, plain data
@@ -456,7 +496,7 @@ def test_pads_are_limited_by_work():
     plan = plan_of(scheme="tones")
     responses = 4 * 4 * (4**2 + 4 * 4 * 3) + 10 * 16
     result = print_yield(plan, 1000, spreads=USUAL, budget=100 * responses)
-    assert (result.pads, result.pads_asked) == (100, 1000)
+    assert (result.pads, result.pads_asked, result.cost_pads) == (100, 1000, 5)
     assert result.planned.pads.made == 100
     with pytest.raises(ValueError, match="pads must be at least 1, got 0"):
         print_yield(plan, 0)

@@ -2,35 +2,43 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import product
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from padgen.core.errors import SpecError, as_lines, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
+from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.planner.channels import plan_channels
 from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain
 from padgen.planner.make import make_plan
-from padgen.planner.plan import Plan, Selectivity, scheme_named
-from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
+from padgen.planner.plan import Plan, Selectivity, level_law, scheme_named
+from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
 from padgen.planner.search import (
     channel_limit,
     coil_capacity,
+    largest_counts,
+    printed_count,
+    searched_to,
     sites_of,
     sized_layouts,
 )
 from padgen.spec import Spec, catalogue
 
-__all__ = ["Change", "Explanation", "explain_plan"]
+__all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
 
 MOST_TRIED = 12
 """Most channels per coil that are tried with a change."""
 OPTIMISED_TRIED = 8
 """Most channels per coil for which optimised resonances are tried."""
+MOST_IN_BAND = 20
+"""Most channels that are counted in the band, as if there were room for all."""
 PATIENCE = 2
 """Counts of channels that fail in a row before larger ones are no longer tried."""
 WORTH_DB, WORTH_SHARE = 0.1, 0.01
@@ -38,13 +46,24 @@ COSTS = ("a line of the spec", "another print", "other parts", "another pad")
 
 
 @dataclass(frozen=True, slots=True)
+class CapacityRow:
+    """Most channels of one coil on a geometric ladder over the band, for one drive scheme and level law."""
+
+    scheme: str
+    level_law: float | str
+    one_hot: int
+    all_states: int
+    searched_to: int
+
+
+@dataclass(frozen=True, slots=True)
 class Change:
     """A change of the spec that was tried: the lines to write into its file, the cost (one of `COSTS`), and the gain.
 
     With the change `channels` per coil, driven by the scheme `drive`, keep the asked selectivity: `gained` more than
-    without it. `gained_db` is added to the all-state selectivity of as many channels as planned. A new plan with the
-    change and as many channels has `good_share` of its re-tuned prints keep the asked selectivity, and the asked share
-    of them keep `print_db`;
+    without it. If there were room for all, `gained_in_band` more would (0 where no more are counted). `gained_db` is
+    added to the all-state selectivity of as many channels as planned. A new plan with the change and as many channels
+    has `good_share` of its re-tuned prints keep the asked selectivity, and the asked share of them keep `print_db`;
     both are None where that plan has errors, the latter also where a coil has one channel.
     """
 
@@ -53,6 +72,7 @@ class Change:
     channels: int
     drive: str
     gained: int
+    gained_in_band: int
     gained_db: float | None
     good_share: float | None
     print_db: float | None
@@ -64,16 +84,19 @@ class Explanation:
 
     On the plan's grid `channels` per coil, driven by the scheme `drive`, keep the asked selectivity; `limits` say what
     stops one more. `good_share` and `print_db` are of the plan's re-tuned prints, as in `Change`. `channel_shares` (n,)
-    are the shares of the prints in which a taxel of each channel is good.
+    are the shares of the prints in which a taxel of each channel is good. `stage_channels` are the channels per coil
+    that prints would keep in the band at each of `padgen.planner.printed_pads.STAGES`, the last one `Capacity.prints`.
     """
 
     channels: int
     drive: str
     limits: tuple[str, ...]
     changes: tuple[Change, ...]
+    capacities: tuple[CapacityRow, ...]
     channel_shares: tuple[float, ...]
     good_share: float | None
     print_db: float | None
+    stage_channels: tuple[int, ...]
 
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
@@ -81,10 +104,10 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     spec, grid, count = plan.spec, (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
     progress("what stops one more channel")
     least = min(count, MOST_TRIED)
-    held, drive = _channels_held(spec, grid, least)
+    (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
-    share_now, print_now_db = _prints(spec, grid, count)
+    share_now, print_now_db = now_printed = _prints(spec, grid, count)
     changes = []
     for cost, cure in _changes(plan):
         try:
@@ -99,25 +122,55 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         channels, scheme = _channels_held(changed, grid, least)
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
+        more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(changed) - in_band
         prints = _prints(changed, grid, count, optimise) if figures else (None, None)
-        change = Change(as_lines(cure), COSTS[cost], channels, scheme, channels - held, gained_db, *prints)
+        gains = channels - held, more_in_band, gained_db, *prints
+        change = Change(as_lines(cure), COSTS[cost], channels, scheme, *gains)
         more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
         prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
-        if prints_more or change.gained > 0 or (change.gained == 0 and more_db > WORTH_DB):
+        if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda change: _rank(change, spec.print_share))
-    design = design_of(plan, None)
-    good = printed(design, spreads_of(spec), plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
-    shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
-    limits = tuple(_limits(plan, held, drive))
-    return Explanation(held, drive, limits, tuple(changes), tuple(shares.tolist()), share_now, print_now_db)
+    capacities, limits = _capacities(spec), tuple(_limits(plan, held, drive))
+    return Explanation(held, drive, limits, tuple(changes), capacities, *_print_figures(plan, now_printed))
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
     """Return a sort key: good prints up to the share `asked`, below it their selectivity, then channels, then cost."""
     share, print_db = change.good_share or 0.0, change.print_db or 0.0
     short_db = -print_db if share < asked else 0.0
-    return -min(share, asked), short_db, -change.gained, COSTS.index(change.cost), -print_db
+    return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
+
+
+def _print_figures(plan: Plan, now: tuple[float | None, float | None]) -> tuple[Any, ...]:
+    """Return the last fields of `Explanation`: `now` are `good_share` and `print_db`."""
+    spec, design, spreads = plan.spec, design_of(plan, None), spreads_of(plan.spec)
+    good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
+    shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
+    asked = plan.selectivity.asked_db, spec.print_share, plan.coils.rows * plan.coils.columns
+    stages = [
+        printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *asked, 0.0, missed)
+        for missed in missed_spreads(design, spreads)[:-1]
+    ]
+    return tuple(shares.tolist()), *now, (*stages, plan.capacity.prints)
+
+
+def _channels_in_band(spec: Spec) -> int:
+    """Return the most channels that band, Q and drive allow, as if there were room for all; 'auto' is spur-free."""
+    name = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
+    law, asked_db = level_law(spec), decibel(spec.delta_y)
+    return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db, MOST_IN_BAND)[0]
+
+
+def _capacities(spec: Spec) -> tuple[CapacityRow, ...]:
+    laws: list[tuple[float | str, LevelLaw]] = [(p, LevelLaw(p)) for p in (0.0, 1.0, 2.0)]
+    if spec.drive.threshold_hz:
+        laws.append(("threshold", level_law(spec)))
+    rows = []
+    for scheme, (key, law) in product((scheme_named(spec, name) for name in in_order()), laws):
+        states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
+        rows.append(CapacityRow(scheme.name, key, one_hot, states, searched_to(scheme)))
+    return tuple(rows)
 
 
 def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:

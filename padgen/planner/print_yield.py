@@ -1,15 +1,16 @@
-"""Estimate the share of good pads among prints of a plan, before and after re-tuning.
+"""Estimate the share of good pads among prints of a plan, before and after re-tuning, and the costliest spread.
 
 `padgen.planner.printed_pads` has the model of a print and judges it.
 """
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass, replace
 from math import inf, log10
 
 import numpy as np
 
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import (
+    NAMES,
     STAGES,
     Design,
     Simulated,
@@ -20,12 +21,16 @@ from padgen.planner.printed_pads import (
     work,
 )
 
-__all__ = ["ChannelSpread", "Outcome", "PrintYield", "Share", "print_yield"]
+__all__ = ["ChannelSpread", "Cost", "Gain", "Outcome", "PrintYield", "Share", "print_yield"]
 
 BUDGET = 5e8
 """Most responses that are computed for all pads together: a few seconds."""
+COST_SHARE, COST_PADS = 20, 2000
+"""The cost of each spread is found on a twentieth of the pads, but on at least `COST_PADS` if there are as many."""
 OUTCOMES = ("planned", "after_coupon", "after_some", "retuned")
 """Fields of `PrintYield` with an `Outcome`, in the order of `STAGES`."""
+LEAST_GAINS = {"pads": 0.01, "taxels": 0.01, "median_db": 0.1}
+"""Gains up to these are too small to call a spread the costliest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,12 +75,34 @@ class ChannelSpread:
 
 
 @dataclass(frozen=True, slots=True)
+class Gain:
+    """Gains of the shares of good pads and taxels (0 … 1) and of the pads' median selectivity in dB."""
+
+    pads: float
+    taxels: float
+    median_db: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Gain when one spread is taken away, with the same random numbers for the others."""
+
+    spread: str
+    sigma: float
+    planned: Gain
+    retuned: Gain
+
+
+@dataclass(frozen=True, slots=True)
 class PrintYield:
     """Yield of `pads` simulated prints; fewer than `pads_asked` where those were too much work.
 
     `criterion` says what a good taxel and a good pad are; `nominal_db` is the selectivity of the pad as drawn. In
     `after_coupon` the tones follow the error common to a print, in `after_some` also the smooth field over the bed.
-    `good_prints` (t,) are the shares of pads in which each taxel is good once re-tuned.
+    `good_prints` (t,) are the shares of pads in which each taxel is good once re-tuned. Of the neighbouring channels
+    `swapped_share` came out in the other order, `crowded_share` closer than Eq. 12 asks for the wanted selectivity.
+    `costs` come from the first `cost_pads` pads. `costliest_*` is the spread whose absence gains most, and the figure
+    that shows it: the first of 'pads', 'taxels' and 'median_db' that does; ('none', 'none') where none does.
     """
 
     pads: int
@@ -92,6 +119,12 @@ class PrintYield:
     after_some: Outcome
     retuned: Outcome
     good_prints: tuple[float, ...]
+    swapped_share: float | None
+    crowded_share: float | None
+    cost_pads: int
+    costs: tuple[Cost, ...]
+    costliest_planned: tuple[str, str]
+    costliest_retuned: tuple[str, str]
 
 
 def print_yield(
@@ -115,8 +148,13 @@ def print_yield(
         raise ValueError(f"pads must be at least 1, got {pads}")
     spreads = spreads or spreads_of(plan.spec)
     design = design_of(plan, None)
-    made = min(pads, max(int(budget / work(design)), 1))
+    affordable = max(int(budget / work(design)), 1)
+    made = min(pads, affordable)
     prints = printed(design, spreads, made, seed)
+    cost_pads = min(made, max(made // COST_SHARE, COST_PADS), max(affordable // COST_SHARE, 1))
+    costs = _costs(design, spreads, cost_pads, seed)
+    pairs = sum(coils.taxels.shape[1] * (len(coils.channels) - 1) for coils in design.coils) * made
+    swapped, crowded = (float(count) / pairs if pairs else None for count in prints.neighbours)
     drawn = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
     sigma = np.sqrt(prints.square / (np.bincount(design.channel, minlength=len(design.q)) * made)).tolist()
     slopes = design.sensitivity.tolist()
@@ -132,6 +170,12 @@ def print_yield(
         channels=tuple(ChannelSpread(i, sigma[i], *slopes[i]) for i in range(len(sigma))),
         **dict(zip(OUTCOMES, (_outcome(prints, k, len(design.channel)) for k in range(len(STAGES))), strict=True)),
         good_prints=tuple((prints.good_prints[-1] / made).tolist()),
+        swapped_share=swapped,
+        crowded_share=crowded,
+        cost_pads=cost_pads,
+        costs=costs,
+        costliest_planned=_costliest({cost.spread: cost.planned for cost in costs}),
+        costliest_retuned=_costliest({cost.spread: cost.retuned for cost in costs}),
     )
 
 
@@ -168,3 +212,31 @@ def _share(good: int, made: int, independent: int) -> Share:
 
     interval = binomtest(round(good / made * independent), independent).proportion_ci(0.95, method="wilson")
     return Share(good, made, good / made, float(interval.low), float(interval.high))
+
+
+def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> tuple[Cost, ...]:
+    base, taxels = printed(design, spreads, pads, seed), len(design.channel)
+    costs = []
+    for name, sigma in zip(NAMES, astuple(spreads), strict=True):
+        without = printed(design, replace(spreads, **{name: 0.0}), pads, seed) if sigma else base
+        costs.append(Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1))))
+    return tuple(costs)
+
+
+def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:
+    median = np.median(without.ratio[k]), np.median(base.ratio[k])
+    return Gain(
+        float(without.good[k].mean() - base.good[k].mean()),
+        float(without.good_taxels[k].mean() - base.good_taxels[k].mean()) / taxels,
+        float(10 * np.log10(median[0] / median[1])) if np.isfinite(median).all() else None,
+    )
+
+
+def _costliest(gains: dict[str, Gain]) -> tuple[str, str]:
+    """Return the spread with the largest gain and its figure: the first in which a gain is above `LEAST_GAINS`."""
+    for figure, least in LEAST_GAINS.items():
+        value = {name: getattr(gain, figure) or 0.0 for name, gain in gains.items()}
+        best = max(value, key=lambda name: value[name])
+        if value[best] > least:
+            return best, figure
+    return "none", "none"

@@ -40,7 +40,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GRAM, MG, MM
-from padgen.physics.ladder import LevelLaw
+from padgen.physics.ladder import LevelLaw, ladder_ratio
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.channels import heard_modes
@@ -65,6 +65,7 @@ __all__ = [
     "design_of",
     "log_detuning",
     "log_resonances",
+    "missed_spreads",
     "places_of_mm",
     "printed",
     "ratio_spread",
@@ -142,6 +143,7 @@ class Design(NamedTuple):
     law: LevelLaw
     scheme: Scheme
     need: float
+    crowded_ratio: float
     weight: np.ndarray
     sensitivity: np.ndarray
     channel: np.ndarray
@@ -156,13 +158,14 @@ class Simulated(NamedTuple):
     `ratio` (s, p) is the energy of ON over OFF of a pad's worst coil, inf where nothing moves OFF taxels. `good` (s, p)
     tells if a pad is good, `good_taxels` (s, p) counts its good taxels. `good_prints` (s, t) counts the pads in which a
     taxel is good, `good_coils` (s, t) those in which its coil is. `square` (n,) sums the squares of the taxels' ln f
-    off the plan.
+    off the plan. `neighbours` (2,) counts neighbouring channels that changed order, and that came too close.
     """
 
     ratio: np.ndarray
     good_taxels: np.ndarray
     good: np.ndarray
     square: np.ndarray
+    neighbours: np.ndarray
     good_prints: np.ndarray
     good_coils: np.ndarray
 
@@ -245,6 +248,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         law=level_law(spec),
         scheme=plan.scheme,
         need=10 ** ((plan.selectivity.asked_db - ROUNDING_DB) / 10),
+        crowded_ratio=ladder_ratio(spec.q_min, spec.delta_y),
         weight=np.array([one / 2, thickness, thickness, width, thickness, length, glue, _washer_weight(plan)]),
         sensitivity=sensitivity,
         channel=channel,
@@ -308,6 +312,13 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
         each = np.diag(total)
         worst = max(worst, float((each[1:] + each[:-1] - 2 * np.diag(total, 1)).max()))
     return float(np.sqrt(worst))
+
+
+def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
+    """Return the sigma of ln of a taxel's resonance over its tone at each of `STAGES`, for the worst channel."""
+    square = (np.array(astuple(spreads))[:, None] * design.weight) ** 2
+    known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
+    return tuple(float(square[[name not in some for name in NAMES]].sum(0).max() ** 0.5) for some in known)
 
 
 def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
@@ -383,6 +394,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
         np.zeros((many, pads), int),
         np.ones((many, pads), bool),
         np.zeros(count),
+        np.zeros(2),
         np.zeros((many, taxels), int),
         np.zeros((many, taxels), int),
     )
@@ -433,6 +445,9 @@ def _judge(
         prints.good_taxels[k, block] += good.sum((0, 1))
         prints.good_prints[k, coils.taxels] += good.sum(-1)
         prints.good_coils[k, coils.taxels] += good_coils.sum(-1)
+    apart = hz[1:] / hz[:-1]
+    limit = design.crowded_ratio
+    prints.neighbours[:] += (apart < 1).sum(), ((apart < limit) & (apart > 1 / limit)).sum()
 
 
 PADS, FEWEST = 1000, 100

@@ -44,6 +44,7 @@ __all__ = [
     "planned_optimum",
     "printed_count",
     "reachable_hz",
+    "searched_to",
     "sites_of",
     "sized_layouts",
     "slot_band_hz",
@@ -365,12 +366,12 @@ def searched_to(scheme: Scheme) -> int:
 
 @lru_cache(maxsize=256)
 def largest_counts(
-    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float
+    band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:
     """Return the most channels that keep a selectivity of `target_db` in all states, and the most with one channel on.
 
-    The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `LARGEST`
-    channels are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
+    The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
+    are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
     """
 
     def one_hot_holds(count: int) -> bool:
@@ -379,11 +380,12 @@ def largest_counts(
     def states_hold(count: int) -> bool:
         return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
 
-    one_hot = next((count - 1 for count in range(2, TRIED_SINGLY + 1) if not one_hot_holds(count)), TRIED_SINGLY)
+    singly = min(TRIED_SINGLY, most)
+    one_hot = next((count - 1 for count in range(2, singly + 1) if not one_hot_holds(count)), singly)
     # From above, since no count keeps more in all states than with one channel on.
     states = next((count for count in range(min(one_hot, searched_to(scheme)), 1, -1) if states_hold(count)), 1)
     if one_hot == TRIED_SINGLY:
-        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, LARGEST)
+        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
         if states == TRIED_SINGLY:
             states = _largest_that_holds(states_hold, TRIED_SINGLY, one_hot)
     return states, one_hot

@@ -368,21 +368,24 @@ COUNTED_IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
 
 
 def explanation_text(explanation: "Explanation") -> str:
-    """Return the limits that bind, and a table of changes and their gains."""
+    """Return the limits that bind, a table of changes and their gains, and capacities by scheme and level law."""
     held = explanation.channels
     keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
     lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
     lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
     shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
     lines.append(f"prints in which a re-tuned taxel keeps what was asked: {shares}")
+    stages = "; ".join(f"{stage} {n}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
+    lines.append(f"channels that a coil could have in this band if prints are to keep what was asked: {stages}")
     if explanation.changes:
-        rows = [("as it is", "", *_printed_cells(explanation), "", "")]
+        rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
         rows += [
             (
                 change.change.replace(" with ", "\n  with "),
                 change.cost.split()[-1],
                 *_printed_cells(change),
                 f"{change.gained:+d} ({change.drive})" if change.gained else "",
+                f"{change.gained_in_band:+d}" if change.gained_in_band else "",
                 "" if change.gained_db is None else f"{change.gained_db:+.1f}",
             )
             for change in explanation.changes
@@ -392,7 +395,13 @@ def explanation_text(explanation: "Explanation") -> str:
             "what one change buys:",
             table(EXPLAINED, rows, left=2),
         ]
-    return "\n".join(lines)
+    laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
+    by_scheme: dict[str, list[str]] = {}
+    for row in explanation.capacities:
+        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
+    columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
+    lines += ["", "most channels in the band by level law, with one channel on and in all on/off states:"]
+    return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 EXPLAINED = (
@@ -412,7 +421,7 @@ def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
 
 
 def yield_text(result: "PrintYield") -> str:
-    """Return a table of the yields before and after re-tuning."""
+    """Return tables of the yields before and after re-tuning, and of the gain without each spread."""
     lines = [f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}"]
     if result.pads < result.pads_asked:
         lines[0] += f"; {result.pads_asked} would have been too much work"
@@ -428,7 +437,23 @@ def yield_text(result: "PrintYield") -> str:
             ("", "good taxels (95 % sure)", "good pads (95 % sure)", "5 % dB", "median dB", "95 % dB", "90 % reach dB"),
             rows,
         ),
+        "",
     ]
+    costs = [
+        (
+            cost.spread.replace("_", " "),
+            number(round(cost.sigma, 6)),
+            *(f"{100 * gain:+.1f}" for gain in (cost.planned.taxels, cost.retuned.taxels, cost.retuned.pads)),
+            _decibels(cost.retuned.median_db, "+"),
+        )
+        for cost in result.costs
+    ]
+    gains = ("points gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB")
+    lines.append(table(gains, costs))
+    told = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
+    named = [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]
+    if named:
+        lines.append(f"costliest spread, {', '.join(named)}")
     if result.nominal_db is not None and result.nominal_db < result.asked_db:
         lines.append(
             f"the plan itself keeps {result.nominal_db:.1f} dB, so that hardly a pad can be good at"
