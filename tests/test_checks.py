@@ -12,7 +12,7 @@ from padgen.planner import make_plan
 from padgen.planner.layout import to_cell
 from padgen.solid.checks import check_against, check_mesh, check_pad
 from padgen.solid.measure import sections, smallest, unsupported_spans
-from padgen.solid.mesh import Mesh, as_manifold, topology
+from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import parse_spec
 from tests.conftest import SMALL
@@ -100,25 +100,36 @@ def test_a_taxel_cut_off(small_pad, small_plan):
     assert "mesh.bodies" in codes(found)
 
 
-def test_bodies_that_lie_within_each_other():
-    """Two cubes share a bar of 0.5 x 0.6 mm over most of their height; apart, or only touching, they share nothing."""
-    cube = from_manifold(box((1, 1, 1)))
-    apart, touching, sharing = (
-        joined(cube, from_manifold(box((1, 1, 1), corner))) for corner in ((2, 0, 0), (0, 0, 1), (0.5, 0.4, 0.3))
-    )
-    assert not {"mesh.intersects"} & (
-        codes(check_mesh(apart, PRINTER, 1.24)) | codes(check_mesh(touching, PRINTER, 1.24))
-    )
-    (found,) = [f for f in check_mesh(sharing, PRINTER, 1.24).findings if f.code == "mesh.intersects"]
-    assert found.message == "at a height of 0.65 mm 0.3 mm² lie within it twice"
+def test_pierced_triangles():
+    apart = joined(from_manifold(box((1, 1, 1))), from_manifold(box((1, 1, 1), (2, 0, 0))))
+    pierced = joined(from_manifold(box((1, 1, 1))), from_manifold(box((1, 1, 1), (0.5, 0.4, 0.3))))
+    assert len(intersecting_pairs(apart)) == 0
+    assert len(intersecting_pairs(pierced)) > 0
+    assert "mesh.intersects" in codes(check_mesh(pierced, PRINTER, 1.24))
 
 
-def test_a_spike_through_a_pad(small_pad, small_plan):
-    vertices = small_pad.mesh.vertices_mm.copy()
+def test_pierced_tile(small_pad, small_plan):
+    tile = small_pad.tiles[0]
+    vertices = tile.mesh.vertices_mm.copy()
     vertices[vertices[:, 2].argmax(), 2] = -20
-    assert "mesh.intersects" in codes(
-        check_pad(replace(small_pad, mesh=Mesh(vertices, small_pad.mesh.triangles)), small_plan)
-    )
+    tiles = (replace(tile, mesh=Mesh(vertices, tile.mesh.triangles)), *small_pad.tiles[1:])
+    assert "mesh.intersects" in codes(check_pad(replace(small_pad, tiles=tiles), small_plan))
+
+
+def test_pierced_pairs_agree_with_trying_all():
+    """The grid of columns finds the same pairs as a comparison of every box with every other."""
+    from padgen.solid.mesh import _overlapping, _pierce
+
+    seed = np.random.default_rng(1)
+    vertices = seed.uniform(0, 5, (90, 1, 3)) + seed.uniform(-1.2, 1.2, (90, 3, 3))
+    mesh = Mesh(vertices.reshape(-1, 3), np.arange(270).reshape(-1, 3))
+    a, b = np.triu_indices(90, 1)
+    tried = np.stack([a, b], -1)[_pierce(mesh, a, b)]
+    assert len(tried) > 5
+    assert intersecting_pairs(mesh).tolist() == tried.tolist()
+    corners = mesh.corners_mm
+    once = np.concatenate(list(_overlapping(corners.min(1), corners.max(1))))
+    assert (once[:, 0] < once[:, 1]).all()
 
 
 def test_a_coarse_mesh_has_the_wrong_volume(small_plan):

@@ -31,6 +31,7 @@ from padgen.physics.ladder import capacity
 from padgen.planner import make_plan, plan_to_json
 from padgen.planner.plan import Plan
 from padgen.report.plans import plan_text
+from padgen.solid.mesh import intersecting_pairs
 from padgen.solid.parts import bill_of_materials, read_mesh
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.fields import optional_type
@@ -689,10 +690,15 @@ def test_units_places_and_other_parts_of_a_3mf_are_read_as_lib3mf_reads_them(tmp
     assert mesh.vertices_mm.max(0) / 25.4 == pytest.approx(list(box.MaxCoordinate), abs=1e-5)
 
 
+def test_a_polygon_of_3000_corners(tmp_path):
+    (tmp_path / "a.obj").write_bytes(prism(3000, lambda k: 20))
+    assert not len(intersecting_pairs(read_mesh(tmp_path / "a.obj")))
+
+
 @pytest.mark.parametrize(
     ("name", "triangles", "code"),
     [
-        ("within each other", [t for k in range(1500) for t in scaled(10 + k / 1000)], "mesh.bodies"),
+        ("within each other", [t for k in range(1500) for t in scaled(10 + k / 1000)], "mesh.intersects"),
         ("on a line", [((0, 0, 0), (1, 0, 0), (2, 0, 0))] * 4, "mesh.closed"),
         ("side by side", [t for k in range(300) for t in scaled(0.5, k)], "mesh.bodies"),
     ],
@@ -701,6 +707,12 @@ def test_meshes_that_are_judged_all_the_same(tmp_path, capsys, name, triangles, 
     (tmp_path / "a.stl").write_bytes(stl(triangles))
     assert cli.run(["check", str(tmp_path / "a.stl"), "--json"]) == 1
     assert code in {finding["code"] for finding in json.loads(capsys.readouterr().out)["findings"]}
+
+
+def test_a_soup_of_triangles_pierces_itself(tmp_path):
+    rng = np.random.default_rng(13)
+    (tmp_path / "a.stl").write_bytes(stl(rng.uniform(0, 10, (700, 3, 3))))
+    assert len(intersecting_pairs(read_mesh(tmp_path / "a.stl"))) > 2000
 
 
 @pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "3mf"])

@@ -5,7 +5,7 @@ ones, too.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite
 from typing import Any
@@ -21,14 +21,13 @@ from padgen.solid.measure import (
     Narrow,
     measured,
     narrow,
-    overlap_mm2,
     sections,
     smallest,
     thin_skins,
     unsupported_spans,
     washer_rooms,
 )
-from padgen.solid.mesh import Mesh, Topology, as_manifold, topology
+from padgen.solid.mesh import MOST_FOUND, Mesh, Topology, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
 from padgen.spec import Printer, Spec
 
@@ -40,8 +39,9 @@ VOLUME_SHARE = 1e-3
 """Largest allowed relative difference of the mesh's volume from the exact one."""
 FACET_MM = 0.012
 """Most that triangles in place of round faces may take off a wall or a gap."""
-OVERLAP_MM2 = 1e-2
-"""Area of a cross-section above which a mesh counts as lying within itself."""
+UNCOMPARED = Finding(
+    "error", "mesh.intersects", "mesh", "too many of its triangles lie over each other for all of them to be compared"
+)
 MOST_BODIES = 100
 """Most bodies of a mesh whose walls are measured; a mesh with more is no pad."""
 Wrong = tuple[str, Narrow, str]
@@ -66,9 +66,11 @@ def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report
     """Run the checks that need no plan, against the limits of `printer`."""
     state = topology(mesh)
     figures, findings = _whole(mesh, state, printer, density_g_per_cm3)
-    printable = state.closed and state.volume_mm3 > 0 and state.shells <= MOST_BODIES
+    pierced = list(_pierced(mesh))
+    # Of a mesh that lies in itself a thousandfold, cross-sections would take hours and tell nothing.
+    printable = state.closed and state.volume_mm3 > 0 and state.shells <= MOST_BODIES and UNCOMPARED not in pierced
     more_figures, more = _printable(mesh, printer, Places()) if printable else ({}, [])
-    return Report(figures | more_figures, (*findings, *more))
+    return Report(figures | more_figures, (*findings, *pierced, *more))
 
 
 def check_pad(pad: PadSolid, plan: Plan) -> Report:
@@ -100,6 +102,7 @@ def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
     if not state.closed or state.volume_mm3 <= 0:
         return Report(figures, tuple(findings))
     if differing := _differing(mesh, pad.mesh, plan):
+        findings += _pierced(mesh)
         more_figures, more = _printable(mesh, printer, Places()) if state.shells <= MOST_BODIES else ({}, [])
     else:
         more_figures, more = _of_tiles(pad, plan, True)
@@ -141,6 +144,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     findings: list[Finding] = []
     half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
+        findings += _pierced(tile.mesh, name)
         beyond = float((np.abs(tile.mesh.vertices_mm[:, :2]) - half).max())
         if beyond > BUILT_MM:
             told = f"it reaches {number(beyond)} mm out of its sub-cell, must be 0"
@@ -279,6 +283,23 @@ def _as_printed(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding
                 yield Finding("error", code, d.where, f"{d.name} is {number(d.built_mm)} mm, {told}")
 
 
+def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
+    try:
+        pairs = intersecting_pairs(mesh)
+    except GeometryError:
+        yield replace(UNCOMPARED, where=where)
+        return
+    if len(pairs):
+        least = "at least " * (len(pairs) > MOST_FOUND)
+        yield Finding(
+            "error",
+            "mesh.intersects",
+            where,
+            f"{least}{len(pairs)} pairs of triangles pierce each other, must be 0; the first near"
+            f" {_spot(*mesh.corners_mm[pairs[0, 0]].mean(0).tolist())}",
+        )
+
+
 def volume_findings(built: float, exact: float) -> Iterator[Finding]:
     """Report a volume in mm³ that is not the exact one."""
     if not abs(built / exact - 1) <= VOLUME_SHARE:
@@ -313,16 +334,7 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     solid, refused = _manifold(mesh)
     if solid is None:
         return {}, refused
-    every = sections(solid, mesh)
-    twice = ((cut[0], overlap_mm2(cut, mesh)) for cut in every)
-    within = [
-        Finding(
-            "error", "mesh.intersects", "mesh", f"at a height of {number(z)} mm {number(mm2)} mm² lie within it twice"
-        )
-        for z, mm2 in twice
-        if mm2 > OVERLAP_MM2
-    ]
-    cuts = [cut for cut in every if not cut[1].is_empty()]
+    cuts = sections(solid, mesh)
     bound, limit = 4 * max(printer.line_width_mm, printer.smallest_gap_mm), printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
     figures = {
@@ -339,7 +351,7 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
         wrong.append(("print.bridge", place, f"{hangs}, {printer.name} bridges {number(limit)} mm"))
     spots = [_spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm) for _, at, _ in wrong]
     findings = (Finding("error", code, spot, told) for spot, (code, _, told) in zip(spots, wrong, strict=True))
-    return figures, list(few([*within, *findings]))
+    return figures, list(few(findings))
 
 
 def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> Iterator[Wrong]:

@@ -23,7 +23,6 @@ __all__ = [
     "holes_of",
     "measured",
     "narrow",
-    "overlap_mm2",
     "run_mm",
     "sections",
     "smallest",
@@ -227,30 +226,14 @@ class Narrow(NamedTuple):
 def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
     """Cut once between any two neighbouring heights of the vertices, at most `LEVELS` times.
 
-    Each cut is its height in mm and a manifold3d cross-section, which is empty between two bodies above each other.
+    Each cut is its height in mm and a manifold3d cross-section.
     """
     heights = np.unique(np.round(mesh.vertices_mm[:, 2] / STEP_MM) * STEP_MM)
     if len(heights) > LEVELS + 1:
         heights = np.quantile(heights, np.linspace(0, 1, LEVELS + 1))
-    return [(z, solid.slice(z)) for z in ((heights[1:] + heights[:-1]) / 2).tolist()]
-
-
-def overlap_mm2(section: tuple[float, Any], mesh: Mesh) -> float:
-    """Return the area in mm² that lies more than once within the `mesh`, or outside in, at the height of a section.
-
-    The outlines of the mesh there, as its triangles run, enclose more (or less) than the section, which holds every
-    place once.
-    """
-    z_mm, filled = section
-    start = mesh.corners_mm - (0.0, 0.0, z_mm)
-    stop = np.roll(start, -1, axis=1)
-    below, next_below = start[..., 2] < 0, stop[..., 2] < 0
-    # Of each triangle that is cut, one side rises through the plane and one falls: the outline runs between them.
-    rise, fall = (
-        (a - a[:, 2:] / (b[:, 2:] - a[:, 2:]) * (b - a))[:, :2]
-        for a, b in ((start[way], stop[way]) for way in (below & ~next_below, ~below & next_below))
-    )
-    return abs(float((fall[:, 0] * rise[:, 1] - fall[:, 1] * rise[:, 0]).sum()) / 2 - float(filled.area()))
+    cuts = ((z, solid.slice(z)) for z in ((heights[1:] + heights[:-1]) / 2).tolist())
+    # A cut between two bodies that lie above each other is empty.
+    return [(z, shape) for z, shape in cuts if not shape.is_empty()]
 
 
 def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> list[Narrow]:

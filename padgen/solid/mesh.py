@@ -1,8 +1,9 @@
 """Triangle meshes: made from solids, welded, turned into manifolds, and tested.
 
-The tests are of any mesh: closed, consistently wound, in one piece.
+The tests are of any mesh: closed, consistently wound, in one piece, free of self-intersections.
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ __all__ = [
     "Mesh",
     "Topology",
     "as_manifold",
+    "intersecting_pairs",
     "shells",
     "signed_volume_mm3",
     "sound_mesh",
@@ -142,6 +144,14 @@ def as_manifold(mesh: Mesh, what: str) -> Any:
     return solid
 
 
+PAIRS_AT_ONCE = 1_000_000
+MOST_PAIRS, MOST_FOUND = 40_000_000, 100_000
+"""Most candidate pairs beyond `MANY_PAIRS` per triangle, and the number of pairs found that ends the search."""
+MOST_COLUMNS, MOST_CELLS, MANY_PAIRS = 10_000, 16, 100
+"""Most columns along a side of the grid, most columns per triangle on average, and the candidates per triangle above
+which wider columns are tried."""
+
+
 class Topology(NamedTuple):
     """The number of a mesh's faulty edges, a vertex of the first one, its `shells` (1 if good) and its volume.
 
@@ -197,3 +207,106 @@ def shells(mesh: Mesh) -> np.ndarray:
             np.minimum.at(label, corner, least)
         label = label[label]
     return np.asarray(np.unique(label[mesh.triangles[:, 0]], return_inverse=True)[1])
+
+
+def intersecting_pairs(mesh: Mesh) -> np.ndarray:
+    """Return the pairs (P, 2) of triangles that pierce each other, no more than about `MOST_FOUND`.
+
+    Triangles pierce when an edge of one passes through the inside of the other. Touching and coplanar overlap are left
+    to the checks of closedness and volume. Candidates come from a grid of columns in the plane, so that the time for a
+    flat part is linear in its triangles.
+
+    Raises
+    ------
+    GeometryError
+        There are more candidates than can be looked at.
+    """
+    corners = mesh.corners_mm
+    low, high = corners.min(1), corners.max(1)
+    found: list[np.ndarray] = []
+    for pairs in _overlapping(low, high):
+        found.append(pairs[_pierce(mesh, *pairs.T)])
+        if sum(len(pairs) for pairs in found) > MOST_FOUND:
+            break
+    pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+    return np.unique(pairs, axis=0)
+
+
+def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield pairs (P, 2) of triangles whose boxes overlap, from about a million candidates at a time; some twice."""
+    owner, partners = _columns(low, high)
+    if partners.sum() > MANY_PAIRS * len(low) + MOST_PAIRS:
+        raise GeometryError("too many of its triangles lie over each other for all of them to be compared")
+    stops = np.searchsorted(
+        np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE)
+    )
+    for chunk in np.split(np.arange(len(owner)), np.unique(np.minimum(stops + 1, len(owner)))):
+        mine = np.repeat(chunk, partners[chunk])
+        step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])
+        a, b = owner[mine], owner[mine + 1 + step]
+        for axis in (2, 0, 1):
+            # Triangles whose boxes only touch cannot pierce, such as those of one horizontal face.
+            overlap = (low[a, axis] < high[b, axis]) & (low[b, axis] < high[a, axis])
+            a, b = a[overlap], b[overlap]
+        yield np.sort(np.stack([a, b], -1), axis=1)
+
+
+def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """List the triangles of each column of a grid in the plane, and for each how many of the next ones to compare.
+
+    A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
+    pair would meet in all of them.
+    """
+    count, flat = len(low), low[:, 2] == high[:, 2]
+    floor, extent = low[:, :2].min(0), np.ptp(np.concatenate([low, high])[:, :2], axis=0)
+    side = max(float(np.sqrt(extent.prod() / max(count / 12, 1))), float(extent.max()) / MOST_COLUMNS, 1e-9)
+    best: tuple[np.ndarray, np.ndarray] | None = None
+    while True:
+        first, last = (((v[:, :2] - floor) // side).astype(np.int64) for v in (low, high))
+        spans = last - first + 1
+        cells = spans.prod(1)
+        if cells.sum() <= MOST_CELLS * count:
+            owner = np.repeat(np.arange(count), cells)
+            at = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+            column = first[owner, 0] + at % spans[owner, 0]
+            row = first[owner, 1] + at // spans[owner, 0]
+            key = column * (int(last[:, 1].max()) + 1) + row
+            # Horizontal triangles come last in their column, since two of them never pierce each other.
+            order = np.argsort(2 * key + flat[owner], kind="stable")
+            owner, key = owner[order], key[order]
+            partners = np.searchsorted(key, key, side="right") - np.arange(len(key)) - 1
+            partners[flat[owner]] = 0
+            if best and best[1].sum() <= partners.sum():
+                return best
+            best = owner, partners
+            if partners.sum() <= MANY_PAIRS * count:
+                return best
+        side *= 2
+
+
+def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return where triangles `a` and `b` pierce each other, by all six pairs of an edge and a triangle."""
+    result = np.zeros(len(a), dtype=bool)
+    for one, other in ((a, b), (b, a)):
+        face = mesh.triangles[other]
+        corners = np.moveaxis(mesh.vertices_mm[face], 1, 0)
+        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        margin = 1e-7 * np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
+        ends = [mesh.triangles[one, i] for i in range(3)]
+        heights = [np.einsum("ij,ij->i", mesh.vertices_mm[end] - corners[0], normal) for end in ends]
+        for i, j in ((0, 1), (1, 2), (2, 0)):
+            low, high = np.minimum(heights[i], heights[j]), np.maximum(heights[i], heights[j])
+            shared = ((face == ends[i][:, None]) | (face == ends[j][:, None])).any(1)
+            at = np.flatnonzero((low < -margin) & (high > margin) & ~shared)
+            start, stop = mesh.vertices_mm[ends[i][at]], mesh.vertices_mm[ends[j][at]]
+            result[at] |= _between(start, stop, corners[:, at], margin[at])
+    return result
+
+
+def _between(start: np.ndarray, stop: np.ndarray, corners: np.ndarray, margin: np.ndarray) -> np.ndarray:
+    """Return where lines (n, 3) to (n, 3) pass between the corners (3, n, 3) of a face, by signed volumes."""
+    along = stop - start
+    around = ((corners[k] - start, corners[k - 2] - start) for k in range(3))
+    turns = [np.einsum("ij,ij->i", np.cross(*each), along) for each in around]
+    bound = margin * np.linalg.norm(along, axis=1)
+    return (np.minimum.reduce(turns) > bound) | (np.maximum.reduce(turns) < -bound)
