@@ -18,16 +18,19 @@ from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
 from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
-from padgen.physics.magnetic_charge import (
+from padgen.physics.magnetics import (
+    MU_0,
+    CoilSource,
     SteelBody,
+    SteelRing,
     charged_core,
     fine_rings,
     ring_potential,
+    saturating,
     steel_body,
     tube,
     winding_rings,
 )
-from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, saturating
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
 from padgen.physics.propagation import Tones
 from padgen.physics.pull import PullAt, leakage

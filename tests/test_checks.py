@@ -65,14 +65,14 @@ def test_the_same_pad_passes_as_a_foreign_mesh(small_pad, small_plan):
 
 def test_a_hole(small_pad, small_plan):
     broken = Mesh(small_pad.mesh.vertices_mm, small_pad.mesh.triangles[1:])
-    assert topology(broken).open_edges == 3
+    assert topology(broken).broken_edges == 3
     assert "mesh.closed" in codes(check_pad(replace(small_pad, mesh=broken), small_plan))
 
 
 def test_a_doubled_triangle(small_pad):
     triangles = np.concatenate([small_pad.mesh.triangles, small_pad.mesh.triangles[:1]])
     broken = Mesh(small_pad.mesh.vertices_mm, triangles)
-    assert topology(broken).crowded_edges == 3
+    assert topology(broken).broken_edges == 3
     assert "mesh.closed" in codes(check_mesh(broken, PRINTER, 1.24))
 
 
@@ -80,7 +80,7 @@ def test_a_turned_triangle(small_pad):
     triangles = small_pad.mesh.triangles.copy()
     triangles[0] = triangles[0, ::-1]
     broken = Mesh(small_pad.mesh.vertices_mm, triangles)
-    assert topology(broken).turned_edges == 3
+    assert topology(broken).broken_edges == 3
     assert "mesh.closed" in codes(check_mesh(broken, PRINTER, 1.24))
 
 

@@ -323,11 +323,11 @@ def test_reentrant_edges_are_found(steps: Path, child: ProcessPoolExecutor) -> N
 @pytest.mark.parametrize(
     ("name", "change", "sentence"),
     [
-        ("missing", {}, "no such STEP file"),
+        ("missing", {}, "cannot be read as STEP"),
         ("one", {}, "must hold two solids"),
         ("loose", {}, "does not touch"),
         ("overlapping", {}, "overlap"),
-        ("base", {"washer_volume_mm3": 9.9}, "none of its solids is the washer"),
+        ("base", {"washer_volume_mm3": 9.9}, "washer of 9.9 mm³, holds"),
     ],
 )
 def test_what_cannot_be_solved(
@@ -343,7 +343,7 @@ def test_refusals_call_a_taxel_by_its_name(steps: Path, child: ProcessPoolExecut
     for one, where in ((lost, str(lost.step)), (lost._replace(name="my-pad, channel 3"), "my-pad, channel 3")):
         with pytest.raises(SolverError) as refused:
             child.submit(solve_modes, one, 2, 0).result()
-        assert str(refused.value).startswith(f"{where}: none of its solids is the washer")
+        assert str(refused.value).startswith(f"{where}: must hold two solids, printed part and washer")
 
 
 def test_a_file_that_is_no_step(tmp_path: Path, child: ProcessPoolExecutor) -> None:

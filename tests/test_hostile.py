@@ -28,10 +28,9 @@ from padgen.core.files import json_line, json_text
 from padgen.core.finding import Finding
 from padgen.make.solid_tuning import _from_plain as modes_from_plain
 from padgen.physics.ladder import capacity
-from padgen.planner import make_plan, plan_to_json, search
+from padgen.planner import make_plan, plan_to_json
 from padgen.planner.plan import Plan
 from padgen.report.plans import plan_text
-from padgen.solid import taxel
 from padgen.solid.mesh import intersecting_pairs
 from padgen.solid.parts import bill_of_materials, read_mesh
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
@@ -333,10 +332,10 @@ DRUM = {**catalogue("coil")["paper"], "outer_diameter_mm": 200}
     [
         ({}, "25 coils of 10 mm, each with at most 25 channels .* 625 taxels in all; resolution = 48 would do"),
         ({"pad": WIDE}, "62500 taxels in all; no single change that was tried would do"),
-        ({"q_min": 15}, r"at most 4 channels \(Q = 15 in 50 … 200 Hz\), 100 taxels in all"),
+        ({"q_min": 15}, "at most 4 channels by band, Q and room for plates, 100 taxels in all"),
         ({"coil": {"name": "paper", "grid": [2, 2]}}, "the grid has 4 coils"),
         ({"pad": WIDE, "coil": DRUM}, "4 coils of 200 mm"),
-        ({"resonances_hz": [50 + k / 2 for k in range(300)]}, "exactly 300 channels"),
+        ({"resonances_hz": [50 + k / 2 for k in range(300)]}, "at most 300 channels"),
         ({"resolution": 10**6}, "at most 100000 taxels"),
         ({"resolution": 10**30}, "at most 100000 taxels"),
     ],
@@ -768,36 +767,8 @@ WRONG = [
 @pytest.mark.parametrize("data", WRONG, ids=numbered())
 def test_entries_that_do_not_fit_count_as_absent(entries, data):
     key = cache.key_of("a")
-    for kind in (taxel.KIND, "b"):
-        cache.store_bytes(kind, key, data)
-    assert taxel.known_solid(key) is None
-    assert search._from_plain(cache.load("b", key), 2) is None
+    cache.store_bytes("b", key, data)
     assert modes_from_plain(cache.load("b", key)) is None
-
-
-@pytest.mark.parametrize(
-    "arrays",
-    [
-        {"triangles": np.array([[0, 1, 9]])},
-        {"triangles": np.array([[0, 1, -1]])},
-        {"triangles": np.array([0, 1, 2])},
-        {"triangles": np.array([[0.0, 1.0, 2.0]])},
-        {"vertices_mm": np.full((3, 3), np.nan)},
-        {"vertices_mm": np.zeros((3, 2))},
-        {"volume_mm3": np.nan},
-        {"volume_mm3": np.zeros(4)},
-        {"vertices_mm": np.array([{"a": 1}])},
-    ],
-    ids=numbered(),
-)
-def test_solids_that_are_none_count_as_absent(entries, arrays):
-    good = {"vertices_mm": np.eye(3), "triangles": np.array([[0, 1, 2]]), "volume_mm3": 1.0}
-    key = cache.key_of("a")
-    for tables, found in ((good, True), ({**good, **arrays}, False)):
-        data = io.BytesIO()
-        np.savez(data, allow_pickle=True, **tables)
-        cache.store_bytes(taxel.KIND, key, data.getvalue())
-        assert (taxel.known_solid(key) is not None) == found
 
 
 def test_an_entry_that_is_no_file_is_absent(entries):

@@ -28,7 +28,7 @@ from padgen.solid.formats import ExportJob
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, as_manifold, signed_volume_mm3
 from padgen.solid.pad_solid import build_pad
-from padgen.solid.parts import build_coupon, build_part, build_tray, check_tray
+from padgen.solid.parts import build_coupon, build_part, build_tray, check_tray, tray_solid
 from padgen.spec import load_spec, parse_spec, template_paths
 from tests.conftest import FOUR_LINES
 from tests.tampering import from_manifold, stl_mesh
@@ -75,6 +75,11 @@ def codes(report):
     return {finding.code for finding in report.findings}
 
 
+def checked(tray, plan, solid):
+    """Return the report on a tray with another body."""
+    return check_tray(replace(tray, mesh=from_manifold(solid)), plan)
+
+
 def hole_centres(mesh, z, diameter):
     """Return the sorted centres of the round holes of about this diameter in a cross-section."""
     found = []
@@ -114,7 +119,9 @@ def test_the_gap_is_what_the_spec_asks(plan, tray):
     assert rim - seat - spec.coil.length_mm + spec.taxel.glue_gap_mm == pytest.approx(spec.coil.gap_mm, abs=1e-9)
     report = check_tray(tray, plan)
     assert report.findings == ()
-    assert report.figures["gap_mm"] == pytest.approx(1.0, abs=1e-6)
+    assert report.figures["gap_mm"] == pytest.approx([1.0, 1.0], abs=1e-6)
+    # 4 sockets of a diameter and three heights, 8 places on the rim, 4 holes of a diameter and a depth.
+    assert report.figures["measured_dimensions"] == 4 * 4 + 8 + 4 * 2
     assert report.figures["volume_mm3"] == pytest.approx(tray.volume_mm3, rel=1e-3)
 
 
@@ -160,12 +167,15 @@ def block(size, at):
 @pytest.mark.parametrize(
     ("code", "words", "spoil"),
     [
-        ("built.planned", "more than planned near", lambda b: b + block((0.5, 1, 4), (-11.4, -6.75, 2))),
-        ("built.planned", "more than planned near", lambda b: b + block((1, 1, 0.2), (9.5, 5.75, 2.0))),
-        ("built.planned", "missing near", lambda b: b - block((50, 2, 1), (-25, -16.5, 12.7))),
-        ("built.planned", "missing near", lambda b: b - rod(2.8, 8, 14, 15.5, 15.5)),
-        ("built.planned", "missing near", lambda b: b.trim_by_plane((0, 0, -1), -12.7)),
-        ("built.planned", "more than planned near", lambda b: b + block((5, 3, 5), (-2.5, 13.0, 7.0))),
+        ("tray.built", "socket diameter", lambda b: b + block((0.5, 1, 4), (-11.4, -6.75, 2))),
+        ("tray.built", "seat height", lambda b: b + block((1, 1, 0.2), (9.5, 5.75, 2.0))),
+        ("tray.coil", "1 such places", lambda b: b + block((1, 1, 1), (-11.0, -6.75, 2.5))),
+        ("tray.built", "rim height", lambda b: b - block((50, 2, 1), (-25, -16.5, 12.7))),
+        ("tray.built", "hole diameter", lambda b: b - rod(2.8, 8, 14, 15.5, 15.5)),
+        ("tray.built", "hole depth", lambda b: b - rod(2.5, 4, 14, 15.5, -15.5)),
+        ("tray.gap", "a gap of 0.8 mm", lambda b: b.trim_by_plane((0, 0, -1), -12.7)),
+        ("tray.room", "rises to 12.5 mm", lambda b: b + block((2, 2, 9.5), (-1, -1, 3.0))),
+        ("tray.wires", "no wire passes", lambda b: b + block((5, 3, 5), (-2.5, 13.0, 7.0))),
         ("print.wall", "thinner than", lambda b: b + block((5, 0.2, 5), (13.0, 8.0, 12.0))),
         ("print.bed", "the bed of", lambda b: b + block((300, 1, 1), (17, 0, 0))),
         ("mesh.bodies", "2 separate", lambda b: b + block((1, 1, 1), (-0.5, -0.5, 10))),
@@ -173,13 +183,23 @@ def block(size, at):
     ],
 )
 def test_every_check_of_a_tray_can_fail(plan, tray, code, words, spoil):
-    report = check_tray(tray, plan, from_manifold(spoil(as_manifold(tray.mesh, "tray"))))
+    report = checked(tray, plan, spoil(as_manifold(tray.mesh, "tray")))
     assert any(f.code == code and words in f.message for f in report.findings), report.findings
 
 
 def test_a_tray_with_a_hole_in_its_mesh(plan, tray):
     broken = replace(tray, mesh=Mesh(tray.mesh.vertices_mm, tray.mesh.triangles[1:]))
     assert "mesh.closed" in codes(check_tray(broken, plan))
+
+
+def test_other_sockets_than_planned_are_found(plan, tray):
+    """Of a tray built to other dimensions, five differences are listed, and the number of the others."""
+    other = replace(tray.tray, socket_diameter_mm=10.1, floor_mm=2.2)
+    built = tray_solid(other, plan.spec.pad)
+    found = check_tray(replace(built, tray=tray.tray), plan).findings
+    assert {f.code for f in found} == {"tray.built", "tray.coil", "tray.gap"}
+    assert sum(f.code == "tray.built" for f in found) == 6
+    assert any("11 more like the last" in f.message for f in found)
 
 
 def test_layers_change_the_gap(plan):
@@ -383,7 +403,7 @@ def test_files_of_parts(plan, parts, tmp_path):
 def test_the_coupons_tray_holds_its_coil(plan, coupon, parts):
     tray = next(part for part in parts if part.name == "coupon-tray")
     assert (tray.title, tray.report.findings) == ("tiny-coupon-tray", ())
-    assert tray.report.figures["gap_mm"] == pytest.approx(1.0, abs=1e-6)
+    assert tray.report.figures["gap_mm"] == pytest.approx([1.0, 1.0], abs=1e-6)
     holes = hole_centres(coupon[1].mesh, 1.0, 3.4)
     assert hole_centres(tray.mesh, 12.0, 2.5) == pytest.approx(holes, abs=ROUND_MM)
 

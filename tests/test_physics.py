@@ -31,9 +31,9 @@ from padgen.physics.beams import (
     torsion_constant,
 )
 from padgen.physics.ladder import capacity, geometric_ladder, ladder_ratio, paper_ladder, whole_channels
-from padgen.physics.magnetic_charge import flux_density
 from padgen.physics.magnetics import (
     SteelRing,
+    flux_density,
     impedance,
     paper_force_constant,
     ring_factor,

@@ -22,8 +22,17 @@ import numpy as np
 import pytest
 
 from padgen.core.units import MM, UM
-from padgen.physics.magnetic_charge import cylinder, flux_density, ring_potential, steel_body, toroidal, tube
-from padgen.physics.magnetics import MU_0, SteelRing, solenoid
+from padgen.physics.magnetics import (
+    MU_0,
+    SteelRing,
+    cylinder,
+    flux_density,
+    ring_potential,
+    solenoid,
+    steel_body,
+    toroidal,
+    tube,
+)
 from padgen.physics.pull import OWN_ERROR, brought_table, make_table, pull, solved_pulls
 from padgen.planner import channels, make_plan
 from padgen.planner.channels import hanging_gap_um, magnetic_parts, pull_exponent, site_pulls

@@ -91,16 +91,6 @@ def test_the_key_has_the_beam_the_fineness_and_the_versions(small_plan, monkeypa
     assert taxel.taxel_key(small_plan, channel) != key
 
 
-@pytest.mark.parametrize("data", [b"", b"PK\x03\x04", b"\x93NUMPY", b"no arrays"])
-def test_an_entry_that_holds_no_mesh_is_modelled_again(store, small_plan, data):
-    before = pad_solid.build_pad(small_plan)
-    for path in entry_paths(store, taxel.KIND):
-        cache.store_bytes(taxel.KIND, path.stem, data)
-        assert taxel.known_solid(path.stem) is None
-    assert pad_solid.build_pad(small_plan).volume_mm3 == before.volume_mm3
-    assert all(taxel.known_solid(path.stem) for path in entry_paths(store, taxel.KIND))
-
-
 def test_a_kept_step_has_the_pads_name_and_the_channels_number(store, small_plan, tmp_path, monkeypatch):
     channel = small_plan.channels[1]
     step.write_taxel_step(small_plan, channel, tmp_path / "first.step")

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection, largest_inverse_square, tip_mass
-from padgen.physics.magnetic_charge import charged_core, flux_density
-from padgen.physics.magnetics import CoilSource, SteelRing, ring_factor
+from padgen.physics.magnetics import CoilSource, SteelRing, charged_core, flux_density, ring_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 
 __all__ = [

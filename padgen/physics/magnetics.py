@@ -1,34 +1,77 @@
-"""Coils, washers and steels as data, a coil's impedance, and the balance between a pull and a spring.
+"""Coils, washers and steels as data, a coil's impedance, the balance of pull and spring, and fields of charge.
 
 The pull itself is in `physics.pull`; paper Eq. 4 has no air gap and is wrong by seven decades. Heights are above the
-coil's top face.
+coil's top face. Magnetisation curves are flux density against field, monotone, saturated beyond the last point.
 
-Magnetisation curves are flux density against field, monotone, saturated beyond the last point.
+Fields are those of magnetic charge on rings, on linear steel and on coils.
+Rings whose charge varies as cos mφ round their axis have toroidal functions as potential, the Legendre functions
+Q_{m−½} of the second kind. Between circles about one axis
+
+    ∫ cos mφ / R dφ = 2 Q_{m−½}(1 + ε) / √(r r'),   ε = ((r − r')² + (z − z')²) / (2 r r')
+
+(Cohl and Tohline, *Astrophys. J.* 527, 1999).
+
+A linear steel body of revolution (`steel_body`) in the potential u of a field from outside carries the surface charge σ
+whose own potential is φ. With the susceptibility χ
+
+    φ = −(1/χ + ½ + K)⁻¹ (½ + K) u,   σ = S⁻¹ φ
+
+where S and K are the single and the double layer potentials on the surface (Kress, *Linear Integral Equations*, ch. 6;
+Jackson, *Classical Electrodynamics*, 5.9). Round the axis everything is expanded in orders cos mφ, which do not couple;
+along the meridian in polynomials on each side of the outline, of a variable that crowds at edges as the charge does.
+
+A winding is replaced by a magnetisation whose curl is its current; the charge lies on the ends of that magnetisation.
+Far away a coil is replaced by magnetic poles on its axis.
+
+SI units; H in A/m, potentials in A.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from math import pi
+from functools import cached_property, lru_cache
+from math import ceil, pi
 from typing import Any, NamedTuple
 
 import numpy as np
 
 __all__ = [
+    "CORE_ORDERS",
     "MILD_STEEL",
+    "MOST_RINGS",
     "MU_0",
     "TEAM_STEEL",
     "BHCurve",
     "CoilSource",
+    "RingPotential",
+    "Side",
+    "SteelBody",
     "SteelRing",
     "Winding",
     "balanced_deflection",
+    "charged_core",
+    "coil_poles",
+    "coil_rings",
+    "crowded",
+    "cylinder",
+    "eights",
+    "fine_rings",
+    "flux_density",
+    "gauss",
     "impedance",
     "paper_force_constant",
+    "pole_error",
+    "pole_field",
     "pull_in_deflection",
     "ring_factor",
+    "ring_potential",
+    "rings_potential",
     "saturating",
     "slack_at",
     "solenoid",
+    "steel_body",
+    "toroidal",
+    "tube",
+    "winding_rings",
 ]
 
 MU_0 = 4e-7 * pi
@@ -225,3 +268,425 @@ MILD_STEEL = saturating("mild steel", initial_permeability=300, saturation_t=2.1
 """Low-carbon steel of washers: saturation polarisation of iron with little carbon (Bozorth 1951, table 2), permeability
 of the catalogue's washers.
 """
+
+
+CONVERGED = 1e-9
+"""Half the difference of the two means at which their iteration ends; the next one would be less than its square."""
+FAR = 0.3
+"""ε above which the recurrence runs down from high orders, since running up to order twelve loses too many digits
+there.
+"""
+LOST = 1e7
+"""Largest growth of rounding errors in the upward recurrence, which is about (2 + 2 ε)² per order."""
+ORDERS_ABOVE = 12
+"""Orders above the highest wanted at which the downward recurrence starts: its starting error then decays to 1e-8."""
+NEAREST = 1e-15
+
+
+@lru_cache(maxsize=256)
+def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return Gauss-Legendre points and weights on [0, 1], cached since each is an eigenproblem."""
+    node, weight = np.polynomial.legendre.leggauss(count)
+    return (node + 1) / 2, weight / 2
+
+
+def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
+    """Return Q_{m−½}(1 + ε) for m = 0 … `most` (at least 1), shape (most + 1, …); `above_one` is ε."""
+    flat = np.ravel(above_one)
+    x = 1 + flat
+    first, second = _elliptic(flat / (flat + 2))
+    result = np.empty((most + 1, flat.size))
+    result[0] = np.sqrt(2 / (x + 1)) * first
+    far = flat > max(FAR, 0.5 * LOST ** (0.5 / most) - 1)
+    if not far.all():
+        near = ~far if far.any() else slice(None)
+        up, x_near = result[:, near], x[near]
+        up[1] = x_near * up[0] - np.sqrt(2 * (1 + x_near)) * second[near]
+        for m in range(1, most):
+            up[m + 1] = (4 * m * x_near * up[m] - (2 * m - 1) * up[m - 1]) / (2 * m + 1)
+        result[:, near] = up
+    if far.any():
+        x_far = x[far]
+        down = np.empty((most + 1, x_far.size))
+        ratio, below = 1 / (2 * x_far), np.empty_like(x_far)
+        for m in range(most + ORDERS_ABOVE, 0, -1):
+            # (2m − 1)/(4m x − (2m + 1) ratio), in place, since a field takes most of its time here.
+            np.multiply(4 * m, x_far, out=below)
+            ratio *= 2 * m + 1
+            np.subtract(below, ratio, out=ratio)
+            np.divide(2 * m - 1, ratio, out=ratio)
+            if m <= most:
+                down[m] = ratio
+        down[0] = result[0][far]
+        result[:, far] = np.multiply.accumulate(down, axis=0)
+    return result.reshape(most + 1, *np.shape(above_one))
+
+
+def _elliptic(complement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the complete elliptic integrals K(m) and E(m), m = 1 − `complement`, by the arithmetic-geometric mean."""
+    b = np.sqrt(complement)
+    # The first step has a = 1. The others are in place, since these lines take much of a field's time.
+    a, c, b = (1 + b) / 2, (1 - b) / 2, np.sqrt(b)
+    total, power, square = (1 - complement) / 2 + c * c, 1.0, np.empty_like(c)
+    while c.max(initial=0.0) > CONVERGED:
+        np.subtract(a, b, out=c)
+        c *= 0.5
+        np.multiply(a, b, out=b)
+        np.sqrt(b, out=b)
+        # (a + b)/2 = a − (a − b)/2
+        a -= c
+        power *= 2
+        np.multiply(c, c, out=square)
+        square *= power
+        total += square
+    first = pi / (2 * a)
+    return first, first * (1 - total)
+
+
+class RingPotential(NamedTuple):
+    """Potential of rings with a charge of cos mφ per metre of their meridian, and its slopes along r and z.
+
+    Each has the shape (m, …) and is per unit of ``density dr'``; the ring's radius r' is included as a factor.
+    """
+
+    value: np.ndarray
+    along_r: np.ndarray
+    along_z: np.ndarray
+
+
+def ring_potential(
+    radius: np.ndarray, height: np.ndarray, ring_radius: np.ndarray, ring_height: np.ndarray, most: int, at_ring: bool
+) -> RingPotential:
+    """Return potentials of orders m = 0 … `most` at points, with slopes at the points, or at the rings with `at_ring`.
+
+    The four arrays, in m, broadcast. A radius on the axis is replaced by a ten-thousandth of the ring's.
+    """
+    ring_radius = np.maximum(ring_radius, 1e-12)
+    radius = np.maximum(radius, 1e-4 * ring_radius)
+    gap = height - ring_height
+    product = radius * ring_radius
+    above_one = np.maximum(((radius - ring_radius) ** 2 + gap**2) / (2 * product), NEAREST)
+    q = toroidal(above_one, most + 1)
+    x = 1 + above_one
+    share = ring_radius / (2 * pi * np.sqrt(product))
+    m = np.arange(1, most + 1).reshape(-1, *(1,) * above_one.ndim)
+    slope = np.concatenate([-0.5 * (x * q[:1] - q[1:2]), (m - 0.5) * (x * q[1:-1] - q[:-2])])
+    slope *= share / (above_one * (above_one + 2))
+    value = q[:-1] * share
+    here, there = (ring_radius, radius) if at_ring else (radius, ring_radius)
+    along_r = slope * (1 / there - x / here) - value / (2 * here)
+    return RingPotential(value, along_r, slope * ((-gap if at_ring else gap) / product))
+
+
+POINTS_ABOVE = 16
+"""Quadrature points on either side of a singularity, in addition to a side's number of nodes."""
+
+
+class Side(NamedTuple):
+    """A straight side of the outline, (r, z) in m from `start` to `end`, with its outward `normal`.
+
+    `nodes` is the number of unknowns. With `on_axis` the start lies on the axis and is no edge of the body.
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    normal: tuple[int, int]
+    nodes: int
+    on_axis: bool = False
+
+    @property
+    def length(self) -> float:
+        """Length of the side in m."""
+        return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
+
+    def part(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the share of the length at t in 0 … 1, and its slope over t; equal steps of t crowd at edges."""
+        return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.on_axis else (t * t * (3 - 2 * t), 6 * t * (1 - t))
+
+    def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return radius and height in m at t in 0 … 1."""
+        share, (r, z), (r1, z1) = self.part(t)[0], self.start, self.end
+        return r + share * (r1 - r), z + share * (z1 - z)
+
+
+class SteelBody(NamedTuple):
+    """A body by its nodes (n,): radius and height in m, `area` and `response`.
+
+    t runs from 0 to 1 along each side. `area` (n,) in m is 2πr times the node's weight in dt: the sum of area times
+    charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the charge per dt in A
+    at the nodes for a potential in A there. `own` (n, n) gives the potential at the nodes of a charge that is the same
+    all round.
+    """
+
+    sides: tuple[Side, ...]
+    radius: np.ndarray
+    height: np.ndarray
+    area: np.ndarray
+    response: np.ndarray
+    own: np.ndarray
+
+
+def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
+    """Return the outline of a washer by radii and heights in m; `inner` 0 is a disc.
+
+    `nodes` are the numbers on each face and on each rim.
+    """
+    face, rim = nodes
+    if inner <= 0:
+        return cylinder(outer, low, high, (face, rim, face))
+    return (
+        Side((inner, low), (outer, low), (0, -1), face),
+        Side((outer, low), (outer, high), (1, 0), rim),
+        Side((inner, high), (outer, high), (0, 1), face),
+        Side((inner, low), (inner, high), (-1, 0), rim),
+    )
+
+
+def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]) -> tuple[Side, ...]:
+    """Return the outline of a cylinder in m; `nodes` are the numbers on its top, round it and on its bottom."""
+    top, around, below = nodes
+    return (
+        Side((0.0, high), (radius, high), (0, 1), top, True),
+        Side((radius, low), (radius, high), (1, 0), around),
+        Side((0.0, low), (radius, low), (0, -1), below, True),
+    )
+
+
+def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBody:
+    """Return the body of an outline, with its response in orders 0 … `most` round the axis."""
+    nodes = [gauss(side.nodes) for side in sides]
+    radius, height = np.concatenate([np.stack(side.at(t)) for side, (t, _) in zip(sides, nodes, strict=True)], 1)
+    area = 2 * pi * radius * np.concatenate([weight for _, weight in nodes])
+    count = len(radius)
+    single, double = np.zeros((2, most + 1, count, count))
+    at = 0
+    for side, (node, _) in zip(sides, nodes, strict=True):
+        own = slice(at, at + side.nodes)
+        single[..., own], double[..., own] = _layers(side, node, radius, height, own, most)
+        at += side.nodes
+    # A constant potential makes no field, so the rows of K must add to −½ in the lowest order. Their error is taken off
+    # the diagonals of all orders, which share it.
+    diagonal = np.arange(count)
+    double[:, diagonal, diagonal] -= 0.5 + double[0].sum(-1)
+    inside = np.eye(count) / 2 + double
+    susceptibility = permeability - 1
+    charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / susceptibility + inside, inside))
+    energy = area[:, None] * charge
+    response = (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None]
+    return SteelBody(tuple(sides), radius, height, area, response, single[0])
+
+
+def _layers(
+    side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, own: slice, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the potentials (m, n, nodes) of single and double layers on a side, for each of its polynomials.
+
+    They are at all nodes, by Gauss points on either side of the place nearest to the node, crowding towards it.
+    """
+    start, along = np.array(side.start), np.subtract(side.end, side.start)
+    share = np.clip(((radius - start[0]) * along[0] + (height - start[1]) * along[1]) / side.length**2, 0, 1)
+    fine = np.linspace(0, 1, 2001)
+    nearest = np.interp(share, side.part(fine)[0], fine)
+    nearest[own] = node
+    t, weight = crowded(nearest, eights(side.nodes + POINTS_ABOVE))
+    ring_radius, ring_height = side.at(t)
+    of = ring_potential(radius[:, None], height[:, None], ring_radius, ring_height, most, at_ring=True)
+    basis = _lagrange(node, t)
+    out = side.normal[0] * of.along_r + side.normal[1] * of.along_z
+    layers = of.value * weight, out * (weight * side.part(t)[1] * side.length)
+    single, double = (np.swapaxes(np.swapaxes(layer, 0, 1) @ basis, 0, 1) for layer in layers)
+    return single, double
+
+
+def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (n, 2 `count`) on [0, 1] whose cubed distances crowd them towards `nearest` (n,), and weights."""
+    at, weight = gauss(count)
+    cube, weight = at**3, 3 * at**2 * weight
+    low, high = nearest[:, None], 1 - nearest[:, None]
+    return np.concatenate([low * (1 - cube), low + high * cube], 1), np.concatenate([low * weight, high * weight], 1)
+
+
+def eights(count: float) -> int:
+    """Return a number of points, rounded up to a multiple of eight, so that few different rules are needed."""
+    return 8 * ceil(count / 8)
+
+
+def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Return the polynomials (…, n) at `t` (…) that are 1 at one of the nodes (n,) and 0 at the others."""
+    own = 1 / np.prod(node[:, None] - node + np.eye(len(node)), axis=1)
+    away = t[..., None] - node
+    hit = np.abs(away) < 1e-14
+    share = own / np.where(hit, 1.0, away)
+    share /= share.sum(-1, keepdims=True)
+    return np.asarray(np.where(hit.any(-1, keepdims=True), hit, share))
+
+
+def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rings of charge for fields near the body.
+
+    Radii and heights in m, and shares (rings, nodes) of the nodes' charge. Rings on the topmost side are at most `step`
+    m apart; elsewhere they lie at the nodes.
+    """
+    top = max(side.end[1] for side in body.sides)
+    places, shares, at = [], [], 0
+    for side in body.sides:
+        node, weight = gauss(side.nodes)
+        share = np.diag(weight)
+        if side.start[1] == side.end[1] == top and (count := eights(1.7 * side.length / step)) > side.nodes:
+            t, weight = gauss(count)
+            node, share = t, _lagrange(node, t) * weight[:, None]
+        places.append(np.stack(side.at(node)))
+        shares.append(np.pad(share, ((0, 0), (at, len(body.area) - at - side.nodes))))
+        at += side.nodes
+    radius, height = np.concatenate(places, 1)
+    return radius, height, np.concatenate(shares)
+
+
+CORE_ORDERS = 1
+"""Highest order round the axis of a core in its neighbours' fields."""
+MOST_RINGS = 400
+"""Most rings across a coil. Nearer to its top than a two-hundredth of its radius the field is less certain."""
+AT_ONCE = 8192
+"""Pairs of a point and a ring computed together: few enough for a processor's cache."""
+
+
+@lru_cache(maxsize=32)
+def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> tuple[SteelBody, np.ndarray] | None:
+    """Return the core and the charge per dt at its nodes in A per ampere (`SteelBody`); None without a core.
+
+    `top` is the number of nodes on its upper face, `orders` the highest order round its axis.
+    """
+    if not coil.has_core:
+        return None
+    low = coil.core_top - coil.core_length
+    sides = cylinder(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5))
+    core = steel_body(sides, coil.core_permeability, orders)
+    potential = np.zeros(len(core.area))
+    for winding in coil.windings:
+        full = winding.turns / winding.length
+        for z, sign in ((winding.top, 1), (winding.bottom, -1)):
+            for start, end in _spans(winding):
+                nearest = np.clip((core.radius - start) / (end - start), 0, 1)
+                t, weight = crowded(nearest, 24)
+                radius = start + t * (end - start)
+                of = ring_potential(core.radius[:, None], core.height[:, None], radius, np.array(z), 0, at_ring=True)
+                potential += sign * (of.value[0] * _magnetised(winding, radius) * weight * (end - start)).sum(1)
+        # Within the windings H is the field of the charges plus the magnetisation that replaces the current.
+        potential -= full * np.clip(core.height, winding.bottom, winding.top)
+    return core, core.response[0] @ potential
+
+
+def _spans(winding: Winding) -> list[tuple[float, float]]:
+    """Return the radii (from, to) in m of the bore and of the winding itself, without empty ones."""
+    inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
+    return [span for span in ((0.0, inner), (inner, outer)) if span[1] > span[0]]
+
+
+def _magnetised(winding: Winding, radius: np.ndarray) -> np.ndarray:
+    """Return the axial magnetisation in A/m per ampere whose curl is the winding's current."""
+    inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
+    full = winding.turns / winding.length
+    inside = (radius < (inner + outer) / 2).astype(float) if outer == inner else (outer - radius) / (outer - inner)
+    return np.asarray(full * np.clip(inside, 0, 1))
+
+
+def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the windings as rings of charge, for points above them: radii and heights in m, charges in A per ampere.
+
+    Rings on upper ends are at most `step` m apart; rings on lower ends may be wider apart, since they are farther away.
+    """
+    rings = []
+    for winding in windings:
+        for z, sign, apart in ((winding.top, 1, step), (winding.bottom, -1, max(step, winding.length / 4))):
+            for start, end in _spans(winding):
+                t, weight = gauss(eights(1.7 * (end - start) / apart))
+                radius = start + t * (end - start)
+                charge = sign * _magnetised(winding, radius) * weight * (end - start)
+                rings.append(np.stack([radius, np.full(len(t), z), charge]))
+    radius, height, charge = np.concatenate(rings, 1)
+    return radius, height, charge
+
+
+def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return radial and axial flux density in T per ampere at points above the coil's top face.
+
+    `radius` and `height` are arrays of one shape, in m.
+    """
+    height = np.asarray(height, float)
+    step = max(float(height.min(initial=np.inf)) / 2, coil.outer_diameter / MOST_RINGS)
+    _, along_r, along_z = rings_potential(coil_rings(coil, step), radius, height)
+    return -MU_0 * along_r, -MU_0 * along_z
+
+
+def rings_potential(
+    rings: tuple[np.ndarray, np.ndarray, np.ndarray], radius: np.ndarray, height: np.ndarray
+) -> RingPotential:
+    """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m that broadcast."""
+    at_radius, at_height, charge = rings
+    points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
+    some, count = max(AT_ONCE // len(charge), 1), points.shape[1]
+    blocks = (points[:, first : first + some] for first in range(0, max(count, 1), some))
+    each = [ring_potential(block[0], block[1], at_radius, at_height, 0, at_ring=False) for block in blocks]
+    parts = (np.concatenate([part[0] @ charge for part in one]) for one in zip(*each, strict=True))
+    return RingPotential(*(part.reshape(np.broadcast_shapes(np.shape(radius), np.shape(height))) for part in parts))
+
+
+@lru_cache(maxsize=16)
+def coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return coil and core as rings, on top `step` m apart: radii and heights in m, charges in A per ampere."""
+    rings = [np.stack(winding_rings(coil.windings, step))]
+    if (core := charged_core(coil)) is not None:
+        radius, height, shares = fine_rings(core[0], step)
+        rings.append(np.stack([radius, height, shares @ core[1]]))
+    radius, height, charge = np.concatenate(rings, 1)
+    return radius, height, charge
+
+
+@lru_cache(maxsize=64)
+def coil_poles(coil: CoilSource) -> np.ndarray:
+    """Return a coil's poles: charge in A·m per ampere and height in m over its top, shape (poles, 2).
+
+    Each end of a winding is one pole. The core's positive and its negative charges are one pole each, at the mean
+    height of those charges.
+    """
+    poles = []
+    for winding in coil.windings:
+        charge = winding.turns * (np.pi * _radius_square(winding) / 3) / winding.length
+        poles += [(charge, winding.top), (-charge, winding.bottom)]
+    if (core := charged_core(coil)) is not None:
+        height, charges = core[0].height, core[0].area * core[1]
+        for sign in (charges > 0, charges < 0):
+            total = float(charges[sign].sum())
+            poles.append((total, float((charges[sign] * height[sign]).sum()) / total))
+    result = np.array(poles)
+    result.setflags(write=False)
+    return result
+
+
+def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the field (…, 3) in A/m per ampere at `height` in m, and its slope along z.
+
+    `away` (…, 2) in m is the horizontal distance from the coil's axis.
+    """
+    charge, below = poles.T
+    up = height - below
+    square = (away**2).sum(-1)[..., None] + up**2
+    weight = charge / (4 * np.pi * square * np.sqrt(square))
+    turning = 3 * weight * up / square
+    field, slope = (
+        np.concatenate([away * across.sum(-1, keepdims=True), along.sum(-1, keepdims=True)], -1)
+        for across, along in ((weight, weight * up), (-turning, weight - turning * up))
+    )
+    return field, slope
+
+
+def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
+    """Return the relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
+    square = max((coil.core_diameter / 2) ** 2, *(_radius_square(winding) / 3 for winding in coil.windings))
+    return np.asarray(0.75 * square / distance**2)
+
+
+def _radius_square(winding: Winding) -> float:
+    """Return three times the mean of the squared radius of a winding's turns, in m²."""
+    outer, inner = winding.outer_diameter / 2, winding.inner_diameter / 2
+    return outer**2 + outer * inner + inner**2

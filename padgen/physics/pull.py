@@ -1,7 +1,7 @@
 """Pull of a coil with its core on a washer anywhere above it, and on the washers of its neighbours, by surface charges.
 
 A winding is replaced by the magnetic charge on the ends of a magnetisation that has its current as curl. Core and
-washer are linear steel (`magnetic_charge.steel_body`), each expanded in orders round its own axis, and magnetise each
+washer are linear steel (`magnetics.steel_body`), each expanded in orders round its own axis, and magnetise each
 other. The force on the washer is that of all other charges' field on its charge; with the side force comes a moment.
 
 Plans interpolate the pull from tables over ranges of gaps and offsets, with the error of doing so. `leakage` is the
@@ -17,10 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from padgen.physics.magnetic_charge import (
+from padgen.physics.magnetics import (
     CORE_ORDERS,
     MOST_RINGS,
+    MU_0,
+    CoilSource,
     SteelBody,
+    SteelRing,
     charged_core,
     coil_poles,
     coil_rings,
@@ -32,7 +35,6 @@ from padgen.physics.magnetic_charge import (
     tube,
     winding_rings,
 )
-from padgen.physics.magnetics import MU_0, CoilSource, SteelRing
 
 __all__ = [
     "BROUGHT",
@@ -434,7 +436,7 @@ def leakage(
     """Return the leakage on washers from the coils around their own.
 
     The washers are at `place` (n, 2) in m from the axis of their own coil, the other coils at `neighbours` and `far`
-    (k, 2). `far` coils are replaced by their poles (`magnetic_charge.coil_poles`) and come last in the result. Every
+    (k, 2). `far` coils are replaced by their poles (`magnetics.coil_poles`) and come last in the result. Every
     coil with its core magnetises the washer. Neighbours also magnetise the own coil's core, whose field magnetises the
     washer further; other cores act on each other as dipoles. The force is that of the fields on the washer's charges.
     The effect of the washer on cores is left out.

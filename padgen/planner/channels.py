@@ -9,14 +9,12 @@ The modes are `TaxelModes`, whether from the beam model or from finite elements.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import permutations
 from math import log, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
-from padgen.physics.ladder import slot_half_width
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
 from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, parts_key
@@ -31,14 +29,13 @@ from padgen.physics.resonator import (
 from padgen.physics.schemes import mean_square_a2
 from padgen.physics.selectivity import Scheme
 from padgen.planner.coils import coil_source
-from padgen.planner.plan import TURNS, Beam, Channel, Plan, Site, channel_sets, level_law
+from padgen.planner.plan import TURNS, Beam, Channel, Site, channel_sets, level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import SolvedModel, TaxelModel, fillet_mm, plate_shape, recess_mm
 from padgen.spec import Spec
 
 __all__ = [
-    "MODES_DB",
     "ModeFields",
     "coil_modes",
     "driven",
@@ -49,7 +46,6 @@ __all__ = [
     "magnetic_parts",
     "mode_fields",
     "mode_names",
-    "modes_in_slots",
     "plan_channels",
     "pull_exponent",
     "pull_range",
@@ -62,10 +58,6 @@ __all__ = [
 ]
 
 
-MODES_DB = 1.0
-"""Loss of selectivity by other modes up to which there is no finding."""
-QUIET_SHARE = 1e-6
-"""Share of the static compliance below which a mode counts as not excited by a pull at the washer's axis."""
 NAMES = ("stretch", "lateral", "bending", "torsion", "pitch", "yaw")
 """Names of modes by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
 
@@ -177,20 +169,6 @@ def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray) -> Mo
     return without_quiet_modes(coil_modes(spec, channels), own_hz, line, spec.drive.bias_ratio)
 
 
-def modes_in_slots(plan: Plan) -> list[tuple[Channel, Channel]]:
-    """Return pairs of channels: one whose second mode lies in the slot of the other.
-
-    Only modes count that a pull at the washer's axis does not excite.
-    """
-    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
-    return [
-        (channel, other)
-        for own in plan.sets
-        for channel, other in permutations(own, 2)
-        if channel.second_mode_share < QUIET_SHARE and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
-    ]
-
-
 def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
     """Return a name for each mode of a channel.
 
@@ -215,7 +193,7 @@ def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
 
 
 KIND = "pulls"
-CODE = ("physics/magnetic_charge.py", "physics/pull.py")
+CODE = ("physics/magnetics.py", "physics/pull.py")
 LOW, RANGE, GAPS = 0.35 * MM, 3, 5
 """Parts outside the catalogues are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)`."""
 
@@ -259,12 +237,9 @@ def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> Pul
 
     low, high, reach = LOW * RANGE**part, LOW * RANGE ** (part + 1), max(offset_m, 1e-9) * sqrt(2)
     key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
-    try:
-        known = np.array(cache.load(KIND, key), float).reshape(-1, GAPS)
-        if np.isfinite(known).all():
-            return PullTable(low, high, reach, known[0], known[1:].T[:, None])
-    except (TypeError, ValueError):
-        pass
+    if known := cache.load(KIND, key):
+        scale, *shape = np.array(known)
+        return PullTable(low, high, reach, scale, np.array(shape).T[:, None])
     table = make_table(coil, washer, low, high, reach, GAPS, 1)
     cache.store(KIND, key, [table.scale.tolist(), *table.shape[:, 0].T.tolist()])
     return table

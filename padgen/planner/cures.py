@@ -24,8 +24,6 @@ from padgen.planner.layout import (
 )
 from padgen.planner.plan import Plan
 from padgen.planner.search import ladders, reachable_hz, sized_layouts
-from padgen.planner.suspensions import allowed, suspension
-from padgen.planner.taxel_model import plate_shape, shortest_mm
 from padgen.spec import Spec, Suspension, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
@@ -149,21 +147,15 @@ def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
 
 
 def _too_many(spec: Spec, limit: int) -> str:
-    grid = spec.coil.grid
     per_coil = most_channels(spec, limit)
-    rows, columns = grid or most_coils(spec)
+    rows, columns = spec.coil.grid or most_coils(spec)
     coils = int(min(rows * columns, most_outputs(spec)))
-    there_are = "the grid has" if grid else "there is room for"
+    there_are = "the grid has" if spec.coil.grid else "there is room for"
     if spec.amplifier and coils < rows * columns:
         there_are = f"the amplifier {spec.amplifier.name} has channels for"
-    band = f"Q = {number(spec.q_min)} in {number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
-    if per_coil < limit and not spec.resonances_hz:
-        band = "there is no room for more plates at it"
-    exact = "exactly" if spec.resonances_hz else "at most"
     return (
-        f"{there_are} {coils} coil{'s' * (coils > 1)} of {number(spec.coil.outer_diameter_mm)} mm, each with {exact}"
-        f" {per_coil} channels"
-        f" ({band}), {coils * per_coil} taxels in all"
+        f"{there_are} {coils} coil{'s' * (coils > 1)} of {number(spec.coil.outer_diameter_mm)} mm, each with at most"
+        f" {per_coil} channels by band, Q and room for plates, {coils * per_coil} taxels in all"
     )
 
 
@@ -173,15 +165,9 @@ def _unreached(spec: Spec, layout: Layout) -> str:
     cell = f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
     grid = f"the {layout.rows} x {layout.columns} grid"
     if not found:  # no beam at all fits a sub-cell that has room for the plate
-        plate, gap, length_mm = plate_shape(spec), spec.printer.smallest_gap_mm, spec.suspension.length_mm
-        spans = [
-            f"{name}: lengths of {number(shortest_mm(spec, name))} …"
-            f" {number(suspension(name).longest(space, plate, gap))} mm, widths of"
-            f" {number(spec.printer.smallest_beam_mm)} … {number(suspension(name).widest(space, plate, gap))} mm"
-            for name in allowed(spec.suspension.topology)
-        ]
-        own = f", asked is suspension.length_mm = {number(length_mm)}" if length_mm else ""
-        return f"{cell} of {grid} holds no such beam ({'; '.join(spans)}){own}"
+        length_mm = spec.suspension.length_mm
+        such = f"beam of suspension.length_mm = {number(length_mm)}" if length_mm else "beam that prints"
+        return f"{cell} of {grid} holds the plate, but no {such}"
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
     if wanted and found[0] <= wanted[0][0] and wanted[0][-1] <= found[1]:
         reach = number(coil_reach_mm(spec))

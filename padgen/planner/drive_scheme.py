@@ -14,8 +14,7 @@ import numpy as np
 
 from padgen.core.errors import number
 from padgen.core.units import MA, MH, MM, MS, UM, decibel
-from padgen.physics.magnetic_charge import pole_error
-from padgen.physics.magnetics import CoilSource, SteelRing, pull_in_deflection, slack_at
+from padgen.physics.magnetics import CoilSource, SteelRing, pole_error, pull_in_deflection, slack_at
 from padgen.physics.modes import jump_amplitude
 from padgen.physics.pull import Leakage, leakage
 from padgen.physics.resonator import ModalTaxels, relative_energy
@@ -29,7 +28,7 @@ from padgen.physics.schemes import (
 )
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, pair_lines, tone_energy
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.channels import MODES_DB, coil_modes, hanging_gap_um, heard_modes, magnetic_parts, modes_in_slots
+from padgen.planner.channels import hanging_gap_um, heard_modes, magnetic_parts
 from padgen.planner.layout import Layout
 from padgen.planner.plan import (
     Channel,
@@ -61,7 +60,6 @@ __all__ = [
     "fitting_parts",
     "frame_rates",
     "is_fed",
-    "modes_matter",
     "placed_channels",
     "plan_selectivity",
     "pull_in_share",
@@ -290,27 +288,6 @@ def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
 def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
     """Return the channels of one coil as printed, with each washer's own pull."""
     return _resonators(spec, planned, "placed")
-
-
-def modes_matter(plan: Plan) -> bool:
-    """Return whether other modes of the taxels may matter: True if `judge_modes` is to look at them.
-
-    They may if a mode lies in another channel's slot, if the modes cost selectivity, or if a line of the drive on a
-    mode's peak could move an OFF taxel by more than 1/Δy of its ON amplitude. The last is a quick bound: no line is
-    more than twice the largest wanted one, or 1/(2 `bias_ratio`) of it in a biased drive.
-    """
-    spec, figures = plan.spec, plan.selectivity
-    if len(plan.sets[0]) < 2:
-        return False
-    if modes_in_slots(plan) or (figures.modes_cost_db or 0.0) > MODES_DB:
-        return True
-    for own in plan.sets:
-        modes, line = coil_modes(spec, own), placed_channels(spec, own).line
-        peak = np.sqrt((modes.gain**2).sum(-1)) * (modes.q / line)[:, None]
-        peak[np.arange(len(own)), [int(np.argmax(c.mode_shares)) for c in own]] = 0.0
-        if float(peak.max() * line.max()) * max(2.0, 0.5 / spec.drive.bias_ratio) > 1 / spec.delta_y:
-            return True
-    return False
 
 
 def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, permutations
 from math import inf
 from typing import Any, NamedTuple
 
@@ -16,9 +16,9 @@ from padgen.physics.modes import jump_amplitude, level_kept, resonance_rise
 from padgen.physics.resonator import ModalTaxels, felt_energy
 from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
-from padgen.planner.channels import MODES_DB, coil_modes, mode_names, modes_in_slots
+from padgen.planner.channels import coil_modes, mode_names
 from padgen.planner.cures import Cure
-from padgen.planner.drive_scheme import modes_matter, placed_channels
+from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.left_out import judge_left_out, judge_touch
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
@@ -35,6 +35,10 @@ PULL_DB = 1.0
 """Loss of selectivity by unequal pull up to which there is no finding."""
 SNAPPING_DB = 0.5
 """Loss of selectivity by printing in steps up to which there is no finding."""
+MODES_DB = 1.0
+"""Loss of selectivity by other modes up to which there is no finding."""
+QUIET_SHARE = 1e-6
+"""Share of the static compliance below which a mode counts as not excited by a pull at the washer's axis."""
 PULL_ERROR = 0.1
 """Relative error of a pull up to which there is no finding."""
 
@@ -405,8 +409,7 @@ def _modes(plan: Plan) -> Iterator[Finding]:
                 f" resonance of {number(channel.resonance_hz)} Hz, at least the half-power width of {1 / channel.q:.1%}"
                 " should lie between them: a beam with bends has no plane of symmetry that would keep the two apart",
             )
-    if modes_matter(plan):
-        yield from judge_modes(plan)
+    yield from judge_modes(plan)
 
 
 def _mechanics(plan: Plan) -> Iterator[Finding]:
@@ -703,8 +706,16 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
 
 
 def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
-    loud = {(crowd.channel, crowd.hz) for crowd in found}
-    silent = [(c, other) for c, other in modes_in_slots(plan) if (c.index, c.second_mode_hz) not in loud]
+    """Tell of second modes in the slots of other channels that a pull at the washer's axis does not excite."""
+    loud, half = {(crowd.channel, crowd.hz) for crowd in found}, slot_half_width(plan.spec.q_min, plan.spec.delta_y)
+    silent = [
+        (channel, other)
+        for own in plan.sets
+        for channel, other in permutations(own, 2)
+        if channel.second_mode_share < QUIET_SHARE
+        and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
+        and (channel.index, channel.second_mode_hz) not in loud
+    ]
     if silent:
         listed = ", ".join(
             f"channel {c.index}'s at {number(c.second_mode_hz)} Hz in channel {o.index}'s slot" for c, o in silent

@@ -133,13 +133,12 @@ def print_yield(
     seed: int = 0,
     *,
     spreads: Spreads | None = None,
-    places_mm: np.ndarray | None = None,
     budget: float = BUDGET,
 ) -> PrintYield:
     """Simulate `pads` prints of `plan` and return their yield; the same `seed` gives the same result to the bit.
 
-    Without `spreads` those of the spec are taken, without `places_mm` (taxels, 2) those of the plan. `budget` is the
-    largest number of responses computed, which limits the pads: n² for each coil of n channels, n³ with pair spurs.
+    Without `spreads` those of the spec are taken. `budget` is the largest number of responses computed, which limits
+    the pads: n² for each coil of n channels, n³ with pair spurs.
 
     A taxel is good when its ON amplitude over its own largest OFF amplitude reaches the asked selectivity, a pad when
     the selectivity of each of its coils does. A taxel alone over its coil is good while its tone moves it by at least
@@ -148,7 +147,7 @@ def print_yield(
     if pads < 1:
         raise ValueError(f"pads must be at least 1, got {pads}")
     spreads = spreads or spreads_of(plan.spec)
-    design = design_of(plan, places_mm)
+    design = design_of(plan, None)
     affordable = max(int(budget / work(design)), 1)
     made = min(pads, affordable)
     prints = printed(design, spreads, made, seed)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
 from math import inf
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -165,7 +165,8 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     )
 
     def kept() -> Optimum | None:
-        return _from_plain(cache.load(KIND, key), count)
+        entry = cache.load(KIND, key)
+        return entry and Optimum(tuple(entry[0]), *entry[1:])
 
     def made() -> Optimum:
         best = _searched(spec, count, low_hz, high_hz)
@@ -173,18 +174,6 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
         return best
 
     return cache.once(KIND, key, kept, made)
-
-
-def _from_plain(entry: Any, count: int) -> Optimum | None:
-    """Return the optimum in a cache entry, or None if the entry is not `count` rising resonances."""
-    try:
-        hz, reached_db, drive = entry
-        ladder = np.array(hz, float)
-        known = Optimum(tuple(ladder.tolist()), float(reached_db), str(drive))
-    except (OverflowError, TypeError, ValueError):
-        return None
-    rises = ladder.shape == (count,) and ladder[0] > 0 and bool((np.diff(ladder) > 0).all())
-    return known if rises and np.isfinite([*ladder, reached_db]).all() else None
 
 
 def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:

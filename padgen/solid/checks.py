@@ -15,7 +15,7 @@ import numpy as np
 from padgen.core.errors import GeometryError, at_least, number
 from padgen.core.finding import Finding
 from padgen.planner.plan import Plan
-from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles
+from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, differences, loose_triangles
 from padgen.solid.measure import (
     Dimension,
     Narrow,
@@ -86,23 +86,24 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
     if state.closed and own_figures["measured_taxels"] < len(plan.taxels):
         placed = assembled(plan, pad.tiles, pad.border, pad.grid)
         if not all(np.array_equal(a, b) for a, b in zip(placed, pad.mesh, strict=True)):
-            findings += _differing(pad.mesh, placed, plan)
+            findings += _differing(pad.mesh, placed, plan)[1]
     return Report(figures | own_figures, tuple(findings))
 
 
 def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
     """Run all checks of a mesh from any program that should equal the `pad` of `plan`, and lies where the pad does.
 
-    Triangles that are the pad's own need no further check. Where the mesh has others, the solids are compared: every
-    difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and beams and recesses of the
-    taxels there are measured.
+    Triangles that are the pad's own, or its faces cut anew, need no further check. Where the mesh has others, the
+    solids are compared: every difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and
+    beams and recesses of the taxels there are measured.
     """
     state, printer = topology(mesh), plan.spec.printer
     figures, findings = _whole(mesh, state, printer, plan.spec.material.density_g_per_cm3)
     if not state.closed or state.volume_mm3 <= 0:
         return Report(figures, tuple(findings))
-    if differing := _differing(mesh, pad.mesh, plan):
-        findings += _pierced(mesh)
+    same, differing = _differing(mesh, pad.mesh, plan)
+    findings += [] if same else _pierced(mesh)
+    if differing:
         more_figures, more = _printable(mesh, printer, Places()) if state.shells <= MOST_BODIES else ({}, [])
     else:
         more_figures, more = _of_tiles(pad, plan, True)
@@ -125,17 +126,9 @@ def _whole(
     small_enough = np.all(np.sort(size[:2]) <= np.sort(bed[:2])) and size[2] <= bed[2]
     measures, room = (" x ".join(map(number, each)) for each in (size, bed))
     first = _spot(*mesh.vertices_mm[state.first_broken].tolist()) if len(mesh.vertices_mm) else ""
-    open_edges, crowded, turned = state.open_edges, state.crowded_edges, state.turned_edges
-    bad = f"must be 0, the first near {first}"
+    broken = f"{state.broken_edges} edges do not join two triangles that agree which side is out, must be 0"
     cases = (
-        # What is wrong with one edge shows in others: only the first kind is told.
-        (open_edges, "mesh.closed", f"{open_edges} edges have a triangle on one side only, {bad}"),
-        (crowded and not open_edges, "mesh.closed", f"{crowded} edges join more than two triangles, {bad}"),
-        (
-            turned and not open_edges and not crowded,
-            "mesh.closed",
-            f"{turned} edges join triangles that disagree which side is out, {bad}",
-        ),
+        (not state.closed, "mesh.closed", f"{broken}, the first near {first}"),
         (
             state.closed and state.volume_mm3 <= 0,
             "mesh.inside_out",
@@ -187,16 +180,16 @@ def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding
     ]
 
 
-def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> list[Finding]:
-    """Return findings about where the solids differ."""
+def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
+    """Return whether all faces are those planned, and findings about where they differ."""
     loose, lost, snapped = loose_triangles(mesh, planned)
-    if not loose.any() and not lost.any():
-        return []
+    if cut_anew(snapped.corners_mm[loose], planned.corners_mm[lost]):
+        return True, []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
     (one, refused), (other, _) = _manifold(snapped), _manifold(planned)
     if one is None:
-        return refused
+        return False, refused
     if reached.mean() < 0.5:
         room = cells.room(reached)
         one, other = one ^ room, other ^ room
@@ -205,7 +198,7 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> list[Finding]:
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
     found, rooms = differences(one, other), washer_rooms(plan, one, taxels)
-    return [*told(off, found, cells), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
+    return False, [*told(off, found, cells), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
 def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> list[Finding]:

@@ -1,6 +1,7 @@
 """Comparison of a mesh with the planned one: its pose, and every difference into which a cube of `SMALLEST_MM` fits.
 
-Triangles with the same corners are equal. All else is found by subtracting the two solids from each other.
+Triangles with the same corners are equal. Where triangles differ but cover the same places of the same planes, another
+program only cut the faces anew. All else is found by subtracting the two solids from each other.
 """
 
 from collections.abc import Iterator
@@ -17,9 +18,11 @@ from padgen.solid.mesh import Mesh
 
 __all__ = [
     "SMALLEST_MM",
+    "STRIP_MM",
     "Cells",
     "Difference",
     "Pose",
+    "cut_anew",
     "differences",
     "loose_triangles",
     "pose_of",
@@ -32,6 +35,10 @@ It is about half a layer, and what coarse chords take off a round recess (0.5 ra
 """
 SAME_MM = 1e-3
 """Largest distance of two corners that count as equal, since files hold single precision or few digits."""
+STRIP_MM = 5e-3
+"""Width of strips in which the same face of two meshes may differ, since programs round the corners on its edges."""
+STEEP = 1e-3
+"""Least vertical part of a face's unit normal for the face to count as seen from above or below."""
 LANDMARK_MM, LANDMARKS = 0.02, 4000
 """Largest distance of two corners that match when a mesh is laid over another, and the most corners compared."""
 CORNER_RAD = 0.8
@@ -222,6 +229,38 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
         keys.append((a * (count + 1) + b) * (count + 1) + c)
     loose = ~known[mesh.triangles].all(1) | ~np.isin(*keys)
     return loose, ~np.isin(*keys[::-1]), Mesh(vertices, mesh.triangles)
+
+
+def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
+    """Return whether triangles (n, 3, 3) and planned ones, of closed meshes alike in all others, show the same faces.
+
+    Along a vertical line two such solids can part only at faces that are seen from above or below, and cannot where
+    the triangles in every plane cover the same places. Strips narrower than `STRIP_MM` are left out.
+    """
+    from manifold3d import CrossSection, FillRule, JoinType
+
+    corners = np.concatenate([triangles_mm, planned_mm])
+    if not len(corners):
+        return True
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    planes = np.column_stack([normals, np.einsum("ij,ij->i", normals, corners[:, 0])])
+    seen = np.flatnonzero(np.abs(normals[:, 2]) > STEEP)
+    _, plane = np.unique(np.round(planes[seen] / SAME_MM), axis=0, return_inverse=True)
+    order = np.argsort(plane, kind="stable")
+    for own in np.split(seen[order], np.flatnonzero(np.diff(plane[order])) + 1):
+        # They come in their order, those of the plan last.
+        one, other = (
+            CrossSection(list(corners[part, :, :2]), FillRule.NonZero)
+            for part in np.split(own, [np.searchsorted(own, len(triangles_mm))])
+        )
+        apart = (one - other) + (other - one)
+        if apart.area() > STRIP_MM**2 / 2:
+            # Slivers would come out of `offset` turned inside out.
+            left = apart.simplify(STRIP_MM / 50).offset(-STRIP_MM / 2, JoinType.Miter)
+            if not left.is_empty():
+                return False
+    return True
 
 
 def differences(one: Any, other: Any) -> list[Difference]:

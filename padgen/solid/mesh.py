@@ -4,7 +4,6 @@ The tests are of any mesh: closed, consistently wound, in one piece, free of sel
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -153,29 +152,25 @@ MOST_COLUMNS, MOST_CELLS, MANY_PAIRS = 10_000, 16, 100
 which wider columns are tried."""
 
 
-@dataclass(frozen=True)
-class Topology:
-    """Counts of a mesh's faulty edges, all zero for a good one, its `shells` (1 if good) and its volume.
+class Topology(NamedTuple):
+    """The number of a mesh's faulty edges, a vertex of the first one, its `shells` (1 if good) and its volume.
 
-    `open_edges` have one triangle, `crowded_edges` more than two, `turned_edges` two that disagree which side is out.
-    `first_broken` is a vertex of one of these edges, 0 where there is none.
+    Each edge of a good mesh joins two triangles that agree which side is out: it is closed, without a faulty edge.
     """
 
-    open_edges: int
-    crowded_edges: int
-    turned_edges: int
+    broken_edges: int
+    first_broken: int
     shells: int
     volume_mm3: float
-    first_broken: int
 
     @property
     def closed(self) -> bool:
-        """True where every edge joins two triangles that agree which side is out."""
-        return not (self.open_edges or self.crowded_edges or self.turned_edges)
+        """True without a faulty edge."""
+        return not self.broken_edges
 
 
 def topology(mesh: Mesh) -> Topology:
-    """Count the edges that are open, crowded or turned, and the shells; measure the volume."""
+    """Count the faulty edges and the shells; measure the volume."""
     # An edge and its direction (the last bit) are packed into one number: sorting rows, or an argsort, would take many
     # times as long.
     count = max(len(mesh.vertices_mm), 1)
@@ -195,12 +190,10 @@ def topology(mesh: Mesh) -> Topology:
     forward = np.add.reduceat(key & 1, start) if len(key) else counts
     broken = key[start[(counts != 2) | (forward != 1)]] // (2 * count)
     return Topology(
-        open_edges=int((counts == 1).sum()),
-        crowded_edges=int((counts > 2).sum()),
-        turned_edges=int(((counts == 2) & (forward != 1)).sum()),
-        shells=int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
-        volume_mm3=signed_volume_mm3(mesh),
-        first_broken=int(broken[0]) if len(broken) else 0,
+        len(broken),
+        int(broken[0]) if len(broken) else 0,
+        int(shells(mesh).max()) + 1 if len(mesh.triangles) else 0,
+        signed_volume_mm3(mesh),
     )
 
 

@@ -1,15 +1,17 @@
 """Parts beside the pad, made on request: the coil tray, the coupon, and a tray for the coupon's coil.
 
 Each is modelled, checked and saved like the pad itself. The coupon is a small pad with a groove beside channel 0. The
-tray is three extruded layers, fused (`padgen.planner.fixtures` draws its section). The bill of materials counts the pad
-and these parts. A mesh file that any program may have written is recognised as one of them, and judged.
+tray is three extruded layers, fused (`padgen.planner.fixtures` draws its section); its dimensions are compared with the
+plan. The bill of materials counts the pad and these parts. A mesh file that any program may have written is recognised
+as one of them, and judged.
 """
 
 import io
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from math import sqrt
+from itertools import product
+from math import isfinite, nan, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +28,19 @@ from padgen.planner.fixtures import (
     plan_tray,
     screw_for,
     tray_findings,
+    washer_underside_mm,
 )
 from padgen.planner.plan import Plan
-from padgen.solid.checks import Report, check_against, check_mesh, check_pad, told, volume_findings
+from padgen.solid.checks import BUILT_MM, Report, check_against, check_mesh, check_pad, few, told, volume_findings
 from padgen.solid.compare import Pose, differences, pose_of
 from padgen.solid.formats import Part
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.mesh import Mesh, as_manifold, sound_mesh, tessellated
+from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
+from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, sound_mesh, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.taxel import box, only_solid
-from padgen.spec import Spec
+from padgen.spec import Pad, Spec
 
 __all__ = [
     "TraySolid",
@@ -46,7 +50,9 @@ __all__ = [
     "build_tray",
     "check_foreign",
     "check_tray",
+    "measured_tray",
     "read_mesh",
+    "tray_solid",
 ]
 
 
@@ -70,7 +76,12 @@ def build_tray(plan: Plan) -> TraySolid:
     GeometryError
         A kernel refused a part.
     """
-    b, tray, pad = build123d(), plan_tray(plan), plan.spec.pad
+    return tray_solid(plan_tray(plan), plan.spec.pad)
+
+
+def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
+    """Build the solid of a `tray` with the outline of `pad`."""
+    b = build123d()
     with kernel_errors("the coil tray"):
         rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
         outside = rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
@@ -115,21 +126,149 @@ def _socket(tray: Tray, x: float, y: float) -> Any:
     return wire
 
 
+ROUND_MM = 2 * CHORD_MM
+"""Largest change of a diameter by its triangles: a polygon lies within the true circle."""
+SEAT_RAYS = 3
+COIL_SIDES = 64
+BLOCKED_MM3 = 1e-3
+
+
 def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report:
-    """Run all checks of the tray that was built for `plan`, or of a `mesh` from any program that should equal it."""
-    spec, density = plan.spec, plan.spec.material.density_g_per_cm3
-    report = check_mesh(mesh or built.mesh, spec.printer, density)
-    figures = {**report.figures, "exact_volume_mm3": built.volume_mm3, "gap_mm": built.tray.gap_mm}
+    """Run all checks of the tray that was built for `plan`, or of a `mesh` from any program that should equal it.
+
+    The figures are those of the mesh, and the gap that was measured.
+    """
+    spec, tray, mesh = plan.spec, built.tray, mesh or built.mesh
+    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
+    figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
     findings = [
-        *tray_findings(plan, built.tray),
+        *tray_findings(plan, tray),
         *report.findings,
         *volume_findings(report.figures["volume_mm3"], built.volume_mm3),
     ]
-    if mesh is not None:
-        with suppress(GeometryError):  # check_mesh has reported it
-            solid = as_manifold(mesh, "the tray")
-            findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
+    try:
+        solid = as_manifold(mesh, "the tray")
+    except GeometryError:
+        # check_mesh has reported it.
+        return Report(figures, tuple(findings))
+    if mesh is not built.mesh:
+        findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
+    gauges = list(measured_tray(tray, spec, solid))
+    findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
+    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
+    figures["largest_difference_from_plan_mm"] = max(off, default=None)
+    figures["measured_dimensions"] = len(gauges)
     return Report(figures, tuple(findings))
+
+
+def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
+    """Measure sockets, seats, rim and screw holes of a tray on its manifold.
+
+    A diameter is that of the largest circle about the planned axis that holds no material. A height is where a ray
+    from above ends; a seat's is measured at several places about the axis.
+    """
+    sockets = holes_of(solid, (tray.floor_mm + tray.socket_top_mm) / 2)
+    # On a coil's seat, half way between the seat's hole and the coil's rim.
+    angles = 2 * np.pi * np.arange(SEAT_RAYS) / SEAT_RAYS
+    seat_mm = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4 * np.stack([np.cos(angles), np.sin(angles)], -1)
+    for x, y in tray.coils_mm:
+        where = f"the socket at ({number(x)}, {number(y)}) mm"
+        yield Dimension(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
+        for at in (seat_mm + np.array([x, y])).tolist():
+            yield Dimension(where, "seat height", tray.floor_mm, _top(solid, tray, *at))
+    # Two places on each side of the rim, near the corners.
+    pad = spec.pad
+    off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+    for side, along in product((-1, 1), (-1, 1)):
+        for x, y in ((along * 0.49 * pad.width_mm, side * off_y), (side * off_x, along * 0.49 * pad.depth_mm)):
+            where = f"the rim at ({number(x)}, {number(y)}) mm"
+            yield Dimension(where, "rim height", tray.height_mm, _top(solid, tray, x, y))
+    if tray.screw is None:
+        return
+    bores = holes_of(solid, tray.height_mm - tray.screw.hole_depth_mm / 2)
+    for x, y in tray.holes_mm:
+        where = f"the screw hole at ({number(x)}, {number(y)}) mm"
+        yield Dimension(where, "hole diameter", tray.screw.hole_diameter_mm, _free_diameter(bores, x, y), ROUND_MM)
+        bottom = np.nan_to_num(_top(solid, tray, x, y))
+        yield Dimension(where, "hole depth", tray.screw.hole_depth_mm, float(tray.height_mm - bottom))
+
+
+def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
+    """Return the height in mm of the tray's highest face at a place, nan where there is none."""
+    high = tray.height_mm + 1.0
+    return high - run_mm(solid, (x, y, high), (x, y, -1.0))
+
+
+def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
+    """Return the diameter of the largest circle about a point within the hole around it, nan where there is no hole."""
+    at = np.array([x, y])
+    for contour in holes:
+        if (contour.min(0) < at).all() and (at < contour.max(0)).all():
+            return 2 * distance_to_sides(contour, at)
+    return nan
+
+
+def _off(gauges: list[Dimension]) -> Iterator[Finding]:
+    """Report the dimensions that are not as planned."""
+    for g in gauges:
+        within_mm = BUILT_MM + g.facets_mm
+        if not abs(g.built_mm - g.planned_mm) <= within_mm:
+            built = f"{number(g.built_mm)} mm" if isfinite(g.built_mm) else "missing"
+            planned = f"{number(g.planned_mm)} mm within {number(within_mm)} mm"
+            yield Finding("error", "tray.built", g.where, f"its {g.name} is {built}, planned are {planned}")
+
+
+def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
+    """Check the gap between coils and washers: rim over seat, less the coil, plus the washer's place in the pad.
+
+    It is measured on the mesh. It may differ from the spec's gap by half a layer (which `tray_findings` reports) and by
+    `BUILT_MM`.
+    """
+    spec = plan.spec
+    seat = np.array([g.built_mm for g in gauges if g.name == "seat height"])
+    rim = np.array([g.built_mm for g in gauges if g.name == "rim height"])
+    offset = washer_underside_mm(plan) - spec.coil.length_mm
+    low, high = float(rim.min() - seat.max()) + offset, float(rim.max() - seat.min()) + offset
+    figures["gap_mm"] = [low, high]
+    within = spec.printer.layer_mm / 2 + BUILT_MM
+    worst = low if not abs(low - spec.coil.gap_mm) <= abs(high - spec.coil.gap_mm) else high
+    if not abs(worst - spec.coil.gap_mm) <= within:
+        yield Finding(
+            "error",
+            "tray.gap",
+            "mesh",
+            f"its sockets give a gap of {number(worst) + ' mm' if isfinite(worst) else 'unknown size'}, planned are"
+            f" {number(spec.coil.gap_mm)} mm within {number(within)} mm",
+        )
+
+
+def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
+    """Check that the coils' places, the room under the pad and every wire slot are empty."""
+    import manifold3d
+
+    pad, radius, low = spec.pad, spec.coil.outer_diameter_mm / 2, tray.floor_mm + BUILT_MM
+    coil = manifold3d.Manifold.cylinder(tray.coil_top_mm - low, radius, radius, COIL_SIDES)
+    coils = manifold3d.Manifold.compose([coil.translate((x, y, low)) for x, y in tray.coils_mm])
+    blocked = [part for part in (coils ^ solid).decompose() if part.volume() > BLOCKED_MM3]
+    if blocked:
+        box_mm = np.reshape(blocked[0].bounding_box(), (2, 3))
+        where = f"({', '.join(map(number, box_mm.mean(0)))}) mm"
+        told = f"material lies where a coil stands; {len(blocked)} such places, must be 0"
+        yield Finding("error", "tray.coil", where, told)
+    x, y, z = mesh.vertices_mm.T
+    inside = (np.abs(x) < pad.width_mm / 2 - BUILT_MM) & (np.abs(y) < pad.depth_mm / 2 - BUILT_MM)
+    highest = float(z[inside].max(initial=0.0))
+    if highest > tray.coil_top_mm + BUILT_MM:
+        told = f"under the pad it rises to {number(highest)} mm, the coils' tops are at {number(tray.coil_top_mm)} mm"
+        yield Finding("error", "tray.room", "mesh", told)
+    for slot in tray.wire_slots:
+        middle = np.array([slot.x0 + slot.x1, slot.y0 + slot.y1, tray.socket_top_mm + tray.height_mm]) / 2
+        # A ray along the middle of a slot, from end to end, does not meet the tray.
+        along_y = abs(middle[1]) > pad.depth_mm / 2
+        half = np.array([0.0, slot.y1 - slot.y0, 0.0] if along_y else [slot.x1 - slot.x0, 0.0, 0.0]) / 2
+        if isfinite(run_mm(solid, middle - half, middle + half)):
+            where = f"the slot at ({number(middle[0])}, {number(middle[1])}) mm"
+            yield Finding("error", "tray.wires", where, "no wire passes from the sockets to the outside")
 
 
 def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:

@@ -100,20 +100,15 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
         or the washer does not touch the printed part.
     """
     where = where or str(step)
-    if not step.is_file():
-        raise SolverError("there is no such STEP file", where)
     try:
         solids = list(occ.OCCGeometry(str(step)).shape.solids)
     except Exception as error:
         raise SolverError(f"cannot be read as STEP ({_first_line(error)})", where) from error
-    volumes = [solid.mass for solid in solids]
-    if len(solids) != 2 or min(volumes) <= 0:
-        raise SolverError(f"must hold two solids, printed part and washer, holds {len(solids)}", where)
-    misfit = [abs(volume / washer_volume_mm3 - 1) for volume in volumes]
-    if min(misfit) > VOLUME_SHARE:
-        found = " and ".join(f"{number(v)} mm³" for v in volumes)
+    misfit = [abs(solid.mass / washer_volume_mm3 - 1) for solid in solids]
+    if len(solids) != 2 or min(misfit) > VOLUME_SHARE:
+        found = " and ".join(f"{number(solid.mass)} mm³" for solid in solids)
         raise SolverError(
-            f"none of its solids is the washer of {number(washer_volume_mm3)} mm³, they have {found}", where
+            f"must hold two solids, printed part and washer of {number(washer_volume_mm3)} mm³, holds {found}", where
         )
     washer = int(np.argmin(misfit))
     solids[washer].name, solids[1 - washer].name = WASHER, PRINTED

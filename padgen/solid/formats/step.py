@@ -50,12 +50,7 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
         cache.store_bytes(STEP_KIND, key, path.read_bytes())
         return path.read_bytes()
 
-    def kept() -> bytes | None:
-        data = cache.load_bytes(STEP_KIND, key) or b""
-        ends = data.startswith(b"ISO-10303-21;"), data.rstrip().endswith(b"END-ISO-10303-21;")
-        return data if all(ends) and _UNNAMED.encode() in data else None
-
-    known = cache.once(STEP_KIND, key, kept, made)
+    known = cache.once(STEP_KIND, key, lambda: cache.load_bytes(STEP_KIND, key), made)
     path.write_bytes(known.replace(_UNNAMED.encode(), f"{plan.name} taxel {channel.index}".encode()))
 
 
