@@ -13,8 +13,8 @@ import pytest
 from scipy.signal import lfilter
 
 from padgen.driver.formats.c import FILE, HEAT_S, c_header, firmware_files
-from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.serial_line import Kind, Message, decode, encode, frame_message, plan_hash
+from padgen.driver.waveform import PadDrive, make_drive
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 from padgen.spec.model import Amplifier, Limits

@@ -22,8 +22,7 @@ from padgen.core.files import json_text
 from padgen.core.wav_reader import read_wav
 from padgen.driver.ear import AROUND, circuit_filter, ear_findings, hear, heard_table, mode_filter
 from padgen.driver.formats.wav import wave_json, write_wave
-from padgen.driver.pad_drive import make_drive
-from padgen.driver.waveform import Timeline, blend, ramp_s, steady, timeline
+from padgen.driver.waveform import Timeline, blend, make_drive, ramp_s, steady, timeline
 from padgen.measured.tuning import planned_tuning
 from padgen.physics.propagation import propagate, tones
 from padgen.physics.resonator import felt_energy, relative_energy

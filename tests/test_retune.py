@@ -26,7 +26,7 @@ import pytest
 from padgen.core.errors import FileError, PadgenError
 from padgen.core.files import json_text
 from padgen.driver.formats.csv import drive_csv
-from padgen.driver.pad_drive import make_drive
+from padgen.driver.waveform import make_drive
 from padgen.measured.fits import MethodFit, TaxelFit, fit_measured
 from padgen.measured.read import read_measured_text
 from padgen.measured.tune import measured_rows, needed_db, retuned, trims, tuned_drive_csv, tuned_rows, tuning_of

@@ -22,8 +22,7 @@ from padgen.driver.formats import DriveFormat, DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
-from padgen.driver.pad_drive import RATES_HZ, PadDrive
-from padgen.driver.waveform import Timeline, ramp_s, steady, timeline
+from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json

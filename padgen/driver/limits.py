@@ -17,22 +17,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError, at_least, at_most, number
+from padgen.core.errors import SpecError, at_most, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
 from padgen.driver.excitation import Excitation
-from padgen.driver.pad_drive import (
+from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
-    RATES_HZ,
     CoilDrive,
     PadDrive,
+    Timeline,
+    blocks,
     coil_lines,
     constant_a2,
     drive_at,
-    highest_hz,
+    is_fed,
     make_drive,
+    ramp_s,
+    timeline,
 )
-from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
 from padgen.measured.tuning import Tuning, planned_tuning, printed_channels
 from padgen.physics.crest import least_constant
 from padgen.physics.magnetics import balanced_deflection, impedance
@@ -40,11 +42,10 @@ from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import pull_in_share
-from padgen.planner.plan import CARRIER_OVER_RESONANCE, Channel, Plan
+from padgen.planner.plan import Channel, Plan
 
 __all__ = [
     "Load",
-    "carrier_text",
     "excitation_load",
     "group_channels",
     "judge_limits",
@@ -449,16 +450,3 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
         if not any(judge_load("", lower, load, tuning, drive.voltage_limit_v)):
             return f"; drive.level_um of {text} would fit it"
     return "; no lower drive.level_um that was tried would fit it"
-
-
-def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
-    """Tell, as a clause, whether the lowest carrier that is accepted keeps all limits."""
-    hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
-    try:
-        drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))
-    except SpecError as error:
-        return f"; a carrier has none, but the lowest, {hz} Hz, {error.message}"
-    beyond = next(judge_load("", plan, load_of(plan, drive, shown), tuning), None)
-    if beyond is None:
-        return f"; a carrier has none (--carrier {hz} keeps all limits)"
-    return f"; a carrier has none, but with the lowest that is accepted, --carrier {hz}, the current {beyond.message}"

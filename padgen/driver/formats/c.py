@@ -20,9 +20,8 @@ from padgen.core.files import OutputFolder
 from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import group_channels, judge_limits, least_constants
-from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, CoilDrive, PadDrive
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
-from padgen.driver.waveform import frame_s, ramp_s
+from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
