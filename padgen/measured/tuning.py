@@ -462,9 +462,9 @@ def simulated_measurement(plan: Plan, truth: Tuning, seed: int, snr_db: float = 
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 101)))
     hz = [taxel.resonance_hz for taxel in truth.taxels] + [channel.resonance_hz for channel in plan.channels]
     low, high = min(hz) / 2, 2 * max(hz)
-    points = np.log(high / low) * max(taxel.q for taxel in truth.taxels) * POINTS_PER_BANDWIDTH
+    points = int(np.ceil(np.log(high / low) * max(taxel.q for taxel in truth.taxels) * POINTS_PER_BANDWIDTH))
     most = MOST_NUMBERS // (1 + 2 * len(truth.taxels))
-    frequency = np.geomspace(low, high, min(max(int(points), FEWEST_POINTS), most))
+    frequency = np.geomspace(low, high, min(max(points, FEWEST_POINTS), most))
     columns, names = [frequency], ["frequency_hz"]
     for channel, tuned in zip(printed_channels(plan, truth), truth.taxels, strict=True):
         working, clean = int(np.argmax(channel.mode_shares)), np.zeros(len(frequency), complex)
