@@ -141,7 +141,7 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
             finer = np.fft.irfft(np.fft.rfft(part), FINER * len(window)) * FINER
             reached = max(reached, float(np.abs(finer[FINER * OVERLAP : -FINER * OVERLAP]).max()))
     peak_a = float(np.abs(played.current_a).max(initial=0.0)) * BETWEEN
-    total_a2 = float(squares.sum() if played.together else squares.max())
+    total_a2 = float(squares.max())
     return Load(reached, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share))
 
 
