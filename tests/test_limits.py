@@ -432,13 +432,6 @@ def test_what_an_excitation_reaches_between_samples_counts():
     assert load.peak_v / 40 == pytest.approx(np.abs(fine.voltage_v).max(), rel=0.01)
 
 
-def test_a_tone_that_samples_miss():
-    tone = np.cos(np.pi / 2 * np.arange(50_000) + np.pi / 4) * np.sin(np.linspace(0, np.pi, 50_000))
-    played = replace(excitation(planned(), 8000, 2.0), voltage_v=tone)
-    assert np.abs(tone).max() < 0.708
-    assert excitation_load(planned(), played).peak_v == pytest.approx(1.0, rel=0.01)
-
-
 def test_a_tuned_print_is_judged_by_its_own_drive():
     plan = planned("", "scheme = 'tones'\nlevel_um = 10")
     print_ = planned_tuning(plan)
