@@ -548,7 +548,7 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     for taxel, at in columns.items():
         parts = {part: values[:, k] for part, k in at.items()}
         if "re" in parts:
-            response = parts["re"] + 1j * parts["im"]
+            response: np.ndarray = parts["re"] + 1j * parts["im"]
         else:
             response = parts["mag"] if "mag" in parts else 10 ** (parts["db"] / 20)
             if (response < 0).any():

@@ -212,35 +212,31 @@ def estimated(
     rest = sorted(set(range(count)) - set(known))
     if not rest or not known:
         return tuning
-    channel = [taxel.channel for taxel in plan.taxels] + list(coupon)
-    planned = np.array([plan.channels[c].resonance_hz for c in channel])
+    kinds = [taxel.channel for taxel in plan.taxels] + list(coupon)
+    planned = np.array([plan.channels[c].resonance_hz for c in kinds])
     measured = [*fits, *coupon.values()]
-    hz = np.array([fit.resonance_hz for fit in measured])
-    noise = np.array([fit.resonance_error_hz for fit in measured]) / hz
+    known_hz = np.array([fit.resonance_hz for fit in measured])
+    noise = np.array([fit.resonance_error_hz for fit in measured]) / known_hz
     spread_of_prints = _covariance(plan, np.array(list(coupon), int))
     among = spread_of_prints[np.ix_(known, known)] + np.diag(noise**2 + JITTER)
     across = spread_of_prints[np.ix_(rest, known)]
     gain = np.linalg.solve(among, across.T).T
-    mean = gain @ np.log(hz / planned[known])
+    mean = gain @ np.log(known_hz / planned[known])
     spread = np.sqrt(np.maximum(spread_of_prints[rest, rest] - (gain * across).sum(1), 0.0))
     taxels = list(tuning.taxels)
     for i, shift, sigma in zip(rest, mean, spread, strict=True):
-        taxels[i] = _at_ratio(plan, i, taxels[i], float(np.exp(shift)), float(sigma))
+        own, channel = taxels[i], plan.channels[plan.taxels[i].channel]
+        hz = channel.resonance_hz * float(np.exp(shift))
+        response = planned_response_um_per_a2(channel, hz)
+        share = own.response_error / own.response_um_per_a2 if own.response_um_per_a2 else 0.0
+        taxels[i] = replace(
+            own,
+            resonance_hz=hz,
+            resonance_error_hz=hz * float(sigma),
+            response_um_per_a2=response,
+            response_error=float(np.hypot(share, 2 * sigma)) * response,
+        )
     return replace(tuning, taxels=tuple(taxels))
-
-
-def _at_ratio(plan: Plan, index: int, taxel: TunedTaxel, ratio: float, sigma: float) -> TunedTaxel:
-    channel = plan.channels[plan.taxels[index].channel]
-    hz = channel.resonance_hz * ratio
-    response = planned_response_um_per_a2(channel, hz)
-    share = taxel.response_error / taxel.response_um_per_a2 if taxel.response_um_per_a2 else 0.0
-    return replace(
-        taxel,
-        resonance_hz=hz,
-        resonance_error_hz=hz * sigma,
-        response_um_per_a2=response,
-        response_error=float(np.hypot(share, 2 * sigma)) * response,
-    )
 
 
 def _covariance(plan: Plan, coupon: np.ndarray) -> np.ndarray:
@@ -453,11 +449,10 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class RetunedFolder:
-    """A written folder: its files, the fits and the re-tuned print."""
+    """A written folder: its files and the re-tuned print."""
 
     folder: Path
     files: tuple[str, ...]
-    fits: tuple[TaxelFit, ...]
     result: Retuned
 
     def table(self) -> dict[str, Any]:
@@ -522,7 +517,7 @@ def write_retuned(
         for name, text in files.items():
             out.write(name, text)
         out.commit()
-    return RetunedFolder(folder, tuple(files), fits, result)
+    return RetunedFolder(folder, tuple(files), result)
 
 
 def fitted_and_retuned(
