@@ -164,11 +164,11 @@ def test_numpy_arrays_are_scaled_by_their_kind(plan, tmp_path, kind, full):
         assert np.array_equal(seen(plan, frame), (array[0] > 0) & (taxel_grid(plan) >= 0))
 
 
-def test_folders_and_patterns_come_in_order(plan, tmp_path):
+def test_folders_come_in_order(plan, tmp_path):
     for k in (10, 2, 1):
         (tmp_path / f"f{k}.csv").write_text(f"0.{k:02}, 0\n" * 6)
     (tmp_path / "note.md").write_text("not a frame")
-    for given_ in (tmp_path, f"{tmp_path}/f*.csv", [f"{tmp_path}/f?.csv", tmp_path / "f10.csv"]):
+    for given_ in (tmp_path, str(tmp_path), [f"{tmp_path}/f1.csv", tmp_path / "f2.csv", tmp_path / "f10.csv"]):
         levels = read_frames(given_, plan).levels
         assert levels.max(axis=1) == pytest.approx([0.01, 0.02, 0.10])
     with pytest.raises(FileError, match=r"note\.md: is none of the files that hold frames: \.csv"):
@@ -240,7 +240,7 @@ def test_bad_files_are_refused_in_a_sentence(plan, tmp_path, name, content, sent
     [
         (np.zeros(11), r"must have the shape \(rows, columns\) or \(frames, rows, columns\), has \(11,\)"),
         (np.zeros((6, 2), complex), r"must be an array of truth values or real numbers, holds complex128"),
-        (np.full((6, 2), 2), r"row 1, column 1 must be 0 or 1 in an array of whole numbers .* got 2"),
+        (np.full((6, 2), 2), r"row 1, column 1 must be a level in 0 … 1, got 2; 1 would do"),
         (np.full((6, 2), np.inf), r"frame 1, row 1, column 1 must be a level in 0 … 1, got inf; 1 would do"),
         (np.zeros((2, 2, 6)), r"frame 1 is 2 x 6; the pad shows 6 x 2"),
         (np.array([["a"]]), r"holds <U1"),
@@ -300,10 +300,9 @@ def test_a_vast_picture_is_refused_before_it_is_decoded(plan, tmp_path):
     ("given_", "sentence"),
     [
         ("nowhere.png", "nowhere.png: there is no such file"),
-        ("nowhere*.png", "no file has such a name"),
         ("", "must name a file, got ''"),
         ("a\0b.png", "must name a file"),
-        ([], "must name a file, a folder or a pattern"),
+        ([], "must name a file or a folder"),
     ],
 )
 def test_files_that_are_not_there(plan, given_, sentence):
@@ -470,10 +469,10 @@ def felt(plan: Plan, path, place) -> list:
     ("place", "told"),
     [
         (lambda r, c: (r, c), []),
-        (lambda r, c: (3 - r, 3 - c), ["coils: are all connected in the opposite order"]),
-        (lambda r, c: (r, 3 - c), ["coils: are all connected with left and right exchanged"]),
-        (lambda r, c: (3 - r, c), ["coils: are all connected with the first row of coils at the top"]),
-        (lambda r, c: (c, r), ["coils: are all connected column by column"]),
+        (
+            lambda r, c: (3 - r, c),
+            [f"coil r{r}c{c} and coil r{3 - r}c{c}: are swapped" for r in (0, 1) for c in range(4)],
+        ),
         (
             lambda r, c: {(0, 1): (2, 3), (2, 3): (0, 1), (3, 3): None}.get((r, c), (r, c)),
             ["coil r3c3: nothing was felt", "coil r0c1 and coil r2c3: are swapped"],

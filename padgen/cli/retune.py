@@ -148,7 +148,7 @@ def _bench(options: argparse.Namespace) -> int:
     for name, most in (("tries", MOST_TRIES), ("baud", 10**8), ("rate", 10**7)):
         value = getattr(options, name)
         refuse((value is not None and not 1 <= value <= most, f"--{name}", f"must be 1 … {most}, got {value}"))
-    from padgen.driver.bench import RECORDED, bench
+    from padgen.driver.sound_card import RECORDED, bench
     from padgen.measured.tune import write_retuned
 
     with progress_line() as progress:

@@ -22,8 +22,7 @@ from padgen.driver.formats import DriveFormat, DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
-from padgen.driver.pad_drive import RATES_HZ, PadDrive
-from padgen.driver.waveform import Timeline, ramp_s, steady, timeline
+from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
@@ -63,7 +62,6 @@ def write_excitation(
     rate_hz: int | None,
     depth: str,
     seconds: float | None,
-    together: bool,
 ) -> tuple[Excitation, tuple[Finding, ...]]:
     """Write ``excitation.wav`` and ``excitation.json``, which shake all taxels while they are measured.
 
@@ -74,7 +72,7 @@ def write_excitation(
     SpecError, FileError
         As `excitation` and `Drive.save` do.
     """
-    played = excitation(plan, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, together)
+    played = excitation(plan, RATES_HZ[0] if rate_hz is None else rate_hz, seconds)
     findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
     scale = plan.spec.drive.voltage_limit_v
 
@@ -106,7 +104,6 @@ def write_excitation(
                     "band_hz": list(played.band_hz),
                     "sweep_s": played.sweep_s,
                     "turn_s": len(played.current_a) / played.rate_hz,
-                    "together": played.together,
                     "level_share": played.level_share,
                     "copper_loss_w": played.copper_loss_w,
                     "coils": [{"wav_channel": k, "coil": list(coil)} for k, coil in enumerate(played.coils)],
@@ -210,7 +207,6 @@ class Drive:
         formats: Sequence[str] | None = None,
         depth: str = "24",
         hear: bool = False,
-        gap: bool = False,
     ) -> Driven:
         """Write one file, or a folder of files, judged against the limits of coil, amplifier and gap.
 
@@ -223,7 +219,7 @@ class Drive:
         depth : {'24', 'float'}
             Of a WAV's samples.
         hear : bool
-            Listen to the written WAV: what fingers feel of it, in ``.heard``. `gap`: the pull grows as the gap closes.
+            Listen to the written WAV: what fingers feel of it, in ``.heard``.
 
         Returns
         -------
@@ -239,7 +235,7 @@ class Drive:
         """
         target = Path(path)
         if formats is not None or not target.suffix:
-            return self.save_folder(target, formats, depth, hear, gap)
+            return self.save_folder(target, formats, depth, hear)
         # Of formats whose files end alike the first one counts, which padgen brings.
         known = reversed(in_order(FORMATS.names()).items())
         endings = {Path(each.FILE).suffix: (name, each.FILE) for name, each in known}
@@ -256,9 +252,7 @@ class Drive:
             raise FileError(f"cannot be written ({reason(error)})", str(target)) from error
         return replace(driven, folder=target.absolute().parent, files=(target.name,))
 
-    def save_folder(
-        self, folder: Path, formats: Sequence[str] | None, depth: str = "24", hear: bool = False, gap: bool = False
-    ) -> Driven:
+    def save_folder(self, folder: Path, formats: Sequence[str] | None, depth: str = "24", hear: bool = False) -> Driven:
         """Write a folder of files; parameters, result and errors are those of `save`."""
         chosen = formats or ("csv", "json", *(() if self.frames is None else ("wav",)))
         written = in_order(names_in(",".join(chosen), FORMATS.names(), "--formats"))
@@ -272,7 +266,7 @@ class Drive:
             raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
-        job = DriveJob(self.plan, self, self.progress, depth, hear, gap)
+        job = DriveJob(self.plan, self, self.progress, depth, hear)
         _judged(job, written.values())
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))

@@ -17,22 +17,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError, at_least, at_most, number
+from padgen.core.errors import SpecError, at_most, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
 from padgen.driver.excitation import Excitation
-from padgen.driver.pad_drive import (
+from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
-    RATES_HZ,
     CoilDrive,
     PadDrive,
+    Timeline,
+    blocks,
     coil_lines,
     constant_a2,
     drive_at,
-    highest_hz,
+    is_fed,
     make_drive,
+    ramp_s,
+    timeline,
 )
-from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
 from padgen.measured.tuning import Tuning, planned_tuning, printed_channels
 from padgen.physics.crest import least_constant
 from padgen.physics.magnetics import balanced_deflection, impedance
@@ -46,7 +48,6 @@ from padgen.spec import Coil
 __all__ = [
     "HEAT_S",
     "Load",
-    "carrier_text",
     "excitation_load",
     "group_channels",
     "heat_s",
@@ -69,8 +70,6 @@ MOST_POINTS = 1 << 27
 """Points of these that are looked at, the worst states first; the others are bounded."""
 BLOCK = 1 << 15
 """Points that are worked on at a time: what stays in a core's cache."""
-PIECE, OVERLAP, FINER = 1 << 14, 1 << 10, 8
-"""Samples of an excitation that are looked at between at a time, on either side of them, and how much finer."""
 SMALLEST = 1e-100
 GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
@@ -176,21 +175,11 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
     """Bound what an excitation asks of the coils, over its sweep."""
     sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
     squares = np.full(len(played.coils), float((sweep**2).mean()))
-    samples = played.voltage_v
-    peak = float(np.abs(samples).max(initial=0.0))
-    ends = np.pad(samples, OVERLAP)
-    fade = np.sin(np.linspace(0.0, np.pi / 2, OVERLAP)) ** 2
-    window = np.concatenate([fade, np.ones(PIECE), fade[::-1]])
-    reached = peak
-    for start in range(0, len(samples), PIECE):
-        part = ends[start : start + len(window)]
-        if np.abs(part).max() > peak / 2:
-            part = np.pad(part, (0, len(window) - len(part))) * window
-            finer = np.fft.irfft(np.fft.rfft(part), FINER * len(window)) * FINER
-            reached = max(reached, float(np.abs(finer[FINER * OVERLAP : -FINER * OVERLAP]).max()))
+    # Between samples a sine of the highest frequency, half the motion's, reaches so much more.
+    peak_v = float(np.abs(played.voltage_v).max(initial=0.0)) / cos(pi / 2 * played.band_hz[1] / played.rate_hz)
     peak_a = float(np.abs(played.current_a).max(initial=0.0)) * BETWEEN
     total_a2 = float(squares.sum() if played.together else squares.max())
-    return Load(reached, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share), squares)
+    return Load(peak_v, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share), squares)
 
 
 def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndarray:
@@ -496,16 +485,3 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
         if not any(judge_load("", lower, load, tuning, drive.voltage_limit_v)):
             return f"; drive.level_um of {text} would fit it"
     return "; no lower drive.level_um that was tried would fit it"
-
-
-def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
-    """Tell, as a clause, whether the lowest carrier that is accepted keeps all limits."""
-    hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
-    try:
-        drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))
-    except SpecError as error:
-        return f"; a carrier has none, but the lowest, {hz} Hz, {error.message}"
-    beyond = next(judge_load("", plan, load_of(plan, drive, shown), tuning), None)
-    if beyond is None:
-        return f"; a carrier has none (--carrier {hz} keeps all limits)"
-    return f"; a carrier has none, but with the lowest that is accepted, --carrier {hz}, the current {beyond.message}"

@@ -15,9 +15,9 @@ around and the frame's own motion are left out.
 import io
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from padgen.core.units import MN, MS, UM
 from padgen.physics.resonator import ModalTaxels, ring_up_time
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
 from padgen.planner.channels import coil_modes, driven, wanted_line_a2
-from padgen.planner.plan import Channel, Plan, level_law, scheme_named
+from padgen.planner.plan import Channel, Plan, level_law, read_as, scheme_named
 from padgen.planner.printed_pads import Spreads, coils_of, design_of, log_detuning, spreads_of
 from padgen.spec import Spec
 
@@ -70,8 +70,6 @@ A print changes it by less than ten; beyond the limit, another unit must have be
 """
 LARGEST_ERROR = 1e6
 """Largest error of a figure, over the figure itself."""
-KINDS = {float: "a number", str: "text", bool: "true or false", list: "a list", dict: "a table"}
-"""Words for the types of JSON values (whole numbers are read as floats; null has no entry)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,18 +156,20 @@ def tuning_from_json(text: str, plan: Plan, where: str = "tuning.json") -> Tunin
         The text is no tuning, belongs to another pad, or has figures that no print has.
     """
     try:
-        table = json.loads(text, parse_int=float)
-    except ValueError as error:
-        raise FileError(f"is not a tuning: it is not JSON ({error})", where) from error
-    except RecursionError as error:
-        raise FileError("is not a tuning: it is nested too deeply", where) from error
-    try:
-        name, entries = _of_kind(table, "name", str), _of_kind(table, "taxels", list)
-        _refuse_other(name, len(entries), plan)
-        taxels = [_taxel(entry, taxel.id, k) for k, (entry, taxel) in enumerate(zip(entries, plan.taxels, strict=True))]
-    except ValueError as error:
-        raise FileError(f"is not a tuning of {plan.name!r}: {error}", where) from error
-    tuning = Tuning(name, tuple(taxels))
+        tuning: Tuning = read_as(Tuning, json.loads(text, parse_int=float), "tuning")
+        if any(None in astuple(taxel) for taxel in tuning.taxels):
+            raise ValueError("a figure is null")
+        due, ids = [taxel.id for taxel in plan.taxels], [taxel.id for taxel in tuning.taxels]
+        if tuning.name != plan.name or len(ids) != len(due):
+            raise ValueError(
+                f"it has {len(ids)} taxels of {tuning.name!r}, must have the {len(due)} of {plan.name!r};"
+                " padgen retune makes one for this plan"
+            )
+        if ids != due:
+            k = next(k for k, pair in enumerate(zip(ids, due, strict=True)) if pair[0] != pair[1])
+            raise ValueError(f"taxel {k + 1} must be {due[k]!r}, in the order of the plan, it is {ids[k]!r}")
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"is not a tuning of {plan.name!r} ({str(error)[:200]})", where) from error
     refuse_tuning(tuning, plan, where)
     return tuning
 
@@ -210,38 +210,6 @@ def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[_Bounded]:
         ("response_error", tuned.response_error, tuned.response_um_per_a2 or usual),
     ):
         yield name, value, (0.0, of * LARGEST_ERROR), ""
-
-
-def _refuse_other(name: str, count: int, plan: Plan) -> None:
-    if name != plan.name or count != len(plan.taxels):
-        raise ValueError(
-            f"it has {count} taxels of {name!r}, must have the {len(plan.taxels)} of {plan.name!r};"
-            " padgen retune makes one for this plan"
-        )
-
-
-def _taxel(entry: Any, due: str, index: int) -> TunedTaxel:
-    """Return a taxel from its entry in the file, which must have the ID `due`."""
-    where = f" of taxel {index + 1}, {due},"
-    values = {f.name: _of_kind(entry, f.name, f.type, where) for f in fields(TunedTaxel)}
-    if values["id"] != due:
-        raise ValueError(f"taxel {index + 1} must be {due!r}, in the order of the plan, it is {values['id']!r}")
-    return TunedTaxel(**values)
-
-
-def _of_kind(table: Any, name: str, kind: Any, of: str = "") -> Any:
-    """Return the entry `name` of a table, which must be of the type `kind`."""
-    if not isinstance(table, dict):
-        raise ValueError(f"{of.strip(' ,').removeprefix('of ') or 'it'} must be a table, it is {_kind_name(table)}")
-    if name not in table:
-        raise ValueError(f"it has no {name!r}{of.rstrip(',')}")
-    if type(table[name]) is not kind:
-        raise ValueError(f"{name!r}{of} must be {KINDS[kind]}, it is {_kind_name(table[name])}")
-    return table[name]
-
-
-def _kind_name(value: Any) -> str:
-    return KINDS.get(type(value), "null")
 
 
 # Prediction
@@ -462,9 +430,9 @@ def simulated_measurement(plan: Plan, truth: Tuning, seed: int, snr_db: float = 
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 101)))
     hz = [taxel.resonance_hz for taxel in truth.taxels] + [channel.resonance_hz for channel in plan.channels]
     low, high = min(hz) / 2, 2 * max(hz)
-    points = np.log(high / low) * max(taxel.q for taxel in truth.taxels) * POINTS_PER_BANDWIDTH
+    points = int(np.ceil(np.log(high / low) * max(taxel.q for taxel in truth.taxels) * POINTS_PER_BANDWIDTH))
     most = MOST_NUMBERS // (1 + 2 * len(truth.taxels))
-    frequency = np.geomspace(low, high, min(max(int(points), FEWEST_POINTS), most))
+    frequency = np.geomspace(low, high, min(max(points, FEWEST_POINTS), most))
     columns, names = [frequency], ["frequency_hz"]
     for channel, tuned in zip(printed_channels(plan, truth), truth.taxels, strict=True):
         working, clean = int(np.argmax(channel.mode_shares)), np.zeros(len(frequency), complex)

@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from padgen.driver.drive_folder import Drive
     from padgen.driver.ear import Heard
     from padgen.driver.formats.wav import WaveReport
-    from padgen.driver.pad_drive import PadDrive
-    from padgen.driver.waveform import Timeline
+    from padgen.driver.waveform import PadDrive, Timeline
     from padgen.planner.plan import Plan
 
 __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
@@ -27,7 +26,7 @@ __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
 class DriveJob:
     """One job of writing files, judged before anything is written, and what was seen on the way.
 
-    `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them.
+    `request` is what is asked for, `depth` of a WAV's samples; `hear` as `Drive.save` has it.
     `drive` is None where only tables are asked for of a pad with a washer that no coil pulls, `timeline` where nothing
     is shown. `shown` are the findings about the timeline, `findings` all others; `report` and `heard` are the wave's.
     """
@@ -37,7 +36,6 @@ class DriveJob:
     progress: Callable[[str], None]
     depth: str = "24"
     hear: bool = False
-    gap: bool = False
     drive: "PadDrive | None" = None
     timeline: "Timeline | None" = None
     shown: tuple[Finding, ...] = ()
@@ -47,7 +45,7 @@ class DriveJob:
 
     def drive_at(self, rates_hz: tuple[int, ...]) -> "PadDrive":
         """Make the drive at the rate that is asked for, or else at the first of these that will do."""
-        from padgen.driver.pad_drive import drive_at
+        from padgen.driver.waveform import drive_at
 
         return drive_at(self.plan, rates_hz, self.request.rate_hz, self.request.tuning, self.request.carrier_hz)
 
