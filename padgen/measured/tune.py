@@ -10,12 +10,18 @@ of the spool, the height of the first layer, the model's own error for each kind
 The other taxels r then follow from the measured ones m (values y, variances R of the measurement) as the conditional
 mean ``K_rm (K_mm + R)⁻¹ y`` with the conditional variance (Rasmussen and Williams, *Gaussian Processes*, 2006,
 2.23-2.24). A coupon printed beside the pad shares the common errors, but has no place on the pad.
+
+A trim lowers the resonances of named taxels where two came out too close for any tones. Only lowering is advised, since
+weight is easily added and a beam easily thinned, but not the reverse. A weight dm on the plate lowers a resonance f to
+f', ``dm = m ((f/f')² − 1)``, with the effective mass m. Filing a beam of size t by dt follows the sensitivity s of the
+beam model, ``f'/f = (1 − dt/t)^s``. The search takes the lightest weight on one taxel that is enough for the coil.
+Where no single weight is enough, taxels are lowered one after the other, each time by the change that helps most.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, astuple, dataclass, replace
 from itertools import pairwise
-from math import hypot, log
+from math import hypot, inf, log
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +30,7 @@ import numpy as np
 from padgen.core.errors import FileError, at_most, number
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
 from padgen.core.finding import LEVELS, Finding
+from padgen.core.units import GRAM, MG
 from padgen.measured.fits import TaxelFit, fit_measured, fitted
 from padgen.measured.read import Measured, read_measured, read_measured_text
 from padgen.measured.tuning import (
@@ -46,22 +53,26 @@ from padgen.measured.tuning import (
 )
 from padgen.measured.tuning_picture import tuning_picture
 from padgen.physics.schemes import in_order
-from padgen.physics.selectivity import Scheme
+from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner.drive_rows import COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.drive_scheme import coil_load
 from padgen.planner.fixtures import coupon_plan
 from padgen.planner.plan import CoilLoad, Plan, carrier_hz, plan_to_json, scheme_named
-from padgen.planner.printed_pads import coils_of, covariance, design_of, spreads_of
+from padgen.planner.printed_pads import coils_of, covariance, design_of, sensitivities, spreads_of
 
 __all__ = [
     "Retuned",
     "RetunedCoil",
     "RetunedFolder",
+    "Trim",
+    "TrimStep",
     "estimated",
     "fitted_and_retuned",
     "judge_print",
     "measured_rows",
+    "needed_db",
     "retuned",
+    "trims",
     "tuned_drive_csv",
     "tuned_rows",
     "tuning_of",
@@ -87,7 +98,7 @@ class Retuned:
 
     Figures in dB are the selectivity of the worst coil in all states, None where no coil has two channels: as planned,
     as asked for, with the planned tones on the print (`before_db`), and with the new ones (`after_db`). `schemes_db`
-    has `after_db` for every drive scheme (None: not computed).
+    has `after_db` for every drive scheme (None: not computed). `trims` is advice where tones do not suffice.
     """
 
     name: str
@@ -99,6 +110,7 @@ class Retuned:
     schemes_db: tuple[tuple[str, float | None], ...]
     tuning: Tuning
     coils: tuple[RetunedCoil, ...]
+    trims: "tuple[Trim, ...]"
     findings: tuple[Finding, ...]
 
 
@@ -174,9 +186,10 @@ def retuned(
         schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in in_order()),
         tuning=tuning,
         coils=coils,
+        trims=trims(plan, tuning, after),
         findings=(),
     )
-    found = judge_print(plan, tuning, fits, after, [c.load for c in coils], result.schemes_db)
+    found = judge_print(plan, tuning, fits, after, [c.load for c in coils], result.schemes_db, result.trims)
     return replace(result, findings=tuple(sorted(found, key=lambda f: -LEVELS.index(f.level))))
 
 
@@ -255,11 +268,140 @@ def _covariance(plan: Plan, coupon: np.ndarray) -> np.ndarray:
     return covariance(design, spreads, coupon) + np.where(channel[:, None] == channel, model[:, None] * model, 0.0)
 
 
-# Findings
+# Trims
 
 
 SHORT_OF_PLAN_DB = 1.0
 """Largest loss in dB against the plan that is accepted where the plan itself keeps less than was asked."""
+LARGEST = 0.25
+"""Largest share by which a resonance is lowered; it takes a weight of 0.8 times the moving mass."""
+STEPS = 64
+"""Number of shares tried for each taxel, from an eighth of the narrowest bandwidth, in even ratios."""
+MOST_STEPS = 4
+"""Most steps in which taxels of one coil are lowered."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrimStep:
+    """One taxel to lower: by `add_mg` of weight on its plate, or by beams filed thinner or narrower by the mm given."""
+
+    id: str
+    from_hz: float
+    to_hz: float
+    add_mg: float
+    file_thickness_mm: float
+    file_width_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Trim:
+    """The advice for one coil: its steps, and its selectivity in all states with re-tuned tones.
+
+    `before_db` is without the steps, `after_db` with them, `needed_db` would be enough.
+    """
+
+    row: int
+    column: int
+    before_db: float
+    after_db: float
+    needed_db: float
+    steps: tuple[TrimStep, ...]
+
+    @property
+    def reaches(self) -> bool:
+        """True where the steps are enough, within rounding."""
+        return self.after_db >= self.needed_db - 0.05
+
+
+def needed_db(plan: Plan) -> float:
+    """Return the dB that are enough for a coil: those asked for or, where the plan keeps less, 1 dB below the plan."""
+    figures = plan.selectivity
+    planned = figures.placed_all_states_db
+    if planned is None or planned >= figures.asked_db:
+        return figures.asked_db
+    return planned - SHORT_OF_PLAN_DB
+
+
+def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Trim, ...]:
+    """Return advice for every coil that keeps too little after re-tuning; `after` are the coils' figures then.
+
+    Where no trim that was tried is enough, the advice is the one that helps most. A coil that no lowering helps gets
+    none.
+    """
+    need = needed_db(plan)
+    short = {(c.row, c.column): c for c in after if c.all_states_db is not None and c.all_states_db < need}
+    if not short:
+        return ()
+    lowered: dict[tuple[int, int], np.ndarray] = {}
+    hz = np.array([taxel.resonance_hz for taxel in tuning.taxels])
+    for place, index in sorted(coils_of(plan).items()):
+        if place in short and all(tuning.taxels[i].response_um_per_a2 > 0 for i in index):
+            lowered[place] = _lowering(plan, tuning, index, short[place], need)
+            hz[index] *= 1 - lowered[place]
+    # Added weight leaves stiffness and response alone.
+    taxels = (replace(taxel, resonance_hz=float(f)) for taxel, f in zip(tuning.taxels, hz, strict=True))
+    trimmed = replace(tuning, taxels=tuple(taxels))
+    figures = {(c.row, c.column): c for c in predicted(plan, trimmed, tones_at(plan, trimmed))}
+    sensitivity = sensitivities(plan)
+    found = []
+    for place, share in lowered.items():
+        index, db = coils_of(plan)[place], figures[place].all_states_db
+        before = short[place].all_states_db
+        if share.any() and db is not None and before is not None and db > before:
+            steps = tuple(_step(plan, tuning, i, float(y), sensitivity) for i, y in zip(index, share, strict=True) if y)
+            found.append(Trim(*place, before, db, need, steps))
+    return tuple(found)
+
+
+def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
+    """Search the shares (n,) by which to lower the taxels of a coil, so that it keeps `need` dB."""
+    known = [tuning.taxels[i] for i in index]
+    hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]
+    mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])
+
+    def energies(share: np.ndarray) -> np.ndarray:
+        """Return OFF energies (n, columns) for resonances lowered by shares, with tones on the resonances."""
+        lower = hz * (1 - share)
+        line = levels_um(plan, lower.ravel()).reshape(lower.shape) / response
+        return off_energy(Channels(lower, q, line), plan.scheme)
+
+    # The other modes are assumed to cost as many dB after the trim as before.
+    own_db = -10 * np.log10(energies(np.zeros(hz.shape)).max())
+    cost = max(own_db - (figures.all_states_db or 0.0), 0.0) if np.isfinite(own_db) else 0.0
+    limit = 10 ** (-(need + cost) / 10)
+
+    def excess(share: np.ndarray) -> np.ndarray:
+        """Return by how much the OFF energies exceed the limit, relative and summed over taxels (columns,)."""
+        return np.asarray(np.maximum(energies(share) / limit - 1, 0.0).sum(0))
+
+    steps = np.geomspace(min(1 / (8 * float(q.max())), LARGEST / 8), LARGEST, STEPS)
+    share = np.zeros(len(hz))
+    least = float(excess(share[:, None])[0])
+    for _ in range(MOST_STEPS):
+        # Each taxel in turn is lowered further, the others not.
+        tried = np.repeat(share[:, None], len(hz) * STEPS, 1)
+        for i in range(len(hz)):
+            tried[i, i * STEPS : (i + 1) * STEPS] = np.maximum(share[i], steps)
+        excesses = excess(tried)
+        enough = tried[:, excesses == 0]
+        if enough.shape[1]:
+            return np.asarray(enough[:, (mass * ((1 - enough) ** -2 - 1)).sum(0).argmin()])
+        best = int(excesses.argmin())
+        if excesses[best] >= least:
+            break
+        share, least = tried[:, best], float(excesses[best])
+    return share
+
+
+def _step(plan: Plan, tuning: Tuning, index: int, share: float, sensitivity: np.ndarray) -> TrimStep:
+    taxel, channel = tuning.taxels[index], plan.channels[plan.taxels[index].channel]
+    width, thickness, _ = sensitivity[channel.index].tolist()
+    sizes = (channel.beam.thickness_mm, thickness), (channel.beam.width_mm, width)
+    filed = (size * (1 - (1 - share) ** (1 / s)) if s > 0 else inf for size, s in sizes)
+    add_mg = channel.effective_mass_g * GRAM / MG * ((1 - share) ** -2 - 1)
+    return TrimStep(taxel.id, taxel.resonance_hz, taxel.resonance_hz * (1 - share), add_mg, *filed)
+
+
 LOW_Q = 0.8
 """Share of the plan's Q below which a taxel is worth a finding."""
 SIGMAS = 4.0
@@ -269,6 +411,8 @@ COARSE = 0.25
 MOST_NAMED = 4
 ROUNDED_DB = 0.05
 """Largest difference of two figures in dB that print the same."""
+LOWEST_TRIM = 0.85
+"""Lowest ratio of trimmed to printed resonance that glue or a file can make: a weight of 0.38 times the moving mass."""
 
 
 def judge_print(
@@ -278,17 +422,18 @@ def judge_print(
     after: Sequence[CoilFigures],
     loads: Sequence[CoilLoad],
     schemes_db: Sequence[tuple[str, float | None]],
+    trimmed: Sequence[Trim],
 ) -> Iterator[Finding]:
     """Yield all findings about a measured and re-tuned print.
 
     `after` and `loads` are each coil's figures and load with the new tones, row by row; `schemes_db` is what every
-    drive scheme would keep.
+    drive scheme would keep; `trimmed` is the trim advice.
     """
     lost = [taxel.id for taxel in tuning.taxels if taxel.response_um_per_a2 <= 0]
     if lost:
         told = "not moved by any current of the coil: the tables cannot drive it"
         yield Finding("error", "retune.pull", _named(lost), told)
-    yield from _close(plan, tuning, after, schemes_db)
+    yield from _close(plan, tuning, after, schemes_db, trimmed)
     yield from _level(plan, after, loads)
     yield from _of_taxels(plan, tuning)
     yield from _of_fits(fits)
@@ -300,18 +445,18 @@ def _close(
     tuning: Tuning,
     after: Sequence[CoilFigures],
     schemes_db: Sequence[tuple[str, float | None]],
+    trimmed: Sequence[Trim],
 ) -> Iterator[Finding]:
-    need = plan.selectivity.asked_db
-    planned = plan.selectivity.placed_all_states_db
-    if planned is not None and planned < need:
-        need = planned - SHORT_OF_PLAN_DB
+    need, by_coil = needed_db(plan), {(trim.row, trim.column): trim for trim in trimmed}
     others = [name for name, db in schemes_db if db is not None and db >= need and name != plan.selectivity.drive]
     other = min(others, key=lambda name: Scheme(name).takes_turns, default=None)
     short = [(c.all_states_db, c) for c in after if c.all_states_db is not None and c.all_states_db < need - ROUNDED_DB]
     short.sort(key=lambda entry: entry[0])
-    cure = f"drive = {other!r} would keep enough" if other else "weight on the lower one parts them, or another print"
     taxels = {taxel.id: taxel for taxel in tuning.taxels}
     for db, coil in short[:MOST_NAMED]:
+        trim = by_coil.get((coil.row, coil.column))
+        ways = [f"drive = {other!r} would keep enough"] if other else []
+        ways += [_trim_text(trim)] if trim else []
         off, heard = taxels[coil.off], taxels[coil.heard]
         yield Finding(
             "warning",
@@ -320,7 +465,8 @@ def _close(
             f"re-tuned it keeps {db:.1f} dB in all states, needed: {need:.1f} dB; {off.id} at"
             f" {number(off.resonance_hz)} Hz is moved most by the tone of {heard.id} at"
             f" {number(heard.resonance_hz)} Hz, {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a"
-            f" bandwidth of {1 / off.q:.1%}; {cure}",
+            f" bandwidth of {1 / off.q:.1%};"
+            f" {'; or '.join(ways) or 'no trim that was tried helps'}",
         )
     if more := len(short[MOST_NAMED:]):
         yield Finding(
@@ -328,7 +474,7 @@ def _close(
             "retune.close",
             "1 more coil" if more == 1 else f"{more} more coils",
             f"re-tuned {'it keeps' if more == 1 else 'they keep'} {short[MOST_NAMED][0]:.1f} dB or more,"
-            f" needed: {need:.1f} dB",
+            f" needed: {need:.1f} dB; retune.json has the advice for each",
         )
 
 
