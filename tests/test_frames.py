@@ -164,11 +164,11 @@ def test_numpy_arrays_are_scaled_by_their_kind(plan, tmp_path, kind, full):
         assert np.array_equal(seen(plan, frame), (array[0] > 0) & (taxel_grid(plan) >= 0))
 
 
-def test_folders_come_in_order(plan, tmp_path):
+def test_folders_and_patterns_come_in_order(plan, tmp_path):
     for k in (10, 2, 1):
         (tmp_path / f"f{k}.csv").write_text(f"0.{k:02}, 0\n" * 6)
     (tmp_path / "note.md").write_text("not a frame")
-    for given_ in (tmp_path, str(tmp_path), [f"{tmp_path}/f1.csv", tmp_path / "f2.csv", tmp_path / "f10.csv"]):
+    for given_ in (tmp_path, f"{tmp_path}/f*.csv", [f"{tmp_path}/f?.csv", tmp_path / "f10.csv"]):
         levels = read_frames(given_, plan).levels
         assert levels.max(axis=1) == pytest.approx([0.01, 0.02, 0.10])
     with pytest.raises(FileError, match=r"note\.md: is none of the files that hold frames: \.csv"):
@@ -300,9 +300,10 @@ def test_a_vast_picture_is_refused_before_it_is_decoded(plan, tmp_path):
     ("given_", "sentence"),
     [
         ("nowhere.png", "nowhere.png: there is no such file"),
+        ("nowhere*.png", "no file has such a name"),
         ("", "must name a file, got ''"),
         ("a\0b.png", "must name a file"),
-        ([], "must name a file or a folder"),
+        ([], "must name a file, a folder or a pattern"),
     ],
 )
 def test_files_that_are_not_there(plan, given_, sentence):

@@ -95,12 +95,14 @@ class Heard:
 
     name: str
     ids: tuple[str, ...]
+    coil_of: np.ndarray
     spans: tuple[Span, ...]
     wanted_um: np.ndarray
     level_um: np.ndarray
     tone_um: np.ndarray
     settled: np.ndarray
     coils: tuple[dict[str, Any], ...]
+    line_hz: np.ndarray
     period_s: float
     needs_s: float
     asked_db: float
@@ -187,12 +189,14 @@ def hear(
     return Heard(
         name=plan.name,
         ids=tuple(taxel.id for taxel in plan.taxels),
+        coil_of=coil_of,
         spans=spans,
         wanted_um=wanted_m / UM,
         level_um=level_m / UM,
         tone_um=tone_m / UM,
         settled=settled,
         coils=coils,
+        line_hz=line_hz,
         period_s=sidecar["period_s"],
         needs_s=SETTLED_TAUS * float(tau_s.max()) + sidecar["period_s"],
         asked_db=plan.selectivity.asked_db,
@@ -376,7 +380,7 @@ MISSED_DB = 0.5
 
 
 def heard_table(heard: Heard) -> dict[str, Any]:
-    """Make plain data for a JSON file: summary, coils, and the levels of every taxel in every span.
+    """Make plain data for a JSON file: summary, coils, rows, and the levels of every taxel in every span.
 
     In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be; currents
     and losses are of the coil that has most; None where no taxel is ON, or OFF.
@@ -397,6 +401,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             "all_settled": bool(heard.settled.all()),
         },
         "coils": list(heard.coils),
+        "rows": list(_rows(heard)),
         "taxels": list(heard.ids),
         "wanted_um": heard.wanted_um.tolist(),
         "spans": [
@@ -414,6 +419,34 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             for h, span in enumerate(heard.spans)
         ],
     }
+
+
+def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
+    """Yield a row for every coil that has taxels in every span, in the order of the file.
+
+    `state` has a sign for every taxel, the lowest line first: 1 is ON, 0 is OFF, + in between. `on_db` is the smallest
+    ON level, over what that taxel is to have there, `off_db` the loudest OFF level over the taxel's own ON level; None
+    where there is none, -inf is silence.
+    """
+    on, off = _db(heard.on), _db(heard.off)
+    by_line = np.argsort(heard.line_hz, kind="stable")
+    for h, span in enumerate(heard.spans):
+        for k in np.unique(heard.coil_of).tolist():
+            which = by_line[heard.coil_of[by_line] == k]
+            quiet = min(((float(on[h, i]), heard.ids[i]) for i in which if span.levels[i] > 0), default=None)
+            loud = max(((float(off[h, i]), heard.ids[i]) for i in which if span.levels[i] <= 0), default=None)
+            (on_db, on_taxel), (off_db, off_taxel) = quiet or (None, ""), loud or (None, "")
+            yield {
+                "until_s": span.stop_s,
+                "coil": heard.coils[k]["coil"],
+                "state": "".join("0" if x <= 0 else "1" if x > 1 - 1e-9 else "+" for x in span.levels[which]),
+                "on_db": on_db,
+                "on_taxel": on_taxel,
+                "off_db": off_db,
+                "off_taxel": off_taxel,
+                "selectivity_db": None if on_db is None or off_db is None else on_db - off_db,
+                "settled": bool(heard.settled[h, which].all()),
+            }
 
 
 def ear_findings(heard: Heard) -> Iterator[Finding]:

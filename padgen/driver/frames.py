@@ -272,10 +272,10 @@ def _on_taxels(grid: np.ndarray, image: np.ndarray) -> np.ndarray:
 
 
 def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
-    """Read the frames of files and folders, one after the other.
+    """Read the frames of files, folders and patterns (``frames/*.png``), one after the other.
 
-    What is in a folder comes in order of names, numbers in them by value. The files: `padgen.driver.frames`. Pixels
-    where the pad has no taxel are left out; lit ones are counted in a note.
+    What is in a folder or matches a pattern comes in order of names, numbers in them by value. The files:
+    `padgen.driver.frames`. Pixels where the pad has no taxel are left out; lit ones are counted in a note.
 
     Raises
     ------
@@ -294,7 +294,7 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
                 first = f"{path}, frame {frame}, row {lit[0][0] + 1}, column {lit[0][1] + 1}"
             lost += len(lit)
     if not images:
-        raise FileError("must name a file or a folder", "frames")
+        raise FileError("must name a file, a folder or a pattern", "frames")
     note = f"pixels that are lit where the pad has no taxel, and are left out: {lost}; the first is {first}"
     return Frames(np.stack(images), (note,) if lost else ())
 
@@ -330,11 +330,18 @@ def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def _several(path: Path) -> list[Path]:
-    if not path.is_dir():
-        raise FileError("is not a file" if path.exists() else "there is no such file", str(path))
-    found = [entry for entry in path.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+    from glob import glob
+
+    text = str(path)
+    if path.is_dir():
+        found = [entry for entry in path.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+        lacks = f"holds no frames; {', '.join(SUFFIXES)} files are read"
+    else:
+        wild = any(sign in text for sign in "*?[")
+        found = [Path(name) for name in glob(text) if Path(name).is_file()] if wild else []  # noqa: PTH207
+        lacks = "no file has such a name" if wild else "is not a file" if path.exists() else "there is no such file"
     if not found:
-        raise FileError(f"holds no frames; {', '.join(SUFFIXES)} files are read", str(path))
+        raise FileError(lacks, text)
     return found
 
 

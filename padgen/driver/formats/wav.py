@@ -150,6 +150,8 @@ ORDER, MADE_OF, FILE = 4, "frames", "drive.wav"
 SIDECAR, HEARD = "drive-wave.json", "hear.json"
 SIGNALS = {"voltage": "V", "current": "A"}
 """Quantities of a file's samples, and their units."""
+CHECKED_BLOCK = 1 << 12
+"""Samples that are compared one by one when a file is read back."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,10 +235,10 @@ def write_wave(
     """
     scale = full_scale(drive, signal)
     beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in judged)
-    peak, square_a2, checksum = _write(path, drive, timeline, depth, signal, scale, beyond)
+    peak, square_a2, checksum, first = _write(path, drive, timeline, depth, signal, scale, beyond)
     if peak > scale * LARGEST_24:
         scale = _round_up(peak / LARGEST_24)
-        peak, square_a2, checksum = _write(path, drive, timeline, depth, signal, scale, beyond)
+        peak, square_a2, checksum, first = _write(path, drive, timeline, depth, signal, scale, beyond)
     count = sample_count(drive, timeline)
     wave = read_wav(path)
     said = wave.rate_hz, wave.channels, wave.count, wave.kind, wave.bits
@@ -244,7 +246,9 @@ def write_wave(
     read = 0
     for part in wave.data():
         read = zlib.crc32(part, read)
-    if said != due or read != checksum:
+    # Half a step of 24 bits; a float's rounding is as large, at full scale.
+    near = np.abs(wave.read(0, len(first)) - first).max(initial=0) <= 0.5001 * 2.0**-23
+    if said != due or read != checksum or not near:
         raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
     mean_square = square_a2 / max(count, 1)
     seconds = np.diff(timeline.time_s)
@@ -287,23 +291,26 @@ def _round_up(value: float) -> float:
 
 def _write(
     path: Path, drive: PadDrive, timeline: Timeline, depth: str, signal: str, scale: float, beyond: str
-) -> tuple[float, np.ndarray, int]:
-    """Write the file in one pass; return the largest sample, sums of i² (coils,) and a checksum.
+) -> tuple[float, np.ndarray, int, np.ndarray]:
+    """Write the file in one pass; return the largest sample, sums of i² (coils,), a checksum and the first samples.
 
     Once a sample would be clipped, silence is written, for another pass.
     """
     count, coils = sample_count(drive, timeline), len(drive.coils)
-    peak, square = 0.0, np.zeros(coils)
+    peak, square, first = 0.0, np.zeros(coils), np.zeros((0, coils))
     comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
     try:
         with WavWriter(path, drive.rate_hz, coils, count, depth, comment) as file:
             for block in blocks(drive, timeline, signal=signal):
                 peak = max(peak, float(block.samples.max()), -float(block.samples.min()))
                 square += block.square_a2
-                file.write(block.samples * (1 / scale if peak <= scale * LARGEST_24 else 0.0))
+                samples = block.samples * (1 / scale if peak <= scale * LARGEST_24 else 0.0)
+                file.write(samples)
+                if not len(first):
+                    first = samples[:CHECKED_BLOCK].copy()
     except OSError as error:
         raise FileError(f"cannot be written ({reason(error)})", str(path)) from error
-    return peak, square, file.checksum
+    return peak, square, file.checksum, first
 
 
 def _findings(name: str, drive: PadDrive) -> Iterator[Finding]:
