@@ -205,6 +205,7 @@ def test_a_measured_table_is_enough(work, capsys):
         (["drive", "paper-32", "--tuning", "small.csv"], "is not a tuning"),
         (["drive", "paper-32", "--excite", "drum"], "must be chirp"),
         (["drive", "paper-32", "--excite", "chirp", "--state", "10"], "--state"),
+        (["drive", "paper-32", "--together"], "--excite"),
         (["drive", "paper-32", "--seconds", "1"], "--state or --frames"),
         (["drive", "paper-32", "--depth", "float"], "--state or --frames"),
         (["drive", "paper-32", "--text", "A", "--pattern", "each"], "not allowed with"),

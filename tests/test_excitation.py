@@ -128,17 +128,21 @@ def test_limits_of_amplifier_and_coil_are_kept(drive, coil, limit):
     assert played.copper_loss_w == pytest.approx(watts, rel=1e-3)
 
 
-def test_blocks_play_each_coil_its_turn(plan):
-    played = excitation(plan, RATE)
+@pytest.mark.parametrize("together", [True, False])
+def test_blocks_play_each_coil_its_turn(plan, together):
+    played = excitation(plan, RATE, together=together)
     whole, turn = np.concatenate(list(played.blocks())), played.voltage_v
-    n = len(turn)
     assert whole.shape == (played.samples, 2)
     assert played.seconds == pytest.approx(len(whole) / RATE)
     assert played.coils == ((0, 0), (0, 1))
-    assert (whole[:n, 0] == turn).all()
-    assert (whole[n:, 1] == turn).all()
-    assert not whole[:n, 1].any()
-    assert not whole[n:, 0].any()
+    if together:
+        assert (whole == turn[:, None]).all()
+    else:
+        n = len(turn)
+        assert (whole[:n, 0] == turn).all()
+        assert (whole[n:, 1] == turn).all()
+        assert not whole[:n, 1].any()
+        assert not whole[n:, 0].any()
 
 
 def test_slow_taxels_of_high_q_take_longer():

@@ -507,7 +507,7 @@ def with_level(plan: Plan, level_um: float) -> tuple:
 
 def test_an_excitation_is_judged_too(tmp_path):
     def excited(name: str, plan: Plan) -> list[str]:
-        _, findings = write_excitation(plan, tmp_path / name, 8000, "24", None)
+        _, findings = write_excitation(plan, tmp_path / name, 8000, "24", None, True)
         return [finding.code for finding in findings]
 
     assert not excited("a", planned())
@@ -520,7 +520,7 @@ def test_an_excitation_is_judged_too(tmp_path):
 
 def test_what_an_excitation_reaches_between_samples_counts():
     plan = planned()
-    coarse, fine = (excitation(plan, rate, 2.0) for rate in (8_000, 48_000))
+    coarse, fine = (excitation(plan, rate, 2.0, together=True) for rate in (8_000, 48_000))
     loud = replace(coarse, voltage_v=40 * coarse.voltage_v, current_a=5 * coarse.current_a)
     load = excitation_load(plan, loud)
     assert [f.code for f in judge_load("x", plan, load)][:2] == ["wave.voltage", "coil.heat"]

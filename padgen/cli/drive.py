@@ -64,6 +64,7 @@ def add_drive(commands: Any) -> None:
         "--hear", action="store_true", help="play the written file on a simulated pad and say what fingers feel of it"
     )
     parser.add_argument("--excite", metavar="chirp", help="write only a file that shakes every taxel, to measure it by")
+    parser.add_argument("--together", action="store_true", help="with --excite: all coils at once, not in turn")
     parser.add_argument(
         "--wiring",
         metavar="FILE",
@@ -156,6 +157,7 @@ def _drive(options: argparse.Namespace) -> int:
         ),
         (still and options.depth != "24", "--depth", of_wav),
         (still and options.signal != "voltage", "--signal", of_wav),
+        (options.together, "--together", "is for --excite"),
     )
     with progress_line() as progress:
         plan = plan_of(options, progress)
@@ -213,10 +215,12 @@ def _excite(options: argparse.Namespace) -> int:
         plan = plan_of(options, progress)
         progress("writing the excitation")
         folder = folder_of(options, plan.name)
-        played, findings = write_excitation(plan, folder, options.rate, options.depth, options.seconds)
+        played, findings = write_excitation(
+            plan, folder, options.rate, options.depth, options.seconds, options.together
+        )
     from padgen.report.drives import excitation_text
 
-    names = ("rate_hz", "band_hz", "sweep_s", "level_share", "copper_loss_w")
+    names = ("rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
     files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"], "kind": "chirp"}
     table = {**files, **{name: getattr(played, name) for name in names}, "findings": findings}
     answer(options, table, excitation_text(played, folder, findings))

@@ -62,6 +62,7 @@ def write_excitation(
     rate_hz: int | None,
     depth: str,
     seconds: float | None,
+    together: bool,
 ) -> tuple[Excitation, tuple[Finding, ...]]:
     """Write ``excitation.wav`` and ``excitation.json``, which shake all taxels while they are measured.
 
@@ -72,7 +73,7 @@ def write_excitation(
     SpecError, FileError
         As `excitation` and `Drive.save` do.
     """
-    played = excitation(plan, RATES_HZ[0] if rate_hz is None else rate_hz, seconds)
+    played = excitation(plan, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, together)
     findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
     scale = plan.spec.drive.voltage_limit_v
 
@@ -104,6 +105,7 @@ def write_excitation(
                     "band_hz": list(played.band_hz),
                     "sweep_s": played.sweep_s,
                     "turn_s": len(played.current_a) / played.rate_hz,
+                    "together": played.together,
                     "level_share": played.level_share,
                     "copper_loss_w": played.copper_loss_w,
                     "coils": [{"wav_channel": k, "coil": list(coil)} for k, coil in enumerate(played.coils)],

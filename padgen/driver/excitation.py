@@ -1,6 +1,6 @@
 """Excitation files: what the coils play while the taxels' resonances are measured.
 
-A chirp, followed by the silence in which the slowest taxel comes to rest; each coil in turn. The force
+A chirp, followed by the silence in which the slowest taxel comes to rest; each coil in turn, or all at once. The force
 goes with i², so the current is designed by i²: ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``, a chirp of the force
 without harmonics, at twice the current's frequency. The force at each frequency would move a taxel of the plan that
 resonates there by its ON amplitude at most. The volts are those that drive the current through the coil's resistance
@@ -134,6 +134,7 @@ class Excitation:
     rate_hz: int
     band_hz: tuple[float, float]
     sweep_s: float
+    together: bool
     coils: tuple[tuple[int, int], ...]
     current_a: np.ndarray
     voltage_v: np.ndarray
@@ -142,8 +143,8 @@ class Excitation:
 
     @property
     def samples(self) -> int:
-        """Samples of the whole: of a turn for each coil."""
-        return len(self.current_a) * len(self.coils)
+        """Samples of the whole: of one turn, or of one turn for each coil."""
+        return len(self.current_a) * (1 if self.together else len(self.coils))
 
     @property
     def seconds(self) -> float:
@@ -152,18 +153,19 @@ class Excitation:
 
     def blocks(self) -> Iterator[np.ndarray]:
         """Yield blocks (samples, coils) of the whole, in V."""
-        for k in range(len(self.coils)):
+        for k in range(1 if self.together else len(self.coils)):
             for start in range(0, len(self.voltage_v), BLOCK_SAMPLES):
                 part = self.voltage_v[start : start + BLOCK_SAMPLES]
                 block = np.zeros((len(part), len(self.coils)))
-                block[:, k] = part
+                block[:, slice(None) if self.together else slice(k, k + 1)] = part[:, None]
                 yield block
 
 
-def excitation(plan: Plan, rate_hz: int, seconds: float | None = None) -> Excitation:
+def excitation(plan: Plan, rate_hz: int, seconds: float | None = None, together: bool = False) -> Excitation:
     """Make the excitation that measures `plan`'s pad, sampled at `rate_hz`.
 
     `seconds` is the length of the chirp (None: as long as the slowest taxel asks for), to which the silence is added.
+    `together` shakes all coils at once: quicker, and each taxel then hears its neighbours' coils too.
 
     Raises
     ------
@@ -208,7 +210,7 @@ def excitation(plan: Plan, rate_hz: int, seconds: float | None = None) -> Excita
     factor = share**0.5
     places = tuple((row, column) for row in range(plan.coils.rows) for column in range(plan.coils.columns))
     loss_w = share * square * swept / total * coil.resistance_ohm
-    return Excitation(rate_hz, band, swept / rate_hz, places, current * factor, volts * factor, share, loss_w)
+    return Excitation(rate_hz, band, swept / rate_hz, together, places, current * factor, volts * factor, share, loss_w)
 
 
 SWEEP_ROWS, SHORTEST_S = 65, 0.1
