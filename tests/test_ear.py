@@ -19,6 +19,7 @@ import pytest
 import padgen.driver.ear as ear
 from padgen.core.errors import FileError
 from padgen.core.files import json_text
+from padgen.core.units import GRAM, UM
 from padgen.core.wav_reader import read_wav
 from padgen.driver.ear import AROUND, circuit_filter, ear_findings, hear, heard_table, mode_filter
 from padgen.driver.formats.wav import wave_json, write_wave
@@ -27,9 +28,10 @@ from padgen.measured.tuning import planned_tuning
 from padgen.physics.propagation import propagate, tones
 from padgen.physics.resonator import felt_energy, relative_energy
 from padgen.planner import make_plan
-from padgen.planner.channels import coil_modes
+from padgen.planner.channels import coil_modes, hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.spec import load_spec, parse_spec
+from padgen.verify.coupled import Source, make_system, simulate
 
 RATE = 48000
 
@@ -155,7 +157,7 @@ def test_in_which_blocks_a_file_is_heard_does_not_matter(pair, tmp_path, monkeyp
         with monkeypatch.context() as patched:
             patched.setattr(ear, "BLOCK", 16 * 701)
             in_blocks = hear(plan, wave, sidecar)
-        for figure in ("level_um", "tone_um"):
+        for figure in ("level_um", "tone_um", "peak_um", "rise_s"):
             assert getattr(in_blocks, figure) == pytest.approx(getattr(at_once, figure), rel=1e-9, nan_ok=True)
         assert [c["rms_a"] for c in in_blocks.coils] == pytest.approx([c["rms_a"] for c in at_once.coils], rel=1e-9)
 
@@ -235,6 +237,10 @@ def test_a_hold_is_heard_as_the_state_for_ever(quad, tmp_path):
     # Grey: half the line of i² is half the amplitude.
     half = frames[0] == 0.5
     assert (heard.tone_um / heard.wanted_um)[0, half] == pytest.approx(0.5, rel=1e-3)
+    # The middle of the ramp at least, its end and 2.3 time constants of the slowest at most.
+    slowest = max(channel.ring_up_ms for channel in plan.channels) * 1e-3
+    assert ramp_s(plan) / 2 < np.nanmin(heard.rise_s) < np.nanmax(heard.rise_s) < ramp_s(plan) + 2.6 * slowest
+    assert np.isnan(heard.rise_s[0, ~(frames[0] > 0)]).all()
 
 
 def test_equal_frames_are_one_state(pair, tmp_path):
@@ -310,6 +316,7 @@ def test_currents_and_losses_are_those_of_the_writer(quad, tmp_path, monkeypatch
     report = write_wave(path, drive, line)
     heard = hear(plan, read_wav(path), json.loads(wave_json(plan, drive, line, report)))
     assert [c["copper_loss_w"] for c in heard.coils] == pytest.approx(report.copper_loss_w, rel=1e-4)
+    assert max(c["signal_peak"] for c in heard.coils) == pytest.approx(report.peak, rel=1e-5)
     assert heard_table(heard)["summary"]["rms_a"] == pytest.approx(max(report.rms_current_a), rel=1e-4)
 
 
@@ -342,6 +349,72 @@ def test_a_print_that_came_out_otherwise(pair, tmp_path):
     retuned = make_drive(plan, RATE, tuning=off)
     again = hear(plan, *played(plan, retuned, steady(levels, retuned.period_s), tmp_path), tuning=off)
     assert again.tone_um[0] / again.wanted_um == pytest.approx(1, abs=0.02)
+
+
+def test_a_gap_that_closes_is_the_coupled_system(tmp_path):
+    plan = plan_of("quad-64", level_um=60.0)
+    channel = plan.channels[0]
+    share = int(np.argmax(channel.mode_shares))
+    # The working mode alone, as the coupled system has it.
+    alone = replace(
+        channel,
+        modes_hz=(channel.modes_hz[share],),
+        mode_motions=(channel.mode_motions[share],),
+        mode_shares=(1.0,),
+        pulled_shares=(channel.pulled_shares[share],),
+        rest_motion=(0.0,) * 6,
+    )
+    plan = replace(plan, channels=(alone, *plan.channels[1:]))
+    drive = make_drive(plan, 8000)
+    levels = np.zeros(len(plan.taxels))
+    first = drive.coils[0].taxels[0]
+    levels[first] = 1.0
+    wave, sidecar = played(plan, drive, timeline(plan, levels, 0.8), tmp_path, "float", "current")
+    heard = hear(plan, wave, sidecar, gap=True)
+    system = make_system(
+        channel.resonance_hz,
+        channel.q,
+        channel.effective_mass_g * GRAM,
+        channel.force_constant_n_per_a2,
+        channel.pull_exponent,
+        float(hanging_gap_um(plan.spec, channel.sag_um)) * UM,
+    )
+    from scipy.interpolate import CubicSpline
+
+    samples = wave.samples[:, 0] * sidecar["full_scale"]
+    spline = CubicSpline(np.arange(len(samples)) / 8000, samples)
+    span = heard.spans[0]
+    at_s = np.append(np.arange(0, span.window_s, 2e-4), np.linspace(span.window_s, span.stop_s, 2001)[:-1])
+    z = simulate(system, Source("current", spline), at_s, tolerance=1e-8).displacement_m[0]
+    last = z[at_s >= span.window_s]
+    rolls = np.array(alone.mode_motions[0])[2:5] * (1, 1.25e-3 / 2, 1.25e-3 / 2)
+    felt = np.sqrt((rolls**2).sum()) / abs(rolls[0])
+    assert heard.level_um[0, first] * UM == pytest.approx(np.sqrt(2) * last.std() * felt, rel=1e-3)
+    assert heard.peak_um[0, first] * UM == pytest.approx(z.max(), rel=5e-3)
+    # Softening is worth seeing here.
+    linear = hear(plan, wave, sidecar)
+    assert abs(db(heard.level_um[0, first] / linear.level_um[0, first])) > 1.0
+
+
+def test_with_little_motion_the_gap_changes_nothing(tmp_path):
+    plan = plan_of("quad-64", level_um=1e-3)
+    drive = make_drive(plan, 8000)
+    levels = all_states(plan, drive)
+    for line in (steady(levels, drive.period_s), timeline(plan, levels, 0.5)):
+        wave, sidecar = played(plan, drive, line, tmp_path, "float")
+        linear, closing = (hear(plan, wave, sidecar, gap=gap) for gap in (False, True))
+        assert closing.level_um == pytest.approx(linear.level_um, abs=1e-3 * linear.wanted_um.max())
+        assert closing.with_gap and not linear.with_gap
+
+
+def test_a_washer_that_is_pulled_in_is_found(tmp_path):
+    plan = plan_of("paper-pair", level_um=4000.0)
+    drive = make_drive(plan, 8000)
+    wave, sidecar = played(plan, drive, timeline(plan, np.ones(len(plan.taxels)), 1.0), tmp_path, "float")
+    heard = hear(plan, wave, sidecar, gap=True)
+    assert heard.pulled_in.any()
+    assert "ear.pull_in" in [f.code for f in found_in(heard)]
+    assert np.isfinite(heard.level_um).all()
 
 
 def test_findings_name_what_was_missed(pair, tmp_path):

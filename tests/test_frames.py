@@ -240,7 +240,7 @@ def test_bad_files_are_refused_in_a_sentence(plan, tmp_path, name, content, sent
     [
         (np.zeros(11), r"must have the shape \(rows, columns\) or \(frames, rows, columns\), has \(11,\)"),
         (np.zeros((6, 2), complex), r"must be an array of truth values or real numbers, holds complex128"),
-        (np.full((6, 2), 2), r"row 1, column 1 must be a level in 0 … 1, got 2; 1 would do"),
+        (np.full((6, 2), 2), r"row 1, column 1 must be 0 or 1 in an array of whole numbers .* got 2"),
         (np.full((6, 2), np.inf), r"frame 1, row 1, column 1 must be a level in 0 … 1, got inf; 1 would do"),
         (np.zeros((2, 2, 6)), r"frame 1 is 2 x 6; the pad shows 6 x 2"),
         (np.array([["a"]]), r"holds <U1"),
@@ -470,10 +470,10 @@ def felt(plan: Plan, path, place) -> list:
     ("place", "told"),
     [
         (lambda r, c: (r, c), []),
-        (
-            lambda r, c: (3 - r, c),
-            [f"coil r{r}c{c} and coil r{3 - r}c{c}: are swapped" for r in (0, 1) for c in range(4)],
-        ),
+        (lambda r, c: (3 - r, 3 - c), ["coils: are all connected in the opposite order"]),
+        (lambda r, c: (r, 3 - c), ["coils: are all connected with left and right exchanged"]),
+        (lambda r, c: (3 - r, c), ["coils: are all connected with the first row of coils at the top"]),
+        (lambda r, c: (c, r), ["coils: are all connected column by column"]),
         (
             lambda r, c: {(0, 1): (2, 3), (2, 3): (0, 1), (3, 3): None}.get((r, c), (r, c)),
             ["coil r3c3: nothing was felt", "coil r0c1 and coil r2c3: are swapped"],

@@ -63,6 +63,9 @@ def add_drive(commands: Any) -> None:
     parser.add_argument(
         "--hear", action="store_true", help="play the written file on a simulated pad and say what fingers feel of it"
     )
+    parser.add_argument(
+        "--gap", action="store_true", help="with --hear: count that the pull grows as the gap closes; slower"
+    )
     parser.add_argument("--excite", metavar="chirp", help="write only a file that shakes every taxel, to measure it by")
     parser.add_argument("--together", action="store_true", help="with --excite: all coils at once, not in turn")
     parser.add_argument(
@@ -157,6 +160,7 @@ def _drive(options: argparse.Namespace) -> int:
         ),
         (still and options.depth != "24", "--depth", of_wav),
         (still and options.signal != "voltage", "--signal", of_wav),
+        (options.gap and not options.hear, "--gap", "is about how the file is listened to; add --hear"),
         (options.together, "--together", "is for --excite"),
     )
     with progress_line() as progress:
@@ -179,7 +183,7 @@ def _drive(options: argparse.Namespace) -> int:
         folder = folder_of(options, plan.name)
         if frames is not None and options.tuning is None and (folder / "tuning.json").exists():
             notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
-        driven = shown.save_folder(folder, formats, options.depth, options.hear)
+        driven = shown.save_folder(folder, formats, options.depth, options.hear, options.gap)
     from padgen.report.drives import driven_table, driven_text
 
     answer(options, driven_table(driven, notes), driven_text(plan, driven, frames, notes, options.verbose))
@@ -202,7 +206,7 @@ def _excite(options: argparse.Namespace) -> int:
     from padgen.driver.drive_folder import write_excitation
 
     given = [name for name in ("formats", *SHOWN, "carrier", "tuning", "wiring") if getattr(options, name) is not None]
-    given += [name for name in ("loop", "hear") if getattr(options, name)]
+    given += [name for name in ("loop", "hear", "gap") if getattr(options, name)]
     given += ["signal"] * (options.signal != "voltage")
     refuse(
         (options.excite != "chirp", "--excite", f"must be chirp, got {options.excite!r}"),

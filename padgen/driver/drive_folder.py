@@ -209,6 +209,7 @@ class Drive:
         formats: Sequence[str] | None = None,
         depth: str = "24",
         hear: bool = False,
+        gap: bool = False,
     ) -> Driven:
         """Write one file, or a folder of files, judged against the limits of coil, amplifier and gap.
 
@@ -221,7 +222,7 @@ class Drive:
         depth : {'24', 'float'}
             Of a WAV's samples.
         hear : bool
-            Listen to the written WAV: what fingers feel of it, in ``.heard``.
+            Listen to the written WAV: what fingers feel of it, in ``.heard``. `gap`: the pull grows as the gap closes.
 
         Returns
         -------
@@ -237,7 +238,7 @@ class Drive:
         """
         target = Path(path)
         if formats is not None or not target.suffix:
-            return self.save_folder(target, formats, depth, hear)
+            return self.save_folder(target, formats, depth, hear, gap)
         # Of formats whose files end alike the first one counts, which padgen brings.
         known = reversed(in_order(FORMATS.names()).items())
         endings = {Path(each.FILE).suffix: (name, each.FILE) for name, each in known}
@@ -254,7 +255,9 @@ class Drive:
             raise FileError(f"cannot be written ({reason(error)})", str(target)) from error
         return replace(driven, folder=target.absolute().parent, files=(target.name,))
 
-    def save_folder(self, folder: Path, formats: Sequence[str] | None, depth: str = "24", hear: bool = False) -> Driven:
+    def save_folder(
+        self, folder: Path, formats: Sequence[str] | None, depth: str = "24", hear: bool = False, gap: bool = False
+    ) -> Driven:
         """Write a folder of files; parameters, result and errors are those of `save`."""
         chosen = formats or ("csv", "json", *(() if self.frames is None else ("wav",)))
         written = in_order(names_in(",".join(chosen), FORMATS.names(), "--formats"))
@@ -268,7 +271,7 @@ class Drive:
             raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
-        job = DriveJob(self.plan, self, self.progress, depth, hear)
+        job = DriveJob(self.plan, self, self.progress, depth, hear, gap)
         _judged(job, written.values())
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))

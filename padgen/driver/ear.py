@@ -13,8 +13,8 @@ The circuit's and each mode's pole p is stepped exactly, ``y(t + T) = e^(pT) y(t
 A *level* is √2 times the root mean square of what is felt, without its mean: for one line its amplitude. It is taken
 over the last whole period of the comb in a hold, in which all lines are orthogonal; in a hold shorter than that, over
 what has settled of it, with a Hann window. The *course* is the same figure in a Hann window of `COURSE_PERIODS`
-periods of the lowest line, less a parabola: what moves with the mean pull is no vibration. It is a frame's level where
-the channels take turns: the largest of its course.
+periods of the lowest line, less a parabola: what moves with the mean pull is no vibration. Where the channels take
+turns, a frame's level is the largest of its course.
 
 A taxel's levels are compared with what it is to be felt at level 1: the planned motion of its working mode, times
 what the plan's modal model lets a finger feel beyond that mode's own vertical motion (other modes, rolling).
@@ -34,6 +34,7 @@ from padgen.core.wav_reader import Wave
 from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning
 from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
+from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, Plan
 
 __all__ = [
@@ -64,17 +65,24 @@ STIFFEST = 40.0
 # Below a Q of a half there is no vibration; it is taken for critical damping.
 LEAST_Q = 0.5 * (1 + 1e-9)
 COURSE_PERIODS = 4.0
+# Share of its last level at which a taxel counts as switched on.
+RISEN = 0.9
+# Share of the gap at which a washer counts as pulled onto the coil; there its pull grows no further.
+NEAREST = 0.99
 # Samples of all coils together that are heard at a time.
 BLOCK = 1 << 18
+# With the gap: blocks a second, in each of which pull and motion are found in turns, so often at most.
+GAP_BLOCKS_PER_S, MOST_PULLS = 100, 20
 
 
 class Span(NamedTuple):
-    """One state that the file holds, from `start_s` to `stop_s`.
+    """One state that the file holds: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
 
     Levels are taken from `window_s` on, over a `whole` period of the comb or not. `in_turns` tells that it is a frame
     of slots. `levels` (taxels,) are shares of the ON amplitudes.
     """
 
+    begin_s: float
     start_s: float
     stop_s: float
     window_s: float
@@ -88,9 +96,11 @@ class Heard:
     """The levels that are felt in each span (h,) of the file at each taxel (n,), as in the plan.
 
     `level_um` is all that is felt there, `tone_um` what of it is at the taxel's own line, `wanted_um` (n,) what is to
-    be felt at level 1, `settled` whether it has had its time before its level is taken. A state that is held for
-    `needs_s` is heard settled, over a whole period of the comb. `coils` are rows of what flows in each over the whole
-    file.
+    be felt at level 1, `peak_um` the largest motion of the washer from where it hangs, the mean pull's share included,
+    `rise_s` how long switching on takes to nine tenths (NaN: it was not), `settled` whether it has had its time before
+    its level is taken. `pulled_in` (n,): drawn onto the coil, with the gap only. A state that is held for `needs_s` is
+    heard settled, over a whole period of the comb. `coils` are rows of what flows in each over the whole file, its
+    `signal_peak` and `signal_mean` in V, or A if the file holds that.
     """
 
     name: str
@@ -100,11 +110,15 @@ class Heard:
     wanted_um: np.ndarray
     level_um: np.ndarray
     tone_um: np.ndarray
+    peak_um: np.ndarray
+    rise_s: np.ndarray
     settled: np.ndarray
+    pulled_in: np.ndarray
     coils: tuple[dict[str, Any], ...]
     line_hz: np.ndarray
     period_s: float
     needs_s: float
+    with_gap: bool
     asked_db: float
 
     @property
@@ -143,11 +157,13 @@ def hear(
     wave: Wave,
     sidecar: Mapping[str, Any],
     tuning: Tuning | None = None,
+    gap: bool = False,
 ) -> Heard:
     """Listen to `wave` on the pad of `plan`, or on the print that `tuning` tells of.
 
     `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), of this plan, read from JSON. A file that loops is
-    heard as it is after `LOOP_TAUS`, any other from rest.
+    heard as it is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes more
+    time.
 
     Raises
     ------
@@ -166,16 +182,16 @@ def hear(
     for k, (taxel, level) in enumerate(zip(plan.taxels, levels_um(plan, resonance).tolist(), strict=True)):
         alike.setdefault((taxel.channel, level, tuning and tuning.taxels[k]), []).append(k)
     groups = [
-        _Alike(plan, plan.channels[channel], level, tuned, np.array(which), sidecar, step, spans)
+        _Alike(plan, plan.channels[channel], level, tuned, np.array(which), sidecar, step, spans, gap)
         for (channel, level, tuned), which in alike.items()
     ]
-    coils = _play(plan, wave, sidecar, groups)
+    coils = _play(plan, wave, sidecar, groups, gap)
     order = np.argsort(np.concatenate([group.which for group in groups]))
-    level_m, tone_m, course_m, wanted_m = (
+    level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = (
         np.concatenate(parts, axis=-1)[..., order] for parts in zip(*(group.found() for group in groups), strict=True)
     )
     at_s = np.arange(len(course_m)) * (step / sidecar["rate_hz"])
-    settled = np.zeros(level_m.shape, bool)
+    settled, rise_s = np.zeros(level_m.shape, bool), np.full(level_m.shape, np.nan)
     # A file that does nothing but hold one state, and loops, has done so for ever.
     since_s = np.full(len(tau_s), -np.inf if sidecar["loops"] and len(spans) == 1 else 0.0)
     before = spans[0].levels if sidecar["loops"] else np.zeros(len(tau_s))
@@ -185,6 +201,9 @@ def hear(
         switched = np.isin(coil_of, coil_of[span.levels != before])
         since_s = np.where(switched, span.start_s, since_s)
         settled[h] = span.in_turns | (span.window_s - since_s >= SETTLED_TAUS * tau_s * (1 - 1e-6))
+        risen = (course_m >= RISEN * level_m[h]) & (at_s > span.begin_s)[:, None]
+        found = risen.any(0) & (level_m[h] > 0) & (span.levels > 0) & (before <= 0)
+        rise_s[h, found] = at_s[risen[:, found].argmax(0)] - span.begin_s
         before = span.levels
     return Heard(
         name=plan.name,
@@ -194,11 +213,15 @@ def hear(
         wanted_um=wanted_m / UM,
         level_um=level_m / UM,
         tone_um=tone_m / UM,
+        peak_um=peak_m / UM,
+        rise_s=rise_s,
         settled=settled,
+        pulled_in=pulled_in,
         coils=coils,
         line_hz=line_hz,
         period_s=sidecar["period_s"],
         needs_s=SETTLED_TAUS * float(tau_s.max()) + sidecar["period_s"],
+        with_gap=gap,
         asked_db=plan.selectivity.asked_db,
     )
 
@@ -215,9 +238,9 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
         each = 2 * slots if (len(time_s) - 1) % (2 * slots) == 0 else 2
         for k in range(0, len(time_s) - each, each):
             start_s, stop_s = time_s[k], time_s[k + each]
-            spans.append(Span(start_s, stop_s, start_s, False, True, levels[k : k + each + 1].max(0)))
+            spans.append(Span(start_s, start_s, stop_s, start_s, False, True, levels[k : k + each + 1].max(0)))
         return tuple(spans)
-    same = (np.abs(np.diff(levels, axis=0)).max(1) <= 1e-9).tolist()
+    same, begin_s = (np.abs(np.diff(levels, axis=0)).max(1) <= 1e-9).tolist(), time_s[0]
     for held, run in groupby(range(len(same)), same.__getitem__):
         first, *_, last = [*run] * 2
         if held:
@@ -228,11 +251,14 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
                 window_s = stop_s - period_s
             elif window_s > latest_s:
                 window_s = max(min(latest_s, (start_s + stop_s) / 2), start_s)
-            spans.append(Span(start_s, stop_s, window_s, whole, False, levels[first]))
+            spans.append(Span(begin_s, start_s, stop_s, window_s, whole, False, levels[first]))
+            begin_s = stop_s
     return tuple(spans)
 
 
-def _play(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], groups: "Sequence[_Alike]") -> tuple[dict[str, Any], ...]:
+def _play(
+    plan: Plan, wave: Wave, sidecar: Mapping[str, Any], groups: "Sequence[_Alike]", gap: bool
+) -> tuple[dict[str, Any], ...]:
     """Let all `groups` hear the file; return the figures of what flows in each coil."""
     from scipy.signal import lfilter
 
@@ -243,14 +269,18 @@ def _play(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], groups: "Sequence[
     memory = np.zeros((wave.channels, len(coefficients[0]) - 1))
     slowest_s = max(group.slowest_s for group in groups) + inductance / resistance
     start = -int(np.ceil(LOOP_TAUS * slowest_s * rate_hz)) if sidecar["loops"] else 0
-    most_a, energy = np.zeros((2, wave.channels))
-    for first, samples in _blocks(wave, start, wave.count + late, max(BLOCK // wave.channels, 1)):
-        current, memory = lfilter(*coefficients, samples * sidecar["full_scale"], zi=memory)
+    most_a, most, total, energy = np.zeros((4, wave.channels))
+    size = max(rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
+    for first, samples in _blocks(wave, start, wave.count + late, size):
+        signal = samples * sidecar["full_scale"]
+        current, memory = lfilter(*coefficients, signal, zi=memory)
         for group in groups:
             group.hear(first - late, current**2)
-        current = current[:, max(late - first, 0) :]
+        current, signal = (part[:, max(late - first, 0) :] for part in (current, signal))
         most_a = np.maximum(most_a, np.abs(current).max(1, initial=0.0))
+        most = np.maximum(most, np.abs(signal).max(1, initial=0.0))
         energy += (current**2).sum(1)
+        total += signal.sum(1)
     square = energy / wave.count
     return tuple(
         {
@@ -258,6 +288,8 @@ def _play(plan: Plan, wave: Wave, sidecar: Mapping[str, Any], groups: "Sequence[
             "peak_a": float(most_a[k]),
             "rms_a": float(np.sqrt(square[k])),
             "copper_loss_w": float(square[k] * resistance),
+            "signal_peak": float(most[k]),
+            "signal_mean": float(total[k] / wave.count),
         }
         for k, entry in enumerate(sidecar["coils"])
     )
@@ -305,6 +337,7 @@ class _Alike:
         sidecar: Mapping[str, Any],
         step: int,
         spans: tuple[Span, ...],
+        gap: bool,
     ) -> None:
         modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
         radius_m = plan.spec.taxel.boss_diameter_mm / 2 * MM
@@ -325,40 +358,38 @@ class _Alike:
         self.which, self.coil, self.spans, self.gain = which, [taxel["wav_channel"] for taxel in own], spans, gain.T
         self.filters = [mode_filter(float(each), q, rate_hz) for each in hz[:-1]]
         self.memory = [np.zeros((len(which), len(THROUGH)))] * len(self.filters)
-        # Samples from which a span's level is taken, and at which it ends; a comb has whole samples.
-        self.edges = np.rint(np.array([(s.window_s - s.stop_s, s.stop_s) for s in spans]) * rate_hz).astype(int)
-        self.edges[:, 0] += self.edges[:, 1]
+        self.gap_m = float(hanging_gap_um(plan.spec, channel.sag_um)) * UM if gap else None
+        self.exponent, self.pulled_in = max(channel.pull_exponent, 0.0), np.zeros(len(which), bool)
+        # Samples at which a span's switching begins, its level is taken from, and it ends; a comb has whole samples.
+        edges = [(span.begin_s, span.window_s - span.stop_s, span.stop_s) for span in spans]
+        self.edges = np.rint(np.array(edges) * rate_hz).astype(int)
+        self.edges[:, 1] += self.edges[:, 2]
         self.turns = 2j * np.pi * np.array([[taxel["force_hz"]] for taxel in own]) / rate_hz
         self.mean, self.square = np.zeros((2, len(spans), 3, len(which)))
-        self.tone = np.zeros(self.mean.shape, complex)
+        self.tone, self.peak_m = np.zeros(self.mean.shape, complex), np.zeros((len(spans), len(which)))
         self.step, at = step, (np.arange(2 * step) + 0.5) / (2 * step) - 0.5
         self.root = np.cos(np.pi * at) / np.sqrt((np.cos(np.pi * at) ** 2).sum())
         self.parabola = np.linalg.qr(self.root[:, None] * at[:, None] ** np.arange(3))[0]
-        self.in_turns = any(span.in_turns for span in spans)
+        self.loops = sidecar["loops"]  # a loop is one state, whose course is not asked for
         self.course_m, self.tail = [np.zeros((1, len(which)))], np.zeros((3, len(which), 0))
 
     def hear(self, first: int, square_a2: np.ndarray) -> None:
         """Take in i² (coils, s) of all coils from sample `first` on."""
-        from scipy.signal import lfilter
-
-        pull = square_a2[self.coil]
-        moved = [lfilter(*each, pull, zi=held) for each, held in zip(self.filters, self.memory, strict=True)]
-        self.memory = [held for _, held in moved]
-        # The felt motion (3, taxels, s) in m; its first part is vertical, at the axis.
-        felt = np.tensordot(self.gain, [*(motion for motion, _ in moved), pull], 1)
+        felt = self._felt(square_a2[self.coil])
         for h, edges in enumerate(np.clip(self.edges - first, 0, felt.shape[2]).tolist()):
-            start, stop = edges
-            if stop == start:
+            begin, start, stop = edges
+            if stop == begin:
                 continue
-            at, length = first + np.arange(start, stop), self.edges[h, 1] - self.edges[h, 0]
+            self.peak_m[h] = np.maximum(self.peak_m[h], np.abs(felt[0, :, begin:stop]).max(1))
+            at, length = first + np.arange(start, stop), self.edges[h, 2] - self.edges[h, 1]
             weight = np.full(len(at), 1 / length)
             if not self.spans[h].whole:
-                weight *= 2 * np.sin(np.pi * (at - self.edges[h, 0] + 0.5) / length) ** 2
+                weight *= 2 * np.sin(np.pi * (at - self.edges[h, 1] + 0.5) / length) ** 2
             part = felt[:, :, start:stop]
             self.mean[h] += part @ weight
             self.square[h] += part**2 @ weight
             self.tone[h] += np.einsum("pns,ns->pn", part, weight * np.exp(-self.turns * at))
-        if self.in_turns:
+        if not self.loops:
             joined = np.concatenate([self.tail, felt], 2)
             count = max(joined.shape[2] // self.step - 1, 0)
             if count:
@@ -368,11 +399,29 @@ class _Alike:
                 self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
             self.tail = joined[:, :, count * self.step :]
 
+    def _felt(self, square_a2: np.ndarray) -> np.ndarray:
+        """Return the felt motion (3, taxels, s) in m for i² (taxels, s); its first part is vertical, at the axis."""
+        from scipy.signal import lfilter
+
+        pull = square_a2
+        for _ in range(MOST_PULLS):
+            moved = [lfilter(*each, pull, zi=held) for each, held in zip(self.filters, self.memory, strict=True)]
+            felt = np.tensordot(self.gain, [*(motion for motion, _ in moved), pull], 1)
+            if self.gap_m is None:
+                break
+            # F = c i² (g/(g − z))^p at the motion that was just found.
+            was, pull = pull, square_a2 * (1 - np.minimum(felt[0] / self.gap_m, NEAREST)) ** -self.exponent
+            if np.abs(pull - was).max() <= 1e-9 * pull.max():
+                break
+        self.memory = [held for _, held in moved]
+        self.pulled_in |= (felt[0] >= NEAREST * (self.gap_m or np.inf)).any(1)
+        return felt
+
     def found(self) -> tuple[np.ndarray, ...]:
-        """Levels, own lines (h, n), course (t, n), wanted levels (n,), all in m."""
+        """Levels, own lines, peaks (h, n), course (t, n), wanted levels (n,), all in m; who was pulled in (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
-        return level_m, tone_m, np.concatenate(self.course_m), self.wanted_m
+        return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in
 
 
 MISSED_DB = 0.5
@@ -382,14 +431,16 @@ MISSED_DB = 0.5
 def heard_table(heard: Heard) -> dict[str, Any]:
     """Make plain data for a JSON file: summary, coils, rows, and the levels of every taxel in every span.
 
-    In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be; currents
-    and losses are of the coil that has most; None where no taxel is ON, or OFF.
+    In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
+    is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
+    most; None where no taxel is ON, or OFF.
     """
     tone, most = _tone_db(heard), {}
-    for figure in ("peak_a", "rms_a", "copper_loss_w"):
+    for figure in ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean"):
         most[figure] = max((coil[figure] for coil in heard.coils), key=abs)
     return {
         "name": heard.name,
+        "with_gap": heard.with_gap,
         "asked_db": heard.asked_db,
         "summary": {
             "smallest_on_db": _largest(-_db(heard.on), -1.0),
@@ -397,6 +448,8 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             "selectivity_db": heard.selectivity_db,
             "tone_low_db": _largest(-tone, -1.0),
             "tone_high_db": _largest(tone),
+            "rise_s": _largest(heard.rise_s),
+            "peak_um": float(heard.peak_um.max()),
             **most,
             "all_settled": bool(heard.settled.all()),
         },
@@ -414,6 +467,8 @@ def heard_table(heard: Heard) -> dict[str, Any]:
                 "levels": span.levels.tolist(),
                 "level_um": heard.level_um[h].tolist(),
                 "tone_um": heard.tone_um[h].tolist(),
+                "peak_um": heard.peak_um[h].tolist(),
+                "rise_s": heard.rise_s[h].tolist(),
                 "settled": heard.settled[h].tolist(),
             }
             for h, span in enumerate(heard.spans)
@@ -451,6 +506,14 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
 
 def ear_findings(heard: Heard) -> Iterator[Finding]:
     """Judge what was heard in the file."""
+    if heard.pulled_in.any():
+        yield Finding(
+            "error",
+            "ear.pull_in",
+            heard.ids[int(heard.pulled_in.argmax())],
+            f"is pulled onto its coil by {WHERE}, as {int(heard.pulled_in.sum())} of {len(heard.ids)} taxels are;"
+            " a lower drive.level_um or a wider coil.gap_mm would do",
+        )
     tone = _tone_db(heard)
     missed = np.abs(tone) > MISSED_DB
     if missed.any():

@@ -206,7 +206,17 @@ def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
     scale = {"uint8": 255, "uint16": 65535}.get(array.dtype.newbyteorder("=").name, 1)
     for frame, image in enumerate(array if array.ndim == 3 else array[None], start=1):
         check(frame, *image.shape)
-        yield np.asarray(image).astype(float) / scale
+        values = np.asarray(image).astype(float) / scale
+        if scale == 1 and array.dtype.kind in "iu":
+            bad = np.argwhere((values != 0) & (values != 1))
+            if len(bad):
+                row, column = (int(k) for k in bad[0])
+                raise FileError(
+                    f"{_place(frame, row, column)} must be 0 or 1 in an array of whole numbers that is neither of bytes"
+                    f" nor of unsigned 16 bits, got {number(float(values[row, column]))}",
+                    str(path),
+                )
+        yield values
 
 
 def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
@@ -607,13 +617,7 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
             findings.append(Finding("warning", "wiring.silent", _coil(own), told))
         if len(counts) == 1 and own not in counts:
             moved[own] = next(iter(counts))
-    for own, at in moved.items():
-        if moved.get(at) != own:
-            told = f"its amplifier channel is connected to {_coil(at)}"
-            findings.append(Finding("error", "wiring.swapped", _coil(own), told))
-        elif own < at:
-            pair = f"{_coil(own)} and {_coil(at)}"
-            findings.append(Finding("error", "wiring.swapped", pair, "are swapped: exchange their plugs"))
+    findings += _moved_findings(plan, moved, set(felt))
     if untried := plan.coils.rows * plan.coils.columns - len(felt):
         findings.append(Finding("note", "wiring.untried", "coils", f"{untried} of them are not in the table"))
     return findings
@@ -654,6 +658,29 @@ def _felt_rows(plan: Plan, path: Path) -> Rows:
         yield k, (row[0], row[1])
     if not rows:
         raise FileError("has no rows of played,felt", str(path))
+
+
+def _moved_findings(plan: Plan, moved: dict[Coil, Coil], tried: set[Coil]) -> Iterator[Finding]:
+    """Yield a finding for a plug that is on the wrong way, else for each pair that is swapped, else for each coil."""
+    rows, columns = plan.coils.rows, plan.coils.columns
+    whole: dict[str, Callable[[int, int], Coil]] = {
+        "in the opposite order, the last first": lambda r, c: (rows - 1 - r, columns - 1 - c),
+        "with left and right exchanged, as seen from the coils' side": lambda r, c: (r, columns - 1 - c),
+        "with the first row of coils at the top, where it belongs at the bottom": lambda r, c: (rows - 1 - r, c),
+        "column by column, where they belong row by row": lambda r, c: divmod(c * rows + r, columns),
+    }
+    for told, place in whole.items():
+        if len(moved) > 2 and all(moved.get(coil, coil) == place(*coil) for coil in tried):
+            yield Finding("error", "wiring.order", "coils", f"are all connected {told}")
+            return
+    for own, at in moved.items():
+        if moved.get(at) == own:
+            if own < at:
+                pair = f"{_coil(own)} and {_coil(at)}"
+                yield Finding("error", "wiring.swapped", pair, "are swapped: exchange their plugs")
+        else:
+            told = f"its amplifier channel is connected to {_coil(at)}"
+            yield Finding("error", "wiring.swapped", _coil(own), told)
 
 
 def _coil(coil: Coil) -> str:

@@ -120,7 +120,7 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
             )
         )
     states = "1 state" if len(heard.spans) == 1 else f"{len(heard.spans)} states"
-    text = f"heard in {states} of the file:\n" + table(
+    text = f"heard in {states} of the file{', with the pull growing as the gap closes' * heard.with_gap}:\n" + table(
         ("ch", "planned Hz", "wanted µm", "ON dB of it", "OFF dB at most"), rows
     )
     text += "\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out"

@@ -26,7 +26,7 @@ __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
 class DriveJob:
     """One job of writing files, judged before anything is written, and what was seen on the way.
 
-    `request` is what is asked for, `depth` of a WAV's samples; `hear` as `Drive.save` has it.
+    `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them.
     `drive` is None where only tables are asked for of a pad with a washer that no coil pulls, `timeline` where nothing
     is shown. `shown` are the findings about the timeline, `findings` all others; `report` and `heard` are the wave's.
     """
@@ -36,6 +36,7 @@ class DriveJob:
     progress: Callable[[str], None]
     depth: str = "24"
     hear: bool = False
+    gap: bool = False
     drive: "PadDrive | None" = None
     timeline: "Timeline | None" = None
     shown: tuple[Finding, ...] = ()

@@ -211,7 +211,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     out.write(SIDECAR, sidecar)
     if job.hear:
         job.progress("listening to the file")
-        job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning)
+        job.heard = hear(job.plan, read_wav(path), json.loads(sidecar), request.tuning, job.gap)
         out.write(HEARD, json_text(heard_table(job.heard)))
 
 
