@@ -6,7 +6,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from padgen.core.errors import SpecError
+from padgen.core.errors import FileError, SpecError
+from padgen.driver.formats import hjif
 from padgen.driver.formats.hjif import hjif_text
 from padgen.driver.frames import state_frame, taxel_grid
 from padgen.driver.waveform import Timeline, blend, steady, timeline
@@ -281,6 +282,13 @@ def test_what_was_written_is_read(small):
     assert np.array_equal(read.levels_at(np.array([shown.seconds + 0.01])), np.zeros((1, 7)))
     assert "leads over" not in read.description
     assert "leads over" in read_hjif(hjif_text(small, steady(np.ones(7), 1.0))).description
+
+
+def test_a_fault_in_writing_is_seen_in_reading(small, monkeypatch):
+    real_effect = hjif._effect
+    monkeypatch.setattr(hjif, "_effect", lambda tick, level, hz: real_effect(tick + 1, level, hz))
+    with pytest.raises(FileError, match="did not read back as it was written"):
+        hjif_text(small, timeline(small, frames_of(small, 2)))
 
 
 def test_short_transitions_do_not_fall_on_one_tick(small):

@@ -541,12 +541,17 @@ def test_a_tuned_print_is_judged_by_its_own_drive():
     assert finding.code == "coil.heat"
 
 
-def test_the_note_on_a_constant_names_the_carrier(tmp_path):
-    notes = {}
-    for scheme in ("spur-free", "biased"):
-        found = written(planned("", f"scheme = '{scheme}'"), tmp_path / scheme, "wav").findings
-        (notes[scheme],) = (f.message for f in found if f.code == "wave.dc")
-    assert "--carrier" in notes["spur-free"] and "--carrier" not in notes["biased"]
+@pytest.mark.parametrize(("drive", "keeps"), [("level_um = 2", True), ("level_um = 10", False)])
+def test_a_carrier_that_is_named_was_tried(tmp_path, drive, keeps):
+    plan = planned("", f"scheme = 'spur-free'\n{drive}")
+    (note,) = (f for f in written(plan, tmp_path / "o", "wav").findings if f.code == "wave.dc")
+    hz = float(re.search(r"--carrier ([\d.]+)", note.message).group(1))
+    assert ("keeps all limits" in note.message) == keeps
+    tried = written(plan, tmp_path / "o", "wav,c", carrier_hz=hz)
+    assert bool([f for f in tried.findings if f.level == "error" and f.where == "drive.wav"]) != keeps
+    if not keeps:
+        said = float(re.search(r"peaks at ([\d.]+) V, above", note.message).group(1))
+        assert said == pytest.approx(tried.report.peak, rel=0.01)
 
 
 def test_a_carrier_that_the_plan_knows_nothing_of_is_judged_by_what_it_heats():

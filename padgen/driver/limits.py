@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError, at_most, number
+from padgen.core.errors import SpecError, at_least, at_most, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
 from padgen.driver.excitation import Excitation
 from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
+    RATES_HZ,
     CoilDrive,
     PadDrive,
     Timeline,
@@ -30,6 +31,7 @@ from padgen.driver.waveform import (
     coil_lines,
     constant_a2,
     drive_at,
+    highest_hz,
     is_fed,
     make_drive,
     ramp_s,
@@ -48,6 +50,7 @@ from padgen.spec import Coil
 __all__ = [
     "HEAT_S",
     "Load",
+    "carrier_text",
     "excitation_load",
     "group_channels",
     "heat_s",
@@ -485,3 +488,16 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
         if not any(judge_load("", lower, load, tuning, drive.voltage_limit_v)):
             return f"; drive.level_um of {text} would fit it"
     return "; no lower drive.level_um that was tried would fit it"
+
+
+def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
+    """Tell, as a clause, whether the lowest carrier that is accepted keeps all limits."""
+    hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
+    try:
+        drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))
+    except SpecError as error:
+        return f"; a carrier has none, but the lowest, {hz} Hz, {error.message}"
+    beyond = next(judge_load("", plan, load_of(plan, drive, shown), tuning), None)
+    if beyond is None:
+        return f"; a carrier has none (--carrier {hz} keeps all limits)"
+    return f"; a carrier has none, but with the lowest that is accepted, --carrier {hz}, the current {beyond.message}"

@@ -11,13 +11,14 @@ whole milliseconds and frequencies in keyframes whole hertz, since the reference
 resonances are the devices'. The required date is a constant: the same pad makes the same file.
 """
 
+import json
 from collections.abc import Iterator
 from math import ceil, floor, isfinite, pi, sqrt
 from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import SpecError, number
+from padgen.core.errors import FileError, SpecError, number
 from padgen.core.files import OutputFolder, json_text
 from padgen.core.units import GRAM, MH, MM, UM
 from padgen.driver.formats import DriveJob
@@ -101,7 +102,20 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
         ],
         "syncs": [],
     }
-    return json_text(table)
+    text = json_text(table)
+    tick, levels = course or (np.zeros(0), np.zeros(0))
+    channels = json.loads(text)["perceptions"][0]["channels"]
+    same = [channel["description"].split()[0] for channel in channels] == [taxel.id for taxel in plan.taxels]
+    for k, channel in enumerate(channels if same and course else ()):
+        effects = channel["bands"][0]["effects"]
+        frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
+        # Between two effects that meet, both have the level there.
+        at, level = [tick for tick, _ in frames] or [0], [f["amplitude_modulation"] for _, f in frames] or [0]
+        read = np.interp(tick, at, level, left=0.0, right=0.0)
+        same &= bool(np.abs(read - levels[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
+    if not same:
+        raise FileError("did not read back as it was written; this is a fault of padgen's", "pad.hjif")
+    return text
 
 
 def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int]]:

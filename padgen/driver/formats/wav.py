@@ -22,6 +22,7 @@ from padgen.core.finding import Finding
 from padgen.core.wav_reader import EXTENSIBLE, FLOAT, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
+from padgen.driver.limits import carrier_text
 from padgen.driver.waveform import PadDrive, Timeline, blocks, coil_lines, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.crest import ALIAS_DB
@@ -200,10 +201,13 @@ def refuse(job: DriveJob) -> None:
 def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the wave, its sidecar and, where that is asked for, what was heard of it."""
     (drive, timeline), request = job.played(), job.request
+    carrier = ""
+    if drive.scheme.is_root and drive.has_constant and not job.shown:
+        carrier = carrier_text(job.plan, timeline, request.rate_hz, request.tuning)
     job.progress(f"writing {timeline.seconds:.3g} s of {len(drive.coils)} coils")
 
     def put(path: Path) -> None:
-        job.report = write_wave(path, drive, timeline, job.depth, request.signal, job.shown)
+        job.report = write_wave(path, drive, timeline, job.depth, request.signal, job.shown, carrier)
 
     path = out.write_by(FILE, put)
     assert job.report is not None
@@ -222,11 +226,13 @@ def write_wave(
     depth: str = "24",
     signal: str = "voltage",
     judged: Sequence[Finding] = (),
+    carrier: str = "",
 ) -> WaveReport:
     """Write a WAV file, one channel per coil, read it back and compare.
 
     Sample 1 is the amplifier's limit, or the next round value where the voltage goes above it: nothing is clipped.
     `judged` is what `padgen.driver.limits` found of the timeline; where it found anything, the file's comment says so.
+    `carrier` is a clause about carriers for a current with a constant part.
 
     Raises
     ------
@@ -269,7 +275,7 @@ def write_wave(
         scheme=drive.scheme.name,
         carrier_hz=drive.carrier_hz,
         alias_db=drive.alias_db,
-        findings=(*judged, *_findings(path.name, drive)),
+        findings=(*judged, *_findings(path.name, drive, carrier)),
     )
 
 
@@ -313,11 +319,9 @@ def _write(
     return peak, square, file.checksum, first
 
 
-def _findings(name: str, drive: PadDrive) -> Iterator[Finding]:
+def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
     if drive.has_constant:
-        told = "has a constant part, so the amplifier must pass 0 Hz"
-        told += "; on a carrier (--carrier) it has none" * drive.scheme.is_root
-        yield Finding("note", "wave.dc", name, told)
+        yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{carrier}")
     if drive.alias_db is not None and drive.alias_db > ALIAS_DB:
         cure = "a higher rate would do" if drive.carrier_hz is None else "a higher carrier has less"
         yield Finding(
