@@ -12,6 +12,7 @@ import json
 import re
 from dataclasses import replace
 from functools import cache
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from padgen.core.errors import InfeasibleError, SpecError
 from padgen.core.wav_reader import read_wav
 from padgen.driver import limits, sound_card, waveform
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
-from padgen.driver.excitation import excitation
+from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.formats.c import boards_in_time, c_header, sample_mhz
 from padgen.driver.frames import state_frame
 from padgen.driver.limits import HEAT_S, excitation_load, heat_s, judge_limits, judge_load, load_of
@@ -39,6 +40,7 @@ from padgen.driver.waveform import (
     timeline,
     volts,
 )
+from padgen.measured.shaking import measuring_band_hz
 from padgen.measured.tuning import planned_tuning
 from padgen.planner import Plan, make_plan, plan_to_json, read_plan
 from padgen.planner.cures import varied
@@ -505,9 +507,10 @@ def with_level(plan: Plan, level_um: float) -> tuple:
 # ---- Excitation, tuning, carriers ----------------------------------------------------------------------------------
 
 
-def test_an_excitation_is_judged_too(tmp_path):
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_excitation_is_judged_too(tmp_path, kind):
     def excited(name: str, plan: Plan) -> list[str]:
-        _, findings = write_excitation(plan, tmp_path / name, 8000, "24", None, True)
+        _, findings = write_excitation(plan, tmp_path / name, kind, 8000, "24", None, True)
         return [finding.code for finding in findings]
 
     assert not excited("a", planned())
@@ -518,15 +521,30 @@ def test_an_excitation_is_judged_too(tmp_path):
         sound_card.play_wave(tmp_path / "c" / "excitation.wav")
 
 
-def test_what_an_excitation_reaches_between_samples_counts():
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_an_excitation_reaches_between_samples_counts(kind):
     plan = planned()
-    coarse, fine = (excitation(plan, rate, 2.0, together=True) for rate in (8_000, 48_000))
+    coarse, fine = (excitation(plan, kind, rate, 2.0, together=True) for rate in (8_000, 48_000))
     loud = replace(coarse, voltage_v=40 * coarse.voltage_v, current_a=5 * coarse.current_a)
     load = excitation_load(plan, loud)
     assert [f.code for f in judge_load("x", plan, load)][:2] == ["wave.voltage", "coil.heat"]
     assert load.square_a2[0] == pytest.approx(25 * (coarse.current_a[: 2 * 8000] ** 2).mean())
     assert load.peak_v >= 40 * np.abs(coarse.voltage_v).max()
-    assert load.peak_v / 40 == pytest.approx(np.abs(fine.voltage_v).max(), rel=0.01)
+    if kind == "chirp":
+        assert load.peak_v / 40 == pytest.approx(np.abs(fine.voltage_v).max(), rel=0.01)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("inductance", [0, 40])
+def test_no_voltage_between_samples_is_above_the_one_that_is_judged(kind, inductance):
+    # At the lowest rate, and so weak an amplifier that it limits the level; 16 points between two samples.
+    plan = planned(f"inductance_mh = {inductance}", "voltage_limit_v = 0.5")
+    played = excitation(plan, kind, ceil(4 * measuring_band_hz(plan)[1]))
+    count = len(played.voltage_v)
+    reached = np.abs(np.fft.irfft(np.fft.rfft(played.voltage_v), 16 * count)).max() * 16
+    judged = excitation_load(plan, played).peak_v
+    assert np.abs(played.voltage_v).max() < reached < 1.001 * judged
+    assert judged <= 0.5 * (1 + 1e-9)
 
 
 def test_a_tuned_print_is_judged_by_its_own_drive():
@@ -638,7 +656,9 @@ def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_curren
     lines = np.fft.rfft(volts_out, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)
     current = np.fft.irfft(lines, len(volts_out), axis=0)
     assert 0.5 < 1e3 * np.abs(current).max() / plan.load.current_peak_ma <= 1
-    assert abs(excitation(plan, 8000).voltage_v.mean()) < 0.01
+    with pytest.raises(SpecError, match="of noise has a constant part"):
+        excitation(plan, "noise", 8000)
+    assert abs(excitation(plan, "chirp", 8000).voltage_v.mean()) < 0.01
     rows = (tmp_path / "o" / "drive.csv").read_text().splitlines()
     assert len(rows) == 5 and "bias" not in rows[-1]
 

@@ -59,6 +59,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
 def write_excitation(
     plan: Plan,
     folder: Path,
+    kind: str,
     rate_hz: int | None,
     depth: str,
     seconds: float | None,
@@ -73,13 +74,13 @@ def write_excitation(
     SpecError, FileError
         As `excitation` and `Drive.save` do.
     """
-    played = excitation(plan, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, together)
+    played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, together=together)
     findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
     scale = plan.spec.drive.voltage_limit_v
 
     def write(path: Path) -> None:
         beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in findings)
-        comment = f"sample 1 = {scale:g} V; chirp; channel k is coil k, row by row{beyond}"
+        comment = f"sample 1 = {scale:g} V; {kind}; channel k is coil k, row by row{beyond}"
         with WavWriter(path, played.rate_hz, len(played.coils), played.samples, depth, comment) as file:
             for block in played.blocks():
                 file.write(block / scale)
@@ -93,7 +94,7 @@ def write_excitation(
                 {
                     "name": plan.name,
                     "wave": "excitation.wav",
-                    "kind": "chirp",
+                    "kind": kind,
                     "rate_hz": played.rate_hz,
                     "samples": played.samples,
                     "seconds": played.seconds,

@@ -178,8 +178,7 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
     """Bound what an excitation asks of the coils, over its sweep."""
     sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
     squares = np.full(len(played.coils), float((sweep**2).mean()))
-    # Between samples a sine of the highest frequency, half the motion's, reaches so much more.
-    peak_v = float(np.abs(played.voltage_v).max(initial=0.0)) / cos(pi / 2 * played.band_hz[1] / played.rate_hz)
+    peak_v = float(np.abs(played.voltage_v).max(initial=0.0)) / played.between
     peak_a = float(np.abs(played.current_a).max(initial=0.0)) * BETWEEN
     total_a2 = float(squares.sum() if played.together else squares.max())
     return Load(peak_v, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share), squares)

@@ -19,13 +19,14 @@ from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecE
 from padgen.core.files import OutputFolder, differs
 from padgen.core.units import MH
 from padgen.core.wav_reader import Wave, read_wav
-from padgen.driver.excitation import excitation, measuring_band_hz, ring_s, sweep_s, sweep_table
+from padgen.driver.excitation import excitation, sweep_table
 from padgen.driver.formats.wav import BEYOND_LIMIT, WavWriter
 from padgen.driver.limits import excitation_load, judge_load
 from padgen.driver.serial_line import BAUD, excite
 from padgen.driver.waveform import blend
 from padgen.measured.fits import TaxelFit, fit_measured
 from padgen.measured.read import read_measured
+from padgen.measured.shaking import measuring_band_hz, ring_s, sweep_s
 from padgen.measured.tuning import Tuning
 from padgen.physics.resonance_fit import current_of_voltage
 from padgen.planner.plan import Plan, plan_to_json
@@ -347,7 +348,7 @@ class Bench:
         coil = row * plan.coils.columns + column
         outputs = 1 if self.by_hand else plan.coils.rows * plan.coils.columns
         played: np.ndarray | None = None
-        chirp = excitation(plan, self.rate_hz, sweep_s(plan) * (1 if sink is None else LONGER**attempt))
+        chirp = excitation(plan, "chirp", self.rate_hz, sweep_s(plan) * (1 if sink is None else LONGER**attempt))
         beyond = next(judge_load("", plan, excitation_load(plan, chirp)), None)
         if beyond is not None:
             raise SpecError(f"its excitation is not played: it {beyond.message}", plan.name)
