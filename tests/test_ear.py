@@ -381,7 +381,7 @@ def test_a_gap_that_closes_is_the_coupled_system(tmp_path):
     )
     from scipy.interpolate import CubicSpline
 
-    samples = wave.samples[:, 0] * sidecar["full_scale"]
+    samples = wave.read()[:, 0] * sidecar["full_scale"]
     spline = CubicSpline(np.arange(len(samples)) / 8000, samples)
     span = heard.spans[0]
     at_s = np.append(np.arange(0, span.window_s, 2e-4), np.linspace(span.window_s, span.stop_s, 2001)[:-1])
