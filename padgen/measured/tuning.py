@@ -507,7 +507,13 @@ def _chirp(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generat
     low, high = _band_hz(plan, truth)
     rate = float(np.ceil(RATE_OVER_HIGHEST * high / 2))
     sweep, ring = sweep_s(plan), ring_s(plan)
-    _refuse_long((sweep + ring) * rate * (2 + len(truth.taxels)), "chirp")
+    numbers = (sweep + ring) * rate * (2 + len(truth.taxels))
+    if numbers > MOST_NUMBERS:
+        raise SpecError(
+            f"chirp would take a file of {number(float(round(numbers)))} numbers, at most {MOST_NUMBERS} are written;"
+            " spectrum would do",
+            "--kind",
+        )
     time = np.arange(int((sweep + ring) * rate)) / rate
     current = chirp_current_a(time, sweep, (low, high), shaking_line_a2(plan))[0]
     # Twice as long, so that motion at the end does not wrap round to the beginning.
@@ -549,15 +555,6 @@ def _series(
         names.append(taxel.id)
         columns.append(clean + noise * np.abs(clean).max() * rng.standard_normal(len(time)))
     return _csv(names, columns, "" if current is None else "# unit: um\n")
-
-
-def _refuse_long(numbers: float, kind: str) -> None:
-    if numbers > MOST_NUMBERS:
-        raise SpecError(
-            f"{kind} would take a file of {number(float(round(numbers)))} numbers, at most {MOST_NUMBERS} are written;"
-            " spectrum would do",
-            "--kind",
-        )
 
 
 def _csv(names: Sequence[str], columns: Sequence[np.ndarray], head: str) -> str:
