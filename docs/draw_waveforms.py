@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from padgen.core.display import COLOURS, plot_bytes, plot_style
-from padgen.driver.pad_drive import PadDrive, make_drive
-from padgen.driver.waveform import steady, volts
+from padgen.driver.waveform import PadDrive, make_drive, steady, volts
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 

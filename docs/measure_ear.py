@@ -17,8 +17,7 @@ import numpy as np
 from padgen.core.wav_reader import read_wav
 from padgen.driver.ear import Heard, hear
 from padgen.driver.formats.wav import wave_json, write_wave
-from padgen.driver.pad_drive import PadDrive, make_drive
-from padgen.driver.waveform import Timeline, frame_s, ramp_s, steady, timeline
+from padgen.driver.waveform import PadDrive, Timeline, frame_s, make_drive, ramp_s, steady, timeline
 from padgen.physics.resonator import felt_energy
 from padgen.physics.selectivity import all_states
 from padgen.planner import make_plan

@@ -17,7 +17,7 @@ from unicorn import arm_const as arm
 
 import padgen as pg
 from padgen.driver.formats.c import FILE, c_header, firmware_files, sample_mhz
-from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, drive_at
+from padgen.driver.waveform import CONTROLLER_RATES_HZ, drive_at
 
 SPECS = ("paper-16", "paper-32", "pad-32", "resin-fine", "quad-64", "triple-48", "wide-11", "big-512")
 MAIN = """

@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 
 from padgen.driver.formats.c import FILE, c_header, firmware_files
 from padgen.driver.limits import HEAT_S
-from padgen.driver.pad_drive import PadDrive, make_drive
 from padgen.driver.serial_line import Kind, Message, decode, encode, frame_message, plan_hash
+from padgen.driver.waveform import PadDrive, make_drive
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 from padgen.spec.model import Amplifier, Limits

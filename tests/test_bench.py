@@ -22,9 +22,9 @@ from padgen import cli
 from padgen.core.errors import FileError
 from padgen.driver import sound_card
 from padgen.driver.excitation import sweep_table
-from padgen.driver.pad_drive import make_drive
 from padgen.driver.serial_line import Kind, Message, Reason, State, refusal
 from padgen.driver.sound_card import audio_device, recorded
+from padgen.driver.waveform import make_drive
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 

@@ -23,8 +23,7 @@ from padgen.core.units import GRAM, UM
 from padgen.core.wav_reader import read_wav
 from padgen.driver.ear import AROUND, circuit_filter, ear_findings, hear, heard_table, mode_filter
 from padgen.driver.formats.wav import wave_json, write_wave
-from padgen.driver.pad_drive import make_drive
-from padgen.driver.waveform import Timeline, blend, ramp_s, steady, timeline
+from padgen.driver.waveform import Timeline, blend, make_drive, ramp_s, steady, timeline
 from padgen.measured.tuning import planned_tuning
 from padgen.physics.propagation import propagate, tones
 from padgen.physics.resonator import felt_energy, relative_energy
@@ -382,7 +381,7 @@ def test_a_gap_that_closes_is_the_coupled_system(tmp_path):
     )
     from scipy.interpolate import CubicSpline
 
-    samples = wave.samples[:, 0] * sidecar["full_scale"]
+    samples = wave.read()[:, 0] * sidecar["full_scale"]
     spline = CubicSpline(np.arange(len(samples)) / 8000, samples)
     span = heard.spans[0]
     at_s = np.append(np.arange(0, span.window_s, 2e-4), np.linspace(span.window_s, span.stop_s, 2001)[:-1])

@@ -22,7 +22,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from padgen.driver.formats.c import SCHEME_NUMBERS, c_header, firmware_files, sealed
-from padgen.driver.pad_drive import constant_a2, make_drive
 from padgen.driver.serial_line import (
     HOLD_WATCHDOGS,
     VERSION,
@@ -37,7 +36,7 @@ from padgen.driver.serial_line import (
     plan_hash,
     refusal,
 )
-from padgen.driver.waveform import Timeline, frame_s, ramp_s, volts
+from padgen.driver.waveform import Timeline, constant_a2, frame_s, make_drive, ramp_s, volts
 
 from .firmware_host import (
     PADS,

@@ -9,8 +9,7 @@ import pytest
 
 from padgen.driver.formats.syntacts import syntacts_script
 from padgen.driver.frames import state_frame
-from padgen.driver.pad_drive import PadDrive, make_drive
-from padgen.driver.waveform import Timeline, steady, timeline, volts
+from padgen.driver.waveform import PadDrive, Timeline, make_drive, steady, timeline, volts
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
 

@@ -25,16 +25,18 @@ import pytest
 
 from padgen.core.errors import FileError, SpecError
 from padgen.core.wav_reader import read_wav
-from padgen.driver import pad_drive, waveform
+from padgen.driver import waveform
 from padgen.driver.formats.wav import WavWriter, full_scale, wave_json, write_wave
 from padgen.driver.limits import load_of
-from padgen.driver.pad_drive import coil_lines, constant_a2, make_drive
 from padgen.driver.waveform import (
     Timeline,
     blend,
     blend_slope,
     blocks,
+    coil_lines,
+    constant_a2,
     frame_s,
+    make_drive,
     ramp_s,
     sample_count,
     steady,
@@ -570,8 +572,8 @@ def test_every_line_moves_its_taxel_at_its_level(quads):
 
 def test_coils_alike_share_the_work(monkeypatch):
     plan, shaped = template("big-512"), []
-    phases = pad_drive.low_crest_phases
-    monkeypatch.setattr(pad_drive, "low_crest_phases", lambda *lines: shaped.append(lines) or phases(*lines))
+    phases = waveform.low_crest_phases
+    monkeypatch.setattr(waveform, "low_crest_phases", lambda *lines: shaped.append(lines) or phases(*lines))
     drive = make_drive(plan, RATE)
     assert len(drive.coils) == 256
     # Its coils alternate between two sets of resonances.

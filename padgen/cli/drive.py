@@ -66,7 +66,9 @@ def add_drive(commands: Any) -> None:
     parser.add_argument(
         "--gap", action="store_true", help="with --hear: count that the pull grows as the gap closes; slower"
     )
-    parser.add_argument("--excite", metavar="chirp", help="write only a file that shakes every taxel, to measure it by")
+    parser.add_argument(
+        "--excite", metavar="chirp|noise", help="write only a file that shakes every taxel, to measure it by"
+    )
     parser.add_argument("--together", action="store_true", help="with --excite: all coils at once, not in turn")
     parser.add_argument(
         "--wiring",
@@ -209,23 +211,19 @@ def _excite(options: argparse.Namespace) -> int:
     given += [name for name in ("loop", "hear", "gap") if getattr(options, name)]
     given += ["signal"] * (options.signal != "voltage")
     refuse(
-        (options.excite != "chirp", "--excite", f"must be chirp, got {options.excite!r}"),
-        *(
-            (True, "--excite", f"writes excitation.wav and nothing else; --{name} does not go with it")
-            for name in given
-        ),
+        *((True, "--excite", f"writes excitation.wav and nothing else; --{name} does not go with it") for name in given)
     )
     with progress_line() as progress:
         plan = plan_of(options, progress)
         progress("writing the excitation")
         folder = folder_of(options, plan.name)
         played, findings = write_excitation(
-            plan, folder, options.rate, options.depth, options.seconds, options.together
+            plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
         )
     from padgen.report.drives import excitation_text
 
-    names = ("rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
-    files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"], "kind": "chirp"}
+    names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
+    files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"]}
     table = {**files, **{name: getattr(played, name) for name in names}, "findings": findings}
     answer(options, table, excitation_text(played, folder, findings))
     return code_of(findings)

@@ -67,6 +67,12 @@ def add_retune(commands: Any) -> None:
         "--simulate", metavar="SEED", type=int, help="measure a pad that the computer prints, to try the loop"
     )
     parser.add_argument(
+        "--kind",
+        default="spectrum",
+        metavar="spectrum|chirp|pluck",
+        help="with --simulate: what is measured (default: spectrum)",
+    )
+    parser.add_argument(
         "--snr", default=30.0, metavar="DB", type=float, help="with --simulate: signal over noise (default: 30)"
     )
     add_shared(parser, _retune, "all notes, and more taxels", late="measured")
@@ -87,7 +93,7 @@ def _retune(options: argparse.Namespace) -> int:
             )
             progress("printing and measuring a pad")
             printed = simulate_print(plan, options.simulate)
-            simulated = printed, simulated_measurement(plan, printed, options.simulate, options.snr)
+            simulated = printed, simulated_measurement(plan, printed, options.simulate, options.kind, options.snr)
         written = write_retuned(
             plan,
             folder_of(options, plan.name),
@@ -148,7 +154,7 @@ def _bench(options: argparse.Namespace) -> int:
     for name, most in (("tries", MOST_TRIES), ("baud", 10**8), ("rate", 10**7)):
         value = getattr(options, name)
         refuse((value is not None and not 1 <= value <= most, f"--{name}", f"must be 1 … {most}, got {value}"))
-    from padgen.driver.bench import RECORDED, bench
+    from padgen.driver.sound_card import RECORDED, bench
     from padgen.measured.tune import write_retuned
 
     with progress_line() as progress:

@@ -22,8 +22,7 @@ from padgen.driver.formats import DriveFormat, DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
-from padgen.driver.pad_drive import RATES_HZ, PadDrive
-from padgen.driver.waveform import Timeline, ramp_s, steady, timeline
+from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
@@ -60,6 +59,7 @@ def parse_formats(text: str) -> tuple[str, ...]:
 def write_excitation(
     plan: Plan,
     folder: Path,
+    kind: str,
     rate_hz: int | None,
     depth: str,
     seconds: float | None,
@@ -74,13 +74,13 @@ def write_excitation(
     SpecError, FileError
         As `excitation` and `Drive.save` do.
     """
-    played = excitation(plan, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, together)
+    played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, together=together)
     findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
     scale = plan.spec.drive.voltage_limit_v
 
     def write(path: Path) -> None:
         beyond = "".join(f"{BEYOND_LIMIT}{finding.message}" for finding in findings)
-        comment = f"sample 1 = {scale:g} V; chirp; channel k is coil k, row by row{beyond}"
+        comment = f"sample 1 = {scale:g} V; {kind}; channel k is coil k, row by row{beyond}"
         with WavWriter(path, played.rate_hz, len(played.coils), played.samples, depth, comment) as file:
             for block in played.blocks():
                 file.write(block / scale)
@@ -94,7 +94,7 @@ def write_excitation(
                 {
                     "name": plan.name,
                     "wave": "excitation.wav",
-                    "kind": "chirp",
+                    "kind": kind,
                     "rate_hz": played.rate_hz,
                     "samples": played.samples,
                     "seconds": played.seconds,

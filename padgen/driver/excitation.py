@@ -1,125 +1,39 @@
 """Excitation files: what the coils play while the taxels' resonances are measured.
 
-A chirp, followed by the silence in which the slowest taxel comes to rest; each coil in turn, or all at once. The force
-goes with i², so the current is designed by i²: ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``, a chirp of the force
-without harmonics, at twice the current's frequency. The force at each frequency would move a taxel of the plan that
-resonates there by its ON amplitude at most. The volts are those that drive the current through the coil's resistance
-and inductance, ``R i + L di/dt``. Levels are those of the plan, or as much lower as amplifier, copper and the mean pull
-of all channels together ask for."""
+One chirp or one stretch of noise (`padgen.measured.shaking`), followed by the silence in which the slowest taxel comes
+to rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and
+inductance, ``R i + L di/dt``. Levels are those of the plan, or as much lower as amplifier, copper and the mean pull of
+all channels together ask for.
+"""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, cos, pi
 
 import numpy as np
 
 from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import MH
+from padgen.measured.shaking import (
+    chirp_current_a,
+    measuring_band_hz,
+    noise_current_a,
+    ring_s,
+    shaking_line_a2,
+    sweep_s,
+)
 from padgen.physics.schemes import mean_square_a2
 from padgen.planner.plan import Plan
 
-__all__ = [
-    "Excitation",
-    "SweepTable",
-    "chirp_current_a",
-    "excitation",
-    "measuring_band_hz",
-    "ring_s",
-    "shaking_line_a2",
-    "sweep_s",
-    "sweep_table",
-]
+__all__ = ["KINDS", "Excitation", "SweepTable", "excitation", "sweep_table"]
 
+KINDS = ("chirp", "noise")
 VOLTAGE_SHARE = 0.9
 """Share of the amplifier's voltage that the largest peak takes."""
 SAMPLES_OF_HIGHEST = 4
 MOST_SAMPLES = 1 << 25
 """Samples of one coil's turn that are held in memory."""
 BLOCK_SAMPLES = 1 << 16
-NARROWEST_MARGIN, WIDEST_MARGIN = 2.0, 3.0
-"""Least and largest factor by which the band reaches beyond the channels, for prints that came out far off."""
-SIGMAS = 3.0
-SWEEP_WIDTHS, SHORTEST_SWEEP_S = 4.0, 2.0
-"""Least length of a sweep, over the inverse of the narrowest bandwidth f/Q (which it then resolves), and in s."""
-RING_TAUS = 6.0
-"""Time constants of silence after the sweep: the slowest taxel is then down to 0.25 %."""
-FADE_PERIODS = 4.0
-
-Line = Callable[[np.ndarray], np.ndarray]
-"""Function of frequencies in Hz: the amplitude in A² of the line of i² there."""
-
-
-def measuring_band_hz(plan: Plan) -> tuple[float, float]:
-    """Return the lowest and the highest frequency in Hz of the motion to measure: the channels' and a margin."""
-    hz = [channel.resonance_hz for channel in plan.channels]
-    spread = max(channel.print_spread for channel in plan.channels)
-    margin = min(max(NARROWEST_MARGIN, float(np.exp(SIGMAS * spread))), WIDEST_MARGIN)
-    return min(hz) / margin, max(hz) * margin
-
-
-def sweep_s(plan: Plan) -> float:
-    """Return the length in s of a sweep that resolves the narrowest bandwidth of the plan's channels."""
-    return max(SWEEP_WIDTHS * max(c.q / c.resonance_hz for c in plan.channels), SHORTEST_SWEEP_S)
-
-
-def ring_s(plan: Plan) -> float:
-    """Return the seconds of silence after a sweep in which the slowest taxel comes to rest."""
-    return RING_TAUS / np.pi * max(c.q / c.resonance_hz for c in plan.channels)
-
-
-def shaking_line_a2(plan: Plan) -> Line:
-    """Return the function that gives the line of i² that would move a taxel of the plan by its level.
-
-    It is exact at the channels' resonances, and straight between them on logarithmic axes.
-
-    Raises
-    ------
-    SpecError
-        The coils pull no washer.
-    """
-    line = np.array([c.line_a2 for c in plan.channels])
-    hz = np.array([channel.resonance_hz for channel in plan.channels])
-    order = np.argsort(hz)
-    order = order[line[order] > 0]
-    if not len(order):
-        raise SpecError("no washer is pulled by its coil, so that nothing can be measured", plan.name)
-    log_hz, log_line = np.log(hz[order]), np.log(line[order])
-
-    def line_a2(frequency_hz: np.ndarray) -> np.ndarray:
-        return np.asarray(np.exp(np.interp(np.log(frequency_hz), log_hz, log_line)))
-
-    return line_a2
-
-
-def chirp_current_a(
-    time_s: np.ndarray, seconds: float, band_hz: tuple[float, float], line_a2: Line
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the current in A and its slope in A/s, both (n,), of a chirp of the force up through `band_hz`.
-
-    It spends equal times in equal octaves and ends after `seconds`; then there is silence. It fades in over four
-    periods of the lowest frequency, and out over four of the highest, each at most a tenth of its length.
-    """
-    low, high = band_hz
-    rate = np.log(high / low) / seconds
-    inside = (time_s >= 0) & (time_s <= seconds)
-    time = np.where(inside, time_s, 0.0)
-    frequency = low * np.exp(rate * time)
-    half_phase = np.pi * low / rate * np.expm1(rate * time)
-    amplitude = np.sqrt(2 * line_a2(frequency))
-    step = 1e-4
-    bend = (np.log(line_a2(frequency * (1 + step))) - np.log(line_a2(frequency * (1 - step)))) / (4 * step) * rate
-    up, up_slope = _fade(time, min(FADE_PERIODS / low, seconds / 10))
-    down, down_slope = _fade(seconds - time, min(FADE_PERIODS / high, seconds / 10))
-    fade, fade_slope = up * down, up_slope * down - up * down_slope
-    sine, cosine = np.sin(half_phase), np.cos(half_phase)
-    slope = (fade_slope + fade * bend) * sine + fade * cosine * np.pi * frequency
-    return np.where(inside, amplitude * fade * sine, 0.0), np.where(inside, amplitude * slope, 0.0)
-
-
-def _fade(time: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a smooth step from 0 to 1 over `seconds`, and its slope per second."""
-    share = np.clip(time / seconds, 0.0, 1.0)
-    return share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2 / seconds
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,9 +42,11 @@ class Excitation:
 
     `current_a`, `voltage_v` (samples,) are of one coil's turn; `coils` (row, column) in the order of the columns of
     `blocks`. `level_share` is how strongly taxels are shaken over their planned levels; `copper_loss_w` the mean of a
-    turn.
+    turn. `between` is the least ratio of the largest sample to what is reached between samples: that of a sine of the
+    highest frequency, which in a chirp is half the motion's.
     """
 
+    kind: str
     rate_hz: int
     band_hz: tuple[float, float]
     sweep_s: float
@@ -140,6 +56,7 @@ class Excitation:
     voltage_v: np.ndarray
     level_share: float
     copper_loss_w: float
+    between: float
 
     @property
     def samples(self) -> int:
@@ -161,19 +78,31 @@ class Excitation:
                 yield block
 
 
-def excitation(plan: Plan, rate_hz: int, seconds: float | None = None, together: bool = False) -> Excitation:
+def excitation(
+    plan: Plan, kind: str, rate_hz: int, seconds: float | None = None, seed: int = 0, together: bool = False
+) -> Excitation:
     """Make the excitation that measures `plan`'s pad, sampled at `rate_hz`.
 
-    `seconds` is the length of the chirp (None: as long as the slowest taxel asks for), to which the silence is added.
-    `together` shakes all coils at once: quicker, and each taxel then hears its neighbours' coils too.
+    `seconds` is the length of the chirp or the noise (None: as long as the slowest taxel asks for), to which the
+    silence is added. `seed` is the noise's. `together` shakes all coils at once: quicker, and each taxel then hears its
+    neighbours' coils too.
 
     Raises
     ------
     SpecError
-        A rate too low for the highest frequency; a length too short for the slowest taxel, or too long for memory; no
-        washer that is pulled.
+        An unknown kind; a rate too low for the highest frequency; a length too short for the slowest taxel, or too long
+        for memory; no washer that is pulled.
     """
-    amplifier, band = plan.spec.amplifier, measuring_band_hz(plan)
+    if kind not in KINDS:
+        raise SpecError(f"must be one of {', '.join(KINDS)}, got {kind!r}", "--excite")
+    amplifier = plan.spec.amplifier
+    if kind == "noise" and amplifier and amplifier.coupling == "AC":
+        raise SpecError(
+            f"of noise has a constant part, which the AC-coupled amplifier {amplifier.name!r} does not pass; chirp has"
+            " none",
+            "--excite",
+        )
+    band = measuring_band_hz(plan)
     least = SAMPLES_OF_HIGHEST * band[1]
     if not rate_hz >= least:
         raise SpecError(
@@ -195,14 +124,21 @@ def excitation(plan: Plan, rate_hz: int, seconds: float | None = None, together:
             f"{number(sweep)} s of sweep are too many samples at {number(rate_hz)} Hz; {would_do}", "--seconds"
         )
     line, swept, total = shaking_line_a2(plan), round(sweep * rate_hz), round((sweep + ring_s(plan)) * rate_hz)
-    current, slope = chirp_current_a(np.arange(total) / rate_hz, swept / rate_hz, band, line)
+    if kind == "chirp":
+        time = np.arange(total) / rate_hz
+        current, slope = chirp_current_a(time, swept / rate_hz, band, line)
+    else:
+        q = float(np.median([channel.q for channel in plan.channels]))
+        silence = (0, total - swept)
+        current, slope = (np.pad(v, silence) for v in noise_current_a(swept, rate_hz, band, line, q, seed))
     coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
+    between = cos(pi * band[1] / (2 if kind == "chirp" else 1) / rate_hz)
     square, headroom = float((current[:swept] ** 2).mean()), plan.spec.drive.headroom
     planned = max(mean_square_a2(plan.scheme, np.array([c.line_a2 for c in own]), headroom) for own in plan.sets)
     share = min(
         1.0,
-        (VOLTAGE_SHARE * plan.spec.drive.voltage_limit_v / float(np.abs(volts).max())) ** 2,
+        (min(VOLTAGE_SHARE, between) * plan.spec.drive.voltage_limit_v / float(np.abs(volts).max())) ** 2,
         coil.power_limit_w / (square * coil.resistance_ohm),
         (VOLTAGE_SHARE * amplifier.current_a / float(np.abs(current).max())) ** 2 if amplifier else 1.0,
         max(planned / square, 1e-6),
@@ -210,7 +146,8 @@ def excitation(plan: Plan, rate_hz: int, seconds: float | None = None, together:
     factor = share**0.5
     places = tuple((row, column) for row in range(plan.coils.rows) for column in range(plan.coils.columns))
     loss_w = share * square * swept / total * coil.resistance_ohm
-    return Excitation(rate_hz, band, swept / rate_hz, together, places, current * factor, volts * factor, share, loss_w)
+    current, volts = current * factor, volts * factor
+    return Excitation(kind, rate_hz, band, swept / rate_hz, together, places, current, volts, share, loss_w, between)
 
 
 SWEEP_ROWS, SHORTEST_S = 65, 0.1
@@ -241,7 +178,7 @@ def sweep_table(plan: Plan) -> SweepTable:
     """
     low, high = measuring_band_hz(plan)
     try:
-        share = excitation(plan, ceil(SAMPLES_OF_HIGHEST * high)).level_share
+        share = excitation(plan, "chirp", ceil(SAMPLES_OF_HIGHEST * high)).level_share
         hz = np.geomspace(low, high, SWEEP_ROWS)
         line = share * shaking_line_a2(plan)(hz)
     except SpecError:

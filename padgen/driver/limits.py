@@ -21,18 +21,22 @@ from padgen.core.errors import SpecError, at_least, at_most, number
 from padgen.core.finding import Finding
 from padgen.core.units import MM, UM
 from padgen.driver.excitation import Excitation
-from padgen.driver.pad_drive import (
+from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
     RATES_HZ,
     CoilDrive,
     PadDrive,
+    Timeline,
+    blocks,
     coil_lines,
     constant_a2,
     drive_at,
     highest_hz,
+    is_fed,
     make_drive,
+    ramp_s,
+    timeline,
 )
-from padgen.driver.waveform import Timeline, blocks, is_fed, ramp_s, timeline
 from padgen.measured.tuning import Tuning, planned_tuning, printed_channels
 from padgen.physics.crest import least_constant
 from padgen.physics.magnetics import balanced_deflection, impedance
@@ -69,8 +73,6 @@ MOST_POINTS = 1 << 27
 """Points of these that are looked at, the worst states first; the others are bounded."""
 BLOCK = 1 << 15
 """Points that are worked on at a time: what stays in a core's cache."""
-PIECE, OVERLAP, FINER = 1 << 14, 1 << 10, 8
-"""Samples of an excitation that are looked at between at a time, on either side of them, and how much finer."""
 SMALLEST = 1e-100
 GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
@@ -176,21 +178,10 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
     """Bound what an excitation asks of the coils, over its sweep."""
     sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
     squares = np.full(len(played.coils), float((sweep**2).mean()))
-    samples = played.voltage_v
-    peak = float(np.abs(samples).max(initial=0.0))
-    ends = np.pad(samples, OVERLAP)
-    fade = np.sin(np.linspace(0.0, np.pi / 2, OVERLAP)) ** 2
-    window = np.concatenate([fade, np.ones(PIECE), fade[::-1]])
-    reached = peak
-    for start in range(0, len(samples), PIECE):
-        part = ends[start : start + len(window)]
-        if np.abs(part).max() > peak / 2:
-            part = np.pad(part, (0, len(window) - len(part))) * window
-            finer = np.fft.irfft(np.fft.rfft(part), FINER * len(window)) * FINER
-            reached = max(reached, float(np.abs(finer[FINER * OVERLAP : -FINER * OVERLAP]).max()))
+    peak_v = float(np.abs(played.voltage_v).max(initial=0.0)) / played.between
     peak_a = float(np.abs(played.current_a).max(initial=0.0)) * BETWEEN
     total_a2 = float(squares.sum() if played.together else squares.max())
-    return Load(reached, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share), squares)
+    return Load(peak_v, peak_a, squares, total_a2, np.full(len(plan.taxels), played.level_share), squares)
 
 
 def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndarray:

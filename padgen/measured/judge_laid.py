@@ -132,7 +132,6 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
         "turned_deg": 90 * laid.placing.quarters,
         "match": round(laid.placing.match, 4),
         "filament_mm": laid.filament_mm,
-        "plastic_mm3": round(laid.volume_mm3, 3),
         "settings": has,
         "settings_to_change": [*wrong.values()],
         "taxels": _taxel_figures(plan, laid, beams, plastic, laid_hz),
@@ -300,8 +299,8 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     narrow = ~closed & (laid.gap_mm < NARROW_SHARE * plate.gap_mm)
     for which, level, word in ((closed, "error", "closed"), (narrow, "warning", "narrow")):
         told = (
-            f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads at z ="
-            f" {_range(laid.gap_top_mm[which])} mm, planned are {number(plate.gap_mm)} mm"
+            f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads,"
+            f" planned are {number(plate.gap_mm)} mm"
         )
         causes = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
         yield from _told(level, "laid.gap", ids[which], of, told, wrong, *causes)

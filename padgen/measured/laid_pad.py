@@ -466,8 +466,7 @@ class LaidPad:
     the slice of its nodes, evenly spaced from root to tip. `plate_mm3` is the plastic of plate and boss. `recess_mm` is
     the depth below the lowest strands of the recess's roof, `strand_mm` the height of these strands, `room_mm` the
     diameter of the largest circle near the recess's middle that holds no plastic. `gap_mm` is the narrowest gap around
-    plate and beams, `gap_top_mm` its height. `all_steps_mm` are the thicknesses of all layers, `volume_mm3` is all of
-    the pad's plastic.
+    plate and beams. `all_steps_mm` are the thicknesses of all layers.
     """
 
     placing: Placing
@@ -481,24 +480,7 @@ class LaidPad:
     strand_mm: np.ndarray
     room_mm: np.ndarray
     gap_mm: np.ndarray
-    gap_top_mm: np.ndarray
     all_steps_mm: np.ndarray
-    volume_mm3: float
-
-
-class _Pieces(NamedTuple):
-    """Pieces (n,) of extrusions within the sub-cells of taxels.
-
-    Volume in mm³, outer width and height in mm, index of the taxel, place `own` (n, 2) of the piece's middle from the
-    washer's axis in the taxel's own axes in mm, and pixel of the maps.
-    """
-
-    volume: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    taxel: np.ndarray
-    own: np.ndarray
-    pixel: np.ndarray
 
 
 def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPad:
@@ -539,14 +521,13 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
             " short, or of another pad",
             where,
         )
-    steps, areas, plate, roof, strands, room, gap, volume = (np.array(part) for part in zip(*rows, strict=True))
+    steps, areas, plate, roof, strands, room, gap = (np.array(part) for part in zip(*rows, strict=True))
     tops, taxels = np.cumsum(steps), np.arange(len(plan.taxels))
     beam_layers = int((tops - steps < _beams_top_mm(plan)).sum())
     # A recess ends at the first layer with plastic over it; without a roof it is as deep as the pad is high.
     has_roof, first = (roof > 0).any(0), (roof > 0).argmax(0)
     strand = np.divide(strands[first, taxels], roof[first, taxels], out=np.full(len(taxels), np.nan), where=has_roof)
     below = np.arange(len(steps))[:, None] < np.where(has_roof, first, len(steps))
-    narrowest = gap.argmin(0)
     return LaidPad(
         placing,
         bottom,
@@ -559,9 +540,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
         strand,
         np.where(below[:, None], room, np.inf).min(0).max(0),
         gap.min(0),
-        np.where(np.isfinite(gap.min(0)), tops[narrowest], np.nan),
         steps,
-        float(volume.sum()),
     )
 
 
@@ -698,52 +677,55 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
     """Measure the layer that begins at `below_mm`, for each taxel.
 
     Return its thickness; areas (taxels, nodes) of the beams in mm²; plastic (taxels,) of the plates, of the recesses'
-    roofs, and the same times its height; room (shifts, taxels) about the recess's middle; gap (taxels,); and the volume
-    of all of the pad's plastic.
+    roofs, and the same times its height; room (shifts, taxels) about the recess's middle; and gap (taxels,).
     """
     plan, count = maps.plan, len(maps.plan.taxels)
     nodes, stations = max(len(m.node_mm) for m in maps.maps), max(1, *(m.stations for m in maps.maps))
     shared, sides = np.zeros(count * nodes + 1), np.full(count * stations * 2, np.inf)
     plate, roof, strands = np.zeros((3, count))
-    room, volume = np.full((len(SHIFTS_MM), count), np.inf), 0.0
+    room = np.full((len(SHIFTS_MM), count), np.inf)
     is_fine = below_mm < max(_beams_top_mm(plan), plan.plate.recess_depth_mm + 0.3)
     radius, post = plan.plate.recess_diameter_mm / 2, plan.plate.post_diameter_mm / 2
-    for pieces, whole in _pieces(maps, placing, layer, step_mm, FINE_MM if is_fine else COARSE_MM):
-        volume += whole
-        taxel = pieces.taxel
-        plate += np.bincount(taxel, pieces.volume * (maps.owner[pieces.pixel] == PLATE), count)
-        node = maps.node[pieces.pixel]
+    for volume, width, height, taxel, own, pixel in _pieces(
+        maps, placing, layer, step_mm, FINE_MM if is_fine else COARSE_MM
+    ):
+        plate += np.bincount(taxel, volume * (maps.owner[pixel] == PLATE), count)
+        node = maps.node[pixel]
         at, ahead = taxel * nodes + np.maximum(node, 0).astype(np.int64), node % 1
-        volume_on = np.where(node >= 0, pieces.volume, 0.0)
+        volume_on = np.where(node >= 0, volume, 0.0)
         # Shared between the nodes before and behind, so that where pieces are cut does not matter.
         shared += np.bincount(at, volume_on * (1 - ahead), len(shared))
         shared += np.bincount(at + 1, volume_on * ahead, len(shared))
-        station = maps.station[pieces.pixel]
+        station = maps.station[pixel]
         on = station >= 0
-        free = maps.aside_mm[pieces.pixel] - pieces.width / 2
-        np.minimum.at(sides, ((taxel * stations + station) * 2 + maps.side[pieces.pixel])[on], free[on])
-        near = np.abs(pieces.own).max(1) < radius + 1
-        own, taxel, height = pieces.own[near], taxel[near], pieces.height[near]
+        free = maps.aside_mm[pixel] - width / 2
+        np.minimum.at(sides, ((taxel * stations + station) * 2 + maps.side[pixel])[on], free[on])
+        near = np.abs(own).max(1) < radius + 1
+        volume, width, height, taxel, own = (part[near] for part in (volume, width, height, taxel, own))
         away = np.hypot(*own.T)
         beside = away > post + WITHIN_RECESS_MM if post else np.ones(len(away), bool)
         above = beside & (away < radius - WITHIN_RECESS_MM)
-        roof += np.bincount(taxel[above], pieces.volume[near][above], count)
-        strands += np.bincount(taxel[above], (pieces.volume[near] * height)[above], count)
+        roof += np.bincount(taxel[above], volume[above], count)
+        strands += np.bincount(taxel[above], (volume * height)[above], count)
         for k, shift in enumerate(SHIFTS_MM):
-            free = 2 * np.hypot(*(own - shift).T) - pieces.width[near]
+            free = 2 * np.hypot(*(own - shift).T) - width
             np.minimum.at(room[k], taxel[beside], free[beside])
     areas = shared[:-1].reshape(count, nodes)
     for k, channel in enumerate(maps.channel):
         own_mm = maps.maps[channel].node_mm
         areas[k, : len(own_mm)] /= own_mm
     gap = sides.reshape(count, stations, 2).sum(2).min(1)
-    return step_mm, areas, plate, roof, strands, room, gap, volume
+    return step_mm, areas, plate, roof, strands, room, gap
 
 
 def _pieces(
     maps: PadMaps, placing: Placing, layer: Layer, step_mm: float, piece_mm: float
-) -> Iterator[tuple[_Pieces, float]]:
-    """Yield the pieces within the sub-cells of taxels, `MOST_PIECES` or fewer at a time, and all the pad's plastic."""
+) -> Iterator[tuple[np.ndarray, ...]]:
+    """Yield the pieces (n,) of extrusions within the sub-cells of taxels, `MOST_PIECES` or fewer at a time.
+
+    They are volumes in mm³, outer widths and heights in mm, indices of the taxels, places (n, 2) of the pieces' middles
+    from the washer's axis in the taxel's own axes in mm, and pixels of the maps.
+    """
     height = np.where(np.isnan(layer.height_mm), step_mm, layer.height_mm)
     wide = layer.area_mm2 / height
     strand = np.isnan(layer.height_mm) & (wide > STRAND * np.median(wide))
@@ -751,16 +733,11 @@ def _pieces(
     width = layer.area_mm2 / height + ROUND_EDGES * height
     run = np.cumsum(np.hypot(*(layer.stop - layer.start).T) / piece_mm + 1)
     ends = np.searchsorted(run, np.arange(MOST_PIECES, run[-1], MOST_PIECES))
-    pad = maps.plan.spec.pad
-    half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm
     for first, last in pairwise((0, *ends.tolist(), len(run))):
         part = replace(layer, start=layer.start[first:last], stop=layer.stop[first:last])
         points, line = cut(part, piece_mm)
         points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
-        inside = (np.abs(points) < half + 0.1).all(1)
         volume = layer.volume_mm3[first:last] / np.bincount(line, minlength=last - first)
         taxel, own, pixel = maps.found(points)
         on = taxel >= 0
-        at = line[on]
-        found = _Pieces(volume[at], width[first:last][at], height[first:last][at], taxel[on], own[on], pixel[on])
-        yield found, float(volume[line[inside]].sum())
+        yield volume[line[on]], width[first:last][line[on]], height[first:last][line[on]], taxel[on], own[on], pixel[on]

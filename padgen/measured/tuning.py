@@ -14,26 +14,28 @@ around and the frame's own motion are left out.
 
 import io
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import FileError, at_least, at_most, number
+from padgen.core.errors import FileError, SpecError, at_least, at_most, number
 from padgen.core.files import file_hash, json_text, read_bounded
 from padgen.core.units import MN, MS, UM
+from padgen.measured.shaking import chirp_current_a, measuring_band_hz, ring_s, shaking_line_a2, sweep_s
 from padgen.physics.resonator import ModalTaxels, ring_up_time
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
 from padgen.planner.channels import coil_modes, driven, wanted_line_a2
-from padgen.planner.plan import Channel, Plan, level_law, scheme_named
+from padgen.planner.plan import Channel, Plan, level_law, read_as, scheme_named
 from padgen.planner.printed_pads import Spreads, coils_of, design_of, log_detuning, spreads_of
 from padgen.spec import Spec
 
 __all__ = [
     "PULL_SPREAD",
     "Q_SPREAD",
+    "SIMULATED",
     "CoilFigures",
     "Played",
     "Tones",
@@ -70,8 +72,6 @@ A print changes it by less than ten; beyond the limit, another unit must have be
 """
 LARGEST_ERROR = 1e6
 """Largest error of a figure, over the figure itself."""
-KINDS = {float: "a number", str: "text", bool: "true or false", list: "a list", dict: "a table"}
-"""Words for the types of JSON values (whole numbers are read as floats; null has no entry)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,18 +158,20 @@ def tuning_from_json(text: str, plan: Plan, where: str = "tuning.json") -> Tunin
         The text is no tuning, belongs to another pad, or has figures that no print has.
     """
     try:
-        table = json.loads(text, parse_int=float)
-    except ValueError as error:
-        raise FileError(f"is not a tuning: it is not JSON ({error})", where) from error
-    except RecursionError as error:
-        raise FileError("is not a tuning: it is nested too deeply", where) from error
-    try:
-        name, entries = _of_kind(table, "name", str), _of_kind(table, "taxels", list)
-        _refuse_other(name, len(entries), plan)
-        taxels = [_taxel(entry, taxel.id, k) for k, (entry, taxel) in enumerate(zip(entries, plan.taxels, strict=True))]
-    except ValueError as error:
-        raise FileError(f"is not a tuning of {plan.name!r}: {error}", where) from error
-    tuning = Tuning(name, tuple(taxels))
+        tuning: Tuning = read_as(Tuning, json.loads(text, parse_int=float), "tuning")
+        if any(None in astuple(taxel) for taxel in tuning.taxels):
+            raise ValueError("a figure is null")
+        due, ids = [taxel.id for taxel in plan.taxels], [taxel.id for taxel in tuning.taxels]
+        if tuning.name != plan.name or len(ids) != len(due):
+            raise ValueError(
+                f"it has {len(ids)} taxels of {tuning.name!r}, must have the {len(due)} of {plan.name!r};"
+                " padgen retune makes one for this plan"
+            )
+        if ids != due:
+            k = next(k for k, pair in enumerate(zip(ids, due, strict=True)) if pair[0] != pair[1])
+            raise ValueError(f"taxel {k + 1} must be {due[k]!r}, in the order of the plan, it is {ids[k]!r}")
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"is not a tuning of {plan.name!r} ({str(error)[:200]})", where) from error
     refuse_tuning(tuning, plan, where)
     return tuning
 
@@ -210,38 +212,6 @@ def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[_Bounded]:
         ("response_error", tuned.response_error, tuned.response_um_per_a2 or usual),
     ):
         yield name, value, (0.0, of * LARGEST_ERROR), ""
-
-
-def _refuse_other(name: str, count: int, plan: Plan) -> None:
-    if name != plan.name or count != len(plan.taxels):
-        raise ValueError(
-            f"it has {count} taxels of {name!r}, must have the {len(plan.taxels)} of {plan.name!r};"
-            " padgen retune makes one for this plan"
-        )
-
-
-def _taxel(entry: Any, due: str, index: int) -> TunedTaxel:
-    """Return a taxel from its entry in the file, which must have the ID `due`."""
-    where = f" of taxel {index + 1}, {due},"
-    values = {f.name: _of_kind(entry, f.name, f.type, where) for f in fields(TunedTaxel)}
-    if values["id"] != due:
-        raise ValueError(f"taxel {index + 1} must be {due!r}, in the order of the plan, it is {values['id']!r}")
-    return TunedTaxel(**values)
-
-
-def _of_kind(table: Any, name: str, kind: Any, of: str = "") -> Any:
-    """Return the entry `name` of a table, which must be of the type `kind`."""
-    if not isinstance(table, dict):
-        raise ValueError(f"{of.strip(' ,').removeprefix('of ') or 'it'} must be a table, it is {_kind_name(table)}")
-    if name not in table:
-        raise ValueError(f"it has no {name!r}{of.rstrip(',')}")
-    if type(table[name]) is not kind:
-        raise ValueError(f"{name!r}{of} must be {KINDS[kind]}, it is {_kind_name(table[name])}")
-    return table[name]
-
-
-def _kind_name(value: Any) -> str:
-    return KINDS.get(type(value), "null")
 
 
 # Prediction
@@ -429,13 +399,20 @@ def _of(tuning: Tuning, name: str) -> np.ndarray:
 # Simulated prints
 
 
+SIMULATED = ("spectrum", "chirp", "pluck")
+"""Kinds of simulated measurements."""
 Q_SPREAD = 0.10
 """Relative spread of Q from taxel to taxel, as layers bond and glue damps differently. An assumption."""
 PULL_SPREAD = 0.10
 """Relative spread of the pull: 0.1 mm of gap or half a millimetre of place. An assumption."""
-POINTS_PER_BANDWIDTH, FEWEST_POINTS = 10, 200
+POINTS_PER_BANDWIDTH = 10
+REACH_BANDWIDTHS = 6
+"""Bandwidths on either side of each resonance at which a spectrum of high Q gets close points."""
+MOST_EVEN = 3000
+"""Most points of a spectrum that is even in octaves over the whole band."""
 MOST_NUMBERS = 20_000_000
-"""Most numbers in a file of spectra; a taxel of very high Q then has fewer points in its bandwidth."""
+"""Most numbers in a file of a time series."""
+RATE_OVER_HIGHEST = 8.0
 
 
 def simulate_print(plan: Plan, seed: int, spreads: Spreads | None = None) -> Tuning:
@@ -453,30 +430,135 @@ def simulate_print(plan: Plan, seed: int, spreads: Spreads | None = None) -> Tun
     return Tuning(plan.name, tuple(taxels))
 
 
-def simulated_measurement(plan: Plan, truth: Tuning, seed: int, snr_db: float = 30.0) -> str:
-    """Simulate spectra of the print `truth` as a lab measures them, as CSV for `padgen.measured.read.read_measured`.
+def simulated_measurement(plan: Plan, truth: Tuning, seed: int, kind: str = "spectrum", snr_db: float = 30.0) -> str:
+    """Simulate a lab's measurement of the print `truth`, as CSV for `padgen.measured.read.read_measured`.
 
-    They are complex amplitudes per line of i² over the frequency of the motion, even in octaves. `snr_db` is the
-    largest value of a taxel's spectrum over the noise's sigma at each point.
+    The `kind` is 'spectrum' (complex amplitude per line of i² over the frequency of the motion), 'chirp' (displacement
+    under the excitation of `padgen.driver.excitation`, with the current) or 'pluck' (the decay after a tap on each
+    taxel, in relative units). `snr_db` is the largest value of a taxel's column over the noise's sigma at each point.
+
+    Raises
+    ------
+    SpecError
+        The kind is unknown, or the time series would be too long for a file.
     """
+    if kind not in SIMULATED:
+        raise SpecError(f"must be one of {', '.join(SIMULATED)}, got {kind!r}", "--kind")
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 101)))
-    hz = [taxel.resonance_hz for taxel in truth.taxels] + [channel.resonance_hz for channel in plan.channels]
-    low, high = min(hz) / 2, 2 * max(hz)
-    points = np.log(high / low) * max(taxel.q for taxel in truth.taxels) * POINTS_PER_BANDWIDTH
-    most = MOST_NUMBERS // (1 + 2 * len(truth.taxels))
-    frequency = np.geomspace(low, high, min(max(int(points), FEWEST_POINTS), most))
-    columns, names = [frequency], ["frequency_hz"]
-    for channel, tuned in zip(printed_channels(plan, truth), truth.taxels, strict=True):
-        working, clean = int(np.argmax(channel.mode_shares)), np.zeros(len(frequency), complex)
+    response = _responses(plan, truth)
+    noise = 10 ** (-snr_db / 20)
+    return {"spectrum": _spectrum, "chirp": _chirp, "pluck": _pluck}[kind](plan, truth, response, rng, noise)
+
+
+Response = Callable[[int, np.ndarray], np.ndarray]
+"""Function of a taxel's index and frequencies in Hz: the washer's complex amplitude in µm per A² of a line of i²."""
+
+
+def _responses(plan: Plan, truth: Tuning) -> Response:
+    channels = printed_channels(plan, truth)
+
+    def response(i: int, frequency_hz: np.ndarray) -> np.ndarray:
+        channel, tuned = channels[i], truth.taxels[i]
+        working = int(np.argmax(channel.mode_shares))
+        total = np.zeros(frequency_hz.shape, complex)
         for k, (mode_hz, share) in enumerate(zip(channel.modes_hz, channel.pulled_shares, strict=True)):
-            s = frequency / (tuned.resonance_hz if k == working else mode_hz)
-            clean += share / channel.pulled_shares[working] / ((1 - s) * (1 + s) + 1j * s / tuned.q)
-        clean *= tuned.response_um_per_a2 / tuned.q
-        sigma = 10 ** (-snr_db / 20) * np.abs(clean).max() / np.sqrt(2)
+            own = tuned.resonance_hz if k == working else mode_hz
+            s = frequency_hz / own
+            total += share / channel.pulled_shares[working] / ((1 - s) * (1 + s) + 1j * s / tuned.q)
+        return total * (tuned.response_um_per_a2 / tuned.q)
+
+    return response
+
+
+def _spectrum(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
+    frequency = _frequencies(plan, truth)
+    columns, names = [frequency], ["frequency_hz"]
+    for i, taxel in enumerate(truth.taxels):
+        clean = response(i, frequency)
+        sigma = noise * np.abs(clean).max() / np.sqrt(2)
         noisy = clean + sigma * (rng.standard_normal(len(clean)) + 1j * rng.standard_normal(len(clean)))
         columns += [noisy.real, noisy.imag]
-        names += [f"{tuned.id}_re", f"{tuned.id}_im"]
+        names += [f"{taxel.id}_re", f"{taxel.id}_im"]
+    return _csv(names, columns, "# unit: um_per_a2\n")
+
+
+def _frequencies(plan: Plan, truth: Tuning) -> np.ndarray:
+    """Return the frequencies of a spectrum in Hz: even in octaves, or close around each resonance where Q is high."""
+    low, high = _band_hz(plan, truth)
+    q = np.array([taxel.q for taxel in truth.taxels])
+    even = int(np.ceil(np.log(high / low) * q.max() * POINTS_PER_BANDWIDTH))
+    if even <= MOST_EVEN:
+        return np.geomspace(low, high, max(even, 200))
+    hz = np.array([taxel.resonance_hz for taxel in truth.taxels])
+    offsets = np.linspace(-REACH_BANDWIDTHS, REACH_BANDWIDTHS, 2 * REACH_BANDWIDTHS * POINTS_PER_BANDWIDTH + 1)
+    zoomed = hz[:, None] * (1 + offsets / q[:, None])
+    coarse = np.geomspace(low, high, 200)
+    return np.unique(np.concatenate([coarse, zoomed.ravel()]).clip(low, high))
+
+
+def _band_hz(plan: Plan, truth: Tuning) -> tuple[float, float]:
+    """Return the measured band in Hz, widened where the print came out far off the plan."""
+    low, high = measuring_band_hz(plan)
+    hz = [taxel.resonance_hz for taxel in truth.taxels]
+    return min(low, min(hz) / 2), max(high, max(hz) * 2)
+
+
+def _chirp(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
+    low, high = _band_hz(plan, truth)
+    rate = float(np.ceil(RATE_OVER_HIGHEST * high / 2))
+    sweep, ring = sweep_s(plan), ring_s(plan)
+    numbers = (sweep + ring) * rate * (2 + len(truth.taxels))
+    if numbers > MOST_NUMBERS:
+        raise SpecError(
+            f"chirp would take a file of {number(float(round(numbers)))} numbers, at most {MOST_NUMBERS} are written;"
+            " spectrum would do",
+            "--kind",
+        )
+    time = np.arange(int((sweep + ring) * rate)) / rate
+    current = chirp_current_a(time, sweep, (low, high), shaking_line_a2(plan))[0]
+    # Twice as long, so that motion at the end does not wrap round to the beginning.
+    size = 2 * len(time)
+    force = np.fft.rfft(current**2, size)
+    frequency = np.fft.rfftfreq(size, 1 / rate)
+    return _series(truth, time, current, lambda i: np.fft.irfft(force * response(i, frequency), size), rng, noise)
+
+
+def _pluck(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
+    hz = np.array([taxel.resonance_hz for taxel in truth.taxels])
+    q = np.array([taxel.q for taxel in truth.taxels])
+    rate = float(np.ceil(RATE_OVER_HIGHEST * hz.max()))
+    seconds = min(max(float((3 * q / (np.pi * hz)).max()), 5 / float(hz.min())), MOST_NUMBERS / rate / (1 + len(hz)))
+    time = np.arange(int(seconds * rate)) / rate
+    phase = rng.uniform(-0.5, 0.5, len(hz))
+
+    def decay(i: int) -> np.ndarray:
+        damped = hz[i] * np.sqrt(1 - min(1 / (4 * q[i] ** 2), 0.99))
+        return np.asarray(np.exp(-np.pi * hz[i] / q[i] * time) * np.cos(2 * np.pi * damped * time + phase[i]))
+
+    return _series(truth, time, None, decay, rng, noise)
+
+
+def _series(
+    truth: Tuning,
+    time: np.ndarray,
+    current: np.ndarray | None,
+    motion: Callable[[int], np.ndarray],
+    rng: np.random.Generator,
+    noise: float,
+) -> str:
+    names, columns = ["time_s"], [time]
+    if current is not None:
+        names.append("current_a")
+        columns.append(current)
+    for i, taxel in enumerate(truth.taxels):
+        clean = motion(i)[: len(time)]
+        names.append(taxel.id)
+        columns.append(clean + noise * np.abs(clean).max() * rng.standard_normal(len(time)))
+    return _csv(names, columns, "" if current is None else "# unit: um\n")
+
+
+def _csv(names: Sequence[str], columns: Sequence[np.ndarray], head: str) -> str:
     text = io.StringIO()
-    text.write("# unit: um_per_a2\n" + ",".join(names) + "\n")
+    text.write(head + ",".join(names) + "\n")
     np.savetxt(text, np.stack(columns, 1), fmt=["%.10g"] + ["%.6g"] * (len(columns) - 1), delimiter=",")
     return text.getvalue()

@@ -53,6 +53,7 @@ __all__ = [
     "passes",
     "plan_from_json",
     "plan_to_json",
+    "read_as",
     "read_plan",
     "scheme_for",
     "scheme_named",
@@ -587,7 +588,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
         The text is not the JSON of a plan.
     """
     try:
-        plan: Plan = _read(Plan, json.loads(text), "the plan")
+        plan: Plan = read_as(Plan, json.loads(text), "the plan")
         _refuse_contradictions(plan)
     except (ValueError, RecursionError) as error:
         raise FileError(f"is not a plan ({error}); padgen plan makes one", where) from error
@@ -596,7 +597,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     return plan
 
 
-def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
+def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     """Return the `value` of an entry as its `kind`; raises `ValueError` if it is of another kind."""
     origin, kinds, is_table = get_origin(kind), get_args(kind), is_dataclass(kind)
     if (is_table or origin is dict) and not isinstance(value, dict):
@@ -613,18 +614,18 @@ def _read(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
                 continue  # a plan of an older padgen
             if item.name not in value:
                 raise ValueError(f"{place} is missing")
-            entries[item.name] = _read(item.type, value[item.name], place, kind in DRAWN)
+            entries[item.name] = read_as(item.type, value[item.name], place, kind in DRAWN)
         return kind(**entries)
     if origin is dict:
-        return {name: _read(kinds[1], entry, f"{where}.{name}") for name, entry in value.items()}
+        return {name: read_as(kinds[1], entry, f"{where}.{name}") for name, entry in value.items()}
     if origin is tuple:
         endless = kinds[-1] is Ellipsis
         if not isinstance(value, list) or (not endless and len(value) != len(kinds)):
             raise ValueError(f"{where} must be a list" + ("" if endless else f" of {len(kinds)}"))
         each = zip([kinds[0]] * len(value) if endless else kinds, value, strict=True)
-        return tuple(_read(k, entry, f"{where}[{i}]", drawn) for i, (k, entry) in enumerate(each))
+        return tuple(read_as(k, entry, f"{where}[{i}]", drawn) for i, (k, entry) in enumerate(each))
     if origin is UnionType:
-        return _read(next((k for k in kinds if type(value) in KINDS[k][0]), kinds[0]), value, where, drawn)
+        return read_as(next((k for k in kinds if type(value) in KINDS[k][0]), kinds[0]), value, where, drawn)
     if value is None and kind is float and not drawn:
         return None  # JSON has no infinity: a figure without a finite value is written as null
     allowed, what = KINDS[kind]

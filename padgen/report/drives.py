@@ -135,7 +135,7 @@ def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Fi
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
     share = "" if played.level_share >= 1 else f", times {played.level_share:.3g}"
     return (
-        f"excitation.wav: a chirp of the force from {low:.3g} to {high:.3g} Hz,"
+        f"excitation.wav: a {played.kind} of the force from {low:.3g} to {high:.3g} Hz,"
         f" {played.sweep_s:.3g} s and silence, {how}, {played.seconds:.3g} s in all at {played.rate_hz} Hz;"
         f" taxels are shaken at their planned levels{share}\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"

@@ -103,8 +103,9 @@ def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose:
     head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
     done = f"{len(measured)} of {len(taxels)} taxels are re-tuned"
     if result.before_db is not None and result.after_db is not None:
+        low = f", at least {result.after_low_db:.1f} dB in 95 of 100" if result.after_low_db is not None else ""
         done += (
-            f": the worst coil then keeps {result.after_db:.1f} dB of ON over OFF, instead of"
+            f": the worst coil then keeps {result.after_db:.1f} dB of ON over OFF{low}, instead of"
             f" {result.before_db:.1f} dB with the planned tones (planned {number(round(result.planned_db or 0, 1))} dB,"
             f" asked {result.asked_db:.1f} dB)"
         )

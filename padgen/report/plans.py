@@ -237,7 +237,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
     """Return lines on the drive scheme, its selectivity, and its load on coil and amplifier."""
     from padgen.core.errors import SpecError
     from padgen.driver.formats.c import boards_in_time
-    from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, drive_at
+    from padgen.driver.waveform import CONTROLLER_RATES_HZ, drive_at
 
     try:
         boards = boards_in_time(drive_at(plan, CONTROLLER_RATES_HZ))

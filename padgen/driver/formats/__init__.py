@@ -16,8 +16,7 @@ if TYPE_CHECKING:
     from padgen.driver.drive_folder import Drive
     from padgen.driver.ear import Heard
     from padgen.driver.formats.wav import WaveReport
-    from padgen.driver.pad_drive import PadDrive
-    from padgen.driver.waveform import Timeline
+    from padgen.driver.waveform import PadDrive, Timeline
     from padgen.planner.plan import Plan
 
 __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
@@ -47,7 +46,7 @@ class DriveJob:
 
     def drive_at(self, rates_hz: tuple[int, ...]) -> "PadDrive":
         """Make the drive at the rate that is asked for, or else at the first of these that will do."""
-        from padgen.driver.pad_drive import drive_at
+        from padgen.driver.waveform import drive_at
 
         return drive_at(self.plan, rates_hz, self.request.rate_hz, self.request.tuning, self.request.carrier_hz)
 

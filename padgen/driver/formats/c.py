@@ -6,7 +6,7 @@ after an hour as after the first period no phase is off by more than period_samp
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import ceil, exp, expm1, floor, inf, log2, pi
 from pathlib import Path
 from textwrap import fill
@@ -21,9 +21,8 @@ from padgen.core.finding import Finding
 from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import group_channels, heat_s, judge_limits, least_constants
-from padgen.driver.pad_drive import CONTROLLER_RATES_HZ, CoilDrive, PadDrive
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
-from padgen.driver.waveform import frame_s, ramp_s
+from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
@@ -263,17 +262,17 @@ def _taxel_table(plan: Plan, drive: PadDrive, channels: int) -> str:
 
 
 def _kind_tables(drive: PadDrive, kinds: list[CoilDrive], slots: list[tuple[int, ...]], channels: int) -> Iterable[str]:
-    samples, share = drive.period_samples, 1.0 if drive.scheme.has_constant else 0.5
+    samples, rate, share = drive.period_samples, drive.rate_hz, 1.0 if drive.scheme.has_constant else 0.5
     yield _table("uint8_t padgen_kind_channels[PADGEN_KINDS]", [str(len(kind.taxels)) for kind in kinds])
     # Whole numbers before they are divided: what is rounded is the increment alone.
-    increments = ([f"{_turns(k * share / samples)}u" for k in kind.harmonic.tolist()] for kind in kinds)
-    yield _by_kind("uint32_t padgen_increment", channels, increments, "0u")
-    phases = ([f"{_turns(rad * share / (2 * pi))}u" for rad in kind.phase_rad.tolist()] for kind in kinds)
-    yield _by_kind("uint32_t padgen_phase", channels, phases, "0u")
-    hertz = ([_float(k * share * drive.rate_hz / samples) for k in kind.harmonic.tolist()] for kind in kinds)
-    yield _by_kind("float padgen_tone_hz", channels, hertz, "0.0f")
-    lines = ([_float(line) for line in kind.line_a2.tolist()] for kind in kinds)
-    yield _by_kind("float padgen_line_a2", channels, lines, "0.0f")
+    tables: tuple[tuple[str, str, Callable[[CoilDrive], list[str]]], ...] = (
+        ("uint32_t padgen_increment", "0u", lambda c: [f"{_turns(k * share / samples)}u" for k in c.harmonic.tolist()]),
+        ("uint32_t padgen_phase", "0u", lambda c: [f"{_turns(x * share / (2 * pi))}u" for x in c.phase_rad.tolist()]),
+        ("float padgen_tone_hz", "0.0f", lambda c: [_float(k * share * rate / samples) for k in c.harmonic.tolist()]),
+        ("float padgen_line_a2", "0.0f", lambda c: [_float(line) for line in c.line_a2.tolist()]),
+    )
+    for declared, empty, entries in tables:
+        yield _by_kind(declared, channels, map(entries, kinds), empty)
     yield _by_kind("uint8_t padgen_slot", channels, ([str(slot) for slot in own] for own in slots), "0")
     yield _table("float padgen_bias_a[PADGEN_KINDS]", [_float(kind.bias_a) for kind in kinds])
 

@@ -1,13 +1,11 @@
 """A Python script that plays a pad through Syntacts (mahilab, MIT licence): one output channel per coil.
 
-Syntacts makes sums, products and sequences of simple signals while it plays. Steady tones are its sines. Where levels
-change, and for the root of a spur-free drive, its expressions of t are used, so that all schemes are played as they
-are: the volts are those of `padgen.driver.waveform`, with L di/dt of the transitions too. (It can also read a WAV
+Syntacts makes sums, products and sequences of simple signals while it plays. Its expressions of t play all schemes as
+they are: the volts are those of `padgen.driver.waveform`, with L di/dt of the transitions too. (It can also read a WAV
 file, but only its first channel, and then steps through the samples by truncating a time that is summed up.)
 
-A coil is a list of parts ``(start, length, terms)``, of a time t that begins with the part; each term is
-``(shape, constant, tones)`` for shape(t) · (constant + Σ a sin(w t + p)). Parts meet half way between two samples: a
-Syntacts sequence plays both where they touch.
+A coil is a list of parts ``(start, length, expression)``, of a time t that begins with the part. Parts meet half way
+between two samples: a Syntacts sequence plays both where they touch.
 """
 
 from collections.abc import Iterator
@@ -19,8 +17,7 @@ import numpy as np
 from padgen.core.errors import at_least, number
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
-from padgen.driver.pad_drive import CoilDrive, PadDrive, coil_lines, constant_a2
-from padgen.driver.waveform import Timeline, edges, is_fed, ramp_s, volts
+from padgen.driver.waveform import CoilDrive, PadDrive, Timeline, coil_lines, constant_a2, edges, is_fed, ramp_s, volts
 from padgen.planner.plan import Plan
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "syntacts_script", "write"]
@@ -44,14 +41,13 @@ import math
 import sys
 import time
 
-from syntacts import Envelope, Expression, Ramp, Repeater, Scalar, Sequence, Session, Sine
+from syntacts import Envelope, Expression, Repeater, Scalar, Sequence, Session
 
 RATE_HZ = {rate}
 SECONDS = {seconds}
 LOOPS = {loops}
 RAMP_S = {ramp}
-# Each signal is a list of parts: start and length in s, and terms; a term is the product of an expression of the
-# part's own t (or '' for 1) and of a constant plus sines of amplitude, rate in rad/s and phase in rad.
+# Each signal is a list of parts: start and length in s, and an expression of the part's own t.
 SIGNALS = [
 {signals}]
 # Which of them each channel plays.
@@ -67,22 +63,10 @@ class Index(int):
         return True
 
 
-def term_signal(shape, constant, tones):
-    signal = Scalar(constant)
-    for amplitude, rate, phase in tones:
-        signal = signal + amplitude * Sine(Ramp(phase, rate))
-    if not shape:
-        return signal
-    envelope = Expression(shape)
-    if not math.isfinite(envelope.sample(0.0)):
-        sys.exit(f"This Syntacts cannot read the expression {{shape}}")
-    return envelope * signal
-
-
-def part_signal(terms):
-    signal = term_signal(*terms[0])
-    for term in terms[1:]:
-        signal = signal + term_signal(*term)
+def part_signal(text):
+    signal = Expression(text)
+    if not math.isfinite(signal.sample(0.0)):
+        sys.exit(f"This Syntacts cannot read the expression {{text}}")
     return signal
 
 
@@ -104,7 +88,7 @@ def coil_signal(parts):
         return None
     if LOOPS and len(parts) == 1:
         return part_signal(parts[0][2])
-    signals = [(start, length, part_signal(terms)) for start, length, terms in parts]
+    signals = [(start, length, part_signal(text)) for start, length, text in parts]
     if signals[0][0] > 0:
         signals.insert(0, (0.0, signals[0][0], Scalar(0.0)))
     played = sequence(signals)
@@ -162,8 +146,6 @@ if __name__ == "__main__":
 
 
 ORDER, MADE_OF, FILE = 5, "frames", "drive_syntacts.py"
-Tones = list[tuple[complex, float, float]]
-Term = tuple[str, float, list[tuple[float, float, float]]]
 
 
 class _Stretch(NamedTuple):
@@ -198,14 +180,8 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
     known: dict[str, int] = {}
     texts: list[str] = []
     for coil in drive.coils:
-        texts.append(
-            "["
-            + ",\n     ".join(
-                f"({s.start_s!r}, {s.length_s!r}, {_terms_text(terms)})"
-                for s, terms in _parts(drive, timeline, coil, stretches, scale_v)
-            )
-            + "]"
-        )
+        parts = _parts(drive, timeline, coil, stretches, scale_v)
+        texts.append("[" + ",\n     ".join(f"({s.start_s!r}, {s.length_s!r}, {text!r})" for s, text in parts) + "]")
         known.setdefault(texts[-1], len(known))
     signals = "".join(f"    {text},\n" for text in known)
     coils = ""
@@ -254,93 +230,28 @@ def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
 
 def _parts(
     drive: PadDrive, timeline: Timeline, coil: CoilDrive, stretches: list[_Stretch], scale_v: float
-) -> Iterator[tuple[_Stretch, list[Term]]]:
-    """Yield the terms of one coil's stretches, in shares of `scale_v`; none for silence."""
+) -> Iterator[tuple[_Stretch, str]]:
+    """Yield the expressions of one coil's stretches, in shares of `scale_v`; none for silence."""
     if not len(coil.taxels):
         return
     levels = timeline.levels[:, coil.taxels]
     constant = constant_a2(drive, coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
     for stretch in stretches:
-        before, after = levels[stretch.key], levels[stretch.key + 1]
+        keys = slice(stretch.key, stretch.key + 2)
         if drive.scheme.is_root:
-            root = _root_text(drive, coil, stretch, (before, after), constant[stretch.key : stretch.key + 2], scale_v)
-            terms: list[Term] = [(root, 1.0, [])] if root else []
-        elif drive.scheme.is_biased:
+            text = _root_text(drive, coil, stretch, levels[keys], constant[keys], scale_v)
+        else:
             fed = is_fed(timeline, stretch.key), is_fed(timeline, stretch.key + 1)
-            terms = list(_biased(drive, coil, stretch, (before, after), fed, scale_v))
-        else:
-            terms = list(_tones(drive, coil, stretch, (before, after), scale_v))
-        if terms:
-            yield stretch, terms
+            text = _tones_text(drive, coil, stretch, levels[keys], fed, scale_v)
+        if text:
+            yield stretch, text
 
 
-Pair = tuple[np.ndarray, np.ndarray]
-
-
-def _tones(drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, scale_v: float) -> Iterator[Term]:
-    """Yield sines at half the force's frequency, each with the root of its level."""
-    harmonic, amplitude = coil_lines(drive, coil)
-    for low, high in _pairs(levels):
-        own = (levels[0] == low) & (levels[1] == high)
-        if low == high:
-            shape, slope = "", ""
-        elif low == 0 or high == 0:
-            shape, slope = _root_of_step(stretch, rises=low == 0)
-        else:
-            level, rise = _levels_text(stretch, low, high)
-            value = level.removeprefix(_share(stretch))
-            shape, slope = f"{_share(stretch)}sqrt({value})", f"{rise} / (2 * sqrt({value}))"
-        height = float(np.sqrt(low if low == high else 1 if min(low, high) > 0 else max(low, high)))
-        tones = list(_lines(drive, stretch, harmonic[own], height / scale_v * amplitude[own]))
-        yield from _fed(drive, (shape, slope), 0.0, tones)
-
-
-def _biased(
-    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, fed: tuple[bool, bool], scale_v: float
-) -> Iterator[Term]:
-    """Yield a constant and sines at the force's frequency, each as its level; with a root from and to silence."""
-    harmonic, amplitude = coil_lines(drive, coil)
-    weight, bias = amplitude / scale_v, coil.bias_a / scale_v
-    if fed[0] != fed[1]:
-        steady = weight * levels[fed.index(True)]
-        tones = list(_lines(drive, stretch, harmonic, steady))
-        yield from _fed(drive, _root_of_step(stretch, rises=fed[1]), bias, tones)
-    elif fed[0]:
-        yield "", drive.resistance_ohm * bias, []
-        for low, high in _pairs(levels):
-            own = (levels[0] == low) & (levels[1] == high)
-            shapes = ("", "") if low == high else _levels_text(stretch, low, high)
-            height = low if low == high else 1.0
-            yield from _fed(drive, shapes, 0.0, list(_lines(drive, stretch, harmonic[own], height * weight[own])))
-
-
-def _pairs(levels: Pair) -> list[tuple[float, float]]:
-    """Return the distinct pairs of levels that are not silent."""
-    pairs = {(float(low), float(high)) for low, high in zip(*levels, strict=True)}
-    return sorted(pair for pair in pairs if any(pair))
-
-
-def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.ndarray) -> Iterator[tuple]:
-    """Yield complex amplitudes of the current when t is 0, with their rates in rad/s."""
-    for k, amplitude in zip(harmonic.tolist(), weight.tolist(), strict=True):
-        turned = k * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
-        if amplitude:
-            yield amplitude * np.exp(2j * np.pi * turned), 2 * np.pi * k / drive.period_s
-
-
-def _fed(drive: PadDrive, shapes: tuple[str, str], constant: float, lines: list[tuple]) -> Iterator[Term]:
-    """Yield the volts of ``shape(t) (constant + lines)``: R i + L di/dt, the shape's slope with it."""
-    r, inductance = drive.resistance_ohm, drive.inductance_h
-    if not (lines or constant):
-        return
-    yield shapes[0], r * constant, [_tone((r + 1j * rate * inductance) * a, rate) for a, rate in lines]
-    if shapes[1] and inductance:
-        yield shapes[1], inductance * constant, [_tone(inductance * a, rate) for a, rate in lines]
-
-
-def _tone(amplitude: complex, rate: float) -> tuple[float, float, float]:
-    """Return amplitude, rate and phase of the sine that is the real part of ``amplitude exp(i rate t)``."""
-    return abs(amplitude), rate, float(np.angle(1j * amplitude))
+def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.ndarray) -> list[tuple[complex, float]]:
+    """Return complex amplitudes of the current when t is 0, with their rates in rad/s."""
+    turned = harmonic * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
+    rates = 2 * np.pi * harmonic / drive.period_s
+    return list(zip((weight * np.exp(2j * np.pi * turned)).tolist(), rates.tolist(), strict=True))
 
 
 def _n(value: float) -> str:
@@ -348,8 +259,9 @@ def _n(value: float) -> str:
     return f"{value:.15g}" if value >= 0 else f"({value:.15g})"
 
 
-def _share(stretch: _Stretch) -> str:
-    return f"var x := clamp(0, {_n(stretch.offset)} + {_n(stretch.speed)} * t, 1); "
+def _wave(amplitude: complex, rate: float) -> str:
+    """Write the real part of ``amplitude exp(i rate t)``."""
+    return f"{_n(abs(amplitude))} * cos({_n(rate)} * t + {_n(float(np.angle(amplitude)))})"
 
 
 REST = "(126 - x * (420 - x * (540 - x * (315 - 70 * x))))"
@@ -358,76 +270,84 @@ STEP = f"x * x * x * x * x * {REST}"
 STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
-def _root_of_step(stretch: _Stretch, rises: bool) -> tuple[str, str]:
-    """Return the root of the smooth step, up or down, and its slope, in closed form: both vanish where it starts."""
-    share = _share(stretch) + ("" if rises else "x := 1 - x; ")
-    speed = stretch.speed if rises else -stretch.speed
-    fall = "(1 - x) * (1 - x) * (1 - x) * (1 - x)"
+def _step_text(stretch: _Stretch) -> str:
+    """Write the smooth step b of a stretch, its slope d, and q, what is left to 1.
+
+    1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
+    """
+    share = f"clamp(0, {_n(stretch.offset)} + {_n(stretch.speed)} * t, 1)"
     return (
-        f"{share}x * x * sqrt(x) * sqrt{REST}",
-        f"{share}{_n(315 * speed)} * x * sqrt(x) * {fall} / sqrt{REST}",
+        f"var x := {share}; var b := {STEP}; var d := {_n(stretch.speed)} * {STEP_SLOPE}; x := 1 - x; var q := {STEP}; "
     )
 
 
-def _levels_text(stretch: _Stretch, low: float, high: float) -> tuple[str, str]:
-    """Return a level that goes from one value to another, and its slope."""
-    share = _share(stretch)
-    rise = f"{_n(high - low)}"
-    return f"{share}{_n(low)} + {rise} * ({STEP})", f"{share}{_n((high - low) * stretch.speed)} * {STEP_SLOPE}"
+def _mixed(before: float, after: float) -> str:
+    """Write a number that goes with the smooth step."""
+    shares = [f"{_n(value)} * {share}" for value, share in ((before, "q"), (after, "b")) if value]
+    return _n(before) if before == after else f"({' + '.join(shares)})"
+
+
+def _tones_text(
+    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: np.ndarray, fed: tuple[bool, bool], scale_v: float
+) -> str:
+    """Return the volts of a sum of tones, each with its level or the root of it, and of a constant; '' for silence."""
+    harmonic, amplitude = coil_lines(drive, coil)
+    is_root = not drive.scheme.is_biased
+    if drive.scheme.is_biased:
+        harmonic, amplitude = np.append(harmonic, 0), np.append(amplitude, coil.bias_a)
+        levels = np.column_stack([levels, fed])
+        if fed[0] != fed[1]:  # i² rises with the step as a whole
+            amplitude, is_root = amplitude * levels[fed.index(True)], True
+            levels = np.repeat(np.array(fed, float)[:, None], len(harmonic), 1)
+        elif not fed[0]:
+            return ""
+    text, terms, shapes = "", [], dict[tuple[float, float], tuple[str, str]]()
+    lines = _lines(drive, stretch, harmonic, amplitude / scale_v)
+    for (line, rate), before, after in zip(lines, *levels.tolist(), strict=True):
+        if not (line and (before or after)):
+            continue
+        if (before, after) not in shapes:
+            level, rise = _mixed(before, after), f"{_n(after - before)} * d" if before != after else ""
+            if is_root:
+                k = len(shapes)
+                text += f"var g{k} := sqrt(max({level}, 1e-300)); "
+                level, rise = f"g{k}", f"{rise} / (2 * g{k})" if rise else ""
+            shapes[before, after] = level, rise
+        level, rise = shapes[before, after]
+        terms.append(f"{level} * {_wave((drive.resistance_ohm + 1j * rate * drive.inductance_h) * line, rate)}")
+        if rise:
+            terms.append(f"{rise} * {_wave(drive.inductance_h * line, rate)}")
+    if any(rise for _, rise in shapes.values()):
+        text = _step_text(stretch) + text
+    return text + " + ".join(terms)
 
 
 def _root_text(
-    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: Pair, constant: np.ndarray, scale_v: float
+    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: np.ndarray, constant: np.ndarray, scale_v: float
 ) -> str:
     """Return the volts of √F, with F from one keyframe's force to the next's; '' for silence.
 
     On a carrier the current is √(2F) cos(w t + p).
     """
-    if not np.any(levels):
+    if not levels.any():
         return ""
-    text, force, slope = "", [_mixed(constant[0], constant[1])], []
+    text, force, slope = "", [_mixed(constant[0], constant[1])], ["0"]
     if not np.array_equal(*levels):
-        # 1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
-        text = (
-            f"{_share(stretch)}var b := {STEP}; var d := {_n(stretch.speed)} * {STEP_SLOPE}; "
-            f"x := 1 - x; var q := {STEP}; "
-        )
+        text = _step_text(stretch)
         slope.append(f"{_n(constant[1] - constant[0])} * d")
     lines = _lines(drive, stretch, *coil_lines(drive, coil))
-    for j, ((turned, rate), *pair) in enumerate(zip(lines, *levels, strict=True)):
-        if any(pair):
-            before, after = (abs(turned) * level for level in pair)
-            angle = f"({_n(rate)} * t + {_n(np.angle(turned))})"
+    for (line, rate), before, after in zip(lines, *levels.tolist(), strict=True):
+        if before or after:
             level = _mixed(before, after)
-            text += f"var c{j} := cos{angle}; "
-            force.append(f"{level} * c{j}")
-            slope.append(f"{level} * {_n(-rate)} * sin{angle}")
+            force.append(f"{level} * {_wave(line, rate)}")
+            slope.append(f"{level} * {_wave(1j * rate * line, rate)}")
             if before != after:
-                slope.append(f"{_n(after - before)} * d * c{j}")
+                slope.append(f"{_n(after - before)} * d * {_wave(line, rate)}")
     r, half_l = drive.resistance_ohm / scale_v, drive.inductance_h / (2 * scale_v)
     text += f"var r := sqrt(max({' + '.join(force)}, 1e-300)); var s := ({' + '.join(slope)}) / r; "
+    volts = f"{_n(r)} * r + {_n(half_l)} * s"
     if drive.carrier_hz is None:
-        return f"{text}{_n(r)} * r + {_n(half_l)} * s"
-    assert drive.carrier_hz is not None
+        return text + volts
     harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
-    ((begin, speed),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2) + 0j))
-    swing = f"({_n(speed)} * t + {_n(np.angle(begin))})"
-    high = abs(begin)
-    return (
-        text
-        + f"{_n(high)} * (({_n(r)} * r + {_n(half_l)} * s) * cos{swing} - {_n(2 * half_l * speed)} * r * sin{swing})"
-    )
-
-
-def _mixed(before: float, after: float) -> str:
-    """Write a number that goes with the smooth step b, of which q is what is left to 1."""
-    shares = [f"{_n(value)} * {share}" for value, share in ((before, "q"), (after, "b")) if value]
-    return _n(before) if before == after else f"({' + '.join(shares)})"
-
-
-def _terms_text(terms: list[Term]) -> str:
-    shown = []
-    for shape, constant, tones in terms:
-        sines = ", ".join(f"({_figure(a)}, {rate!r}, {_figure(phase)})" for a, rate, phase in tones)
-        shown.append(f"({shape!r}, {_figure(constant)}, [{sines}])")
-    return "[" + ", ".join(shown) + "]"
+    ((begin, rate),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2)))
+    return f"{text}({volts}) * {_wave(begin, rate)} + {_n(2 * half_l)} * r * {_wave(1j * rate * begin, rate)}"

@@ -23,8 +23,7 @@ from padgen.core.wav_reader import EXTENSIBLE, FLOAT, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import carrier_text
-from padgen.driver.pad_drive import PadDrive, coil_lines
-from padgen.driver.waveform import Timeline, blocks, sample_count
+from padgen.driver.waveform import PadDrive, Timeline, blocks, coil_lines, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.crest import ALIAS_DB
 from padgen.physics.schemes import peak_current_a

@@ -1,0 +1,149 @@
+"""Currents that shake taxels while they are measured: chirps and noise, as strong as the plan moves its taxels.
+
+The force goes with i², so the current is designed by i². A chirp ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``: a
+chirp of the force without harmonics, at twice the current's frequency. Noise is the root of a constant and lines on a
+comb, as in the spur-free drive. The force at each frequency would move a taxel of the plan that resonates there as its
+ON tone does: with the same root mean square under noise, with at most the same amplitude under a chirp.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from padgen.core.errors import SpecError
+from padgen.planner.plan import Plan
+
+__all__ = ["chirp_current_a", "measuring_band_hz", "noise_current_a", "ring_s", "shaking_line_a2", "sweep_s"]
+
+NARROWEST_MARGIN, WIDEST_MARGIN = 2.0, 3.0
+"""Least and largest factor by which the band reaches beyond the channels, for prints that came out far off."""
+SIGMAS = 3.0
+SWEEP_WIDTHS, SHORTEST_SWEEP_S = 4.0, 2.0
+"""Least length of a sweep, over the inverse of the narrowest bandwidth f/Q (which it then resolves), and in s."""
+RING_TAUS = 6.0
+"""Time constants of silence after the sweep: the slowest taxel is then down to 0.25 %."""
+FADE_PERIODS = 4.0
+CREST_STEPS = 30
+CREST = 1.7
+"""Goal for the constant of the noise's i², over the root mean square of its lines."""
+MARGIN = 0.1
+"""Share of the constant that is added so that i² stays above 0, where the slope of its root diverges."""
+
+Line = Callable[[np.ndarray], np.ndarray]
+"""Function of frequencies in Hz: the amplitude in A² of the line of i² there."""
+
+
+def measuring_band_hz(plan: Plan) -> tuple[float, float]:
+    """Return the lowest and the highest frequency in Hz of the motion to measure: the channels' and a margin."""
+    hz = [channel.resonance_hz for channel in plan.channels]
+    spread = max(channel.print_spread for channel in plan.channels)
+    margin = min(max(NARROWEST_MARGIN, float(np.exp(SIGMAS * spread))), WIDEST_MARGIN)
+    return min(hz) / margin, max(hz) * margin
+
+
+def sweep_s(plan: Plan) -> float:
+    """Return the length in s of a sweep that resolves the narrowest bandwidth of the plan's channels."""
+    return max(SWEEP_WIDTHS * max(c.q / c.resonance_hz for c in plan.channels), SHORTEST_SWEEP_S)
+
+
+def ring_s(plan: Plan) -> float:
+    """Return the seconds of silence after a sweep in which the slowest taxel comes to rest."""
+    return RING_TAUS / np.pi * max(c.q / c.resonance_hz for c in plan.channels)
+
+
+def shaking_line_a2(plan: Plan) -> Line:
+    """Return the function that gives the line of i² that would move a taxel of the plan by its level.
+
+    It is exact at the channels' resonances, and straight between them on logarithmic axes.
+
+    Raises
+    ------
+    SpecError
+        The coils pull no washer.
+    """
+    line = np.array([c.line_a2 for c in plan.channels])
+    hz = np.array([channel.resonance_hz for channel in plan.channels])
+    order = np.argsort(hz)
+    order = order[line[order] > 0]
+    if not len(order):
+        raise SpecError("no washer is pulled by its coil, so that nothing can be measured", plan.name)
+    log_hz, log_line = np.log(hz[order]), np.log(line[order])
+
+    def line_a2(frequency_hz: np.ndarray) -> np.ndarray:
+        return np.asarray(np.exp(np.interp(np.log(frequency_hz), log_hz, log_line)))
+
+    return line_a2
+
+
+def chirp_current_a(
+    time_s: np.ndarray, seconds: float, band_hz: tuple[float, float], line_a2: Line
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the current in A and its slope in A/s, both (n,), of a chirp of the force up through `band_hz`.
+
+    It spends equal times in equal octaves and ends after `seconds`; then there is silence. It fades in over four
+    periods of the lowest frequency, and out over four of the highest, each at most a tenth of its length.
+    """
+    low, high = band_hz
+    rate = np.log(high / low) / seconds
+    inside = (time_s >= 0) & (time_s <= seconds)
+    time = np.where(inside, time_s, 0.0)
+    frequency = low * np.exp(rate * time)
+    half_phase = np.pi * low / rate * np.expm1(rate * time)
+    amplitude = np.sqrt(2 * line_a2(frequency))
+    step = 1e-4
+    bend = (np.log(line_a2(frequency * (1 + step))) - np.log(line_a2(frequency * (1 - step)))) / (4 * step) * rate
+    up, up_slope = _fade(time, min(FADE_PERIODS / low, seconds / 10))
+    down, down_slope = _fade(seconds - time, min(FADE_PERIODS / high, seconds / 10))
+    fade, fade_slope = up * down, up_slope * down - up * down_slope
+    sine, cosine = np.sin(half_phase), np.cos(half_phase)
+    slope = (fade_slope + fade * bend) * sine + fade * cosine * np.pi * frequency
+    return np.where(inside, amplitude * fade * sine, 0.0), np.where(inside, amplitude * slope, 0.0)
+
+
+def noise_current_a(
+    samples: int, rate_hz: float, band_hz: tuple[float, float], line_a2: Line, q: float, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return a current in A and its slope in A/s, both (samples,), whose square is noise in `band_hz`.
+
+    It begins and ends in silence. The lines lie on the comb of the record's length and have random phases, which are
+    then moved so that i² needs a small constant (by clipping and restoring the lines: Van der Ouderaa et al. 1988).
+    Together they move a taxel of quality factor `q` with the root mean square of its ON motion.
+    """
+    frequency = np.fft.rfftfreq(samples, 1 / rate_hz)
+    within = (frequency >= band_hz[0]) & (frequency <= band_hz[1])
+    amplitude = np.zeros(len(frequency))
+    # A resonator passes the noise power of a bandwidth π f/(2Q): the lines of the comb in it act as one of its own.
+    lines = samples / rate_hz * np.pi * frequency[within] / (2 * q)
+    amplitude[within] = line_a2(frequency[within]) / np.sqrt(lines)
+    phase = _smooth_phases(amplitude, samples, seed)
+    spectrum = amplitude * np.exp(1j * phase) * samples / 2
+    swing = np.fft.irfft(spectrum, samples)
+    swing_slope = np.fft.irfft(2j * np.pi * frequency * spectrum, samples)
+    force = swing - swing.min() * (1 + MARGIN)
+    time = np.arange(samples) / rate_hz
+    length = samples / rate_hz
+    fade_s = min(FADE_PERIODS / band_hz[0], length / 10)
+    up, up_slope = _fade(time, fade_s)
+    down, down_slope = _fade(length - time, fade_s)
+    fade, fade_slope = up * down, up_slope * down - up * down_slope
+    current = np.sqrt(force * fade)
+    bend = force * fade_slope + swing_slope * fade
+    return current, np.divide(bend, 2 * current, out=np.zeros(samples), where=current > 1e-9 * current.max())
+
+
+def _smooth_phases(amplitude: np.ndarray, samples: int, seed: int) -> np.ndarray:
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(amplitude))
+    floor = -CREST * np.sqrt((amplitude**2).sum() / 2)
+    best, least = phase, -np.inf
+    for _ in range(CREST_STEPS):
+        swing = np.fft.irfft(amplitude * np.exp(1j * phase) * samples / 2, samples)
+        if swing.min() > least:
+            best, least = phase, float(swing.min())
+        phase = np.angle(np.fft.rfft(np.maximum(swing, floor)))
+    return best
+
+
+def _fade(time: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a smooth step from 0 to 1 over `seconds`, and its slope per second."""
+    share = np.clip(time / seconds, 0.0, 1.0)
+    return share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2 / seconds
