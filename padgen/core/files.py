@@ -1,17 +1,15 @@
 """Output files that are complete or absent, also after a kill; JSON as files have it; reading within bounds.
 
-`OutputFolder` collects the files of one run in a hidden folder aside. `commit` puts a journal into the folder, moves
-the files in one by one, and removes the journal, which commits the change; the replaced files lie aside until then.
-Whoever finds a journal and gets the folder's lock, which a living process would hold, puts everything back with the
-journal (`recover`). A kill while files are put back does no harm, since the next process continues from there.
+`OutputFolder` collects the files of one run in a hidden folder aside, where each is written whole and waits for the
+disk. `commit` moves padgen's own old files aside and the new ones in, the manifest last; after an error all are moved
+back. A process that is killed amid these renames leaves whole files, each old, new or none, and the old manifest: the
+next run sees that they are not what it lists, and removes the folder aside.
 
 ``manifest.json`` lists padgen's files with their hashes. A listed file that still has its hash is padgen's and may be
 removed and replaced. Any other file is the user's: it is never removed, and is kept as ``NAME.old`` where an output
 takes its name.
 
-Each system call that changes the disk is a function of `os` (those of `Path` call them), so that a test can simulate
-another disk by replacing them. Locks on files are the operating system's, which releases them when the process ends in
-any way.
+Locks on files are the operating system's, which releases them when the process ends in any way.
 """
 
 import json
@@ -23,8 +21,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, is_dataclass
-from errno import EDQUOT, EIO, ENOSPC
+from dataclasses import is_dataclass
 from functools import partial
 from hashlib import file_digest, sha256
 from itertools import count, takewhile
@@ -42,29 +39,20 @@ __all__ = [
     "MANIFEST",
     "PARTIAL",
     "YIELD_FILE",
-    "Moves",
     "OutputFolder",
     "built_files",
     "differs",
-    "drop_partial",
     "file_hash",
-    "free_name",
-    "has_hash",
-    "held",
     "is_current",
     "is_unchanged",
     "json_line",
     "json_text",
     "lock_file",
     "locked",
-    "move_all",
     "read_bounded",
     "read_json_table",
     "read_manifest",
     "reason",
-    "recover",
-    "remove_aside",
-    "say_kept",
     "take_away",
     "unlock_file",
     "write_synced",
@@ -150,139 +138,50 @@ def _lock(file: int) -> None:
 
 
 PARTIAL = ".partial-"
-JOURNAL = ".padgen.journal"
 LOCK = ".padgen.lock"
 REPLACED = ".replaced"
 """Name, in the folder aside, of the folder with padgen's own replaced and removed files."""
 PATIENCE_S = 10.0
 """Longest wait in s of a commit for another, which takes milliseconds."""
 MOST_JSON = 1_000_000
-"""Largest manifest or journal in bytes; the largest pad's have a hundredth of this."""
+"""Largest manifest in bytes; the largest pad's has a hundredth of this."""
 PLAIN_NAME = re.compile(r"\w[\w.-]{0,254}", re.ASCII)
 HASH = re.compile("[0-9a-f]{64}")
-BAD_DISK = (EIO, ENOSPC, EDQUOT)
 
 
-@dataclass(frozen=True, slots=True)
-class Moves:
-    """The moves of a commit, by names of files in the folder.
-
-    `new` files, with their hashes, come from the folder `aside`. `away` are padgen's own files that go there. `kept`
-    are users' files, each with its new name.
-    """
-
-    aside: str
-    new: dict[str, str]
-    away: list[str]
-    kept: dict[str, str]
-
-
-def move_all(path: Path, moves: Moves) -> None:
-    """Move all files of a folder that is `held`; after an error all are moved back."""
-    aside, journal = path / moves.aside, path / JOURNAL
+def _move_all(moves: list[tuple[Path, Path]], aside: Path, manifest: Path) -> None:
+    """Rename files, each to a free name, then the manifest `aside` to its place; after an error undo all."""
     try:
-        (aside / REPLACED).mkdir()
-        write_synced(aside / JOURNAL, json.dumps(asdict(moves)).encode())
-        (aside / JOURNAL).replace(journal)
-        _sync_folder(path)
-        for name in moves.away:
-            (path / name).replace(aside / REPLACED / name)
-        for name, there in moves.kept.items():
-            (path / name).replace(path / there)
-        for name in moves.new:
-            (aside / name).replace(path / name)
-        _sync_folder(path)
-        journal.unlink()
+        for source, target in moves:
+            source.replace(target)
+        aside.replace(manifest)
     except BaseException:
-        if os.path.lexists(journal):
-            _move_back(path, moves)
+        for source, target in reversed(moves) if aside.exists() else ():
+            if not os.path.lexists(source):
+                target.replace(source)
         raise
 
 
-def _move_back(path: Path, moves: Moves) -> None:
-    """Undo each completed move, and keep files that a user has put there since under another name."""
-    aside = path / moves.aside
-    lie = {name: aside / REPLACED / name for name in moves.away}
-    lie |= {name: path / there for name, there in moves.kept.items()}
-    for name in (moves.new | lie) if aside.is_dir() else ():
-        place, old = path / name, lie.get(name)
-        if old is not None and not os.path.lexists(old):
-            continue  # it was never moved, or is back already
-        if os.path.lexists(place):
-            if not os.path.lexists(aside / name) and has_hash(place, moves.new.get(name, "")):
-                place.replace(aside / name)
-            elif old is not None:
-                there = free_name(place)
-                place.replace(there)
-                say_kept(place, there)
-        if old is not None:
-            old.replace(place)
-    _sync_folder(path)
-    (path / JOURNAL).unlink()
-
-
 @contextmanager
-def held(path: Path) -> Iterator[None]:
-    """Keep other processes from changing a folder, and first undo the unfinished commit of a killed process.
-
-    Raises
-    ------
-    FileError
-        Another process holds the folder, or the commit cannot be undone.
-    """
+def _held(path: Path) -> Iterator[None]:
+    """Keep other processes from changing a folder; raise `FileError` where one changes it."""
     with locked(path / LOCK, PATIENCE_S) as has_lock:
-        moves = _read_journal(path)
-        # Without locks, the process number in the folder's name decides.
-        if has_lock is False or (has_lock is None and moves and _runs(moves.aside)):
+        if has_lock is False:
             raise FileError("another process is writing into it; try again when that has ended", str(path))
-        if moves:
-            try:
-                _move_back(path, moves)
-            except OSError as error:
-                reason = error.strerror or type(error).__name__
-                sentence = f"a killed run left it half-written, and it cannot be restored ({reason})"
-                raise FileError(sentence, str(path)) from error
-            remove_aside(path / moves.aside)
         yield
 
 
-def recover(path: Path) -> None:
-    """Undo the unfinished commit of a killed process; call this before reading the folder.
+def _drop_partial(path: Path) -> None:
+    """Remove the folders aside and the lock's file that killed processes left in a folder."""
+    for left in path.glob(f"{PARTIAL}*"):
+        import psutil  # which takes time, and is hardly ever needed
 
-    Raises
-    ------
-    FileError
-        As `held`.
-    """
-    if _read_journal(path):
-        with held(path):
+        number = left.name.removeprefix(PARTIAL)
+        if number.isdecimal() and not (len(number) < 10 and psutil.pid_exists(int(number))):
+            shutil.rmtree(left, ignore_errors=True)
+    if (path / LOCK).exists():
+        with _held(path):  # which removes it
             pass
-
-
-def drop_partial(path: Path) -> None:
-    """Remove half-written files of killed processes from a folder."""
-    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]
-    if left or (path / LOCK).exists():  # holding the folder removes the lock's file, too
-        with held(path):
-            for folder in left:
-                remove_aside(folder)
-
-
-def remove_aside(folder: Path) -> None:
-    """Remove a folder of files that are not needed, as far as the disk allows."""
-    with suppress(OSError):  # closing the folder may fail even with ignore_errors
-        shutil.rmtree(folder, ignore_errors=True)
-
-
-def _read_journal(path: Path) -> Moves | None:
-    """Return the journal in a folder, None where there is none or it is not padgen's."""
-    try:
-        moves = Moves(**read_json_table(path / JOURNAL))
-        names = (*moves.new, *moves.away, *moves.kept, *moves.kept.values())
-        plain = all(PLAIN_NAME.fullmatch(name) for name in names) and all(map(HASH.fullmatch, moves.new.values()))
-        return moves if plain and _process(moves.aside) else None
-    except (TypeError, AttributeError):
-        return None
 
 
 def read_json_table(file: Path) -> dict[str, Any]:
@@ -296,7 +195,7 @@ def read_json_table(file: Path) -> dict[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def has_hash(path: Path, known: str) -> bool:
+def _has_hash(path: Path, known: str) -> bool:
     """Return whether `path` is a file, not a link, with this hash."""
     try:
         if path.is_symlink() or not path.is_file():
@@ -307,61 +206,12 @@ def has_hash(path: Path, known: str) -> bool:
         return False
 
 
-def free_name(path: Path) -> Path:
-    """Return a free name for a user's file: its name with .old, .old2, ... appended."""
-    names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
-    return next(name for name in names if not os.path.lexists(name))
-
-
-def say_kept(path: Path, there: Path) -> None:
-    """Log the new name of a user's file."""
-    import logging
-
-    logging.getLogger("padgen").warning("padgen: %s is not padgen's or was changed; kept as %s", path, there.name)
-
-
 def write_synced(path: Path, data: bytes | bytearray) -> None:
     """Write a file, and wait until it is on the disk."""
-    file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0), 0o666)
-    try:
-        left = memoryview(data)
-        while left:
-            left = left[os.write(file, left) :]
+    with path.open("wb") as file:
+        file.write(data)
+        file.flush()
         os.fsync(file)
-    finally:
-        os.close(file)
-
-
-def _sync_folder(path: Path) -> None:
-    """Wait until the names in a folder are on the disk, where the system can do this."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
-    try:
-        file = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(file)
-        finally:
-            os.close(file)
-    except OSError as error:
-        if error.errno in BAD_DISK:
-            raise
-
-
-def _process(aside: str) -> int:
-    """Return the process number in the name of a folder aside, 0 where it has none."""
-    number = aside.removeprefix(PARTIAL)
-    return int(number) if aside.startswith(PARTIAL) and number.isascii() and number.isdecimal() else 0
-
-
-def _runs(aside: str) -> bool:
-    """Return whether another process, the owner of a folder aside, still runs; without an owner, return True."""
-    import psutil
-
-    process = _process(aside)
-    try:
-        return not process or (process != os.getpid() and psutil.pid_exists(process))
-    except OverflowError:
-        return False
 
 
 PLAN = "plan.json"
@@ -437,9 +287,8 @@ class OutputFolder:
     def __enter__(self) -> "OutputFolder":
         try:
             missing = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
-            recover(self.path)
-            drop_partial(self.path)
-            self._aside.mkdir(parents=True)
+            _drop_partial(self.path)
+            self._aside.mkdir(parents=True, exist_ok=True)
             self._made = missing
         except OSError as error:
             raise FileError(f"cannot be written to ({reason(error)})", str(self.path)) from error
@@ -448,9 +297,8 @@ class OutputFolder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        moves = _read_journal(self.path)
-        if not moves or moves.aside != self._aside.name:  # else its files are needed to undo the commit
-            remove_aside(self._aside)
+        with suppress(OSError):  # closing the folder may fail even with ignore_errors
+            shutil.rmtree(self._aside, ignore_errors=True)
         if kind is not None:
             with suppress(OSError):
                 for folder in self._made:
@@ -497,7 +345,7 @@ class OutputFolder:
         FileError
             A folder has the name of a file, or another process is writing; nothing was moved.
         """
-        with held(self.path):
+        with _held(self.path):
             before = read_manifest(self.path)
             known, built = before.get("files", {}), before.get("built", [])
             for name in (*self._hashes, MANIFEST):
@@ -507,9 +355,8 @@ class OutputFolder:
             stale = {*remove, *(built if built_from is not None else ())}
             if other_plan:
                 stale |= known.keys() - {*MEASURED_FILES, *built}
-            gone = [
-                name for name in (known.keys() & stale) - self._hashes.keys() if has_hash(self.path / name, known[name])
-            ]
+            stale &= known.keys() - self._hashes.keys()
+            gone = [name for name in stale if _has_hash(self.path / name, known[name])]
             rest = {name: known[name] for name in known.keys() - gone if os.path.lexists(self.path / name)}
             manifest: dict[str, Any] = {"padgen": __version__, "files": dict(sorted({**rest, **self._hashes}.items()))}
             left = [name for name in built if manifest["files"].get(name) == known[name]]
@@ -521,24 +368,32 @@ class OutputFolder:
                     manifest["inputs"] = before["inputs"]
             text = json_text(manifest).encode()
             write_synced(self._aside / MANIFEST, text)
-            self._move_in({**self._hashes, MANIFEST: file_hash(text)}, gone, before)
+            kept = {}
+            for name, own in self._hashes.items():
+                path = self.path / name
+                if _has_hash(path, own) or _has_hash(path, known.get(name, "")):
+                    gone.append(name)
+                elif os.path.lexists(path):
+                    kept[path] = _free_name(path)
+            if not before and os.path.lexists(self.path / MANIFEST):
+                kept[self.path / MANIFEST] = _free_name(self.path / MANIFEST)
+            replaced = self._aside / REPLACED
+            replaced.mkdir(exist_ok=True)
+            moves = [(self.path / name, replaced / name) for name in gone]
+            moves += [*kept.items(), *((self._aside / name, self.path / name) for name in self._hashes)]
+            _move_all(moves, self._aside / MANIFEST, self.path / MANIFEST)
+        for path, there in kept.items():
+            import logging
+
+            told = "padgen: %s is not padgen's or was changed; kept as %s"
+            logging.getLogger("padgen").warning(told, path, there.name)
         return [name for name in built if name in rest and name not in self._hashes] if other_plan else []
 
-    def _move_in(self, new: dict[str, str], gone: list[str], before: dict[str, Any]) -> None:
-        """Remove the files `gone`, make room, and move all files to their places; or leave everything as it was."""
-        away, kept = list(gone), {}
-        for name in new:
-            path = self.path / name
-            if not os.path.lexists(path):
-                continue
-            hashes = (before.get("files", {}).get(name), new[name])
-            if bool(before) if name == MANIFEST else any(known and has_hash(path, known) for known in hashes):
-                away.append(name)
-            else:
-                kept[name] = free_name(path).name
-        move_all(self.path, Moves(self._aside.name, new, away, kept))
-        for name, there in kept.items():
-            say_kept(self.path / name, self.path / there)
+
+def _free_name(path: Path) -> Path:
+    """Return a free name for a user's file: its name with .old, .old2, ... appended."""
+    names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
+    return next(name for name in names if not os.path.lexists(name))
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
@@ -546,7 +401,6 @@ def read_manifest(path: Path) -> dict[str, Any]:
 
     A valid one holds plain names of files, each with a hash.
     """
-    recover(path)
     manifest = read_json_table(path / MANIFEST)
     files = manifest.get("files")
     if not isinstance(files, dict) or any(not PLAIN_NAME.fullmatch(name) or name.lower() == MANIFEST for name in files):
@@ -568,27 +422,24 @@ def built_files(path: Path) -> list[str]:
 def is_unchanged(path: Path, name: str) -> bool:
     """Return whether padgen wrote this file of a folder and nobody has changed it since."""
     known = read_manifest(path).get("files", {})
-    return name in known and has_hash(path / name, known[name])
+    return name in known and _has_hash(path / name, known[name])
 
 
 def take_away(path: Path) -> None:
     """Remove padgen's unchanged files from a folder, and the folder if it is then empty."""
-    aside = path / f"{PARTIAL}{os.getpid()}"
     with suppress(OSError, FileError):
-        drop_partial(path)
-        with held(path):
+        _drop_partial(path)
+        with _held(path):
             files = read_manifest(path).get("files")
             if files is not None:
-                aside.mkdir()
-                ours = [name for name, known in files.items() if has_hash(path / name, known)]
-                move_all(path, Moves(aside.name, {}, [*ours, MANIFEST], {}))
-                remove_aside(aside)
+                ours = [name for name, known in files.items() if _has_hash(path / name, known)]
+                for name in (*ours, MANIFEST):
+                    (path / name).unlink()
         path.rmdir()
 
 
 def differs(path: Path, name: str, text: str) -> bool:
     """Return whether a folder has a file of this name with another text."""
-    recover(path)
     try:
         return (path / name).read_bytes() != text.encode()
     except OSError:
@@ -600,7 +451,7 @@ def is_current(path: Path, inputs: dict[str, Any]) -> bool:
     manifest = read_manifest(path)
     if not manifest.get("built") or manifest.get("inputs") != inputs:
         return False
-    return all(has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
+    return all(_has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
 
 
 def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
@@ -614,7 +465,6 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
     FileError
         The file is missing, a folder, a device or too large, or cannot be read.
     """
-    recover(path.parent)
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):

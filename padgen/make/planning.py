@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import PadgenError, SolverError, SpecError, number
-from padgen.core.files import recover
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import answers, laid_over, read_table, without_none
 
@@ -174,7 +173,6 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
         plan, source = read_plan(path), spec
     else:
         asked = load_spec(spec)
-        recover(mesh.parent)
         recorded = read_plan(beside) if beside.is_file() else None
         if recorded and answers(recorded.spec, asked):
             plan, source = recorded, str(beside)

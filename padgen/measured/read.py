@@ -29,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_most, number
-from padgen.core.files import read_bounded, reason, recover
+from padgen.core.files import read_bounded, reason
 from padgen.core.units import MH
 from padgen.core.wav_reader import RIFF, Wave, read_wav
 from padgen.measured.read_csv import LARGEST, SMALLEST, Measured, Record, Row, Spectrum, lowering, nearest_id, read_csv
@@ -61,8 +61,6 @@ def read_measured(
         raise SpecError(f"must be {', '.join(SENSORS)}, got {sensor!r}", "--sensor")
     paths = [path] if isinstance(path, Path) else [*path]
     for each in paths:
-        recover(each)
-        recover(each.parent)
         try:
             is_folder, is_there = each.is_dir(), each.exists()
         except OSError as error:  # a name that no file can have

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from padgen.core.errors import InfeasibleError, MeshFileError
-from padgen.core.files import read_bounded, reason, recover
+from padgen.core.files import read_bounded, reason
 from padgen.core.finding import Finding
 from padgen.planner import Plan
 from padgen.solid.checks import Report, check_against, check_mesh
@@ -35,7 +35,6 @@ def read_mesh(path: Path) -> Mesh:
     MeshFileError
         The file is not there, not a mesh, or holds no triangles.
     """
-    recover(path.parent)
     try:
         if not path.is_file():
             raise MeshFileError("is not a file" if path.exists() else "there is no such file", str(path))
