@@ -22,7 +22,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from padgen.batch.definition import count_points, load_sweep, parse_expression, parse_sweep, variant_table, variants
+from padgen.batch.definition import count_points, load_sweep, parse_condition, parse_sweep, variant_table, variants
 from padgen.batch.sweep import Event, event_table, run_sweep
 from padgen.batch.variant import plan_figures, run_task
 from padgen.core.errors import FileError, SpecError
@@ -132,10 +132,9 @@ def test_the_table_of_a_variant():
         ("q_min >= 12", [0, 1, 1]),
         ("10 < q_min <= 12", [0, 1, 0]),
         ("not q_min == 12", [1, 0, 1]),
-        ("q_min < 12 or q_min * 2 - 8 ** 2 / 4 > 10", [1, 0, 1]),
-        ("q_min + pad.width_mm > 63 and resolution == 32", [0, 0, 1]),
-        ("max(q_min, 12) == min(12, 99) and abs(-1) == round(1.2)", [1, 1, 0]),
-        ("band_hz[0] == 50 and band_hz[1] // 7 % 5 == 3", [1, 1, 1]),
+        ("q_min < 12 or q_min >= band_hz[0] and q_min > -1", [1, 0, 0]),
+        ("q_min < pad.width_mm and resolution == 32", [1, 1, 1]),
+        ("band_hz[0] == 50 and q_min != 12", [1, 0, 1]),
         ("printer == 'fdm-0.4' and material == 'pla' and drive == 'auto'", [1, 1, 1]),
     ],
 )
@@ -213,25 +212,24 @@ def test_constraints_do_not_rename_variants():
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("q_min >", "is no condition; an example is"),
-        ("__import__('os')", "calls '__import__', known are abs, min, max, round"),
-        ("abs(x=1)", "calls 'abs'"),
-        ("q_min.real", "names 'q_min.real', which a spec does not have"),
-        ("quality > 1", "names 'quality', which a spec does not have"),
-        ("[q for q in band_hz]", "which is none of comparison"),
-        ("q_min if 1 else 2", "which is none of comparison"),
-        ("(lambda: 1)()", "calls"),
-        ("q_min << 3", "whose operator is not known"),
-        ("q_min in band_hz", "whose operator is not known"),
-        ("-" * 5000 + "q_min", "is no condition|nested too deeply"),
+        ("q_min >", "is no condition of at most 1000 characters; an example is"),
+        ("__import__('os')", r"uses \"__import__\('os'\)\"; known are comparisons"),
+        ("q_min.real > 1", "names 'q_min.real', which a spec does not have"),
+        ("q_min > 1 or quality > 1", "names 'quality', which a spec does not have"),
+        ("[q for q in band_hz]", "uses .*; known are"),
+        ("q_min if 1 else 2", "uses .*; known are"),
+        ("q_min + 1 > 2", r"uses 'q_min \+ 1'; known are"),
+        ("q_min in band_hz", "uses 'q_min in band_hz'; known are"),
+        ("q_min > " + "9" * 1000, "is no condition of at most 1000 characters"),
+        ("-" * 900 + "q_min", "is no condition of at most"),
     ],
 )
 def test_what_is_no_constraint(paper_spec, text, sentence):
     with pytest.raises(SpecError, match=sentence):
-        parse_expression(text, paper_spec)
+        parse_condition(text, paper_spec)
 
 
-@pytest.mark.parametrize("text", ["1 / (q_min - 12)", "band_hz[7]", "q_min < 'a'", "9 ** 9 ** 9 ** 9 > q_min"])
+@pytest.mark.parametrize("text", ["band_hz[7] > 1", "q_min < 'a'", "not -printer"])
 def test_constraints_that_cannot_be_worked_out(text):
     with pytest.raises(SpecError, match=r"constraint .*: cannot be worked out for \{'q_min': 12\}"):
         values(f'constraints = ["{text}"]\n[axes]\nq_min = [12]\n')
@@ -474,13 +472,6 @@ def test_whole_numbers_stay_within_their_range():
     assert [v["resolution"] for v in found] == [17, 18]
 
 
-@pytest.mark.parametrize("text", ["'a' * 1000000 == 'b'", "'%9d' % q_min == 'a'", "printer + 'x' == 'y'"])
-def test_a_constraint_does_no_arithmetic_on_text(text):
-    sweep = parse_sweep(HEAD + f'constraints = ["{text}"]\n[axes]\nq_min = [12]\n')
-    with pytest.raises(SpecError, match="arithmetic is of numbers"):
-        list(variants(sweep))
-
-
 @pytest.mark.parametrize("line", [{"figures": 3}, {"values": None}, {"findings": [3]}, {"sentence": 1}])
 def test_a_line_of_the_journal_of_another_shape_is_passed_over(tmp_path, line):
     sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11]\n")
@@ -542,7 +533,7 @@ def test_a_variant_that_has_lost_a_file_runs_again(tmp_path, stage, names):
 
 
 def test_a_constraint_that_breaks_late_leaves_nothing(tmp_path):
-    sweep = parse_sweep(HEAD + 'constraints = ["1 / (q_min - 14) < 9"]\n[axes]\nq_min = [12, 13, 14]\n')
+    sweep = parse_sweep(HEAD + 'constraints = ["resonances_hz[1] > 1"]\n[axes]\nresonances_hz = [[60, 120], [60]]\n')
     with pytest.raises(SpecError, match="cannot be worked out"):
         run_sweep(sweep, tmp_path / "out", Inline())
     assert not (tmp_path / "out").exists()

@@ -2,11 +2,10 @@
 
 They are all combinations, or a seeded sample that fills the space evenly. A sample is drawn by `scipy.stats.qmc`: Latin
 hypercube (McKay 1979), or Sobol's sequence with Owen's scrambling. Variants are numbered before constraints take some
-away, so that a changed constraint does not rename the others. Constraints are comparisons and arithmetic on fields of a
-spec, and nothing else."""
+away, so that a changed constraint does not rename the others. Constraints are comparisons of fields of a spec, and
+nothing else."""
 
 import ast
-import math
 import operator
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -29,14 +28,14 @@ __all__ = [
     "METHODS",
     "STAGES",
     "Axis",
-    "Expression",
+    "Condition",
     "Limits",
     "Sample",
     "Sweep",
     "Variant",
     "count_points",
     "load_sweep",
-    "parse_expression",
+    "parse_condition",
     "parse_sweep",
     "sweep_over",
     "variant_name",
@@ -46,20 +45,7 @@ __all__ = [
 
 LONGEST, LONGEST_SHOWN = 1000, 80
 """Characters of a condition, and of what errors repeat of it."""
-NAMES = (ast.Name, ast.Attribute)
-LARGEST_WHOLE = 2**53
-"""Whole numbers beyond are taken as floats, whose arithmetic takes no time and no room."""
-OPERATORS: dict[type, Callable[..., Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: math.pow,  # of floats: 9**9**9 ends in an error at once
-    ast.Mod: operator.mod,
-    ast.FloorDiv: operator.floordiv,
-    ast.USub: operator.neg,
-    ast.UAdd: operator.pos,
-    ast.Not: operator.not_,
+COMPARISONS: dict[type, Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
     ast.Lt: operator.lt,
@@ -69,20 +55,11 @@ OPERATORS: dict[type, Callable[..., Any]] = {
 }
 
 
-FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "abs": abs,
-    "min": min,
-    "max": max,
-    # To digits as a float: a whole number would be divided by ten to as many as are asked for.
-    "round": lambda value, digits=None: round(value) if digits is None else round(float(value), digits),
-}
-
-
 @dataclass(frozen=True)
-class Expression:
-    """A condition: as it was written, and parsed."""
+class Condition:
+    """A condition on fields of a spec, parsed; `where` names it in errors."""
 
-    text: str
+    where: str
     tree: ast.expr
 
     def holds(self, values: Mapping[str, Any], spec: Spec) -> bool:
@@ -91,90 +68,58 @@ class Expression:
         Raises
         ------
         SpecError
-            It cannot be worked out, as a division by zero.
+            It cannot be worked out, as a comparison of text with a number.
         """
         try:
-            return bool(_value(self.tree, values, spec))
-        except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
-            raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)) from error
+            return bool(_value(self.tree, values, spec, self.where))
+        except (LookupError, TypeError) as error:
+            raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", self.where) from error
 
 
-def parse_expression(text: str, spec: Spec) -> Expression:
-    """Read a condition such as ``pad.width_mm >= 2 * pad.border_mm or resolution < 8``.
+def parse_condition(text: str, spec: Spec) -> Condition:
+    """Read a condition such as ``pad.width_mm >= 50 or resolution < 8``.
 
     Raises
     ------
     SpecError
-        It is no expression, or uses a field that a spec does not have, or anything but comparisons,
-        arithmetic, ``and``, ``or``, ``not``, abs, min, max and round.
+        It is none, uses a field that a spec does not have, or anything but comparisons, ``and``, ``or`` and ``not``.
     """
-    where = _where(text)
-    if len(text) > LONGEST:
-        raise SpecError(f"is no condition of at most {LONGEST} characters, it has {len(text)}; write several", where)
+    where = f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
     try:
-        tree = ast.parse(text.strip(), mode="eval").body
-        _refuse(tree, spec, where)
-    except (RecursionError, MemoryError) as error:
-        raise SpecError("is nested too deeply", where) from error
-    except (SyntaxError, ValueError) as error:
-        raise SpecError("is no condition; an example is 'resolution <= 64 and pad.width_mm >= 50'", where) from error
-    return Expression(text, tree)
+        tree = ast.parse(text.strip() if len(text) <= LONGEST else "", mode="eval").body
+        with suppress(LookupError, TypeError):  # the variants' values may be of another type
+            _value(tree, {}, spec, where)
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        example = "an example is 'resolution <= 64 and pad.width_mm >= 50'"
+        raise SpecError(f"is no condition of at most {LONGEST} characters; {example}", where) from error
+    return Condition(where, tree)
 
 
-def _where(text: str) -> str:
-    return f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
-
-
-def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
-    """Raise `SpecError` unless the node is a condition's: fields, comparisons, arithmetic, and, or, not."""
-    if isinstance(node, NAMES):
-        _field(ast.unparse(node), spec, where)
-        return
-    operators = [getattr(node, "op", None), *getattr(node, "ops", ())]
-    if any(not isinstance(op, (ast.And, ast.Or)) and type(op) not in OPERATORS for op in operators if op):
-        raise SpecError(f"uses {ast.unparse(node)!r}, whose operator is not known here", where)
-    if isinstance(node, ast.Constant) and not isinstance(node.value, (int, float, str)):
-        raise SpecError(f"uses {shown(node.value)}, which is neither number nor text, true or false", where)
-    allowed = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)
-    if not isinstance(node, allowed):
-        raise SpecError(f"uses {ast.unparse(node)!r}, which is none of comparison, arithmetic, and, or, not", where)
-    if isinstance(node, ast.Call) and (ast.unparse(node.func) not in FUNCTIONS or node.keywords):
-        raise SpecError(f"calls {ast.unparse(node.func)!r}, known are {', '.join(FUNCTIONS)}", where)
-    for child in node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node):
-        if isinstance(child, ast.expr):
-            _refuse(child, spec, where)
-
-
-def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
-    """Return the value of a node that `_refuse` has let pass."""
+def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec, where: str) -> Any:
+    """Return the value of a part of a condition; every part is looked at, so that a wrong one is always found."""
 
     def of(part: ast.expr) -> Any:
-        return _value(part, values, spec)
+        return _value(part, values, spec, where)
 
     match node:
         case ast.Name() | ast.Attribute():
             name = ast.unparse(node)
             # A table stands for what names it, which the variant's spec knows.
-            value = values[name] if name in values and not isinstance(values[name], dict) else _field(name, spec, "")
-        case ast.Constant():
-            value = node.value
-        case ast.BoolOp():
-            value = (all if isinstance(node.op, ast.And) else any)(map(of, node.values))
-        case ast.UnaryOp():
-            value = OPERATORS[type(node.op)](of(node.operand))
-        case ast.BinOp():
-            pair = of(node.left), of(node.right)
-            if not all(isinstance(side, (int, float)) for side in pair):
-                raise TypeError("arithmetic is of numbers")  # of text it might take all memory
-            value = OPERATORS[type(node.op)](*pair)
-        case ast.Compare():
-            pairs = zip(node.ops, pairwise(map(of, (node.left, *node.comparators))), strict=True)
-            value = all(OPERATORS[type(op)](left, right) for op, (left, right) in pairs)
+            return values[name] if name in values and not isinstance(values[name], dict) else _field(name, spec, where)
+        case ast.Constant(int() | float() | str() as constant):
+            return constant
         case ast.Subscript():
-            value = of(node.value)[of(node.slice)]
-        case ast.Call():
-            value = FUNCTIONS[ast.unparse(node.func)](*map(of, node.args))
-    return float(value) if isinstance(value, int) and abs(value) > LARGEST_WHOLE else value
+            return of(node.value)[of(node.slice)]
+        case ast.UnaryOp(ast.Not()):
+            return not of(node.operand)
+        case ast.UnaryOp(ast.USub()):
+            return -of(node.operand)
+        case ast.BoolOp():
+            return (all if isinstance(node.op, ast.And) else any)([of(part) for part in node.values])
+        case ast.Compare() if all(type(op) in COMPARISONS for op in node.ops):
+            sides = pairwise([of(part) for part in (node.left, *node.comparators)])
+            return all(COMPARISONS[type(op)](*pair) for op, pair in zip(node.ops, sides, strict=True))
+    raise SpecError(f"uses {shown(ast.unparse(node))}; known are comparisons (== != < <= > >=), and, or, not", where)
 
 
 def _field(name: str, spec: Spec, where: str) -> Any:
@@ -269,7 +214,7 @@ class Sweep:
     spec: Spec
     folder: Path
     axes: tuple[Axis, ...]
-    constraints: tuple[Expression, ...]
+    constraints: tuple[Condition, ...]
     sample: Sample = field(default_factory=Sample)
     limits: Limits = field(default_factory=Limits)
 
@@ -342,7 +287,7 @@ def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any]
         if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
             raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
         names_in(settings.formats, PAD_FORMATS.names(), "formats")
-        conditions = tuple(parse_expression(entry, spec) for entry in constraints)
+        conditions = tuple(parse_condition(entry, spec) for entry in constraints)
         return Sweep(
             settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits")
         )
