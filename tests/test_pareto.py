@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from padgen.batch import index
-from padgen.batch.index import BLOCK, COLOURED_BY, OBJECTIVES, front_mask, overview_of, pareto_csv, write_pareto
+from padgen.batch.index import BLOCK, OBJECTIVES, front_mask, overview_of, pareto_csv, write_pareto
 from padgen.batch.variant import Record
 
 HEADER = ("number", "name", "status", "taxels", "selectivity_db", "power_w", "sentence", "seconds")
@@ -76,13 +76,13 @@ def test_only_what_was_made_counts_and_errors_stand_apart():
     )
     assert numbers(told) == [0] and not told.of_faulty
     assert told.counts == {"done": 2, "refused": 1, "failed": 1} and told.with_errors == 1
-    assert told.faulty.tolist() == [[400, 90, 0.1]]
+    assert told.others.tolist() == [[400, 90, 0.1]]
     assert told.refused == (("q-00002", "pad.width_mm: is too small"),)
 
 
 def test_where_all_have_errors_they_are_weighed():
     told = overview((row(0, 4, 20, 1, errors=1), row(1, 4, 19, 1, errors=1)))
-    assert numbers(told) == [0] and told.of_faulty and not len(told.faulty)
+    assert numbers(told) == [0] and told.of_faulty and told.others.tolist() == [[4, 19, 1]]
 
 
 def test_blocks_and_thinning_change_nothing_on_the_front(monkeypatch):
@@ -94,14 +94,14 @@ def test_blocks_and_thinning_change_nothing_on_the_front(monkeypatch):
     parts = overview(rows)
     assert parts.rows == whole.rows
     assert (parts.values == whole.values).all()
-    assert 20 < len(parts.beaten) <= 50 < len(whole.beaten)
+    assert 20 < len(parts.others) <= 100 < len(whole.others)
 
 
 def test_ten_thousand_variants_in_bounded_memory():
     rng = np.random.default_rng(4)
     told = overview(row(i, *rng.random(3)) for i in range(10_000))
     assert told.counts == {"done": 10_000}
-    everything = np.concatenate([told.values, told.beaten])
+    everything = np.concatenate([told.values, told.others])
     signs = np.array([1 if OBJECTIVES[name].best == "most" else -1 for name in told.objectives])
     assert front_mask(everything * signs).sum() == len(told.rows)
     assert len(told.rows) < 300  # about ln² 10,000 / 2 = 42 of independent figures
@@ -152,7 +152,3 @@ def test_odd_sweeps_are_drawn_or_left_out(tmp_path, rows, drawn):
 def test_nobody_is_best_in_what_all_share():
     told = overview((row(0, 4, 20, 1), row(1, 4, 25, 2), row(2, 4, 10, 3)))
     assert told.best() == {"selectivity_db": 1, "power_w": 0}
-
-
-def test_every_objective_has_a_rank_for_colours():
-    assert set(OBJECTIVES) == set(COLOURED_BY)

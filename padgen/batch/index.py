@@ -16,7 +16,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from io import FileIO
 from itertools import islice
 from math import nan
@@ -28,7 +28,7 @@ import numpy as np
 
 from padgen.batch.definition import Sweep, variant_name
 from padgen.batch.variant import STATUSES, Record
-from padgen.core.display import PALE, plot_bytes, plot_style
+from padgen.core.display import COLOURS, PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, json_line, reason
 from padgen.planner.drive_rows import table_csv
@@ -74,17 +74,10 @@ PARETO_FILES = ("pareto.csv", "pareto.svg", "pareto.png")
 LEFT_OUT = ("status", "sentence", "seconds", "peak_memory_mb")
 """Columns of the index that the front's file does not have: the same for all, or not the same twice."""
 BLOCK = CHUNK = 512
-MOST_DRAWN = 20_000
+MOST_DRAWN = 2000
 """Points besides the front that are kept for the picture; beyond, every second, fourth, ... one."""
 MOST_REFUSED = 3
-COLOURED_BY = ("power_w", "selectivity_db", "print_min", "good_pads_retuned", "taxels")
-"""The first of these that differs among variants tells apart the front's points by colour."""
-RATIOS = ("taxels", "power_w", "print_min")
-"""Objectives whose axis is logarithmic where the largest is more than `WIDE` times the smallest."""
-WIDE = 20.0
-PANEL_INCHES = 2.9, 2.3
-MOST_VECTORS = 1000
-"""Points beyond which the SVG holds them as pixels."""
+PANEL_INCHES = 3.6, 3.2
 
 
 @dataclass(frozen=True)
@@ -94,8 +87,8 @@ class Overview:
     Attributes
     ----------
     header, rows : the index's columns, and its rows on the front in the order of their numbers.
-    objectives : those with a value in any row; columns of `values` (front), `beaten` and `faulty`, not a
-        number where a row has none. `beaten` and `faulty` (made, with error findings) are thinned.
+    objectives : those with a value in any row; columns of `values` (front) and `others` (beaten, or made with error
+        findings; thinned), not a number where a row has none.
     counts : variants by status; `with_errors` of the made ones have error findings.
     of_faulty : the front is of variants with error findings, since there is none without.
     refused : name and sentence of the first few.
@@ -105,24 +98,18 @@ class Overview:
     rows: tuple[tuple[str, ...], ...]
     objectives: tuple[str, ...]
     values: np.ndarray
-    beaten: np.ndarray
-    faulty: np.ndarray
+    others: np.ndarray
     counts: dict[str, int]
     with_errors: int
     of_faulty: bool
     refused: tuple[tuple[str, str], ...]
 
-    @property
-    def points(self) -> np.ndarray:
-        """The objectives of all that were made, as far as they were kept."""
-        return np.concatenate([self.values, self.beaten, self.faulty])
-
     def best(self) -> dict[str, int]:
         """Return by objective in which variants differ the row of the front that is best in it; of equals the first."""
         if not self.rows:
             return {}
-        scores, every = (_scores(values, self.objectives) for values in (self.values, self.points))
-        differ = every.min(0) < every.max(0)
+        scores, others = (_scores(values, self.objectives) for values in (self.values, self.others))
+        differ = np.ptp(np.concatenate([scores, others]), axis=0) != 0
         return {name: int(np.argmax(scores[:, i])) for i, name in enumerate(self.objectives) if differ[i]}
 
 
@@ -198,15 +185,14 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str
         with_errors += len(erring)
     of_faulty = not clean.rows and bool(faulty.rows)
     front = faulty if of_faulty else clean
-    apart = np.concatenate([faulty.front, faulty.rest])[: 0 if of_faulty else None]
-    has = np.isfinite(np.concatenate([front.front, front.rest, apart])).any(axis=0)
+    others = np.concatenate([front.rest, *(() if of_faulty else (faulty.front, faulty.rest))])
+    has = np.isfinite(np.concatenate([front.front, others])).any(axis=0)
     return Overview(
         header,
         tuple(front.rows),
         tuple(name for name, some in zip(names, has, strict=True) if some),
         front.front[:, has],
-        front.rest[:, has],
-        apart[:, has],
+        others[:, has],
         dict(counts),
         with_errors,
         of_faulty,
@@ -233,7 +219,7 @@ def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str
     files, note = {"pareto.csv": pareto_csv(overview).encode()}, ""
     if pictures := _pictures(overview, name):
         files |= dict(zip(PARETO_FILES[1:], pictures, strict=True))
-    elif len(overview.rows) + len(overview.beaten) > 1:
+    elif len(overview.rows) + len(overview.others) > 1:
         note = "there is no picture of the front, as variants differ in one objective at most"
     with OutputFolder(folder) as out:
         for file_name, data in files.items():
@@ -243,113 +229,33 @@ def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str
 
 
 def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
-    """Draw the front as SVG and PNG; None where fewer than two objectives differ.
+    """Draw the front over all that it beats as SVG and PNG: one objective against each other one that differs.
 
-    One panel for every two objectives that differ among variants: coloured is the front, grey what it
-    beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
+    Numbered are variants that are best in an objective. None where fewer than two objectives differ.
     """
-    values = overview.points
+    values = np.concatenate([overview.values, overview.others])
     differ = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
-    if not len(overview.values) or len(differ) < 2:
+    if len(differ) < 2:
         return None
     from matplotlib.figure import Figure
 
-    labels = [
-        f"{OBJECTIVES[name].axis}\n({'more' if OBJECTIVES[name].best == 'most' else 'less'} is better)"
-        for name in overview.objectives
-    ]
-    title, shown = _title(overview, name), _with_places(overview)
-    hue, side = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i])), len(differ) - 1
+    height, *widths = sorted(differ, key=lambda i: overview.objectives[i] != "selectivity_db")
+    numbers = {overview.rows[row][overview.header.index("number")]: row for row in overview.best().values()}
     with plot_style():
-        figure = Figure(figsize=(PANEL_INCHES[0] * side + 2.6, PANEL_INCHES[1] * side + 1.2), layout="constrained")
-        axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
-        for (i, j), axis in np.ndenumerate(axes):
-            axis.set_visible(j <= i)
-            if j <= i:
-                points = _panel(axis, shown, (differ[j], differ[i + 1]), hue)
-        below, beside = [axis.xaxis for axis in axes[-1]], [axis.yaxis for axis in axes[:, 0]]
-        for axis, objective in zip([*below, *beside], [*differ[:-1], *differ[1:]], strict=True):
-            axis.set_label_text(labels[objective])
-            if _is_wide(overview, objective):
-                axis._set_axes_scale("log")
-                axis.set_major_formatter("{x:g}")
-        handles = axes[0, 0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside right upper", frameon=False)
-        figure.colorbar(points, ax=axes, shrink=0.5, format="{x:g}", label=f"colour: {labels[hue]}")
-        figure.suptitle(title, x=0.01, ha="left", fontsize=9)
+        figure = Figure(figsize=(PANEL_INCHES[0] * len(widths), PANEL_INCHES[1]), layout="constrained")
+        for axis, width in zip(figure.subplots(1, len(widths), sharey=True, squeeze=False)[0], widths, strict=True):
+            axis.plot(*overview.others[:, (width, height)].T, "o", markersize=3, color=PALE, alpha=0.4, rasterized=True)
+            axis.plot(*overview.values[:, (width, height)].T, "o", markersize=5, color=COLOURS[0])
+            for number, row in numbers.items():
+                place = overview.values[row, (width, height)]
+                if np.isfinite(place).all():
+                    axis.annotate(number, place, xytext=(4, 3), textcoords="offset points", fontsize=7)
+            axis.set_xlabel(OBJECTIVES[overview.objectives[width]].axis)
+            axis.grid(alpha=0.25)
+        figure.axes[0].set_ylabel(OBJECTIVES[overview.objectives[height]].axis)
+        told = f"{name}: {len(overview.rows)} of {overview.counts['done']} variants are on the Pareto front"
+        figure.suptitle(told + ", all with error findings" * overview.of_faulty)
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
-
-
-def _with_places(overview: Overview) -> Overview:
-    """Return the overview with a place beyond all others for each value that nothing limits."""
-    parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "faulty")}
-    for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
-        finite = overview.points[np.isfinite(overview.points[:, i]), i]
-        for part in parts.values():
-            part[np.isnan(part[:, i]), i] = finite.max() + 0.15 * max(float(np.ptp(finite)), 1.0)
-    return replace(overview, **parts)
-
-
-def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> Any:
-    from matplotlib.colors import LogNorm, Normalize
-
-    beaten, faulty, front = (points[:, pair] for points in (overview.beaten, overview.faulty, overview.values))
-    for points, mark, color, label in (
-        (beaten, "o", "#bdbdbd", "beaten by others"),
-        (faulty, "x", "#d49a8a", "has error findings"),
-    ):
-        many = len(points) > MOST_VECTORS
-        style = {"markersize": 1.5 if many else 3.0, "color": color, "zorder": 1, "rasterized": many}
-        axis.plot(*points.T, mark, **style, label=label if len(points) else None)
-    finite = np.unique(front[np.isfinite(front).all(axis=1)], axis=0)
-    edge: np.ndarray = finite[front_mask(_scores(finite, [overview.objectives[i] for i in pair]))]
-    axis.plot(*edge.T, color=PALE, linewidth=0.8, zorder=2, label="best in these two" if len(edge) else None)
-    shown = axis.scatter(
-        *front.T,
-        s=26 if len(front) < 100 else 9,
-        c=overview.values[:, hue],
-        norm=(LogNorm if _is_wide(overview, hue) else Normalize)(),
-        cmap="viridis",
-        edgecolors="black",
-        linewidths=0.5 if len(front) < 100 else 0.2,
-        zorder=3,
-        plotnonfinite=True,
-        rasterized=len(front) > MOST_VECTORS,
-        label="Pareto front" + ", all with error findings" * overview.of_faulty,
-    )
-    axis.grid(alpha=0.25)
-    column = overview.header.index("number")
-    places: dict[tuple[float, ...], list[str]] = {}
-    for row in dict.fromkeys(overview.best().values()):
-        if np.isfinite(front[row]).all():
-            places.setdefault(tuple(front[row].tolist()), []).append(overview.rows[row][column])
-    for place, numbers in places.items():
-        style = {"xytext": (4, 3), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
-        axis.annotate(", ".join(numbers), place, **style, bbox={"color": "white", "alpha": 0.6, "pad": 0.3})
-    return shown
-
-
-def _is_wide(overview: Overview, objective: int) -> bool:
-    """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
-    finite = overview.points[:, objective]
-    finite = finite[np.isfinite(finite)]
-    wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()
-    return bool(wide and overview.objectives[objective] in RATIOS)
-
-
-def _title(overview: Overview, name: str) -> str:
-    front = "1 is" if len(overview.rows) == 1 else f"{len(overview.rows)} are"
-    rest = f" ({overview.with_errors} with error findings)" * bool(overview.with_errors)
-    count = overview.counts.get("done", 0)
-    made = "1 variant" if count == 1 else f"{count} variants"
-    lines = [
-        f"{name}: {made} made{rest}, {front} on the Pareto front",
-        "numbers: variants that are best in an objective",
-    ]
-    for objective, column in zip(overview.objectives, overview.points.T, strict=True):
-        if objective in UNBOUNDED and np.isnan(column).any():
-            lines.append(f"{OBJECTIVES[objective].axis}: nothing limits it for the farthest")
-    return "\n".join(lines)
 
 
 INDEX, JOURNAL = "index.csv", "index.jsonl"
