@@ -10,7 +10,6 @@ with, where there is one, ``add_done_callback``: `concurrent.futures`, Dask, exe
 import errno
 import logging
 import os
-import socket
 import sys
 import threading
 import time
@@ -18,7 +17,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from html import escape
@@ -411,34 +410,22 @@ def run_to_table(sweep: Sweep, folder: Path | None, workers: int | None) -> Swee
 
 @contextmanager
 def sole_sweep(folder: Path) -> Iterator[None]:
-    """Keep other sweeps out of a folder, which is made when it is not there.
-
-    The lock is the system's: there are no stale ones. On a file system without locks the word in its file takes its
-    place; after a power cut that has to be removed by hand, and the sentence says so.
+    """Keep other sweeps out of a folder, which is made when it is not there; on a disk without locks nobody is.
 
     Raises
     ------
     FileError
         Another sweep has the folder, or it cannot be made or written to.
     """
-    lock = folder / LOCK
-    with ExitStack() as held:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            has_lock = held.enter_context(locked(lock, LOCK_S))
-            holder = "" if has_lock else lock.read_text(errors="replace")
-            if holder or has_lock is False:
-                advice = "or name another folder" if has_lock is False else f"or, if it no longer runs, remove {LOCK}"
-                raise FileError(
-                    f"another sweep writes into it ({holder}); wait until it has ended, {advice}", str(folder)
-                )
-            lock.write_text(
-                f"process {os.getpid()} on {socket.gethostname()} since {time.strftime('%Y-%m-%d %H:%M:%S')}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"cannot be written to ({reason(error)})", str(folder)) from error
+    with locked(folder / LOCK, LOCK_S) as has_lock:
+        if has_lock is False:
+            raise FileError(
+                "another sweep writes into it; wait until it has ended, or name another folder", str(folder)
             )
-        except OSError as error:
-            raise FileError(f"cannot be written to ({reason(error)})", str(folder)) from error
-        if has_lock is None:
-            held.callback(lock.unlink, missing_ok=True)
         yield
 
 

@@ -22,7 +22,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass
-from functools import partial
 from hashlib import file_digest, sha256
 from itertools import count, takewhile
 from math import isfinite
@@ -60,8 +59,6 @@ __all__ = [
 
 LOOK_S = 0.02
 """Seconds between two attempts to get a lock."""
-LOCKED_BYTE = 1 << 30
-"""Byte that Windows locks, beyond the file's content, since other processes cannot read a locked byte."""
 
 
 @contextmanager
@@ -93,11 +90,19 @@ def lock_file(path: Path) -> int:
     """
     file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     try:
-        _lock(file)
-        if os.fstat(file).st_ino == path.stat().st_ino:
-            return file
-    except (BlockingIOError, FileNotFoundError):  # locked by another, or released and removed just now
-        pass
+        if sys.platform == "win32":
+            import msvcrt
+
+            with suppress(PermissionError):  # it is locked by another
+                msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+                return file
+        else:
+            import fcntl
+
+            with suppress(BlockingIOError, FileNotFoundError):  # locked by another, or released and removed just now
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.fstat(file).st_ino == path.stat().st_ino:
+                    return file
     except BaseException:
         os.close(file)
         raise
@@ -107,34 +112,16 @@ def lock_file(path: Path) -> int:
 
 def unlock_file(path: Path, file: int) -> None:
     """Release a lock of `lock_file`, and remove its file."""
-    steps: list[Callable[[], object]] = [path.unlink, partial(os.close, file)]
-    if sys.platform == "win32":  # which keeps files that are open, such as one that another process has locked
-        steps.reverse()
-    else:
-        import fcntl
+    with suppress(OSError):
+        if sys.platform != "win32":  # which keeps files that are open, such as one that another process has locked
+            import fcntl
 
-        # Closing alone would leave the lock with processes forked meanwhile.
-        steps.insert(1, partial(fcntl.flock, file, fcntl.LOCK_UN))
-    for step in steps:
-        with suppress(OSError):
-            step()
-
-
-def _lock(file: int) -> None:
-    if sys.platform == "win32":
-        import msvcrt
-
-        os.lseek(file, LOCKED_BYTE, os.SEEK_SET)
-        try:
-            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-        except PermissionError as error:
-            raise BlockingIOError from error
-        finally:
-            os.lseek(file, 0, os.SEEK_SET)
-    else:
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            path.unlink()
+            fcntl.flock(file, fcntl.LOCK_UN)  # closing alone would leave the lock with processes forked meanwhile
+    with suppress(OSError):
+        os.close(file)
+        if sys.platform == "win32":
+            path.unlink()
 
 
 PARTIAL = ".partial-"
