@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, NoReturn
 
 from padgen import __version__
-from padgen.cli import build, draw, drive, explore, plan, report, retune, small, sweep
+from padgen.cli import draw, drive, explore, pad, report, retune, sweep
 from padgen.cli.common import BAD_INPUT, DONE
 from padgen.core.errors import LONGEST, EngineMissingError, PadgenError, plain
 
@@ -24,9 +24,9 @@ __all__ = ["main", "run"]
 DEBUG = "PADGEN_DEBUG"
 """Environment variable that, when set, shows warnings and tracebacks."""
 COMMANDS = {
-    "plan": plan.add,
-    "build": build.add_build,
-    "check": build.add_check,
+    "plan": pad.add_plan,
+    "build": pad.add_build,
+    "check": pad.add_check,
     "explore": explore.add,
     "report": report.add,
     "draw": draw.add,
@@ -37,7 +37,8 @@ COMMANDS = {
     "calibrate": retune.add_calibrate,
     "study": sweep.add_study,
     "sweep": sweep.add_sweep,
-    **dict.fromkeys(("cache", "templates", "init", "schema"), small.add),
+    "cache": sweep.add_cache,
+    **dict.fromkeys(("templates", "init", "schema"), pad.add_templates),
 }
 """The function that declares each command and its options."""
 

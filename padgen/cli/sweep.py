@@ -1,12 +1,14 @@
-"""The long commands ``padgen study`` and ``padgen sweep``, which keep what is done when they are stopped."""
+"""The long commands ``padgen study`` and ``padgen sweep``, which keep what is done when they are stopped; ``cache``."""
 
 import argparse
+import os
 import signal
 import sys
 from _thread import interrupt_main
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import asdict, replace
+from pathlib import Path
 from threading import Timer
 from typing import Any
 
@@ -22,10 +24,9 @@ from padgen.cli.common import (
     refuse,
     show,
 )
-from padgen.cli.small import add_cache, use_cache
 from padgen.core.errors import plain
 
-__all__ = ["add_study", "add_sweep"]
+__all__ = ["add_cache", "add_study", "add_sweep"]
 
 LONGEST_S = 1e6
 LADDER_NAMES = ("allocation", "structure", "force", "dynamics", "geometry", "pad")
@@ -111,7 +112,7 @@ def add_sweep(commands: Any) -> None:
         help="keep variants that were finished before from the same inputs (default), or make all again",
     )
     parser.add_argument("--retry", action="store_true", help="make variants that failed before once more")
-    add_cache(parser)
+    _add_cache(parser)
     parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results (default: out/NAME)")
     parser.add_argument("--json", action="store_true", help="one JSON object a line: every event, then a summary")
     parser.set_defaults(command=_sweep)
@@ -128,7 +129,7 @@ def _sweep(options: argparse.Namespace) -> int:
             ),
             (options.scheduler is not None, "--jobs", both),
         )
-    use_cache(options)
+    _use_cache(options)
     from padgen.batch.definition import load_sweep
     from padgen.batch.index import write_pareto
     from padgen.batch.sweep import run_sweep
@@ -208,3 +209,47 @@ def _failure(sweep: Any, event: Any, write: Callable[[str], None]) -> None:
 
         before = " (in an earlier run)" if event.reused else ""
         write(f"failed{before}: {variant_name(sweep, event.record.number)}: {plain(event.record.sentence)}")
+
+
+def add_cache(commands: Any) -> None:
+    """Declare ``padgen cache`` and its options."""
+    parser = commands.add_parser(
+        "cache",
+        help="what is kept of earlier runs, and dropping it",
+        description="Results that are dear to compute (meshes of taxels, finite elements, optimised ladders) are kept"
+        " in a folder, at most PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
+    )
+    actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
+    for name, told in (("info", "where it is, and how much it holds"), ("clear", "drop everything in it")):
+        action = actions.add_parser(name, help=told, description=told)
+        _add_cache(action)
+        action.add_argument("--json", action="store_true", help="one JSON object on standard output")
+        action.set_defaults(command=_cache, action=name)
+
+
+def _add_cache(parser: argparse.ArgumentParser) -> None:
+    """Declare the option ``--cache``."""
+    parser.add_argument(
+        "--cache", metavar="DIR", help="folder of the cache (default: PADGEN_CACHE, else the user's cache folder)"
+    )
+
+
+def _use_cache(options: argparse.Namespace) -> None:
+    """Make this process and its children use the cache folder of ``--cache``, if that is given."""
+    from padgen.core.cache import VARIABLE
+
+    if options.cache:
+        os.environ[VARIABLE] = str(Path(options.cache).absolute())
+
+
+def _cache(options: argparse.Namespace) -> int:
+    from padgen.core import cache
+
+    _use_cache(options)
+    dropped = options.action == "clear"
+    held = cache.clear() if dropped else cache.info()
+    from padgen.report.sweeps import cache_text
+
+    kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
+    answer(options, {**asdict(held), "kinds": kinds, "cleared": dropped}, cache_text(held, dropped))
+    return DONE
