@@ -1,7 +1,6 @@
 """Read WAV files: any number of channels, PCM of 1 to 64 bits and IEEE floats, with samples read on demand.
 
-RIFF/WAVE; RIFX, the same with the other byte order; and above 4 GiB RF64 (EBU Tech 3306), whose chunk `ds64` has the
-sizes in 64 bits.
+RIFF/WAVE, and above 4 GiB RF64 (EBU Tech 3306), whose chunk `ds64` has the sizes in 64 bits.
 """
 
 import struct
@@ -17,8 +16,8 @@ from padgen.core.errors import FileError, number
 
 __all__ = ["EXTENSIBLE", "FLOAT", "IN_DS64", "PCM", "RIFF", "SUBFORMAT", "Wave", "read_wav"]
 
-RIFF = b"RIFF", b"RIFX", b"RF64"
-"""First four bytes of a file; RIFX has the most significant bytes first."""
+RIFF = b"RIFF", b"RF64"
+"""First four bytes of a file."""
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 SUBFORMAT = 0, 0x10, bytes.fromhex("800000aa00389b71")
 """Fields after the format's number in the subformat of WAVE_FORMAT_EXTENSIBLE: two numbers and bytes."""
@@ -44,7 +43,6 @@ class Wave:
     kind: str
     bits: int
     width: int
-    big_endian: bool
     comment: str
     offset: int
     held: bytes | None
@@ -62,8 +60,6 @@ class Wave:
     def read(self, start: int = 0, stop: int | None = None) -> np.ndarray:
         """Return samples (s, channels) from `start` up to, not including, `stop`, as doubles."""
         raw = self._raw()[start:stop]
-        if self.big_endian:
-            raw = raw[..., ::-1]
         if self.kind == "float":
             return np.ascontiguousarray(raw).view(f"<f{self.width}")[..., 0].astype(float)
         if self.bits <= 8:  # samples of up to 8 bits are unsigned
@@ -113,11 +109,10 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
     """Read the head of an open file of `size` bytes; errors name `path`."""
     where, head = str(path), file.read(12)
     if head[:4] not in RIFF or head[8:] != b"WAVE":
-        raise FileError("is not a WAV file that can be read (RIFF, RIFX or RF64)" if size else "is empty", where)
-    order = ">" if head[:4] == b"RIFX" else "<"
+        raise FileError("is not a WAV file that can be read (RIFF or RF64)" if size else "is empty", where)
     parts: dict[bytes, bytes] = {}
     data: tuple[int, int] | None = None
-    for count, (name, start, length) in enumerate(_chunks(file, size, order)):
+    for count, (name, start, length) in enumerate(_chunks(file, size)):
         if count >= MOST_CHUNKS:
             raise FileError(f"is damaged: a WAV file has a few parts, this one more than {MOST_CHUNKS}", where)
         if name == b"data":
@@ -127,7 +122,7 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
             parts[name] = file.read(min(length, 1 << 16))
     if b"fmt " not in parts or data is None:
         raise FileError(f"{SPOILT} has no {'format' if b'fmt ' not in parts else 'samples'}", where)
-    rate_hz, channels, kind, bits, width = _format(parts[b"fmt "], order, where)
+    rate_hz, channels, kind, bits, width = _format(parts[b"fmt "], where)
     (offset, said), frame = data, channels * width
     if said > size - offset:
         there = max(size - offset, 0) // frame
@@ -136,16 +131,16 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
         )
     if said % frame:
         raise FileError(f"has {said} bytes of samples, not whole samples of {frame} bytes", where)
-    comment = _comment(parts.get(b"LIST", b""), order)
-    return Wave(path, rate_hz, channels, said // frame, kind, bits, width, order == ">", comment, offset, held)
+    comment = _comment(parts.get(b"LIST", b""))
+    return Wave(path, rate_hz, channels, said // frame, kind, bits, width, comment, offset, held)
 
 
-def _chunks(file: BinaryIO, size: int, order: str, start: int = 12) -> Iterator[tuple[bytes, int, int]]:
+def _chunks(file: BinaryIO, size: int, start: int = 12) -> Iterator[tuple[bytes, int, int]]:
     """Yield name, start and stated size in bytes of a file's chunks, sizes from `ds64` where they are there."""
     in_64 = 0
     while start + 8 <= size:
         file.seek(start)
-        name, length = struct.unpack(f"{order}4sI", file.read(8))
+        name, length = struct.unpack("<4sI", file.read(8))
         if name == b"ds64":
             sizes = file.read(16)
             in_64 = struct.unpack("<QQ", sizes)[1] if len(sizes) == 16 else 0
@@ -155,13 +150,13 @@ def _chunks(file: BinaryIO, size: int, order: str, start: int = 12) -> Iterator[
         start += 8 + length + length % 2
 
 
-def _format(data: bytes, order: str, where: str) -> tuple[int, int, str, int, int]:
+def _format(data: bytes, where: str) -> tuple[int, int, str, int, int]:
     """Return rate, channels, kind, bits and bytes of a sample from a format chunk."""
     if len(data) < 16:
         raise FileError(f"{SPOILT} has a format of {len(data)} bytes, at least 16 are needed", where)
-    code, channels, rate_hz, _, frame, bits = struct.unpack(f"{order}HHIIHH", data[:16])
+    code, channels, rate_hz, _, frame, bits = struct.unpack("<HHIIHH", data[:16])
     if code == EXTENSIBLE and len(data) >= 40:
-        own, *subformat = struct.unpack(f"{order}IHH8s", data[24:40])
+        own, *subformat = struct.unpack("<IHH8s", data[24:40])
         code = own if tuple(subformat) == SUBFORMAT else code
     if bits not in {PCM: range(1, 65), FLOAT: (32, 64)}.get(code, ()):
         raise FileError(
@@ -177,9 +172,9 @@ def _format(data: bytes, order: str, where: str) -> tuple[int, int, str, int, in
     return rate_hz, channels, "pcm" if code == PCM else "float", bits, width
 
 
-def _comment(data: bytes, order: str) -> str:
+def _comment(data: bytes) -> str:
     """Return the comment of an INFO list, empty where there is none."""
-    for name, start, length in _chunks(BytesIO(data), len(data), order, 4) if data[:4] == b"INFO" else ():
+    for name, start, length in _chunks(BytesIO(data), len(data), 4) if data[:4] == b"INFO" else ():
         if name == b"ICMT":
             return data[start : start + length].rstrip(b"\0").decode("utf-8", "replace")
     return ""
