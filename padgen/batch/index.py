@@ -34,7 +34,6 @@ from padgen.core.files import OutputFolder, json_line, reason
 from padgen.planner.drive_rows import table_csv
 
 __all__ = [
-    "BLOCK",
     "COLUMNS",
     "INDEX",
     "JOURNAL",
@@ -73,7 +72,7 @@ UNBOUNDED = frozenset({"selectivity_db"})
 PARETO_FILES = ("pareto.csv", "pareto.svg", "pareto.png")
 LEFT_OUT = ("status", "sentence", "seconds", "peak_memory_mb")
 """Columns of the index that the front's file does not have: the same for all, or not the same twice."""
-BLOCK = CHUNK = 512
+CHUNK = 512
 MOST_DRAWN = 2000
 """Points besides the front that are kept for the picture; beyond, every second, fourth, ... one."""
 MOST_REFUSED = 3
@@ -114,27 +113,9 @@ class Overview:
 
 
 def front_mask(scores: np.ndarray) -> np.ndarray:
-    """Tell which rows of `scores` (variants, objectives; more is better) no other row beats.
-
-    Rows are compared in lexicographic order, best first, so that only what is already on the front can
-    beat the next: of the order of rows times front, in blocks.
-    """
-    losses, back = np.unique(-np.asarray(scores, dtype=float), axis=0, return_inverse=True)
-    on_front = np.zeros(len(losses), dtype=bool)
-    for start in range(0, len(losses), BLOCK):
-        block = losses[start : start + BLOCK]
-        open_ = np.flatnonzero(_as_good(losses[:start][on_front[:start]], block) == 0)
-        # Rows are distinct, so each is as good as itself once.
-        on_front[start + open_[_as_good(block[open_], block[open_]) == 1]] = True
-    return np.asarray(on_front[back.reshape(-1)])
-
-
-def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Count for each of `rows` how many of `others` lose no more in any objective."""
-    good = np.ones((len(rows), len(others)), dtype=bool)
-    for own, other in zip(rows.T, others.T, strict=True):
-        good &= other[None, :] <= own[:, None]
-    return np.asarray(good.sum(axis=1))
+    """Tell which rows of `scores` (variants, objectives; more is better) no other row beats."""
+    beaten = [((scores >= row).all(axis=1) & (scores > row).any(axis=1)).any() for row in scores]
+    return ~np.array(beaten, dtype=bool)
 
 
 def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
@@ -208,35 +189,31 @@ def pareto_csv(overview: Overview) -> str:
     return table_csv([*(overview.header[i] for i in columns), "best_in"], rows)
 
 
-def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str, ...], str]:
-    """Write the front of a sweep beside its index; the files' names, and why there is no picture, if so.
+def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[str, ...]:
+    """Write the front of a sweep beside its index, with a picture if two objectives differ; return the files' names.
 
     Raises
     ------
     FileError
         It cannot be written.
     """
-    files, note = {"pareto.csv": pareto_csv(overview).encode()}, ""
-    if pictures := _pictures(overview, name):
-        files |= dict(zip(PARETO_FILES[1:], pictures, strict=True))
-    elif len(overview.rows) + len(overview.others) > 1:
-        note = "there is no picture of the front, as variants differ in one objective at most"
+    files = {"pareto.csv": pareto_csv(overview).encode(), **_pictures(overview, name)}
     with OutputFolder(folder) as out:
         for file_name, data in files.items():
             out.write(file_name, data)
         out.commit(remove=PARETO_FILES)
-    return tuple(files), note
+    return tuple(files)
 
 
-def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
-    """Draw the front over all that it beats as SVG and PNG: one objective against each other one that differs.
+def _pictures(overview: Overview, name: str) -> dict[str, bytes]:
+    """Draw the front over all that it beats: one objective against each other one that differs, if any does.
 
-    Numbered are variants that are best in an objective. None where fewer than two objectives differ.
+    Numbered are variants that are best in an objective.
     """
     values = np.concatenate([overview.values, overview.others])
     differ = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
     if len(differ) < 2:
-        return None
+        return {}
     from matplotlib.figure import Figure
 
     height, *widths = sorted(differ, key=lambda i: overview.objectives[i] != "selectivity_db")
@@ -255,7 +232,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
         figure.axes[0].set_ylabel(OBJECTIVES[overview.objectives[height]].axis)
         told = f"{name}: {len(overview.rows)} of {overview.counts['done']} variants are on the Pareto front"
         figure.suptitle(told + ", all with error findings" * overview.of_faulty)
-        return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
+        return {f"pareto.{kind}": plot_bytes(figure, kind) for kind in ("svg", "png")}
 
 
 INDEX, JOURNAL = "index.csv", "index.jsonl"

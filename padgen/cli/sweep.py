@@ -142,13 +142,13 @@ def _sweep(options: argparse.Namespace) -> int:
     with _executor(options.scheduler) as executor, _event_printer(options, sweep) as tell:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
     with uninterrupted() if result.interrupted else nullcontext():
-        files, note = write_pareto(folder, sweep.settings.name, result.overview)
+        files = write_pareto(folder, sweep.settings.name, result.overview)
         told = sweep, replace(result, folder=folder), files
         if options.json:
-            _line({**sweep_table(*told), "notes": [note] * bool(note)})
+            _line(sweep_table(*told))
         else:
             again = "the same command with --retry makes the failed ones once more" if result.failed else ""
-            answer(options, None, sweep_text(*told), f"note: {note}" if note else "", again)
+            answer(options, None, sweep_text(*told), again)
     if result.stopped:
         # Printed after the summary, since finished variants are kept.
         again = "the same command" if options.resume else "the same command without --no-resume"
