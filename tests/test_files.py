@@ -103,18 +103,6 @@ def test_a_build_stays_up_to_date_until_its_plan_or_a_file_of_it_is_another(tmp_
     assert not is_current(tmp_path, inputs)
 
 
-def test_a_manifest_of_builds_alone_still_counts(tmp_path):
-    """padgen 0.1 wrote such manifests."""
-    listed = {name: file_hash(text.encode()) for name, text in (("plan.json", PLAN_A), ("pad.stl", "mesh"))}
-    (tmp_path / "plan.json").write_text(PLAN_A)
-    (tmp_path / "pad.stl").write_text("mesh")
-    (tmp_path / "manifest.json").write_text(json.dumps({"padgen": "0.1.0", "inputs": {"spec": "a"}, "files": listed}))
-    assert is_current(tmp_path, {"spec": "a"})
-    put(tmp_path, plan_json=PLAN_A, drive_csv="a")
-    assert is_current(tmp_path, {"spec": "a"})
-    assert texts(tmp_path) == {"plan.json": PLAN_A, "pad.stl": "mesh", "drive.csv": "a"}
-
-
 def test_a_folder_is_taken_away_with_what_a_killed_run_left(tmp_path):
     put(tmp_path / "out", plan_json=PLAN_A)
     (tmp_path / "out" / files.LOCK).touch()

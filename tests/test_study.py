@@ -73,7 +73,7 @@ def known(values, seconds=1.0, **more) -> Measured:
 
 def quickest(result, tolerance):
     """Return the index of the row recommended for a tolerance, None without one."""
-    return next((i for i, held in enumerate(recommended_for(result, [tolerance])) if held), None)
+    return next((i for i, held in enumerate(recommended_for(result, picks([result], [tolerance]))) if held), None)
 
 
 def of_order(order, steps, constant=0.1) -> list[Measured]:

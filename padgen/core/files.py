@@ -394,8 +394,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
         return {}
     if not all(isinstance(known, str) and HASH.fullmatch(known) for known in files.values()):
         return {}
-    # Before version 0.2 only builds wrote manifests.
-    built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])
+    built = manifest.setdefault("built", [])
     if not isinstance(built, list) or not all(isinstance(name, str) and name in files for name in built):
         return {}
     return manifest

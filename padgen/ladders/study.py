@@ -191,20 +191,6 @@ def _distance(ladder: Ladder, one: Measured, other: Measured) -> float:
     return float(relative.max(initial=0.0))
 
 
-def recommended_for(result: Judged, tolerances: Sequence[float]) -> list[list[float]]:
-    """Return for each row the tolerances for which it is the quickest whose error is known to be no larger."""
-    found: list[list[float]] = [[] for _ in result.rows]
-    for tolerance in tolerances:
-        held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
-        if held:
-            found[min(held, key=lambda i: result.rows[i].measured.seconds)].append(tolerance)
-    return found
-
-
-def _holds(row: Row, tolerance: float) -> bool:
-    return row.rung.offered and row.at_most <= tolerance
-
-
 def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
     """Return for each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
 
@@ -218,13 +204,20 @@ def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -
 
 def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
     held: dict[tuple[str, str], list[Row]] = {}
-    for row in (row for result in results for row in result.rows if _holds(row, tolerance)):
+    for row in (row for result in results for row in result.rows if row.rung.offered and row.at_most <= tolerance):
         held.setdefault((row.rung.model, row.rung.resolution), []).append(row)
     costs = {key: sum(row.measured.seconds for row in rows) for key, rows in held.items() if len(rows) == len(results)}
     if not costs:
         return Pick(name, tolerance, "", "", nan, inf)
     best = min(costs, key=lambda key: costs[key])
     return Pick(name, tolerance, *best, costs[best] / len(results), max(row.at_most for row in held[best]))
+
+
+def recommended_for(result: Judged, chosen: Iterable[Pick]) -> list[list[float]]:
+    """Return for each row of a ladder the tolerances for which it is among the `chosen` picks."""
+    rungs = [(result.ladder.name, row.rung.model, row.rung.resolution) for row in result.rows]
+    every = [((pick.ladder, pick.model, pick.resolution), pick.tolerance) for pick in chosen]
+    return [[tolerance for name, tolerance in every if name == rung] for rung in rungs]
 
 
 BUDGET_S, MOST_RUNS = 2.0, 7
@@ -323,7 +316,7 @@ class Study:
 
     def plot(self) -> Any:
         """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
-        return study_figure(self.ladders, self.tolerances, self.name)
+        return study_figure(self)
 
 
 def parse_only(text: str | None) -> tuple[str, ...]:
@@ -454,7 +447,7 @@ def study_csv(study: Study) -> str:
     rows = []
     for result in study.ladders:
         ladder = result.ladder
-        for row, holds in zip(result.rows, recommended_for(result, study.tolerances), strict=True):
+        for row, holds in zip(result.rows, recommended_for(result, study.picks), strict=True):
             table, values = _rung(row), row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
@@ -511,16 +504,16 @@ def study_text(study: Study) -> str:
         if left:
             stopped.append(f"not run: {left} of {every} rungs of {result.ladder.name}, {result.ladder.subject}")
         if left < every:
-            parts.append(ladder_text(result, study.tolerances))
+            parts.append(ladder_text(result, study.picks))
     return "\n\n".join([*parts, picks_text(study.picks), "\n".join([TIMES, *stopped])])
 
 
-def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
+def ladder_text(result: Judged, chosen: Iterable[Pick]) -> str:
     """Write one ladder as a table, and what it was measured against."""
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
-    holds = recommended_for(result, sorted(tolerances, reverse=True))
+    holds = recommended_for(result, chosen)
     lines.append(table(HEADINGS, [_table_row(*row) for row in zip(result.rows, holds, strict=True)], left=1))
     reference = "" if result.reference is None else f" (so it is known to ± {percent(result.uncertainty, 3)})"
     lines.append(f"{result.why}{reference}")
@@ -567,28 +560,28 @@ LEAST = 1e-13
 """Errors below are drawn here."""
 
 
-def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
+def study_figure(study: Study) -> Any:
     """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
     from matplotlib.figure import Figure
 
     with plot_style():
         panels: dict[str, list[Judged]] = {}
-        for result in results:
+        for result in study.ladders:
             panels.setdefault(result.ladder.name, []).append(result)
         columns, rows = min(len(panels), 2), -(-len(panels) // 2)
         figure = Figure(figsize=(PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.4), layout="constrained")
         for place, (ladder, own) in enumerate(panels.items(), 1):
-            _panel(figure.add_subplot(rows, columns, place), ladder, own, tolerances)
-        figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
+            _panel(figure.add_subplot(rows, columns, place), ladder, own, study)
+        figure.suptitle(f"{study.name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
     return figure
 
 
-def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
+def _panel(axis: Any, ladder: str, results: Sequence[Judged], study: Study) -> None:
     models = list(dict.fromkeys(row.rung.model for result in results for row in result.rows))
     drawn = [
         (result, row, holds)
         for result in results
-        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True)
+        for row, holds in zip(result.rows, recommended_for(result, study.picks), strict=True)
         if isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
     ]
     axis.set_title(f"{ladder}: {results[0].ladder.quantity}")
@@ -613,8 +606,8 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
         axis.plot([], [], MARKS[index % len(MARKS)], color=INK, label=result.ladder.subject)
     places = [_place(row) for _, row, _ in drawn]
     axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
-    axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
-    for tolerance in tolerances:
+    axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(study.tolerances)))
+    for tolerance in study.tolerances:
         axis.axhline(tolerance, color=PALE, linewidth=0.8, linestyle=(0, (2, 4)), zorder=1)
     axis.grid(alpha=0.2)
     axis.legend(frameon=False, fontsize=8)
