@@ -49,7 +49,6 @@ __all__ = [
     "lock_file",
     "locked",
     "read_bounded",
-    "read_json_table",
     "read_manifest",
     "reason",
     "take_away",
@@ -169,17 +168,6 @@ def _drop_partial(path: Path) -> None:
     if (path / LOCK).exists():
         with _held(path):  # which removes it
             pass
-
-
-def read_json_table(file: Path) -> dict[str, Any]:
-    """Return the table in a small JSON file, empty where there is no such file or table."""
-    try:
-        if file.is_symlink() or not file.is_file() or file.stat().st_size > MOST_JSON:
-            return {}
-        table = json.loads(file.read_bytes())
-    except (OSError, ValueError, RecursionError):
-        return {}
-    return table if isinstance(table, dict) else {}
 
 
 def _has_hash(path: Path, known: str) -> bool:
@@ -388,16 +376,17 @@ def read_manifest(path: Path) -> dict[str, Any]:
 
     A valid one holds plain names of files, each with a hash.
     """
-    manifest = read_json_table(path / MANIFEST)
-    files = manifest.get("files")
-    if not isinstance(files, dict) or any(not PLAIN_NAME.fullmatch(name) or name.lower() == MANIFEST for name in files):
+    file = path / MANIFEST
+    try:
+        if file.is_symlink() or not file.is_file() or file.stat().st_size > MOST_JSON:
+            return {}
+        manifest: dict[str, Any] = json.loads(file.read_bytes())
+        files, built = manifest["files"], manifest.setdefault("built", [])
+        known = all(PLAIN_NAME.fullmatch(name) and HASH.fullmatch(known) for name, known in files.items())
+        listed = isinstance(built, list) and all(name in files for name in built)
+    except (OSError, ValueError, RecursionError, TypeError, KeyError, AttributeError):  # somebody else has written it
         return {}
-    if not all(isinstance(known, str) and HASH.fullmatch(known) for known in files.values()):
-        return {}
-    built = manifest.setdefault("built", [])
-    if not isinstance(built, list) or not all(isinstance(name, str) and name in files for name in built):
-        return {}
-    return manifest
+    return manifest if known and listed and MANIFEST not in map(str.lower, files) else {}
 
 
 def built_files(path: Path) -> list[str]:
