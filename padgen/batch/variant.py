@@ -23,7 +23,7 @@ from padgen.spec import make_spec
 from padgen.spec.load import LARGEST_CURVE
 
 if TYPE_CHECKING:
-    from padgen.core.finding import Finding
+    from padgen.core.errors import Finding
     from padgen.planner.plan import Plan
 
 __all__ = ["STATUSES", "Record", "Task", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]

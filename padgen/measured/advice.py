@@ -14,7 +14,7 @@ from math import inf, log
 import numpy as np
 
 from padgen.core.errors import at_most, number
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding
 from padgen.core.units import GRAM, MG
 from padgen.measured.fits import TaxelFit
 from padgen.measured.predict import CoilFigures, levels_um, predicted, tones_at

@@ -17,7 +17,7 @@ from math import hypot
 
 import numpy as np
 
-from padgen.core.finding import LEVELS, Finding
+from padgen.core.errors import LEVELS, Finding
 from padgen.measured.advice import Trim, judge_print, trims
 from padgen.measured.fits import TaxelFit
 from padgen.measured.predict import (

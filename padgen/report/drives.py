@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from padgen.core.finding import Finding
+    from padgen.core.errors import Finding
     from padgen.driver.drive_folder import Driven
     from padgen.driver.ear import Heard
     from padgen.driver.excitation import Excitation

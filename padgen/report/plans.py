@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
 from padgen.core.errors import number, plain, quieter
-from padgen.core.finding import LEVELS, Finding
+from padgen.core.errors import LEVELS, Finding
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built

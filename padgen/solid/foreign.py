@@ -9,7 +9,7 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError, MeshFileError
 from padgen.core.files import read_bounded, reason
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding
 from padgen.planner import Plan
 from padgen.solid.checks import Report, check_against, check_mesh
 from padgen.solid.compare import Pose, pose_of
