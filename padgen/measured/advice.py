@@ -13,8 +13,7 @@ from math import inf, log
 
 import numpy as np
 
-from padgen.core.errors import at_most, number
-from padgen.core.errors import Finding
+from padgen.core.errors import Finding, at_most, number
 from padgen.core.units import GRAM, MG
 from padgen.measured.fits import TaxelFit
 from padgen.measured.predict import CoilFigures, levels_um, predicted, tones_at

@@ -5,8 +5,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
-from padgen.core.errors import number, plain, quieter
-from padgen.core.errors import LEVELS, Finding
+from padgen.core.errors import LEVELS, Finding, number, plain, quieter
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built

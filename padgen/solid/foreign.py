@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from padgen.core.errors import InfeasibleError, MeshFileError
+from padgen.core.errors import Finding, InfeasibleError, MeshFileError
 from padgen.core.files import read_bounded, reason
-from padgen.core.errors import Finding
 from padgen.planner import Plan
 from padgen.solid.checks import Report, check_against, check_mesh
 from padgen.solid.compare import Pose, pose_of

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import GeometryError, number
-from padgen.core.errors import Finding
+from padgen.core.errors import Finding, GeometryError, number
 from padgen.planner.drive_rows import table_csv
 from padgen.planner.drive_scheme import fitting_amplifiers
 from padgen.planner.fixtures import (
