@@ -9,7 +9,7 @@ from collections import Counter
 from itertools import count
 from pathlib import Path
 
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding
 from padgen.planner import Plan, make_plan
 from padgen.solid.mesh import Mesh
 from padgen.solid.pad_solid import build_pad

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
         sweep,
         template_names,
     )
-    from padgen.core.errors import FileError, InfeasibleError, PadgenError, SolverError, SpecError
-    from padgen.core.finding import Finding
+    from padgen.core.errors import FileError, Finding, InfeasibleError, PadgenError, SolverError, SpecError
     from padgen.driver.drive_folder import Drive
     from padgen.make.pad import Pad
     from padgen.measured.tuning import Tuning
@@ -68,7 +67,7 @@ __all__ = [
 
 _NOUNS = {
     "Drive": "driver.drive_folder",
-    "Finding": "core.finding",
+    "Finding": "core.errors",
     "Pad": "make.pad",
     "Plan": "planner.plan",
     "Spec": "spec.model",

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding, InfeasibleError, PadgenError, SpecError, cured
 from padgen.ladders.extreme import random_table
 from padgen.planner import cures, make_plan, plan_from_json, plan_to_json
 from padgen.spec import make_spec

@@ -204,6 +204,8 @@ TAMPERED = {
     "deep": "[" * 100_000,
     "a long number": '{"files": {"study.csv": ' + "1" * 5000 + "}}",
     "odd builds": '{"files": {"study.csv": "HASH"}, "inputs": {}, "built": [["study.csv"]]}',
+    "builds of other files": '{"files": {"study.csv": "HASH"}, "inputs": {}, "built": ["other.csv"]}',
+    "builds as text": '{"files": {"study.csv": "HASH"}, "inputs": {}, "built": ""}',
     "no text": "\udcff",
 }
 

@@ -23,9 +23,8 @@ import pytest
 from padgen import cli
 from padgen.batch.definition import parse_expression, parse_sweep
 from padgen.core import cache
-from padgen.core.errors import FileError, PadgenError, SpecError, at_least, at_most, number, plain, shown
+from padgen.core.errors import FileError, Finding, PadgenError, SpecError, at_least, at_most, number, plain, shown
 from padgen.core.files import json_line, json_text
-from padgen.core.finding import Finding
 from padgen.make.solid_tuning import _from_plain as modes_from_plain
 from padgen.physics.ladder import capacity
 from padgen.planner import make_plan, plan_to_json

@@ -80,9 +80,9 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 @dataclass(frozen=True)
 class Expression:
-    """A condition: as it was written, and parsed."""
+    """A condition on fields of a spec, parsed; `where` names it in errors."""
 
-    text: str
+    where: str
     tree: ast.expr
 
     def holds(self, values: Mapping[str, Any], spec: Spec) -> bool:
@@ -96,7 +96,7 @@ class Expression:
         try:
             return bool(_value(self.tree, values, spec))
         except (ArithmeticError, LookupError, RecursionError, TypeError, ValueError) as error:
-            raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", _where(self.text)) from error
+            raise SpecError(f"cannot be worked out for {shown(dict(values))} ({error})", self.where) from error
 
 
 def parse_expression(text: str, spec: Spec) -> Expression:
@@ -108,7 +108,7 @@ def parse_expression(text: str, spec: Spec) -> Expression:
         It is no expression, or uses a field that a spec does not have, or anything but comparisons,
         arithmetic, ``and``, ``or``, ``not``, abs, min, max and round.
     """
-    where = _where(text)
+    where = f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
     if len(text) > LONGEST:
         raise SpecError(f"is no condition of at most {LONGEST} characters, it has {len(text)}; write several", where)
     try:
@@ -118,11 +118,7 @@ def parse_expression(text: str, spec: Spec) -> Expression:
         raise SpecError("is nested too deeply", where) from error
     except (SyntaxError, ValueError) as error:
         raise SpecError("is no condition; an example is 'resolution <= 64 and pad.width_mm >= 50'", where) from error
-    return Expression(text, tree)
-
-
-def _where(text: str) -> str:
-    return f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
+    return Expression(where, tree)
 
 
 def _refuse(node: ast.expr, spec: Spec, where: str) -> None:

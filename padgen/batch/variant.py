@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.batch.definition import Sweep, Variant, variant_table
 from padgen.core.cache import code_hash, key_of, versions
-from padgen.core.errors import FileError, PadgenError
+from padgen.core.errors import FileError, Finding, PadgenError
 from padgen.core.files import (
     MANIFEST,
     YIELD_FILE,
@@ -23,7 +23,6 @@ from padgen.spec import make_spec
 from padgen.spec.load import LARGEST_CURVE
 
 if TYPE_CHECKING:
-    from padgen.core.finding import Finding
     from padgen.planner.plan import Plan
 
 __all__ = ["STATUSES", "Record", "Task", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]

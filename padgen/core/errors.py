@@ -1,4 +1,4 @@
-"""The exceptions that padgen raises on purpose.
+"""The exceptions that padgen raises on purpose, and findings.
 
 ::
 
@@ -11,17 +11,20 @@
     +-- SolverError        a numerical model has no trustworthy answer here
         +-- EngineMissingError an optional package that a model needs is not installed
 
-Findings (`padgen.core.finding`) are verdicts on a pad that was made; an exception means that none was.
+A `Finding` is a verdict on a pad that was made; an exception means that none was.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from math import ceil, floor, isfinite, log10
 from typing import Any
 from unicodedata import category
 
 __all__ = [
+    "LEVELS",
     "EngineMissingError",
     "FileError",
+    "Finding",
     "GeometryError",
     "InfeasibleError",
     "MeshFileError",
@@ -103,6 +106,42 @@ class EngineMissingError(SolverError):
     """An optional package is not installed; the message names the extra that installs it."""
 
     code = "engine"
+
+
+LEVELS = ("note", "warning", "error")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One verdict.
+
+    Parameters
+    ----------
+    level : {'note', 'warning', 'error'}
+        An error means that the pad does not meet the spec; commands then exit with 1.
+    code : str
+        Stable dotted name, e.g. ``'print.gap'``.
+    where : str
+        The judged object: a channel, a taxel, a file.
+    message : str
+        One sentence with the value, its bound and the nearest value that would pass.
+    cures : tuple of dict
+        Changes of the spec, fields by their dotted names, that the planner has tried: with each the finding is gone and
+        none is worse. The message ends with them.
+    """
+
+    level: str
+    code: str
+    where: str
+    message: str
+    cures: tuple[dict[str, Any], ...] = field(default=(), hash=False)
+
+    def __post_init__(self) -> None:
+        if self.level not in LEVELS:
+            raise ValueError(f"level must be one of {LEVELS}, got {self.level!r}")
+        object.__setattr__(self, "cures", tuple(self.cures))
+        for name in ("where", "message"):
+            object.__setattr__(self, name, plain(getattr(self, name), LONGEST))
 
 
 def plain(text: str, most: int | None = None) -> str:

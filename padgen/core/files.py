@@ -42,29 +42,20 @@ __all__ = [
     "MANIFEST",
     "PARTIAL",
     "YIELD_FILE",
-    "Moves",
     "OutputFolder",
     "built_files",
     "differs",
-    "drop_partial",
     "file_hash",
-    "free_name",
-    "has_hash",
-    "held",
     "is_current",
     "is_unchanged",
     "json_line",
     "json_text",
     "lock_file",
     "locked",
-    "move_all",
     "read_bounded",
-    "read_json_table",
     "read_manifest",
     "reason",
     "recover",
-    "remove_aside",
-    "say_kept",
     "take_away",
     "unlock_file",
     "write_synced",
@@ -105,10 +96,18 @@ def lock_file(path: Path) -> int:
     """
     file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
     try:
-        _lock(file)
+        if sys.platform == "win32":
+            import msvcrt
+
+            os.lseek(file, LOCKED_BYTE, os.SEEK_SET)
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if os.fstat(file).st_ino == path.stat().st_ino:
             return file
-    except (BlockingIOError, FileNotFoundError):  # locked by another, or released and removed just now
+    except (BlockingIOError, PermissionError, FileNotFoundError):  # locked by another, or removed just now
         pass
     except BaseException:
         os.close(file)
@@ -132,23 +131,6 @@ def unlock_file(path: Path, file: int) -> None:
             step()
 
 
-def _lock(file: int) -> None:
-    if sys.platform == "win32":
-        import msvcrt
-
-        os.lseek(file, LOCKED_BYTE, os.SEEK_SET)
-        try:
-            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-        except PermissionError as error:
-            raise BlockingIOError from error
-        finally:
-            os.lseek(file, 0, os.SEEK_SET)
-    else:
-        import fcntl
-
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-
-
 PARTIAL = ".partial-"
 JOURNAL = ".padgen.journal"
 LOCK = ".padgen.lock"
@@ -164,7 +146,7 @@ BAD_DISK = (EIO, ENOSPC, EDQUOT)
 
 
 @dataclass(frozen=True, slots=True)
-class Moves:
+class _Moves:
     """The moves of a commit, by names of files in the folder.
 
     `new` files, with their hashes, come from the folder `aside`. `away` are padgen's own files that go there. `kept`
@@ -177,8 +159,8 @@ class Moves:
     kept: dict[str, str]
 
 
-def move_all(path: Path, moves: Moves) -> None:
-    """Move all files of a folder that is `held`; after an error all are moved back."""
+def _move_all(path: Path, moves: _Moves) -> None:
+    """Move all files of a folder that is `_held`; after an error all are moved back."""
     aside, journal = path / moves.aside, path / JOURNAL
     try:
         (aside / REPLACED).mkdir()
@@ -199,7 +181,7 @@ def move_all(path: Path, moves: Moves) -> None:
         raise
 
 
-def _move_back(path: Path, moves: Moves) -> None:
+def _move_back(path: Path, moves: _Moves) -> None:
     """Undo each completed move, and keep files that a user has put there since under another name."""
     aside = path / moves.aside
     lie = {name: aside / REPLACED / name for name in moves.away}
@@ -209,12 +191,12 @@ def _move_back(path: Path, moves: Moves) -> None:
         if old is not None and not os.path.lexists(old):
             continue  # it was never moved, or is back already
         if os.path.lexists(place):
-            if not os.path.lexists(aside / name) and has_hash(place, moves.new.get(name, "")):
+            if not os.path.lexists(aside / name) and _has_hash(place, moves.new.get(name, "")):
                 place.replace(aside / name)
             elif old is not None:
-                there = free_name(place)
+                there = _free_name(place)
                 place.replace(there)
-                say_kept(place, there)
+                _say_kept(place, there)
         if old is not None:
             old.replace(place)
     _sync_folder(path)
@@ -222,7 +204,7 @@ def _move_back(path: Path, moves: Moves) -> None:
 
 
 @contextmanager
-def held(path: Path) -> Iterator[None]:
+def _held(path: Path) -> Iterator[None]:
     """Keep other processes from changing a folder, and first undo the unfinished commit of a killed process.
 
     Raises
@@ -239,10 +221,9 @@ def held(path: Path) -> Iterator[None]:
             try:
                 _move_back(path, moves)
             except OSError as error:
-                reason = error.strerror or type(error).__name__
-                sentence = f"a killed run left it half-written, and it cannot be restored ({reason})"
+                sentence = f"a killed run left it half-written, and it cannot be restored ({reason(error)})"
                 raise FileError(sentence, str(path)) from error
-            remove_aside(path / moves.aside)
+            _remove_aside(path / moves.aside)
         yield
 
 
@@ -252,32 +233,32 @@ def recover(path: Path) -> None:
     Raises
     ------
     FileError
-        As `held`.
+        As `_held`.
     """
     if _read_journal(path):
-        with held(path):
+        with _held(path):
             pass
 
 
-def drop_partial(path: Path) -> None:
+def _drop_partial(path: Path) -> None:
     """Remove half-written files of killed processes from a folder."""
     left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]
     if left or (path / LOCK).exists():  # holding the folder removes the lock's file, too
-        with held(path):
+        with _held(path):
             for folder in left:
-                remove_aside(folder)
+                _remove_aside(folder)
 
 
-def remove_aside(folder: Path) -> None:
+def _remove_aside(folder: Path) -> None:
     """Remove a folder of files that are not needed, as far as the disk allows."""
     with suppress(OSError):  # closing the folder may fail even with ignore_errors
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _read_journal(path: Path) -> Moves | None:
+def _read_journal(path: Path) -> _Moves | None:
     """Return the journal in a folder, None where there is none or it is not padgen's."""
     try:
-        moves = Moves(**read_json_table(path / JOURNAL))
+        moves = _Moves(**_read_json_table(path / JOURNAL))
         names = (*moves.new, *moves.away, *moves.kept, *moves.kept.values())
         plain = all(PLAIN_NAME.fullmatch(name) for name in names) and all(map(HASH.fullmatch, moves.new.values()))
         return moves if plain and _process(moves.aside) else None
@@ -285,7 +266,7 @@ def _read_journal(path: Path) -> Moves | None:
         return None
 
 
-def read_json_table(file: Path) -> dict[str, Any]:
+def _read_json_table(file: Path) -> dict[str, Any]:
     """Return the table in a small JSON file, empty where there is no such file or table."""
     try:
         if file.is_symlink() or not file.is_file() or file.stat().st_size > MOST_JSON:
@@ -296,7 +277,7 @@ def read_json_table(file: Path) -> dict[str, Any]:
     return table if isinstance(table, dict) else {}
 
 
-def has_hash(path: Path, known: str) -> bool:
+def _has_hash(path: Path, known: str) -> bool:
     """Return whether `path` is a file, not a link, with this hash."""
     try:
         if path.is_symlink() or not path.is_file():
@@ -307,13 +288,13 @@ def has_hash(path: Path, known: str) -> bool:
         return False
 
 
-def free_name(path: Path) -> Path:
+def _free_name(path: Path) -> Path:
     """Return a free name for a user's file: its name with .old, .old2, ... appended."""
     names = (path.with_name(f"{path.name}.old{number if number > 1 else ''}") for number in count(1))
     return next(name for name in names if not os.path.lexists(name))
 
 
-def say_kept(path: Path, there: Path) -> None:
+def _say_kept(path: Path, there: Path) -> None:
     """Log the new name of a user's file."""
     import logging
 
@@ -438,7 +419,7 @@ class OutputFolder:
         try:
             missing = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
             recover(self.path)
-            drop_partial(self.path)
+            _drop_partial(self.path)
             self._aside.mkdir(parents=True)
             self._made = missing
         except OSError as error:
@@ -450,7 +431,7 @@ class OutputFolder:
     ) -> None:
         moves = _read_journal(self.path)
         if not moves or moves.aside != self._aside.name:  # else its files are needed to undo the commit
-            remove_aside(self._aside)
+            _remove_aside(self._aside)
         if kind is not None:
             with suppress(OSError):
                 for folder in self._made:
@@ -497,7 +478,7 @@ class OutputFolder:
         FileError
             A folder has the name of a file, or another process is writing; nothing was moved.
         """
-        with held(self.path):
+        with _held(self.path):
             before = read_manifest(self.path)
             known, built = before.get("files", {}), before.get("built", [])
             for name in (*self._hashes, MANIFEST):
@@ -507,10 +488,9 @@ class OutputFolder:
             stale = {*remove, *(built if built_from is not None else ())}
             if other_plan:
                 stale |= known.keys() - {*MEASURED_FILES, *built}
-            gone = [
-                name for name in (known.keys() & stale) - self._hashes.keys() if has_hash(self.path / name, known[name])
-            ]
-            rest = {name: known[name] for name in known.keys() - gone if os.path.lexists(self.path / name)}
+            stale &= known.keys() - self._hashes.keys()
+            away, kept = [name for name in stale if _has_hash(self.path / name, known[name])], {}
+            rest = {name: known[name] for name in known.keys() - away if os.path.lexists(self.path / name)}
             manifest: dict[str, Any] = {"padgen": __version__, "files": dict(sorted({**rest, **self._hashes}.items()))}
             left = [name for name in built if manifest["files"].get(name) == known[name]]
             if built_from is not None:
@@ -521,24 +501,18 @@ class OutputFolder:
                     manifest["inputs"] = before["inputs"]
             text = json_text(manifest).encode()
             write_synced(self._aside / MANIFEST, text)
-            self._move_in({**self._hashes, MANIFEST: file_hash(text)}, gone, before)
+            new = {**self._hashes, MANIFEST: file_hash(text)}
+            for name, own in new.items():
+                path, hashes = self.path / name, {own, known.get(name)}
+                ours = before if name == MANIFEST else any(_has_hash(path, each) for each in hashes if each)
+                if ours:
+                    away.append(name)
+                elif os.path.lexists(path):
+                    kept[name] = _free_name(path).name
+            _move_all(self.path, _Moves(self._aside.name, new, away, kept))
+            for name, there in kept.items():
+                _say_kept(self.path / name, self.path / there)
         return [name for name in built if name in rest and name not in self._hashes] if other_plan else []
-
-    def _move_in(self, new: dict[str, str], gone: list[str], before: dict[str, Any]) -> None:
-        """Remove the files `gone`, make room, and move all files to their places; or leave everything as it was."""
-        away, kept = list(gone), {}
-        for name in new:
-            path = self.path / name
-            if not os.path.lexists(path):
-                continue
-            hashes = (before.get("files", {}).get(name), new[name])
-            if bool(before) if name == MANIFEST else any(known and has_hash(path, known) for known in hashes):
-                away.append(name)
-            else:
-                kept[name] = free_name(path).name
-        move_all(self.path, Moves(self._aside.name, new, away, kept))
-        for name, there in kept.items():
-            say_kept(self.path / name, self.path / there)
 
 
 def read_manifest(path: Path) -> dict[str, Any]:
@@ -547,17 +521,16 @@ def read_manifest(path: Path) -> dict[str, Any]:
     A valid one holds plain names of files, each with a hash.
     """
     recover(path)
-    manifest = read_json_table(path / MANIFEST)
-    files = manifest.get("files")
-    if not isinstance(files, dict) or any(not PLAIN_NAME.fullmatch(name) or name.lower() == MANIFEST for name in files):
+    manifest = _read_json_table(path / MANIFEST)
+    try:
+        files = manifest["files"]
+        # Before version 0.2 only builds wrote manifests.
+        built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])
+        plain = all(PLAIN_NAME.fullmatch(name) and HASH.fullmatch(known) for name, known in files.items())
+        listed = isinstance(built, list) and all(name in files for name in built)
+    except (TypeError, KeyError, AttributeError):  # it is not padgen's
         return {}
-    if not all(isinstance(known, str) and HASH.fullmatch(known) for known in files.values()):
-        return {}
-    # Before version 0.2 only builds wrote manifests.
-    built = manifest.setdefault("built", list(files) if "inputs" in manifest else [])
-    if not isinstance(built, list) or not all(isinstance(name, str) and name in files for name in built):
-        return {}
-    return manifest
+    return manifest if plain and listed and MANIFEST not in map(str.lower, files) else {}
 
 
 def built_files(path: Path) -> list[str]:
@@ -568,21 +541,21 @@ def built_files(path: Path) -> list[str]:
 def is_unchanged(path: Path, name: str) -> bool:
     """Return whether padgen wrote this file of a folder and nobody has changed it since."""
     known = read_manifest(path).get("files", {})
-    return name in known and has_hash(path / name, known[name])
+    return name in known and _has_hash(path / name, known[name])
 
 
 def take_away(path: Path) -> None:
     """Remove padgen's unchanged files from a folder, and the folder if it is then empty."""
     aside = path / f"{PARTIAL}{os.getpid()}"
     with suppress(OSError, FileError):
-        drop_partial(path)
-        with held(path):
+        _drop_partial(path)
+        with _held(path):
             files = read_manifest(path).get("files")
             if files is not None:
                 aside.mkdir()
-                ours = [name for name, known in files.items() if has_hash(path / name, known)]
-                move_all(path, Moves(aside.name, {}, [*ours, MANIFEST], {}))
-                remove_aside(aside)
+                ours = [name for name, known in files.items() if _has_hash(path / name, known)]
+                _move_all(path, _Moves(aside.name, {}, [*ours, MANIFEST], {}))
+                _remove_aside(aside)
         path.rmdir()
 
 
@@ -600,7 +573,7 @@ def is_current(path: Path, inputs: dict[str, Any]) -> bool:
     manifest = read_manifest(path)
     if not manifest.get("built") or manifest.get("inputs") != inputs:
         return False
-    return all(has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
+    return all(_has_hash(path / name, manifest["files"][name]) for name in manifest["built"])
 
 
 def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError, number, shown
+from padgen.core.errors import FileError, Finding, SpecError, number, shown
 from padgen.core.files import OutputFolder, json_text, reason
-from padgen.core.finding import Finding
 from padgen.core.registry import FORMATS, names_in
 from padgen.driver.ear import SETTLED_TAUS, Heard, ear_findings
 from padgen.driver.excitation import Excitation, excitation

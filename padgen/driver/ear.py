@@ -27,8 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import FileError, at_least, number
-from padgen.core.finding import Finding
+from padgen.core.errors import FileError, Finding, at_least, number
 from padgen.core.units import MH, MM, UM
 from padgen.core.wav_reader import Wave
 from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning

@@ -31,9 +31,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError, number, shown
+from padgen.core.errors import FileError, Finding, SpecError, number, shown
 from padgen.core.files import read_bounded, reason
-from padgen.core.finding import Finding
 from padgen.core.registry import unknown_name
 from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan

@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError, at_least, at_most, number
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding, SpecError, at_least, at_most, number
 from padgen.core.units import MM, UM
 from padgen.driver.excitation import Excitation
 from padgen.driver.waveform import (

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.cache import code_hash, versions
+from padgen.core.errors import Finding
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
-from padgen.core.finding import Finding
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
 from padgen.make.planning import Progress, plan_for, with_found_layout
 from padgen.spec import Spec

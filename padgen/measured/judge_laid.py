@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import number
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding, number
 from padgen.core.units import G_PER_CM3, MG, MM
 from padgen.measured.laid_pad import LaidPad, laid_pad, read_settings
 from padgen.physics.ladder import slot_half_width

@@ -27,9 +27,8 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import FileError, at_most, number
+from padgen.core.errors import LEVELS, FileError, Finding, at_most, number
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
-from padgen.core.finding import LEVELS, Finding
 from padgen.core.units import GRAM, MG
 from padgen.measured.fits import TaxelFit, fit_measured, fitted
 from padgen.measured.read import Measured, read_measured, read_measured_text

@@ -29,8 +29,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import NamedTuple
 
-from padgen.core.errors import InfeasibleError, at_least, number
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding, InfeasibleError, at_least, number
 from padgen.core.units import MM, UM
 from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, groove, placed_taxel
 from padgen.planner.plan import CoilGrid, Plan, Reuse

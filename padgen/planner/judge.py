@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import about, at_least, at_most, number, percent, quieter
-from padgen.core.finding import LEVELS, Finding
+from padgen.core.errors import LEVELS, Finding, about, at_least, at_most, number, percent, quieter
 from padgen.core.units import MA, MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.physics.modes import jump_amplitude, level_kept, resonance_rise

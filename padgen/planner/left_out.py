@@ -15,8 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import at_least, at_most, number, percent, quieter
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding, at_least, at_most, number, percent, quieter
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM, decibel
 from padgen.physics.bounds import (
     beam_inertia,

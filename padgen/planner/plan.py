@@ -14,9 +14,8 @@ from typing import Any, get_args, get_origin
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError, at_least
+from padgen.core.errors import FileError, Finding, SpecError, at_least
 from padgen.core.files import json_text, read_bounded
-from padgen.core.finding import Finding
 from padgen.core.registry import SCHEMES
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw

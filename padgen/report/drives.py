@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import span_text, table
-from padgen.core.errors import number, plain
+from padgen.core.errors import Finding, number, plain
 from padgen.physics.selectivity import Scheme
 from padgen.report.plans import findings_text, held_line, serious_text
 
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from padgen.core.finding import Finding
     from padgen.driver.drive_folder import Driven
     from padgen.driver.ear import Heard
     from padgen.driver.excitation import Excitation

@@ -23,9 +23,8 @@ import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import versions
-from padgen.core.errors import FileError, InfeasibleError, PadgenError, number
+from padgen.core.errors import FileError, Finding, InfeasibleError, PadgenError, number
 from padgen.core.files import json_line, read_bounded, reason, write_synced
-from padgen.core.finding import Finding
 from padgen.core.units import G_PER_CM3, GRAM, MM
 from padgen.driver.formats.csv import drive_rows
 from padgen.driver.frames import taxel_grid

@@ -5,8 +5,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
-from padgen.core.errors import number, plain, quieter
-from padgen.core.finding import LEVELS, Finding
+from padgen.core.errors import LEVELS, Finding, SpecError, number, plain, quieter
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
@@ -235,7 +234,6 @@ def _count_text(count: int, searched_to: int) -> str:
 
 def _drive_lines(plan: "Plan") -> list[str]:
     """Return lines on the drive scheme, its selectivity, and its load on coil and amplifier."""
-    from padgen.core.errors import SpecError
     from padgen.driver.formats.c import boards_in_time
     from padgen.driver.waveform import CONTROLLER_RATES_HZ, drive_at
 

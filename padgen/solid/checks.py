@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import GeometryError, at_least, number
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding, GeometryError, at_least, number
 from padgen.planner.plan import Plan
 from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, differences, loose_triangles
 from padgen.solid.measure import (

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import number
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding, number
 from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
 from padgen.solid.mesh import Mesh

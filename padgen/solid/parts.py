@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import GeometryError, InfeasibleError, MeshFileError, number
+from padgen.core.errors import Finding, GeometryError, InfeasibleError, MeshFileError, number
 from padgen.core.files import read_bounded, reason, recover
-from padgen.core.finding import Finding
 from padgen.planner.drive_rows import table_csv
 from padgen.planner.fixtures import (
     Tray,

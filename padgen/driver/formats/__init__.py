@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Protocol
 
-from padgen.core.finding import Finding
+from padgen.core.errors import Finding
 from padgen.core.registry import FORMATS
 
 if TYPE_CHECKING:

@@ -15,9 +15,8 @@ from zlib import crc32
 
 import numpy as np
 
-from padgen.core.errors import SpecError, number
+from padgen.core.errors import Finding, SpecError, number
 from padgen.core.files import OutputFolder
-from padgen.core.finding import Finding
 from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import group_channels, heat_s, judge_limits, least_constants

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError, at_most, number
+from padgen.core.errors import FileError, Finding, SpecError, at_most, number
 from padgen.core.files import OutputFolder, json_text, reason
-from padgen.core.finding import Finding
 from padgen.core.wav_reader import EXTENSIBLE, FLOAT, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
