@@ -1,7 +1,11 @@
 """Fixtures that many tests share: plans and pads, made once, and a cache of their own."""
 
 import os
+import signal
 
+# A shell's background processes ignore Ctrl-C, and would hand that down to the commands that tests stop.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 # As the command does: threads cost more than they bring to small matrices. Before numpy is loaded.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

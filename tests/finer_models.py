@@ -438,12 +438,16 @@ def is_straight(plan: Plan, channel: Channel) -> bool:
     return all(path.is_straight for path in plan.arrangement(channel).beams)
 
 
+SHORT_FILLET = 0.1
+"""Largest fillet over a beam's length up to which the elastica, a beam of one width, is the finer model."""
+
+
 def true_stretching(plan: Plan) -> float | None:
     """Compare the plan's rise of the resonance with the elastica's for beams whose ends are held."""
     true = [
         abs(motion_rise(plan, c) - c.level_shift)
         for c in some(plan)
-        if c.hardening_per_mm2 > 0 and is_straight(plan, c)
+        if c.hardening_per_mm2 > 0 and is_straight(plan, c) and c.beam.fillet_mm <= SHORT_FILLET * c.beam.length_mm
     ]
     return max(true, default=None)
 
