@@ -365,8 +365,9 @@ def test_silence_around_a_coils_turn_changes_nothing(plan):
         displacement=np.concatenate([noise[0], first.displacement, noise[1]]),
     )
     alone, padded = (fit_measured(replace(whole, taxels=(part,)), plan)[0] for part in (first, longer))
-    # The data of the turn are the same, its ends are cut a little differently: half a sigma.
-    assert abs(padded.resonance_hz - alone.resonance_hz) < 0.5 * alone.resonance_error_hz
+    # The data of the turn are the same, its ends are cut a little differently, and noise at the ends counts anew.
+    assert abs(padded.resonance_hz - alone.resonance_hz) < 1.5 * alone.resonance_error_hz
+    assert abs(padded.resonance_hz - PRINT["r0c0k0"][0]) < 2 * padded.resonance_error_hz
     assert padded.resonance_error_hz == pytest.approx(alone.resonance_error_hz, rel=0.3)
 
 
@@ -389,7 +390,7 @@ def test_no_rate_and_no_length_takes_more_memory_than_the_data(plan, tmp_path):
 
 
 VAST = {
-    "lines": ("time_s,r0c0k0\n" + "\n" * 2_100_000, "has 2100001 lines, at most 2000000 are read"),
+    "lines": ("time_s,r0c0k0\n" + "\n" * 2_100_000, "has 2100001 lines, at most 1000000 are read"),
     "line": ("time_s,r0c0k0\n" + "," * 5_000_000, "line 2 has 5000000 characters, at most 4194304 are read"),
     "heading": (",".join(f"a{k}" for k in range(200_000)) + ",time_s\n1,2\n", "column 'a0' is no taxel"),
     "name": (f"taxel,resonance_hz\n{'r' * 1_000_000},60\n", "line 2: 't' has no taxel"),

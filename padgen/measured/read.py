@@ -360,7 +360,7 @@ DRIVE, MOTION = "drive", "motion"
 UNEVEN = 0.05
 """Largest deviation of a time step from the median step, over the latter; rounding in files explains as much."""
 LARGEST_OF = {"resonance_hz": 1e6, "resonance_error_hz": 1e6, "q": 1e9}
-MOST_LINES, LONGEST_LINE = 2_000_000, 1 << 22
+MOST_LINES, MOST_CHARACTERS, LONGEST_LINE = 1_000_000, 1 << 26, 1 << 22
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -431,6 +431,9 @@ def _csv(text: str, where: str, ids: tuple[str, ...], plan: Plan, alone: bool) -
 
 def _sheet(text: str, where: str, alone: str) -> _Sheet:
     text = text.replace("\r\n", "\n").replace("\r", "\n")
+    if len(text) > MOST_CHARACTERS:
+        told = f"{len(text) / 1e6:.0f} million characters, at most {MOST_CHARACTERS / 1e6:.0f} million are read"
+        raise FileError(f"has {told}; shorter records would do, or a WAV", where)
     if (count := text.count("\n")) > MOST_LINES:
         raise FileError(f"has {count} lines, at most {MOST_LINES} are read; shorter records would do, or a WAV", where)
     notes: dict[str, str] = {}
