@@ -149,7 +149,7 @@ def test_bill_of_materials(small_plan):
     assert {r["item"]: r["quantity"] for r in rows} == counts
     told = {r["item"]: r["what"] for r in rows}
     assert told["amplifier channel"].endswith("(1 x opa548; or 1 x opa549; or 1 x l272)")
-    assert told["sound card"].startswith("1 outputs: es-9; or bela; or a microcontroller board")
+    assert told["sound card"].startswith("1 outputs: es-9; or bela; or a board with as many converters")
 
 
 def test_a_file_that_reads_back_otherwise_is_refused(small_pad):
