@@ -238,7 +238,7 @@ def biggest() -> Iterator[str]:
             ("WAV, pluck, all taxels", 48000, 80, [t.id for t in plan.taxels]),
             ("WAV, chirp, one taxel", 96000, 290, ["r0c0k0"]),
             ("WAV, noise, one taxel", 96000, 290, ["r0c0k0"]),
-            ("CSV, chirp, one taxel", 8000, 124, ["r0c0k0"]),
+            ("CSV, chirp, one taxel", 8000, 120, ["r0c0k0"]),
             ("CSV, chirp, 8 taxels", 8000, 60, [t.id for t in plan.taxels][:8]),
         ):
             kind, excitation, _ = (part.strip() for part in what.split(","))
