@@ -313,13 +313,13 @@ function checks() {
     "checks-body",
     h("p", {}, `${head}. ${data.built ? "The plan and the finished mesh were checked." : "The plan was checked; the mesh is measured when the pad is built."}`),
     measured.length ? h("dl", { class: "facts" }, measured.flatMap(([key, name]) => [h("dt", {}, name), h("dd", {}, [].concat(data.checked[key]).map((value) => num(Math.abs(value) < 1e-6 ? 0 : value, Number.isInteger(value) ? 9 : 3)).join(" × "))])) : null,
+    unprinted(ordered.filter((finding, index) => index >= PRINTED_CHECKS || finding.level === "note").length, "finding", "report.html"),
     h("ul", { class: "findings" }, ordered.map((finding, index) => {
       const places = placesOf(finding);
       const inner = [h("strong", {}, finding.level), " ", h("span", { class: "where" }, finding.where), `: ${finding.message} `, h("code", {}, finding.code)];
       const show = () => ((highlighted = places), marks(), jump("view"), put("taxel-told", `${places.length} place${places.length > 1 ? "s" : ""} marked: ${finding.where}`));
       return h("li", { class: `${finding.level}${index < PRINTED_CHECKS && finding.level !== "note" ? "" : " beyond"}` }, places.length ? h("button", { type: "button", class: "finding", on: { click: show } }, inner) : inner);
     })),
-    unprinted(ordered.filter((finding, index) => index >= PRINTED_CHECKS || finding.level === "note").length, "finding", "report.html"),
   );
 }
 
