@@ -69,13 +69,13 @@ def decays():
     return time, [own + 0.02 * rng.standard_normal(len(time)) for own in y]
 
 
-def driven(power=0):
+def driven(power=0, seed=4):
     """Return time, current, and both taxels' motion (its `power`-th derivative), by the receptance at lines of i²."""
     time = np.arange(int(3 * RATE)) / RATE
     phase = 2 * np.pi * (10 * time + 20 * time**2)
     current = 0.2 * np.sin(phase / 2 + 0.1) * np.minimum(1, 10 * (3 - time))
     frequency = np.fft.rfftfreq(2 * len(time), 1 / RATE)
-    rng, moved = np.random.default_rng(4), []
+    rng, moved = np.random.default_rng(seed), []
     for hz, q, response in PRINT.values():
         s = frequency / hz
         answer = response / (q * (1 - s * s) + 1j * s) * (2j * np.pi * frequency) ** power
@@ -354,21 +354,23 @@ def test_bad_folders(plan, tmp_path):
 
 def test_silence_around_a_coils_turn_changes_nothing(plan):
     """A record of the whole excitation gives the same fit as the part in which the coil has its turn."""
-    time, current, (one, _) = driven()
-    whole = read_measured_text(table("# unit: um\ntime_s,current_a,r0c0k0", time, current, one), plan)
-    (first,) = whole.taxels
-    pause = np.zeros(round(4 * first.rate_hz))
-    noise = np.random.default_rng(1).standard_normal((2, len(pause))) * first.displacement.std() / 100
-    longer = replace(
-        first,
-        squared_current_a2=np.concatenate([pause, first.squared_current_a2, pause]),
-        displacement=np.concatenate([noise[0], first.displacement, noise[1]]),
-    )
-    alone, padded = (fit_measured(replace(whole, taxels=(part,)), plan)[0] for part in (first, longer))
-    # The data of the turn are the same, its ends are cut a little differently, and noise at the ends counts anew.
-    assert abs(padded.resonance_hz - alone.resonance_hz) < 1.5 * alone.resonance_error_hz
-    assert abs(padded.resonance_hz - PRINT["r0c0k0"][0]) < 2 * padded.resonance_error_hz
-    assert padded.resonance_error_hz == pytest.approx(alone.resonance_error_hz, rel=0.3)
+    apart = []
+    for seed in range(4, 12):
+        time, current, (one, _) = driven(seed=seed)
+        whole = read_measured_text(table("# unit: um\ntime_s,current_a,r0c0k0", time, current, one), plan)
+        (first,) = whole.taxels
+        pause = np.zeros(round(4 * first.rate_hz))
+        noise = np.random.default_rng(seed).standard_normal((2, len(pause))) * first.displacement.std() / 100
+        longer = replace(
+            first,
+            squared_current_a2=np.concatenate([pause, first.squared_current_a2, pause]),
+            displacement=np.concatenate([noise[0], first.displacement, noise[1]]),
+        )
+        alone, padded = (fit_measured(replace(whole, taxels=(part,)), plan)[0] for part in (first, longer))
+        apart.append((padded.resonance_hz - alone.resonance_hz) / alone.resonance_error_hz)
+        assert padded.resonance_error_hz == pytest.approx(alone.resonance_error_hz, rel=0.3)
+    # The data of the turn are the same, its ends are cut a little differently: half a sigma, 0.3 over many seeds.
+    assert np.sqrt(np.mean(np.square(apart))) < 0.5
 
 
 def test_no_rate_and_no_length_takes_more_memory_than_the_data(plan, tmp_path):
