@@ -392,6 +392,7 @@ def test_no_rate_and_no_length_takes_more_memory_than_the_data(plan, tmp_path):
 
 
 VAST = {
+    "characters": ("time_s,r0c0k0\n" + f"0,{'1' * 97}\n" * 700_000, "has 70 million characters, at most 67 million"),
     "lines": ("time_s,r0c0k0\n" + "\n" * 2_100_000, "has 2100001 lines, at most 1000000 are read"),
     "line": ("time_s,r0c0k0\n" + "," * 5_000_000, "line 2 has 5000000 characters, at most 4194304 are read"),
     "heading": (",".join(f"a{k}" for k in range(200_000)) + ",time_s\n1,2\n", "column 'a0' is no taxel"),
