@@ -506,7 +506,7 @@ def test_without_sounddevice_or_its_library(tmp_path: Path, monkeypatch):
     path = wave(tmp_path / "a.wav")
     monkeypatch.setattr(play_audio, "import_module", missing)
     with pytest.raises(
-        EngineMissingError, match=r"--audio: needs the package sounddevice .* pip install 'padgen\[play\]'"
+        EngineMissingError, match=r"sound card: needs the package sounddevice .* pip install 'padgen\[play\]'"
     ):
         play_wave(path)
 

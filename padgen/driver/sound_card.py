@@ -277,13 +277,13 @@ def _sounddevice() -> Any:
         return import_module("sounddevice")
     except ImportError as error:
         raise EngineMissingError(
-            f"needs the package sounddevice ({error}); pip install 'padgen[{EXTRA}]' brings it", "--audio"
+            f"needs the package sounddevice ({error}); pip install 'padgen[{EXTRA}]' brings it", "sound card"
         ) from error
     except OSError as error:
         raise EngineMissingError(
             f"needs the library PortAudio ({error}); Debian: apt install libportaudio2, other systems get it with"
             " sounddevice",
-            "--audio",
+            "sound card",
         ) from error
 
 

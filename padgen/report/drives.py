@@ -76,10 +76,13 @@ def _map_text(plan: "Plan") -> str:
 def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
     from padgen.driver.frames import frames_text
 
-    shown = frames[:most]
-    more = f", the first {len(shown)}" if len(frames) > len(shown) else ""
-    count = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
-    return f"{count}, seen from the touch side (# ON, + between, . OFF){more}:\n{frames_text(plan, shown)}"
+    # Dark frames at the beginning show nothing.
+    first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
+    shown = frames[first : first + most]
+    told = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
+    if len(shown) < len(frames):
+        told = f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
+    return f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}"
 
 
 def _wave_text(plan: "Plan", report: "WaveReport") -> str:
@@ -133,8 +136,9 @@ def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Fi
     low, high = played.band_hz
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
     share = "" if played.level_share >= 1 else f", times {played.level_share:.3g}"
+    what = "a chirp" if played.kind == "chirp" else played.kind
     return (
-        f"excitation.wav: a {played.kind} of the force from {low:.3g} to {high:.3g} Hz,"
+        f"excitation.wav: {what} of the force from {low:.3g} to {high:.3g} Hz,"
         f" {played.sweep_s:.3g} s and silence, {how}, {played.seconds:.3g} s in all at {played.rate_hz} Hz;"
         f" taxels are shaken at their planned levels{share}\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
