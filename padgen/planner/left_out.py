@@ -243,7 +243,8 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
     'ignored effects: the steel saturates: up to 0.31 % of the force of channel 1'
     """
     dropped = _ignored(entries)
-    rest = f"; {len(dropped) - most} smaller ones" if len(dropped) > most else ""
+    more = len(dropped) - most
+    rest = f"; {more} smaller one{'s' * (more > 1)}" if more > 0 else ""
     return f"ignored effects: {'; '.join(map(_told, dropped[:most])) or 'none'}{rest}"
 
 
