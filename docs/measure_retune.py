@@ -11,7 +11,9 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -170,12 +172,11 @@ def recordings(count: int, excitations: list[str]) -> Iterator[str]:
     yield "| excitation, disturbance | fitted | error of f, median, worst | of Q | within 1.96 sigma, f, Q | s |"
     yield "|---|---|---|---|---|---|"
     plan = plan_of("paper-32")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "r0c0k0.wav"
+    with ProcessPoolExecutor() as pool:
         for excitation in excitations:
             for kind, how in KINDS.items():
-                results = [fitted_recording(plan, path, excitation, how, seed) for seed in range(count)]
-                yield f"| {excitation}, {kind} | {recorded_row(results)} |"
+                fit = partial(fitted_recording, plan, excitation, how)
+                yield f"| {excitation}, {kind} | {recorded_row(list(pool.map(fit, range(count), chunksize=20)))} |"
 
 
 def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
@@ -194,19 +195,21 @@ def benched(rng: np.random.Generator, excitation: str, how: dict) -> dict:
     return {**usual, **how}
 
 
-def fitted_recording(plan: Plan, path: Path, excitation: str, how: Any, seed: int) -> tuple[Any, str, float]:
+def fitted_recording(plan: Plan, excitation: str, how: Any, seed: int) -> tuple[Any, str, float]:
     """Return true, found f and Q and their sigmas (3, 2) of a recording, or why it was refused, and seconds taken."""
     rng = np.random.default_rng(seed)
     true = 60 * np.exp(0.15 * rng.standard_normal()), 15 * np.exp(0.25 * rng.standard_normal())
     bench = benched(rng, excitation, how)
     made = recorded(rng, (true[0],), (true[1],), excitation=excitation, mains=(50.0, 60.0)[seed % 2], **bench)
-    path.write_bytes(made.wav())
-    start = process_time()
-    try:
-        (fit,) = fit_measured(read_measured(path, plan), plan)
-    except PadgenError as error:
-        return None, str(error), process_time() - start
-    seconds = process_time() - start
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "r0c0k0.wav"
+        path.write_bytes(made.wav())
+        start = process_time()
+        try:
+            (fit,) = fit_measured(read_measured(path, plan), plan)
+        except PadgenError as error:
+            return None, str(error), process_time() - start
+        seconds = process_time() - start
     return (true, (fit.resonance_hz, fit.q), (fit.resonance_error_hz, fit.q_error)), "", seconds
 
 

@@ -308,8 +308,9 @@ def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarr
     Samples that are not finite numbers, and channels with more than `MOST_CLIPPED` clipped ones, are refused.
     """
     step = max(READ_SAMPLES // (factor * wave.channels), 1) * factor
-    last, means, marks, peak = wave.count // factor * factor, [], [], 0.0
-    count = np.zeros(wave.channels, np.int64)
+    last, peak = wave.count // factor * factor, 0.0
+    means = np.empty((wave.count // factor, wave.channels))
+    marks, count = np.empty(means.shape, bool), np.zeros(wave.channels, np.int64)
     # Full scale is the last step below 1. Converters have at most 24 bits, even where files have more, and floats may
     # have been made of 16 bits.
     top = 1 - 2.0 ** (1 - (16 if wave.kind == "float" else min(wave.bits, 24)))
@@ -323,22 +324,24 @@ def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarr
                 where,
             )
         full = (values == -1) | (values >= top)
-        means.append(values.reshape(-1, factor, wave.channels).mean(1))
-        marks.append(full.reshape(-1, factor, wave.channels).any(1))
+        part = slice(start // factor, (start + step) // factor)
+        means[part] = values.reshape(-1, factor, wave.channels).mean(1)
+        marks[part] = full.reshape(-1, factor, wave.channels).any(1)
         count += full.sum(0)
         peak = max(peak, float(np.abs(values).max()))
     # Floats that go beyond 1 have no scale to be at the end of; a single sample at 1 is one that was scaled to it.
     is_clipped = (count > FEW_FULL) & (peak <= 1)
-    clipped, share = np.concatenate(marks) & is_clipped, is_clipped * count / last
+    share = is_clipped * count / last
+    marks &= is_clipped
     worst = int(share.argmax())
     if share[worst] > MOST_CLIPPED:
         raise FileError(
-            f"channel {worst + 1} is clipped at sample {factor * int(clipped[:, worst].argmax()) + 1}:"
+            f"channel {worst + 1} is clipped at sample {factor * int(marks[:, worst].argmax()) + 1}:"
             f" {share[worst]:.0%} of its samples are at full scale, at most {MOST_CLIPPED:.0%} may be; lower the"
             " input's gain",
             where,
         )
-    return np.concatenate(means), clipped
+    return means, marks
 
 
 # CSV
