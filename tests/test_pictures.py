@@ -20,7 +20,7 @@ from padgen.cli.draw import NAMES
 from padgen.core.display import plot_bytes
 from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm
-from padgen.report.pictures import PICTURES, picture
+from padgen.report.charts import PICTURES, picture
 from padgen.solid.mesh import as_manifold
 from padgen.spec import parse_spec
 from tests.conftest import SMALL

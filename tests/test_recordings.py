@@ -16,10 +16,9 @@ import pytest
 import padgen as pg
 from padgen import cli
 from padgen.core.errors import FileError
-from padgen.measured.fits import fit_measured, fitted
+from padgen.measured.fits import fit_measured, fitted, tuning_picture
 from padgen.measured.read import read_measured
 from padgen.measured.tuning import planned_tuning, simulate_print
-from padgen.measured.tuning_picture import tuning_picture
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 from tests.recordings import KINDS, TWO_COILS, recorded

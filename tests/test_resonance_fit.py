@@ -20,9 +20,16 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SolverError
-from padgen.physics.circle_fit import CircleFit, circle_resonance, taubin_circle
 from padgen.physics.resonance_fit import _correlation, current_of_voltage, fit_decay, fit_driven, fit_spectrum
-from padgen.physics.resonance_judge import NEEDED, NEEDED_OF_SPECTRA, agree, point_noise
+from padgen.physics.resonance_judge import (
+    NEEDED,
+    NEEDED_OF_SPECTRA,
+    CircleFit,
+    agree,
+    circle_resonance,
+    point_noise,
+    taubin_circle,
+)
 
 SWEEP = np.linspace(40.0, 160.0, 100)
 FINE = np.linspace(40.0, 160.0, 200)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from padgen.planner import make_plan
-from padgen.report.pictures import picture
+from padgen.report.charts import picture
 from padgen.report.plans import plan_text
 from padgen.solid.checks import check_pad
 from padgen.solid.pad_solid import build_pad

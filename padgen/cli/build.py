@@ -91,8 +91,8 @@ def _check(options: argparse.Namespace) -> int:
         report = check(
             options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress
         )
-    from padgen.report.measured_prints import laid_text
     from padgen.report.plans import figures_text, held_line, serious_text
+    from padgen.report.results import laid_text
 
     serious = serious_text(report.findings, options.verbose)
     if options.mesh is None:

@@ -47,7 +47,7 @@ def _draw(options: argparse.Namespace) -> int:
     from padgen.core.display import plot_bytes
     from padgen.core.files import OutputFolder
     from padgen.make.planning import plan_for
-    from padgen.report.pictures import picture
+    from padgen.report.charts import picture
 
     with progress_line() as progress:
         plan = plan_for(*asked_of(options), progress)

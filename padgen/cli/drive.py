@@ -186,7 +186,7 @@ def _drive(options: argparse.Namespace) -> int:
         if frames is not None and options.tuning is None and (folder / "tuning.json").exists():
             notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
         driven = shown.save_folder(folder, formats, options.depth, options.hear, options.gap)
-    from padgen.report.drives import driven_table, driven_text
+    from padgen.report.results import driven_table, driven_text
 
     answer(options, driven_table(driven, notes), driven_text(plan, driven, frames, notes, options.verbose))
     return code_of(driven.findings)
@@ -220,7 +220,7 @@ def _excite(options: argparse.Namespace) -> int:
         played, findings = write_excitation(
             plan, folder, options.excite, options.rate, options.depth, options.seconds, options.together
         )
-    from padgen.report.drives import excitation_text
+    from padgen.report.results import excitation_text
 
     names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
     files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"]}

@@ -112,7 +112,7 @@ def _retune(options: argparse.Namespace) -> int:
 def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
     """Print what a re-tuned folder holds, and return the exit code."""
     from padgen.measured.tune import measured_rows
-    from padgen.report.measured_prints import retuned_text
+    from padgen.report.results import retuned_text
 
     place = plain(str(written.folder))
     answer(

@@ -1,11 +1,14 @@
-"""Fits of resonance, Q and response, each with one sigma, to the measured data of every taxel."""
+"""Fit resonance, Q and response, each with one sigma, to the measured data of every taxel, and draw the fits."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import log
+from textwrap import fill
 
 import numpy as np
 
+from padgen.core.display import COLOURS, PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError, SolverError, number
 from padgen.core.units import MS
 from padgen.measured.read import Measured, Record, Row, Spectrum
@@ -13,7 +16,7 @@ from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spe
 from padgen.physics.resonance_judge import ResonanceFit, Seen
 from padgen.planner.plan import Channel, Plan
 
-__all__ = ["Curve", "MethodFit", "TaxelFit", "fit_measured", "fitted"]
+__all__ = ["Curve", "MethodFit", "TaxelFit", "fit_measured", "fitted", "tuning_picture"]
 
 TABLE_HZ_SHARE = 0.05
 """One sigma of a resonance from a table that states none, over its bandwidth: the error of reading it off a curve."""
@@ -280,3 +283,48 @@ def _rough_hz(part: Row | Spectrum | Record, channel: Channel) -> float:
         return float(part.frequency_hz[int((np.abs(part.response) * part.frequency_hz).argmax())])
     square = None if np.ptp(part.displacement) == 0 else part.squared_current_a2
     return rough_hz(part.rate_hz, part.displacement, square)
+
+
+MOST_PANELS, COLUMNS = 12, 3
+MOST_POINTS = 400
+FLOOR_DB = -60.0
+
+
+def tuning_picture(curves: Sequence[Curve]) -> bytes:
+    """Return a PNG with a panel for each taxel: refused ones first, then those with the largest residual."""
+    from matplotlib.figure import Figure
+
+    shown = sorted(curves, key=lambda curve: (not curve.cause, -_misfit(curve)))[:MOST_PANELS]
+    rows = -(-len(shown) // COLUMNS)
+    with plot_style():
+        figure = Figure(figsize=(11, 0.6 + 2.5 * rows), layout="constrained")
+        axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
+        for axis in axes[len(shown) :]:
+            axis.set_axis_off()
+        for axis, curve in zip(axes, shown, strict=False):
+            frequency, data, model = curve.seen
+            keep = slice(None, None, -(-len(frequency) // MOST_POINTS))
+            top = float(np.abs(data if model is None else model).max()) or 1.0
+            lines = [(data, ".", PALE, "measured")]
+            if model is not None:
+                lines += [(model, "-", COLOURS[0], "fit"), (np.abs(data) - np.abs(model), "-", COLOURS[1], "residual")]
+            for values, mark, colour, name in lines:
+                level = 20 * np.log10(np.maximum(np.abs(values) / top, 10 ** (FLOOR_DB / 20)))
+                axis.plot(frequency[keep], level[keep], mark, color=colour, markersize=3, linewidth=1, label=name)
+            axis.set_ylim(FLOOR_DB, 10)
+            axis.set_title(curve.id + ": refused" * bool(curve.cause), fontsize=9)
+            if curve.cause:
+                axis.text(0.02, 0.03, fill(curve.cause, 48), transform=axis.transAxes, fontsize=8, color=COLOURS[1])
+        axes[0].legend(fontsize=8, loc="upper right")
+        left = f", {len(shown)} of {len(curves)} taxels" if len(shown) < len(curves) else ""
+        figure.supxlabel("frequency of the motion, Hz", fontsize=9)
+        figure.supylabel("dB of the peak", fontsize=9)
+        figure.suptitle(f"measured responses and their fits{left}", fontsize=10)
+        return plot_bytes(figure, "png")
+
+
+def _misfit(curve: Curve) -> float:
+    """Return the largest residual over the largest response, 0 where there is no fit."""
+    if curve.seen.model is None:
+        return 0.0
+    return float(np.abs(curve.seen.data - curve.seen.model).max() / np.abs(curve.seen.model).max())

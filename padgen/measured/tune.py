@@ -30,7 +30,7 @@ import numpy as np
 from padgen.core.errors import LEVELS, FileError, Finding, at_most, number
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
 from padgen.core.units import GRAM, MG
-from padgen.measured.fits import TaxelFit, fit_measured, fitted
+from padgen.measured.fits import TaxelFit, fit_measured, fitted, tuning_picture
 from padgen.measured.read import Measured, read_measured, read_measured_text
 from padgen.measured.tuning import (
     PULL_SPREAD,
@@ -50,7 +50,6 @@ from padgen.measured.tuning import (
     tuning_to_json,
     worst_db,
 )
-from padgen.measured.tuning_picture import tuning_picture
 from padgen.physics.resonator import relative_energy
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Channels, Scheme, off_energy

@@ -17,7 +17,7 @@ SIAM J. Numer. Anal. 10, 1973, 413-432), so that scipy's least squares search fo
 What else is in the data is added as columns where it stands out of the residual: mains lines and their harmonics, a
 second mode, and in a record a gain or clock that drifts. Delay between excitation and response is found first, from the
 impulse response. Clipped crests get caps, whose heights are fitted too. As a check the circle of
-`padgen.physics.circle_fit` is fitted.
+`padgen.physics.resonance_judge` is fitted.
 """
 
 from collections.abc import Sequence
@@ -27,15 +27,17 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
-from padgen.physics.circle_fit import CircleFit, circle_resonance, detuning
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
     NEEDED,
     NEEDED_OF_SPECTRA,
+    CircleFit,
     ResonanceFit,
     Seen,
     agree,
+    circle_resonance,
+    detuning,
     point_noise,
     refuse_bad_record,
     refuse_bad_spectrum,

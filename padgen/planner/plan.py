@@ -516,7 +516,7 @@ class Plan:
         SpecError
             There is no picture of that name.
         """
-        from padgen.report.pictures import picture as drawn
+        from padgen.report.charts import picture as drawn
 
         return drawn(self, picture)
 

@@ -1,22 +1,26 @@
-"""Charts of a plan: its ladder of resonances, the taxels' responses, selectivity, and the prints of each coil."""
+"""Charts of a plan: its ladder of resonances, the taxels' responses, selectivity, and the prints of each coil.
+
+`PICTURES` names these and the drawings: `padgen draw` writes them, `Plan.plot` shows them.
+"""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from padgen.core.display import COLOURS, INK, PALE
+from padgen.core.display import COLOURS, INK, PALE, plot_style
+from padgen.core.registry import unknown_name
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.resonator import felt_energy
 from padgen.physics.selectivity import line_energy, own_lines, pair_lines, tone_energy
 from padgen.planner.channels import coil_modes
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import coil_axis_mm
-from padgen.report.drawings import all_shapes, border, title_of
+from padgen.report.drawings import all_shapes, border, draw_exploded, draw_pad, draw_section, draw_wiring, title_of
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["draw_ladder", "draw_overview", "draw_prints", "draw_responses", "draw_selectivity"]
+__all__ = ["PICTURES", "draw_ladder", "draw_overview", "draw_prints", "draw_responses", "draw_selectivity", "picture"]
 
 
 def colours_of(count: int) -> Any:
@@ -268,3 +272,35 @@ def draw_overview(plan: "Plan") -> Any:
     ladder(right, plan)
     figure.legend(loc="outside lower left", fontsize=8, ncols=6)
     return figure
+
+
+PICTURES = {
+    "pad": draw_pad,
+    "section": draw_section,
+    "exploded": draw_exploded,
+    "ladder": draw_ladder,
+    "responses": draw_responses,
+    "selectivity": draw_selectivity,
+    "prints": draw_prints,
+    "wiring": draw_wiring,
+    "overview": draw_overview,
+}
+
+
+def picture(plan: "Plan", name: str) -> Any:
+    """Draw one of `PICTURES` from a plan alone, without a display or a CAD kernel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        `padgen.core.display.plot_bytes` makes SVG and PNG of it, the same bytes for the same plan.
+
+    Raises
+    ------
+    SpecError
+        There is no picture of that name; the sentence has the nearest.
+    """
+    if name not in PICTURES:
+        raise unknown_name(name, list(PICTURES), "picture", "")
+    with plot_style():
+        return PICTURES[name](plan)

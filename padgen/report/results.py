@@ -1,0 +1,385 @@
+"""Describe drive files, measured prints, sweeps and the cache as text for people, and as plain data."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from padgen.core.display import seconds_text, span_text, table
+from padgen.core.errors import Finding, number, plain
+from padgen.physics.selectivity import Scheme
+from padgen.report.plans import findings_text, held_line, serious_text
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+
+    from padgen.batch.definition import Sweep
+    from padgen.batch.index import Overview
+    from padgen.batch.sweep import Event, SweepResult
+    from padgen.core.cache import CacheInfo
+    from padgen.driver.drive_folder import Driven
+    from padgen.driver.ear import Heard
+    from padgen.driver.excitation import Excitation
+    from padgen.driver.formats.wav import WaveReport
+    from padgen.measured.tune import Retuned
+    from padgen.planner.plan import Plan
+
+__all__ = [
+    "cache_text",
+    "counts_text",
+    "driven_table",
+    "driven_text",
+    "excitation_text",
+    "laid_text",
+    "retuned_text",
+    "sweep_table",
+    "sweep_text",
+]
+
+MOST_MAPPED = 16
+"""Most rows and columns of a pad for which the map of taxels is printed."""
+MOST_PICTURES = 4
+"""Most frames that are printed as text with ``--verbose``."""
+
+
+def driven_text(
+    plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
+) -> str:
+    """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
+    heard, name = driven.heard, plan.name
+    done = f"the drive of {name} is written"
+    if heard is not None and heard.selectivity_db is not None:
+        done = f"heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
+    lines = [held_line(done[0].upper() + done[1:], driven.findings), serious_text(driven.findings, verbose)]
+    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames, MOST_PICTURES if verbose else 1))
+    if driven.report is not None:
+        lines.append(_wave_text(plan, driven.report))
+    if driven.heard is not None:
+        lines.append(heard_text(plan, driven.heard))
+    lines += [f"note: {plain(note)}" for note in notes]
+    lines.append(f"written to {plain(str(driven.folder))}: {', '.join(driven.files)}")
+    if driven.stale:
+        lines.append(
+            f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew"
+        )
+    return "\n".join(line for line in lines if line)
+
+
+def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
+    """Return the figures of a drive's files as plain data."""
+    from padgen.driver.ear import heard_table
+
+    return {
+        "folder": str(driven.folder),
+        "files": list(driven.files),
+        "wave": None if driven.report is None else {**asdict(driven.report), "seconds": driven.report.seconds},
+        "heard": None if driven.heard is None else heard_table(driven.heard),
+        "notes": list(notes),
+        "findings": [asdict(finding) for finding in driven.findings],
+    }
+
+
+def _map_text(plan: "Plan") -> str:
+    from padgen.driver.frames import map_text, taxel_grid
+
+    if max(taxel_grid(plan).shape) > MOST_MAPPED:
+        return ""
+    return f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
+
+
+def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
+    from padgen.driver.frames import frames_text
+
+    # Dark frames at the beginning show nothing.
+    first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
+    shown = frames[first : first + most]
+    told = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
+    if len(shown) < len(frames):
+        told = f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
+    return f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}"
+
+
+def _wave_text(plan: "Plan", report: "WaveReport") -> str:
+    unit = "V" if report.signal == "voltage" else "A"
+    depth = "24 bit" if report.depth == "24" else "32-bit float"
+    told = [
+        f"drive.wav: {report.seconds:.3g} s of {len(report.rms_current_a)} channels (coils row by row) at"
+        f" {report.rate_hz} Hz, {depth}, driven {report.scheme}; a sample of 1 stands for"
+        f" {number(report.full_scale)} {unit}, the largest is {report.peak:.3g} {unit}",
+        f"each coil takes at most {1e3 * max(report.rms_current_a):.3g} mA rms and {max(report.copper_loss_w):.3g} W",
+    ]
+    if report.loss_over_tones is not None and Scheme(report.scheme).has_constant:
+        told[-1] += f"; copper loss {report.loss_over_tones:.3g} times that of plain tones with the same force"
+    if report.loops:
+        told.append("it repeats without a seam")
+    if report.carrier_hz is not None:
+        told[-1] += f"; on a carrier of {number(report.carrier_hz)} Hz"
+    return "\n".join(told)
+
+
+def heard_text(plan: "Plan", heard: "Heard") -> str:
+    """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
+    import numpy as np
+
+    on, off = heard.on, heard.off
+    rows = []
+    for channel in plan.channels:
+        indices = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == channel.index]
+        played, quiet = on[:, indices], off[:, indices]
+        rows.append(
+            (
+                str(channel.index),
+                f"{channel.resonance_hz:.2f}",
+                span_text(heard.wanted_um[indices], ".3g"),
+                span_text(20 * np.log10(np.maximum(played, 1e-12)).ravel(), "+.2f"),
+                "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
+            )
+        )
+    states = "1 state" if len(heard.spans) == 1 else f"{len(heard.spans)} states"
+    text = f"heard in {states} of the file{', with the pull growing as the gap closes' * heard.with_gap}:\n" + table(
+        ("ch", "planned Hz", "wanted µm", "ON dB of it", "OFF dB at most"), rows
+    )
+    text += "\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out"
+    leak = plan.reuse.leak_db
+    text += ")" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less)"
+    return text
+
+
+def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
+    """Describe an excitation file, and what to do with it."""
+    low, high = played.band_hz
+    how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
+    share = "" if played.level_share >= 1 else f", times {played.level_share:.3g}"
+    what = "a chirp" if played.kind == "chirp" else played.kind
+    return (
+        f"excitation.wav: {what} of the force from {low:.3g} to {high:.3g} Hz,"
+        f" {played.sweep_s:.3g} s and silence, {how}, {played.seconds:.3g} s in all at {played.rate_hz} Hz;"
+        f" taxels are shaken at their planned levels{share}\n"
+        "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
+        + "".join(f"{findings_text([finding])}\n" for finding in findings)
+        + f"written to {plain(str(folder))}: excitation.wav, excitation.json"
+    )
+
+
+def laid_text(report: Any, file: str, verbose: bool = False) -> str:
+    """Return the verdict on a G-code, the settings to change, and a table of each channel (`verbose`: each taxel)."""
+    figures = report.figures
+    count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
+    verdict = "would print as planned"
+    if any(count.values()):
+        told = (f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
+        verdict = f"would not print as planned ({', '.join(told)})"
+    x, y = figures["centre_mm"]
+    turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
+    lines = [
+        f"{plain(file)} {verdict}",
+        f"by {plain(figures['slicer'])}: {figures['layers']} layers, {number(figures['height_mm'])} mm high, the pad's"
+        f" centre at ({number(x)}, {number(y)}) mm{turned}; compared with {figures['compared_with']}",
+    ]
+    if figures["settings_to_change"] and any(count.values()):
+        changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])
+        lines.append(f"in the slicer set: {', '.join(changes)}")
+    groups: dict[Any, list[dict[str, Any]]] = {}
+    for taxel in figures["taxels"]:
+        groups.setdefault(taxel["id"] if verbose else taxel["channel"], []).append(taxel)
+    headings = (
+        "taxel" if verbose else "ch",
+        "planned Hz",
+        "as laid Hz",
+        "off %",
+        "beam layers",
+        "thick mm",
+        "first mm wide",
+        "above mm wide",
+        "plate mg",
+        "recess mm",
+        "room mm",
+        "gap mm",
+    )
+    return "\n".join([*lines, "", table(headings, [_row(str(name), group) for name, group in groups.items()]), ""])
+
+
+def _row(name: str, taxels: list[dict[str, Any]]) -> tuple[str, ...]:
+    beams = [beam for taxel in taxels for beam in taxel["beams"]]
+    hz = [taxel["resonance_hz"] for taxel in taxels]
+    planned = taxels[0]["planned_hz"]
+    return (
+        name,
+        f"{planned:.1f}",
+        _span(hz, 1),
+        _span([None if f is None else 100 * (f / planned - 1) for f in hz], 1),
+        _span([beam["layers"] for beam in beams], 0),
+        _span([beam["thickness_mm"] for beam in beams], 2),
+        _span([width for beam in beams for width in beam["width_mm"][:1]], 3),
+        _span([width for beam in beams for width in beam["width_mm"][1:]], 3),
+        _span([taxel["plate_mg"] for taxel in taxels], 1),
+        _span([taxel["recess_depth_mm"] for taxel in taxels], 2),
+        _span([taxel["recess_room_mm"] for taxel in taxels], 2),
+        _span([taxel["gap_mm"] for taxel in taxels], 2),
+    )
+
+
+def _span(values: list[float | None], digits: int) -> str:
+    """Return the smallest and the largest value as text, and a dash if some are missing."""
+    missing = "-" if not values or None in values else ""
+    return " … ".join(filter(None, (span_text(values, f".{digits}f"), missing)))
+
+
+SHOWN_ROWS, MOST_ROWS = 12, 40
+"""Most taxels in the table, and with ``--verbose``."""
+
+
+def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose: bool = False) -> str:
+    """Return the selectivity that the new tones will reach, the findings, and a table of the measured `taxels`."""
+    measured = [row for row in taxels if row["measured"]]
+    rows = [
+        (
+            row["taxel"],
+            f"{row['planned_hz']:.2f}",
+            f"{row['resonance_hz']:.2f}",
+            f"{row['resonance_error_hz']:.2g}",
+            f"{100 * (row['resonance_hz'] / row['planned_hz'] - 1):+.1f}",
+            f"{row['q']:.1f}",
+            f"{row['q_error']:.1g}",
+            f"{row['drive_hz']:.3f}",
+            f"{row['current_ma_peak']:.3g}",
+            f"{row['voltage_v_peak']:.3g}",
+        )
+        for row in measured[: MOST_ROWS if verbose else SHOWN_ROWS]
+    ]
+    head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
+    done = f"{len(measured)} of {len(taxels)} taxels are re-tuned"
+    if result.before_db is not None and result.after_db is not None:
+        low = f", at least {result.after_low_db:.1f} dB in 95 of 100" if result.after_low_db is not None else ""
+        done += (
+            f": the worst coil then keeps {result.after_db:.1f} dB of ON over OFF{low}, instead of"
+            f" {result.before_db:.1f} dB with the planned tones (planned {number(round(result.planned_db or 0, 1))} dB,"
+            f" asked {result.asked_db:.1f} dB)"
+        )
+    more = len(measured) - len(rows)
+    told = [held_line(done, result.findings), serious_text(result.findings, verbose), table(head, rows)]
+    return "\n".join([line for line in told if line] + [f"… and {more} more, in retune.json"] * (more > 0))
+
+
+MOST_ROWS = 12
+"""Most variants of a Pareto front that are all shown; of a longer front only the best in each objective are."""
+
+
+def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> str:
+    """Return the counts of a sweep's variants, a table of the best, and where the results are."""
+    overview = result.overview
+    lines = [
+        f"{sweep.settings.name}: {_variants(result.total)}, {counts_text(result)}, in {seconds_text(result.seconds)}"
+    ]
+    if result.kept:
+        lines.append(f"{result.kept} of them were finished before and not made again")
+    if overview.with_errors:
+        lines.append(f"{overview.with_errors} of those made have error findings, in the column findings of the index")
+    lines += [f"refused: {name}: {sentence}" for name, sentence in overview.refused]
+    if result.refused > len(overview.refused):
+        lines.append(f"… and {result.refused - len(overview.refused)} more refused, in the index")
+    if overview.rows:
+        lines += ["", _front_line(overview), table(*_front_rows(sweep, overview))]
+    lines += ["", f"written to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}"]
+    return "\n".join(line.rstrip() for line in "\n".join(lines).splitlines())
+
+
+def counts_text(event: "Event | SweepResult") -> str:
+    """Return the counts of variants done and failed, and of those refused and left if there are any."""
+    counts = [f"{event.done} done", f"{event.refused} refused" * bool(event.refused), f"{event.failed} failed"]
+    return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
+
+
+def _variants(count: int) -> str:
+    return "1 variant" if count == 1 else f"{count} variants"
+
+
+def _front_line(overview: "Overview") -> str:
+    from padgen.batch.index import OBJECTIVES
+
+    weighed = ", ".join(OBJECTIVES[name].word for name in overview.objectives)
+    told = f"Pareto front over {weighed}: {_variants(len(overview.rows))} that no other beats"
+    told += "; every variant has error findings" * overview.of_faulty
+    return told + "; those best in one of these:" if len(overview.rows) > MOST_ROWS else f"{told}:"
+
+
+def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[list[str]]]:
+    """Return headings and rows of the front: varied fields, objectives reached, and the objectives it is best in."""
+    from padgen.batch.index import OBJECTIVES
+
+    axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
+    best: dict[int, list[str]] = {row: [] for row in range(len(overview.rows)) if len(overview.rows) <= MOST_ROWS}
+    for objective, row in overview.best().items():
+        best.setdefault(row, []).append(OBJECTIVES[objective].word)
+    varied = [overview.header.index(name) for name in ("number", *axes)]
+    reached = [overview.header.index(name) for name in objectives]
+    cells = [
+        [*(_cell(overview.rows[row][i]) for i in varied), *(_cell(overview.rows[row][i] or "-") for i in reached), told]
+        for row in sorted(best)
+        for told in (", ".join(best[row]),)
+    ]
+    return ["variant", *_short_names(axes), *(OBJECTIVES[name].heading for name in objectives), "best in"], cells
+
+
+def _short_names(names: Sequence[str]) -> list[str]:
+    """Shorten dotted names to their last parts where these differ."""
+    last = [name.rsplit(".", 1)[-1] for name in names]
+    count = Counter(last)
+    return [short if count[short] == 1 else name for short, name in zip(last, names, strict=True)]
+
+
+def _cell(text: str) -> str:
+    try:
+        return number(float(text)) if "." in text or "e" in text else text
+    except ValueError:
+        return text
+
+
+def sweep_table(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> dict[str, Any]:
+    """Return the summary of a sweep as plain data: the last line of ``--json``."""
+    overview = result.overview
+    at = {name: overview.header.index(name) for name in ("number", "name")} if overview.rows else {}
+    counts = {key: getattr(result, key) for key in ("total", "done", "refused", "failed", "kept", "left", "seconds")}
+    return {
+        "kind": "summary",
+        "name": sweep.settings.name,
+        "stage": sweep.settings.stage,
+        "folder": str(result.folder),
+        "files": ["index.csv", *files],
+        **counts,
+        "stopped": result.stopped,
+        "interrupted": result.interrupted,
+        "with_errors": overview.with_errors,
+        "objectives": list(overview.objectives),
+        "front": [int(row[at["number"]]) for row in overview.rows],
+        "best": {
+            objective: {
+                "number": int(overview.rows[row][at["number"]]),
+                "name": overview.rows[row][at["name"]],
+                "value": float(overview.values[row, overview.objectives.index(objective)]),
+            }
+            for objective, row in overview.best().items()
+        },
+    }
+
+
+def cache_text(held: "CacheInfo", dropped: bool = False) -> str:
+    """Describe the content of the cache, or the content that was dropped from it."""
+    if dropped:
+        return f"{plain(held.folder)}: {_entries(held.entries)} dropped, {_megabytes(held.bytes)}"
+    size = f"{_megabytes(held.bytes)} of {_megabytes(held.limit_bytes)}"
+    lines = [f"{plain(held.folder)}: {_entries(held.entries)}, {size}"]
+    if held.kinds:
+        rows = [(kind, str(entries), _megabytes(size)) for kind, (entries, size) in held.kinds.items()]
+        lines.append(table(("kind", "entries", "size"), rows))
+    return "\n".join(lines)
+
+
+def _entries(count: int) -> str:
+    return "1 entry" if count == 1 else f"{count} entries"
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
