@@ -491,6 +491,7 @@ def _close(
     trimmed: Sequence[Trim],
 ) -> Iterator[Finding]:
     need, by_coil = needed_db(plan), {(trim.row, trim.column): trim for trim in trimmed}
+    needed = f"{need:.1f} dB" + (" (the plan's less 1 dB)" if need < plan.selectivity.asked_db else "")
     others = [name for name, db in schemes_db if db is not None and db >= need and name != plan.selectivity.drive]
     other = min(others, key=lambda name: Scheme(name).takes_turns, default=None)
     short = [(c.all_states_db, c) for c in after if c.all_states_db is not None and c.all_states_db < need - ROUNDED_DB]
@@ -505,7 +506,7 @@ def _close(
             "warning",
             "retune.close",
             f"coil r{coil.row}c{coil.column}",
-            f"re-tuned it keeps {db:.1f} dB in all states, needed: {need:.1f} dB; {off.id} at"
+            f"re-tuned it keeps {db:.1f} dB in its worst state, asked are {needed}; {off.id} at"
             f" {number(off.resonance_hz)} Hz is moved most by the tone of {heard.id} at"
             f" {number(heard.resonance_hz)} Hz, {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a"
             f" bandwidth of {1 / off.q:.1%};"
@@ -517,7 +518,7 @@ def _close(
             "retune.close",
             "1 more coil" if more == 1 else f"{more} more coils",
             f"re-tuned {'it keeps' if more == 1 else 'they keep'} {short[MOST_NAMED][0]:.1f} dB or more,"
-            f" needed: {need:.1f} dB; retune.json has the advice for each",
+            f" asked are {needed}; retune.json has the advice for each",
         )
 
 

@@ -91,7 +91,7 @@ def pad_line(plan: "Plan") -> str:
         + (f", {' and '.join(sides)} apart ({even}{full})" if sides else "")
         + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
         + f" channel{'s' * (len(plan.sets[0]) > 1)}"
-        + " (two sets of resonances alternate from coil to coil)" * (coils.sets > 1)
+        + " (one coil has those of even number, the next those of odd number)" * (coils.sets > 1)
         + f", {number(plan.spec.coil.gap_mm)} mm below the washers; {coils.rows * coils.columns} amplifier"
         f" outputs, {constant} coupled{'' if carrier is None else f', on a carrier of {number(carrier)} Hz'}."
     )
@@ -165,10 +165,10 @@ def _power_lines(plan: "Plan") -> list[str]:
     skin = next((t for t in plan.touched if t.skin == "typical"), None)
     if skin and skin.all_states_db is not None:
         lines.append(
-            "All this is without a finger. Under typical skin (a provisional model)"
-            f" {plan.channels[0].resonance_hz:.0f} Hz become {skin.resonance_hz[0]:.0f} Hz at Q {skin.q[0]:.2g},"
-            f" and in the worst coil OFF taxels then vibrate {quieter(skin.all_states_db)} than ON ones, even without"
-            " print errors."
+            "All figures are without a finger. A finger that touches moves resonances: with typical skin (a"
+            f" provisional model) channel 0 resonates at {skin.resonance_hz[0]:.0f} Hz, with a Q of {skin.q[0]:.2g}, and"
+            f" in the worst coil OFF taxels then vibrate {quieter(skin.all_states_db)} than ON ones, even without print"
+            " errors."
         )
     return lines
 
@@ -190,7 +190,7 @@ def plan_text(plan: "Plan") -> str:
     head = (
         f"{plan.name}: {len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm,"
         f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
-        + (": one coil those of even number, the next those of odd number" if coils.sets > 1 else "")
+        + (": one coil has those of even number, the next those of odd number" if coils.sets > 1 else "")
     )
     bound = (
         f"channels that a coil could have in this band: {capacity.paper} by the paper's bound"
@@ -198,7 +198,8 @@ def plan_text(plan: "Plan") -> str:
         f" below); {capacity.exact_one_hot} by the exact response with one channel on;"
         f" {_count_text(capacity.exact, capacity.searched_to)} in all on/off states, driven {figures.drive};"
         f" {capacity.prints} if {plan.spec.print_share:.0%} of prints are to keep what is asked (a print changes the"
-        f" ratio of two neighbours by ± {plan.prints.ratio_spread:.1%}). It has {count}, limited by {capacity.limit}."
+        f" ratio of two neighbours by ± {plan.prints.ratio_spread:.1%}). It has {count}; what keeps it from"
+        f" more: {capacity.limit}."
     )
     lines = [
         head,
@@ -255,7 +256,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; largest level of channel 0:"
-        f" {number(load.reachable_level_um)} µm, limited by {load.reachable_by}",
+        f" {number(load.reachable_level_um)} µm, as {load.reachable_by} allows",
         "parts of the catalogues that drive it: amplifiers "
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
         + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
