@@ -308,7 +308,7 @@ def _audio(options: argparse.Namespace) -> int:
             options.repeat,
             lambda device: progress(f"playing on {device.name}"),
         )
-    late = f"; {played.missed} blocks came too late, and were heard as gaps" if played.missed else ""
+    late = f"; gaps are heard where the computer was too late: {played.missed}" if played.missed else ""
     table = {"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed}
     answer(options, table, f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}")
     return DONE

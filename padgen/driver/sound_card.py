@@ -218,6 +218,8 @@ def recorded(
     SpecError
         The devices do not run at this rate, or not together.
     FileError
+        The device stopped.
+    SolverError
         Samples were lost.
     """
     sound, over, stopped, lost = _sounddevice(), Event(), Event(), Event()
@@ -229,7 +231,8 @@ def recorded(
     def block(samples: np.ndarray, *more: Any) -> None:
         nonlocal done
         *out, _, _, status = more
-        if status.input_overflow or status.output_underflow:
+        # What is lost before the first block only delays what is heard, by as much as the fit then finds.
+        if done and (status.input_overflow or status.output_underflow):
             lost.set()
         heard.append(samples[:, 0].copy())
         for sounding in out:
@@ -268,7 +271,7 @@ def recorded(
     if done < count:
         raise FileError("stopped before the recording was over; is it still connected?", source.name)
     if lost.is_set():
-        raise FileError("samples were lost; close other programs, or take a lower --rate", source.name)
+        raise SolverError("samples were lost: close other programs, or take a lower --rate", source.name)
     return np.concatenate(heard)[:count].astype(float)
 
 
@@ -337,7 +340,7 @@ class Bench:
         Raises
         ------
         SolverError
-            No resonance is seen; the file is kept aside, and the sentence says what to do.
+            No resonance is seen, and the file is kept aside; or samples were lost. The sentence says what to do.
         FileError
             A device stopped.
         SpecError
