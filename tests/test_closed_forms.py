@@ -7,6 +7,10 @@
 | shared area of two circles | counting points of a grid | 0.5 %: a grid of 1000 × 1000 |
 | loss to saturation | the magnetisation by Fröhlich's law, twice | rounding |
 | mass of a taxel of less dense plastic | its volumes, by hand | rounding |
+| stress of a straight beam | 6 F L/(b t²) at the root, and of a moment at the tip | rounding |
+| what skin adds to a taxel | a disc on a half-space: its stiffness, and half of Lamb's 8/3 ρ a³ | rounding |
+| χN of a core | the slope of ln(flux) over ln χ, by differences | 0.3 %: 1e-4 … 1e-3 seen, of the charges as solved |
+| places along a beam of a taxel's map | the distance from the root | a pixel |
 """
 
 from math import cos, pi, sin
@@ -14,8 +18,12 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from padgen.physics.bounds import _turning, saturation_loss
+from padgen.measured.laid_pad import BEAM, TaxelMap
+from padgen.physics.beams import BeamSection, largest_stress
+from padgen.physics.bounds import _turning, core_polarisation, saturation_loss
+from padgen.physics.magnetics import charged_core, solenoid
 from padgen.physics.modes import BeamPlacement, to_tip
+from padgen.physics.resonator import SKINS, touched
 from padgen.planner.drive_scheme import cell_is_turned
 from padgen.planner.left_out import _common_radius
 from padgen.planner.plan import Plan
@@ -63,6 +71,54 @@ def test_the_magnetisation_lost_to_saturation(share: float, chi: float, demagnet
     left = magnetisation(chi * (1 - 1.25 * share)) / magnetisation(chi)
     assert saturation_loss(share, chi * demagnetising) == pytest.approx(1 - left, rel=1e-12)
     assert saturation_loss(0.8, chi * demagnetising) == 1.0
+
+
+def test_the_stress_of_a_straight_beam() -> None:
+    width, thickness, length, force, moment = 8e-4, 3e-4, 6e-3, 0.02, 3e-5
+    beam = BeamSection(width, thickness, length)
+    for load, expected in (
+        (np.array([0, 0, force, 0, 0, 0]), 6 * force * length / (width * thickness**2)),
+        (np.array([0, 0, 0, 0, moment, 0]), 6 * moment / (width * thickness**2)),
+    ):
+        assert float(largest_stress(beam, load)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_what_skin_adds() -> None:
+    """A rigid disc on a half-space has k = 2 E* a; with it moves half of the 8/3 ρ a³ of a disc in a fluid (Lamb)."""
+    skin, radius, mass, hz, q = SKINS["typical"], 3e-3, 2e-4, 60.0, 15.0
+    stiffness = mass * (2 * pi * hz) ** 2
+    all_k, all_m = stiffness + 2 * skin.modulus * radius, mass + 8 / 3 * 1100.0 * radius**3 / 2
+    loss = stiffness / (2 * pi * hz * q) + skin.time * 2 * skin.modulus * radius
+    found = [float(v) for v in touched(skin, radius, stiffness, mass, q)]
+    assert found == pytest.approx([(all_k / all_m) ** 0.5 / 2 / pi, (all_k * all_m) ** 0.5 / loss, all_k], rel=1e-12)
+
+
+@pytest.mark.parametrize("permeability", [50.0, 1000.0])
+def test_how_the_cores_flux_follows_its_permeability(permeability: float) -> None:
+    coil = solenoid(12e-3, 5e-3, 9e-3, 800, 4e-3, permeability)
+
+    def flux(change: float) -> float:
+        charged = charged_core(coil._replace(core_permeability=1 + (permeability - 1) * (1 + change)))
+        assert charged is not None
+        core, charge = charged
+        return float(np.abs(np.cumsum((core.area * charge)[np.argsort(-core.height, kind="stable")])).max())
+
+    slope = (np.log(flux(1e-3)) - np.log(flux(-1e-3))) / (np.log1p(1e-3) - np.log1p(-1e-3))
+    assert core_polarisation(coil)[1] == pytest.approx(1 / slope - 1, rel=3e-3)
+
+
+def test_a_map_counts_its_beams_places_from_the_root(paper_plan: Plan) -> None:
+    channel = paper_plan.channels[0]
+    seen = TaxelMap(paper_plan, channel)
+    (beam,) = seen.beams
+    steps = beam.stop - beam.start - 1
+    own = np.argwhere(seen.owner == BEAM)
+    (path,) = paper_plan.arrangement(channel).beams
+    middle = seen.low + (own + 0.5) * seen.pixel_mm
+    away = (middle - np.array(path.root_mm, float)) @ np.array(path.direction, float)
+    inside = (away > 0.5) & (away < float(path.length_mm) - 0.5)
+    places = seen.node[own[:, 0], own[:, 1]] * float(path.length_mm) / steps
+    assert places[inside] == pytest.approx(away[inside], abs=seen.pixel_mm)
 
 
 def test_plastic_with_voids_weighs_its_share(paper_plan: Plan) -> None:
