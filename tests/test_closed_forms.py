@@ -10,9 +10,11 @@
 | stress of a straight beam | 6 F L/(b t²) at the root, and of a moment at the tip | rounding |
 | what skin adds to a taxel | a disc on a half-space: its stiffness, and half of Lamb's 8/3 ρ a³ | rounding |
 | χN of a core | the slope of ln(flux) over ln χ, by differences | 0.3 %: 1e-4 … 1e-3 seen, of the charges as solved |
+| room of a washer beside its coil | where the coil is passed sideways, none along it | rounding |
 | places along a beam of a taxel's map | the distance from the root | a pixel |
 """
 
+from dataclasses import replace
 from math import cos, pi, sin
 
 import numpy as np
@@ -25,10 +27,12 @@ from padgen.physics.magnetics import charged_core, solenoid
 from padgen.physics.modes import BeamPlacement, to_tip
 from padgen.physics.resonator import SKINS, touched
 from padgen.planner.drive_scheme import cell_is_turned
+from padgen.planner.layout import candidates, room, slots
 from padgen.planner.left_out import _common_radius
 from padgen.planner.plan import Plan
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.spec import load_spec
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, pi / 2, -2.1])
@@ -119,6 +123,17 @@ def test_a_map_counts_its_beams_places_from_the_root(paper_plan: Plan) -> None:
     inside = (away > 0.5) & (away < float(path.length_mm) - 0.5)
     places = seen.node[own[:, 0], own[:, 1]] * float(path.length_mm) / steps
     assert places[inside] == pytest.approx(away[inside], abs=seen.pixel_mm)
+
+
+def test_a_washer_beside_a_narrow_coil_has_no_room_along_it() -> None:
+    spec = load_spec("quad-64")
+    narrow = replace(spec, coil=replace(spec.coil, outer_diameter_mm=3.0, grid=None))
+    layout = next(o for o in candidates(narrow, 8) if o.beam_axis == "y")
+    inside, (u, v) = room(narrow, layout), np.abs(slots(layout)).max(0)
+    assert v > 3.0 and u > 3.0
+    assert (inside.before_washer_mm, inside.behind_washer_mm) == pytest.approx(
+        (inside.length_mm / 2 + np.abs(slots(layout))[:, 1].min(), inside.length_mm / 2 - v), rel=1e-12
+    )
 
 
 def test_plastic_with_voids_weighs_its_share(paper_plan: Plan) -> None:
