@@ -76,7 +76,7 @@ def test_a_scheme_that_is_asked_for_is_taken():
         plan = plan_of(scheme=scheme)
         assert (plan.selectivity.drive, plan.selectivity.why) == (
             scheme,
-            "by the spec or, where that is open, by the search for the fewest coils",
+            "as the spec says, or as the search for the fewest coils found where the spec leaves it open",
         )
         half = scheme in ("tones", "time-shared")
         for channel in plan.channels:

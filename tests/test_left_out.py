@@ -389,13 +389,13 @@ def test_line():
         LeftOut("motion", 3.456e-6, "1", "current of channel 2", computed=False),
     ]
     cause, cure = RUNGS["switching"]
-    switching = f"ignored effects: {cause}: an unknown share of the ring-down of channel 0"
+    switching = f"ignored effects: {cause}: an unbounded share of the ring-down of channel 0"
     motion = f"{RUNGS['motion'][0]}: up to 0.00035 % of the current of channel 2"
     assert left_out_line(entries) == f"{switching}; {motion}"
     assert left_out_line(entries, most=1) == f"{switching}; 1 smaller one"
     finding = next(judge_left_out(scene("paper-32")[0], entries))
     assert "ignored effects above 2 % (model.tolerance)" in finding.message
-    assert finding.message.endswith(f": {cause}: an unknown share of the ring-down of channel 0 ({cure})")
+    assert finding.message.endswith(f": {cause}: an unbounded share of the ring-down of channel 0 ({cure})")
 
 
 def test_one_coil_leaks_nothing_and_one_channel_has_no_neighbour():

@@ -523,8 +523,8 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             "ear.level",
             heard.ids[i],
             f"is to be felt with {number(span.levels[i] * heard.wanted_um[i])} µm in the state that ends at"
-            f" {number(span.stop_s)} s, has {number(heard.tone_um[h, i])} µm ({tone[h, i]:+.1f} dB), at most"
-            f" {MISSED_DB:g} dB off is meant, which {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
+            f" {number(span.stop_s)} s, has {number(heard.tone_um[h, i])} µm ({tone[h, i]:+.1f} dB), allowed are"
+            f" {MISSED_DB:g} dB, which {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
             f" miss; {'frames that last longer' if hurried else 'padgen retune, or a lower level,'} would do",
         )
     asked, kept = heard.asked_db, heard.selectivity_db

@@ -412,10 +412,10 @@ class Side(NamedTuple):
 class SteelBody(NamedTuple):
     """A body by its nodes (n,): radius and height in m, `area` and `response`.
 
-    t runs from 0 to 1 along each side. `area` (n,) in m is 2πr times the node's weight in dt: the sum of area times
-    charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the charge per dt in A
-    at the nodes for a potential in A there. `own` (n, n) gives the potential at the nodes of a charge that is the same
-    all round.
+    t runs from 0 to 1 along each side of the body's outline. `area` (n,) in m is 2πr times the node's weight in dt: the
+    sum of area times charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the
+    charge per dt in A at the nodes for a potential in A there. `own` (n, n) gives the potential at the nodes of a
+    charge that is the same all round.
     """
 
     sides: tuple[Side, ...]
@@ -552,7 +552,7 @@ AT_ONCE = 8192
 
 @lru_cache(maxsize=32)
 def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> tuple[SteelBody, np.ndarray] | None:
-    """Return the core and the charge per dt at its nodes in A per ampere (`SteelBody`); None without a core.
+    """Return the core, and the magnetic charge at its nodes, per dt (`SteelBody`), in A per A; None without a core.
 
     `top` is the number of nodes on its upper face, `orders` the highest order round its axis.
     """

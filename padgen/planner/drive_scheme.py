@@ -295,7 +295,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if spec.drive.scheme != "auto":
         return (
             spec.drive.scheme,
-            "by the spec or, where that is open, by the search for the fewest coils",
+            "as the spec says, or as the search for the fewest coils found where the spec leaves it open",
         )
     if len(planned) // spec.coil.sets == 1:
         return "tones", "a plain tone is the simplest, and a coil's one channel has no other to be told from"

@@ -253,7 +253,7 @@ def _ignored(entries: Sequence[LeftOut]) -> list[LeftOut]:
 
 
 def _told(entry: LeftOut) -> str:
-    share = "an unknown share" if entry.bound is None else f"up to {percent(entry.bound)}"
+    share = "an unbounded share" if entry.bound is None else f"up to {percent(entry.bound)}"
     return f"{RUNGS[entry.term][0]}: {share} of the {entry.of}"
 
 
@@ -579,8 +579,8 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         "touch.skin",
         f"channel {worst.index}",
         f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{heard}; the touched resonance would stay within 5 % with a contact {at_most(contact_mm)} mm"
-        f" wide, a moving mass of {at_least(heavy_g)} g or a resonance of {at_least(high_hz)} Hz",
+        f" {q:.2g}{heard}; any one of these would keep it within 5 %: a contact {at_most(contact_mm)} mm wide, a"
+        f" moving mass of {at_least(heavy_g)} g, a resonance of {at_least(high_hz)} Hz",
     )
 
 

@@ -160,15 +160,16 @@ def _power_lines(plan: "Plan") -> list[str]:
         told = "; ".join(f"{stage} {db:.1f}" for stage, db in zip(STAGES, figures, strict=True) if db is not None)
         lines.append(
             f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
-            f" (± {prints.error_db:.1g}, by {prints.pads} prints in the computer)."
+            f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
+            " prints in the computer)."
         )
     skin = next((t for t in plan.touched if t.skin == "typical"), None)
     if skin and skin.all_states_db is not None:
         lines.append(
             "All figures are without a finger. A finger that touches moves resonances: with typical skin (a"
-            f" provisional model) channel 0 resonates at {skin.resonance_hz[0]:.0f} Hz, with a Q of {skin.q[0]:.2g}, and"
-            f" in the worst coil OFF taxels then vibrate {quieter(skin.all_states_db)} than ON ones, even without print"
-            " errors."
+            f" provisional model) channel 0 resonates at {skin.resonance_hz[0]:.0f} Hz, with a Q of {skin.q[0]:.2g},"
+            f" and in the worst coil OFF taxels then vibrate {quieter(skin.all_states_db)} than ON ones, even without"
+            " print errors."
         )
     return lines
 
@@ -249,14 +250,15 @@ def _drive_lines(plan: "Plan") -> list[str]:
     frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
     if plan.reuse.leak_db is not None:
         lines.append(
-            f"the coils around make an OFF taxel vibrate at worst {quieter(plan.reuse.leak_db)} than when it is ON"
+            "driven by the table, all in step, the coils around make an OFF taxel vibrate at worst"
+            f" {quieter(plan.reuse.leak_db)} than when it is ON"
         )
     return [
         *lines,
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
-        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; largest level of channel 0:"
-        f" {number(load.reachable_level_um)} µm, as {load.reachable_by} allows",
+        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; {load.reachable_by}"
+        f" allows channel 0 at most {number(load.reachable_level_um)} µm",
         "parts of the catalogues that drive it: amplifiers "
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
         + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
@@ -300,7 +302,8 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
             ]
     kept = figures.kept_db
     if kept is not None and kept < states - SHOWN_DB:
-        cost = "" if figures.modes_cost_db is None else f" (of which the modes cost {figures.modes_cost_db:.1f} dB)"
+        dear = (figures.modes_cost_db or 0.0) >= SHOWN_DB
+        cost = f" (of which the modes cost {figures.modes_cost_db:.1f} dB)" if dear else ""
         lines.append(f"counting unequal pulls, other modes and stretching: {kept:.1f} dB in all states{cost}")
     if figures.optimum_db is not None:
         lines.append(f"with equal masses the optimised resonances would reach {figures.optimum_db:.2f} dB")
@@ -399,13 +402,13 @@ def explanation_text(explanation: "Explanation") -> str:
     for row in explanation.capacities:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
-    lines += ["", "most channels in the band by level law, with one channel on and in all on/off states:"]
+    lines += ["", "most channels in the band by level law: with one channel on, in all on/off states:"]
     return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 EXPLAINED = (
     "change",
-    "costs\na new",
+    "needs\na new",
     "good\nprints",
     "prints\nkeep dB",
     "more\nchannels",
@@ -433,7 +436,15 @@ def yield_text(result: "PrintYield") -> str:
     lines += [
         "",
         table(
-            ("", "good taxels (95 % sure)", "good pads (95 % sure)", "5 % dB", "median dB", "95 % dB", "90 % reach dB"),
+            (
+                "",
+                "good taxels (95 % sure)",
+                "good pads (95 % sure)",
+                "5 % below dB",
+                "median dB",
+                "95 % below dB",
+                "90 % reach dB",
+            ),
             rows,
         ),
         "",
@@ -447,7 +458,7 @@ def yield_text(result: "PrintYield") -> str:
         )
         for cost in result.costs
     ]
-    gains = ("points gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB")
+    gains = ("% good gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB")
     lines.append(table(gains, costs))
     told = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
     named = [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]
@@ -455,7 +466,7 @@ def yield_text(result: "PrintYield") -> str:
         lines.append(f"costliest spread, {', '.join(named)}")
     if result.nominal_db is not None and result.nominal_db < result.asked_db:
         lines.append(
-            f"the plan itself keeps {result.nominal_db:.1f} dB, so that hardly a pad can be good at"
+            f"without any print errors a pad keeps {result.nominal_db:.1f} dB, so that hardly a pad can be good at"
             f" {result.asked_db:.1f} dB: read the dB columns, or ask for less (delta_y)"
         )
     return "\n".join(lines)

@@ -98,7 +98,7 @@ def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
     told = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
     if len(shown) < len(frames):
         told = f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
-    return f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}"
+    return f"{told}, seen from the touch side (# ON, + between, . OFF, blank: no taxel):\n{frames_text(plan, shown)}"
 
 
 def _wave_text(plan: "Plan", report: "WaveReport") -> str:
@@ -139,7 +139,7 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
         )
     states = "1 state" if len(heard.spans) == 1 else f"{len(heard.spans)} states"
     text = f"heard in {states} of the file{', with the pull growing as the gap closes' * heard.with_gap}:\n" + table(
-        ("ch", "planned Hz", "wanted µm", "ON dB of it", "OFF dB at most"), rows
+        ("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows
     )
     text += "\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out"
     leak = plan.reuse.leak_db
@@ -252,7 +252,11 @@ def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose:
     head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
     done = f"{len(measured)} of {len(taxels)} taxels are re-tuned"
     if result.before_db is not None and result.after_db is not None:
-        low = f", at least {result.after_low_db:.1f} dB in 95 of 100" if result.after_low_db is not None else ""
+        low = (
+            f", at least {result.after_low_db:.1f} dB in 95 of 100 draws of the measurement's errors"
+            if result.after_low_db is not None
+            else ""
+        )
         done += (
             f": the worst coil then keeps {result.after_db:.1f} dB of ON over OFF{low}, instead of"
             f" {result.before_db:.1f} dB with the planned tones (planned {number(round(result.planned_db or 0, 1))} dB,"

@@ -374,7 +374,8 @@ def read_mesh(path: Path) -> Mesh:
     recover(path.parent)
     try:
         if not path.is_file():
-            raise MeshFileError("is not a file" if path.exists() else "there is no such file", str(path))
+            there = "is a folder; name a mesh in it, as pad.stl" if path.is_dir() else "is not a file"
+            raise MeshFileError(there if path.exists() else "there is no such file", str(path))
     except OSError as error:
         raise MeshFileError(f"cannot be read ({reason(error)})", str(path)) from error
     kind = path.suffix.lower()

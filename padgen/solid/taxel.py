@@ -170,7 +170,7 @@ def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
 
 
 def known_solid(key: str) -> Tile | None:
-    """Return the taxel kept under `key`, or None where there is none."""
+    """Return the taxel that the cache on disk has under `key`, or None."""
     data = cache.load_bytes(KIND, key)
     if data is None:
         return None

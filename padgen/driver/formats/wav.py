@@ -327,8 +327,8 @@ def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
             "warning",
             "wave.alias",
             name,
-            f"has {number(drive.alias_db)} dB of its largest line beyond what the amplifier passes, at most"
-            f" {ALIAS_DB:g} dB is meant; {cure}",
+            f"has {number(drive.alias_db)} dB of its largest line beyond what the amplifier passes, allowed"
+            f" are {ALIAS_DB:g} dB; {cure}",
         )
 
 
