@@ -12,12 +12,11 @@ import logging
 import os
 import socket
 import sys
-import threading
 import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -34,7 +33,7 @@ from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_inde
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import code_hash, limit_bytes, version, versions
 from padgen.core.errors import EngineMissingError, FileError, PadgenError, SpecError, number
-from padgen.core.files import locked, reason, take_away
+from padgen.core.files import answer_within, locked, reason, take_away
 from padgen.core.registry import PLUGINS, plugin_code
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
@@ -88,7 +87,6 @@ class Window:
         self.pending: dict[int, tuple[Any, list[Task]]] = {}
         # A queue in C: Ctrl-C amid `Event` or `Future.done` would leave their locks held, and all threads stuck.
         self._finished: SimpleQueue[int] = SimpleQueue()
-        self._silent = False
 
     def give(self, tasks: list[Task]) -> None:
         """Hand tasks over.
@@ -105,17 +103,15 @@ class Window:
         self.pending[id(future)] = future, tasks
         if hasattr(future, "add_done_callback"):
             future.add_done_callback(lambda future: self._finished.put(id(future)))
-        else:  # is looked at from time to time
-            self._silent = True
 
     def take(self, wait_s: float) -> tuple[Any, list[Task]] | None:
         """Return a future that is finished, with its tasks; None when `wait_s` went by without one."""
         end = time.monotonic() + wait_s
         while (wait := end - time.monotonic()) > 0:
             try:
-                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S) if self._silent else wait))
+                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S)))
             except Empty:
-                for key, (future, _) in self.pending.items() if self._silent else ():
+                for key, (future, _) in self.pending.items():
                     if not hasattr(future, "add_done_callback") and future.done():
                         self._finished.put(key)
         return None
@@ -632,17 +628,8 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
 
 def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:
     """Call `act` with a time limit: raise `late` if it takes longer (then left to itself), `other` if it fails."""
-    answer: Future[Any] = Future()
-
-    def run() -> None:
-        try:
-            answer.set_result(act())
-        except BaseException as error:
-            answer.set_exception(error)
-
-    threading.Thread(target=run, daemon=True).start()
     try:
-        return answer.result(seconds)
+        return answer_within(seconds, act)
     except OSError as error:  # timeouts are, and what cannot be reached
         raise PadgenError(late, where) from error
     except Exception as error:

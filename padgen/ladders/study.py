@@ -73,7 +73,6 @@ __all__ = [
     "judged_error",
     "ladder_text",
     "measured_study",
-    "missing_rungs",
     "named_cases",
     "parse_only",
     "picks_text",
@@ -82,9 +81,7 @@ __all__ = [
     "run_ladders",
     "run_study",
     "study_csv",
-    "study_figure",
     "study_json",
-    "study_pictures",
     "study_text",
     "verdict_of",
 ]
@@ -198,11 +195,25 @@ class Study:
     @property
     def missing(self) -> tuple[str, ...]:
         """Rungs that were not run since the study was stopped; none where it was not."""
-        return missing_rungs(self.ladders)
+        return tuple(
+            f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
+            for result in self.ladders
+            for row in result.rows
+            if row.measured is NOT_RUN
+        )
 
     def plot(self) -> Any:
-        """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
-        return study_figure(self.ladders, self.tolerances, self.name)
+        """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
+        with plot_style():
+            panels: dict[str, list[Judged]] = {}
+            for result in self.ladders:
+                panels.setdefault(result.ladder.name, []).append(result)
+            figure, axes = _figure(max(len(panels), 1))
+            for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
+                _panel(axis, ladder, own, self.tolerances)
+            title = f"{self.name}: error against run time\nringed: the quickest rung for a tolerance"
+            figure.suptitle(title, fontsize=10)
+        return figure
 
 
 @dataclass(frozen=True)
@@ -252,7 +263,8 @@ def measured_study(
     KeyboardInterrupt
         It was interrupted before it had measured anything.
     """
-    tolerances = _tolerances(tolerance)
+    asked = () if tolerance is None else (parse_tolerance(str(tolerance)),)
+    tolerances = tuple(sorted({*TOLERANCES, *asked}, reverse=True))
     refuse_unshared()
     with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside:
         scene = Scene(plan, Path(aside))
@@ -286,12 +298,8 @@ def run_study(
         study = measured_study(plan, only, tolerance, progress)
         with uninterrupted():
             progress("drawing")
-            pictures = study_pictures(study.ladders, study.tolerances, study.name)
-            texts = (
-                study_csv(study.ladders, study.tolerances),
-                study_json(study.ladders, study.about, study.tolerances),
-            )
-            _commit(out, STUDY_FILES, (*texts, *pictures))
+            pictures = (plot_bytes(study.plot(), kind) for kind in ("svg", "png"))
+            _commit(out, STUDY_FILES, (study_csv(study), study_json(study), *pictures))
     return study
 
 
@@ -353,12 +361,6 @@ def _commit(out: OutputFolder, names: Sequence[str], texts: Sequence[str | bytes
     out.commit()
 
 
-def _tolerances(asked: float | None) -> tuple[float, ...]:
-    if asked is not None and not 0 < asked <= 1:
-        return _tolerances(parse_tolerance(repr(asked)))
-    return tuple(sorted({*TOLERANCES, *([] if asked is None else [asked])}, reverse=True))
-
-
 def _about() -> dict[str, Any]:
     return {"padgen": __version__, "versions": {name: version(name) for name in PACKAGES}, "times": TIMES}
 
@@ -386,22 +388,12 @@ COLUMNS = (
 EXTREME_COLUMNS = tuple(item.name for item in fields(Verdict))
 
 
-def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
-    """Name the rungs that were not run since the study was stopped."""
-    return tuple(
-        f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
-        for result in results
-        for row in result.rows
-        if row.measured is NOT_RUN
-    )
-
-
-def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCES) -> str:
+def study_csv(study: Study) -> str:
     """Write one row per rung, in the order of the ladders; no number is an empty cell."""
     rows = []
-    for result in results:
+    for result in study.ladders:
         ladder = result.ladder
-        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True):
+        for row, holds in zip(result.rows, recommended_for(result, study.tolerances), strict=True):
             table, values = _rung(row), row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
@@ -415,15 +407,15 @@ def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return table_csv(columns, cells)
 
 
-def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
-    """Write all that was measured, with `about` (what was studied, by which versions) ahead of it."""
-    missing = missing_rungs(results)
+def study_json(study: Study) -> str:
+    """Write all that was measured, with what was studied, and by which versions, ahead of it."""
     told = {
-        "stopped": bool(missing),
-        "missing": missing,
-        "recommended": [p._asdict() for p in picks(results, tolerances)],
+        "stopped": bool(study.missing),
+        "missing": study.missing,
+        "recommended": [pick._asdict() for pick in study.picks],
+        "ladders": [_ladder(result) for result in study.ladders],
     }
-    return json_text({**about, **told, "ladders": [_ladder(result) for result in results]})
+    return json_text(study.about | told)
 
 
 def _ladder(result: Judged) -> dict[str, Any]:
@@ -464,7 +456,7 @@ WIDEST_MODEL = 36
 EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "residual", "condition", "verdict")
 
 
-def study_text(study: "Study") -> str:
+def study_text(study: Study) -> str:
     """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
     parts, stopped = [], []
     for result in study.ladders:
@@ -476,13 +468,16 @@ def study_text(study: "Study") -> str:
     return "\n\n".join([*parts, picks_text(study.picks), "\n".join([TIMES, *stopped])])
 
 
-def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
-    """Write one ladder as a table, what it was measured against, and the orders of convergence."""
+def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
+    """Write one ladder as a table, what it was measured against, and the orders of convergence.
+
+    `tolerances` are sorted, the largest first.
+    """
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
-    holds = recommended_for(result, sorted(tolerances, reverse=True))
-    lines.append(table(HEADINGS, [_table_row(*row) for row in zip(result.rows, holds, strict=True)], left=1))
+    rows = zip(result.rows, recommended_for(result, tolerances), strict=True)
+    lines.append(table(HEADINGS, [_table_row(*row) for row in rows], left=1))
     reference = "" if result.reference is None else f" (so it is known to ± {percent(result.uncertainty, 3)})"
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
@@ -529,22 +524,19 @@ def picks_text(picks: Iterable[Pick]) -> str:
     return "recommended rungs\n" + table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
 
 
-def extreme_text(study: "ExtremeStudy") -> str:
+def extreme_text(study: ExtremeStudy) -> str:
     """Write the table of cases, then what is refused or wrong, sentence by sentence."""
     rows = []
     for found in study.verdicts:
-        errors = _two_digits(found.error), _two_digits(found.stated_error), seconds_text(found.seconds)
-        rest = _two_digits(found.residual), _two_digits(found.condition), found.verdict
-        rows.append((found.domain, found.case, found.model, *errors, *rest))
+        figures = found.error, found.stated_error, found.residual, found.condition
+        error, stated, *rest = (f"{figure:.2g}" if isfinite(figure) else "" for figure in figures)
+        head = found.domain, found.case, found.model, error, stated, seconds_text(found.seconds)
+        rows.append((*head, *rest, found.verdict))
     lines = [table(EXTREME_HEADINGS, rows, left=3)]
     lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
     counts = Counter(found.verdict for found in study.verdicts)
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.2g}" if isfinite(value) else ""
 
 
 MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
@@ -554,26 +546,7 @@ LEAST = 1e-13
 """Errors below are drawn here."""
 
 
-def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
-    """Return the plot of `study_figure` as SVG and PNG."""
-    figure = study_figure(results, tolerances, name)
-    return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
-
-
-def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
-    """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
-    with plot_style():
-        panels: dict[str, list[Judged]] = {}
-        for result in results:
-            panels.setdefault(result.ladder.name, []).append(result)
-        figure, axes = _figure(max(len(panels), 1))
-        for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
-            _panel(axis, ladder, own, tolerances)
-        figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
-    return figure
-
-
-def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
+def extreme_picture(verdicts: Sequence[Verdict]) -> bytes:
     """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
     with plot_style():
         figure, (axis,) = _figure(1)
