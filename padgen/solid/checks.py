@@ -147,8 +147,8 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
         findings += _pierced(tile.mesh, name)
         beyond = float((np.abs(tile.mesh.vertices_mm[:, :2]) - half).max())
         if beyond > BUILT_MM:
-            told = f"it reaches {number(beyond)} mm out of its sub-cell, must be 0"
-            findings.append(Finding("error", "mesh.cell", name, told))
+            sentence = f"it reaches {number(beyond)} mm out of its sub-cell, must be 0"
+            findings.append(Finding("error", "mesh.cell", name, sentence))
     figures: dict[str, Any] = {"exact_volume_mm3": pad.volume_mm3, "measured_taxels": 0}
     if not closed:
         return figures, findings
@@ -160,22 +160,20 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     print_figures, found = _kept_printable(
         mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
     )
-    figures |= print_figures | {"measured_taxels": len(sample.plan.taxels)}
-    return figures, [*findings, *found, *_as_planned(sample.plan, solid, figures)]
-
-
-def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
-    """Compare built with planned dimensions of every taxel; add the largest difference to `figures`."""
-    spec = plan.spec
-    dimensions = list(measured(plan, solid))
-    gaps = [abs(d.built_mm - d.planned_mm) for d in dimensions]
-    figures["largest_difference_from_plan_mm"] = max((gap for gap in gaps if isfinite(gap)), default=None)
-    figures["measured_dimensions"] = len(dimensions)
-    off = [d for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM + d.facets_mm]
-    return [
+    taxels, dimensions = sample.plan.taxels, list(measured(sample.plan, solid))
+    off_mm = [abs(d.built_mm - d.planned_mm) for d in dimensions]
+    figures |= print_figures | {
+        "measured_taxels": len(taxels),
+        "largest_difference_from_plan_mm": max(filter(isfinite, off_mm), default=None),
+        "measured_dimensions": len(dimensions),
+    }
+    off = [d for d, far_mm in zip(dimensions, off_mm, strict=True) if not far_mm <= BUILT_MM + d.facets_mm]
+    return figures, [
+        *findings,
+        *found,
         *told(off, [], None),
-        *few(_washers_enter(spec, washer_rooms(plan, solid, plan.taxels))),
-        *few(_as_printed(spec, dimensions)),
+        *few(_washers_enter(plan.spec, washer_rooms(sample.plan, solid, taxels))),
+        *few(_as_printed(plan.spec, dimensions)),
     ]
 
 

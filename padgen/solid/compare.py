@@ -13,7 +13,7 @@ import numpy as np
 from padgen.core.errors import Finding, number
 from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
-from padgen.solid.mesh import Mesh
+from padgen.solid.mesh import Mesh, unit_normals
 
 __all__ = [
     "SMALLEST_MM",
@@ -241,8 +241,7 @@ def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
     corners = np.concatenate([triangles_mm, planned_mm])
     if not len(corners):
         return True
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    normals = unit_normals(corners)
     planes = np.column_stack([normals, np.einsum("ij,ij->i", normals, corners[:, 0])])
     seen = np.flatnonzero(np.abs(normals[:, 2]) > STEEP)
     _, plane = np.unique(np.round(planes[seen] / SAME_MM), axis=0, return_inverse=True)

@@ -24,6 +24,7 @@ __all__ = [
     "sound_mesh",
     "tessellated",
     "topology",
+    "unit_normals",
     "welded",
 ]
 
@@ -48,6 +49,12 @@ class Mesh(NamedTuple):
         """Coordinates of each triangle's corners in mm, (T, 3, 3)."""
         corners: np.ndarray = self.vertices_mm[self.triangles]
         return corners
+
+
+def unit_normals(corners_mm: np.ndarray) -> np.ndarray:
+    """Return the outward unit normals (n, 3) of triangles (n, 3, 3), zero where one has no area."""
+    across = np.cross(corners_mm[:, 1] - corners_mm[:, 0], corners_mm[:, 2] - corners_mm[:, 0])
+    return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))
 
 
 def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> Mesh:
@@ -298,15 +305,10 @@ def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
             low, high = np.minimum(heights[i], heights[j]), np.maximum(heights[i], heights[j])
             shared = ((face == ends[i][:, None]) | (face == ends[j][:, None])).any(1)
             at = np.flatnonzero((low < -margin) & (high > margin) & ~shared)
-            start, stop = mesh.vertices_mm[ends[i][at]], mesh.vertices_mm[ends[j][at]]
-            result[at] |= _between(start, stop, corners[:, at], margin[at])
+            start = mesh.vertices_mm[ends[i][at]]
+            along, (a, b, c) = mesh.vertices_mm[ends[j][at]] - start, corners[:, at] - start
+            # An edge passes between a face's corners where all volumes that it spans with two of them have one sign.
+            turns = [np.einsum("ij,ij->i", np.cross(*each), along) for each in ((a, b), (b, c), (c, a))]
+            bound = margin[at] * np.linalg.norm(along, axis=1)
+            result[at] |= (np.minimum.reduce(turns) > bound) | (np.maximum.reduce(turns) < -bound)
     return result
-
-
-def _between(start: np.ndarray, stop: np.ndarray, corners: np.ndarray, margin: np.ndarray) -> np.ndarray:
-    """Return where lines (n, 3) to (n, 3) pass between the corners (3, n, 3) of a face, by signed volumes."""
-    along = stop - start
-    around = ((corners[k] - start, corners[k - 2] - start) for k in range(3))
-    turns = [np.einsum("ij,ij->i", np.cross(*each), along) for each in around]
-    bound = margin * np.linalg.norm(along, axis=1)
-    return (np.minimum.reduce(turns) > bound) | (np.maximum.reduce(turns) < -bound)

@@ -10,7 +10,7 @@ import numpy as np
 from padgen.core.errors import GeometryError
 from padgen.core.files import OutputFolder
 from padgen.solid.formats import ExportJob
-from padgen.solid.mesh import Mesh
+from padgen.solid.mesh import Mesh, unit_normals
 from padgen.solid.scene import scene_parts
 
 __all__ = ["write"]
@@ -59,9 +59,8 @@ def _shaded(mesh: Mesh, material: Any) -> Any:
     import trimesh
 
     corners = mesh.corners_mm
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+    normals = np.repeat(unit_normals(corners), 3, axis=0)
     number = np.arange(3 * len(corners)).reshape(-1, 3)
-    part = trimesh.Trimesh(corners.reshape(-1, 3), number, vertex_normals=np.repeat(normals, 3, axis=0), process=False)
+    part = trimesh.Trimesh(corners.reshape(-1, 3), number, vertex_normals=normals, process=False)
     part.visual = trimesh.visual.TextureVisuals(material=material)
     return part
