@@ -569,7 +569,7 @@ def solved(name: str):
 def test_elements_know_their_error():
     """One case of the list; `padgen study --extreme` runs all, and solves the references anew.
 
-    138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme._by_finer`, NGSolve 6.2.2608,
+    138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme.solid_answer`, NGSolve 6.2.2608,
     not extrapolated: good to 1e-3); resonances go with the root of the moduli.
     """
     answer, truth = run_apart(solved, "modulus 1e+12 Pa, steel in proportion"), 138.80316391 * sqrt(1e12 / 3e9)

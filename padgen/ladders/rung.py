@@ -275,14 +275,17 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
     found = []
     for name in names:
-        own = [row for row in rows if row.rung.series == name and row.measured.values is not None]
-        own = [row for row in own if not isnan(row.rung.step)]
-        steps, theory = [row.rung.step for row in own], ladder.theory.get(name)
-        if theory and theory.same_limit:
-            order = _order_of_errors(steps, [row.error for row in own], uncertainty)
-        else:
+        own = [row for row in rows if row.rung.series == name and not isnan(row.rung.step)]
+        own = [row for row in own if row.measured.values is not None]
+        # Errors that the reference's own does not blur.
+        clear = [row for row in own if row.error > CLEAR * uncertainty]
+        theory, order = ladder.theory.get(name), None
+        if not (theory and theory.same_limit):
             gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
-            order = observed_order(steps, gaps)
+            order = observed_order([row.rung.step for row in own], gaps)
+        elif len(clear) > 1:
+            a, b = clear[-2:]
+            order = log(a.error / b.error) / log(a.rung.step / b.rung.step)
         found.append(Order(name, order, theory))
     return Judged(ladder, tuple(rows), reference, uncertainty, converged, why, tuple(found))
 
@@ -316,15 +319,6 @@ def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | Non
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(difference > 0, difference / scale, 0.0)
     return float(relative.max(initial=0.0))
-
-
-def _order_of_errors(steps: Sequence[float], errors: Sequence[float], uncertainty: float) -> float | None:
-    """Return the slope of the last two errors that the reference's own `uncertainty` does not blur."""
-    clear = [k for k, error in enumerate(errors) if error > CLEAR * uncertainty]
-    if len(clear) < 2:
-        return None
-    a, b = clear[-2:]
-    return log(errors[a] / errors[b]) / log(steps[a] / steps[b])
 
 
 def observed_order(steps: Sequence[float], differences: Sequence[float]) -> float | None:
