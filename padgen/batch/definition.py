@@ -131,8 +131,7 @@ def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
         raise SpecError(f"uses {ast.unparse(node)!r}, whose operator is not known here", where)
     if isinstance(node, ast.Constant) and not isinstance(node.value, (int, float, str)):
         raise SpecError(f"uses {shown(node.value)}, which is neither number nor text, true or false", where)
-    allowed = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)
-    if not isinstance(node, allowed):
+    if not isinstance(node, (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)):
         raise SpecError(f"uses {ast.unparse(node)!r}, which is none of comparison, arithmetic, and, or, not", where)
     if isinstance(node, ast.Call) and (ast.unparse(node.func) not in FUNCTIONS or node.keywords):
         raise SpecError(f"calls {ast.unparse(node.func)!r}, known are {', '.join(FUNCTIONS)}", where)
@@ -414,8 +413,7 @@ def _axis(name: str, value: Any, sample: Sample) -> Axis:
     if span.scale == "log" and low <= 0:
         raise SpecError(f"must be above 0 on a log scale, got {number(low)}", f"{where}.low")
     if sample.method == "grid" and steps < 2:
-        example = f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
-        got = f"got {steps}" if steps else example
+        got = f"got {steps}" if steps else f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
         raise SpecError(f"must be a whole number, 2 … {MOST_VALUES}, {got}", f"{where}.steps")
     if kind is int:
         if ceil(low) > floor(high):

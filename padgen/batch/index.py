@@ -2,7 +2,7 @@
 
 The journal (`index.jsonl`) has one line of JSON a record, each written by one call, so that a crash can tear
 the last one only; a torn line is passed over. It is read when it is opened; of each variant only its place in the
-journal, its state and 64 bits of its key are held in memory, 17 bytes, however large its record is.
+journal, 8 bytes, is held in memory, however large its record is.
 
 The front has the variants that no other one beats: as good in every objective and better in one; equals stay, all of
 them. Rows come in one pass: memory holds the front, one block of rows and a thinned rest, however many there are. The
@@ -248,8 +248,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
     beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
     """
-    values = overview.points
-    differ = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
+    differ = [i for i, column in enumerate(overview.points.T) if len(np.unique(column[np.isfinite(column)])) > 1]
     if not len(overview.values) or len(differ) < 2:
         return None
     from matplotlib.figure import Figure
@@ -273,8 +272,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
             if _is_wide(overview, objective):
                 axis._set_axes_scale("log")
                 axis.set_major_formatter("{x:g}")
-        handles = axes[0, 0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside right upper", frameon=False)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
         figure.colorbar(points, ax=axes, shrink=0.5, format="{x:g}", label=f"colour: {labels[hue]}")
         figure.suptitle(title, x=0.01, ha="left", fontsize=9)
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
@@ -333,8 +331,8 @@ def _is_wide(overview: Overview, objective: int) -> bool:
     """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
-    wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()
-    return bool(wide and overview.objectives[objective] in RATIOS)
+    has_ratio = overview.objectives[objective] in RATIOS and finite.size and finite.min() > 0
+    return bool(has_ratio and finite.max() > WIDE * finite.min())
 
 
 def _title(overview: Overview, name: str) -> str:
@@ -507,12 +505,8 @@ def _parsed(line: bytes) -> Record | int | None:
         if isinstance(table.get(FORGOTTEN), int):
             return int(table[FORGOTTEN])
         record = Record(**{**table, "findings": tuple(table["findings"])})
-        words = [
-            int(record.key[:16], 16) >= 0,
-            *(isinstance(word, str) for word in (record.sentence, *record.findings)),
-        ]
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
-    tables = isinstance(record.values, dict) and isinstance(record.figures, dict)
-    whole = isinstance(record.number, int) and record.status in STATUSES and tables and all(words)
-    return record if whole else None
+    words, tables = (record.key, record.sentence, *record.findings), (record.values, record.figures)
+    whole = isinstance(record.number, int) and record.status in STATUSES and all(isinstance(t, dict) for t in tables)
+    return record if whole and all(isinstance(word, str) for word in words) else None

@@ -483,8 +483,11 @@ def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
     if not result.converged and result.reference is not None:
         lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
     lines += [_order(order) for order in result.orders]
-    noted = [row for row in result.rows if row.measured.note and row.measured is not NOT_RUN]
-    lines += [f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}" for row in noted]
+    lines += [
+        f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}"
+        for row in result.rows
+        if row.measured.note and row.measured is not NOT_RUN
+    ]
     return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
 
 

@@ -347,7 +347,6 @@ def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tup
     v = mesh.vertices_mm
     inside = (np.abs(v[:, 0]) < x[-1] + SEAM_MM) & (np.abs(v[:, 1]) < y[-1] + SEAM_MM)
     step = [np.abs(v[:, i, None] - axis).argmin(1) for i, axis in enumerate((x, y, z))]
-    number = (step[0] * len(y) + step[1]) * 2 + step[2]
-    on_lattice = np.where(inside, number, -1)
+    on_lattice = np.where(inside, (step[0] * len(y) + step[1]) * 2 + step[2], -1)
     flat = np.ptp(v[mesh.triangles, 2], axis=1) < SEAM_MM
     return on_lattice, mesh.triangles[~inside[mesh.triangles].all(1) | flat]

@@ -101,8 +101,7 @@ def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
             low, radius = tray.height_mm - screw.hole_depth_mm, screw.hole_diameter_mm / 2
             holes = [b.Plane((x, y, low)) for x, y in tray.holes_mm]
             cuts += [b.Solid.make_cylinder(radius, screw.hole_depth_mm, plane) for plane in holes]
-        whole = floor.fuse(block, *walls.solids()).cut(*cuts)
-        solid = only_solid(whole, "the coil tray")
+        solid = only_solid(floor.fuse(block, *walls.solids()).cut(*cuts), "the coil tray")
     return TraySolid(tray, tessellated(solid), float(solid.volume), solid)
 
 
@@ -115,13 +114,14 @@ def _socket(tray: Tray, x: float, y: float) -> Any:
         turn = sqrt(0.5)
         return b.Vector(x + turn * (along - across), y + turn * (along + across))
 
-    edges = [
-        b.Edge.make_three_point_arc(at(mouth, half), at(-radius, 0.0), at(mouth, -half)),
-        b.Edge.make_line(at(mouth, -half), at(end, -half)),
-        b.Edge.make_line(at(end, -half), at(end, half)),
-        b.Edge.make_line(at(end, half), at(mouth, half)),
-    ]
-    (wire,) = b.Wire.combine(edges)
+    (wire,) = b.Wire.combine(
+        [
+            b.Edge.make_three_point_arc(at(mouth, half), at(-radius, 0.0), at(mouth, -half)),
+            b.Edge.make_line(at(mouth, -half), at(end, -half)),
+            b.Edge.make_line(at(end, -half), at(end, half)),
+            b.Edge.make_line(at(end, half), at(mouth, half)),
+        ]
+    )
     return wire
 
 
