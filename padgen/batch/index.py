@@ -223,7 +223,9 @@ def pareto_csv(overview: Overview) -> str:
 
 
 def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str, ...], str]:
-    """Write the front of a sweep beside its index; the files' names, and why there is no picture, if so.
+    """Write the front of a sweep beside its index.
+
+    Return the names of the files, and why there is no picture, empty where there is one.
 
     Raises
     ------
@@ -440,7 +442,7 @@ class Journal:
         raise FileError("was removed while the sweep ran", str(self.path))
 
     def _write(self, table: dict[str, Any]) -> int:
-        """Write a line, by one call that is not buffered, so that a crash can tear the last one only; its place."""
+        """Write a line by one call without buffers, so that a crash can tear the last one only; return its place."""
         place, rest = self._file.seek(0, os.SEEK_END), (json_line(table) + "\n").encode()
         try:
             while rest:

@@ -474,7 +474,7 @@ def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
 def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
     """Run once; return the value with its wall and processor seconds.
 
-    Unpickled anew and with empty caches, so that a repeated run is as dear as the first.
+    It is unpickled anew and caches are emptied, so that a repeated run takes as long as the first.
     """
     _, work = pickle.loads(pickled)
     for name, module in list(sys.modules.items()):

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields
 from functools import partial
+from itertools import cycle
 from math import ceil, floor, isfinite, isnan, log10, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,7 +42,6 @@ from padgen.ladders.rung import (
     Judged,
     Ladder,
     Measured,
-    Order,
     Pick,
     Row,
     Scene,
@@ -482,7 +482,10 @@ def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
         lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
-    lines += [_order(order) for order in result.orders]
+    for order in result.orders:
+        observed = "not observed" if order.observed is None else f"{order.observed:.2f} observed"
+        theory = "" if order.theory is None else f", {order.theory.order:g} in theory ({order.theory.why})"
+        lines.append(f"order of convergence, {order.series}: {observed}{theory}")
     lines += [
         f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}"
         for row in result.rows
@@ -509,12 +512,6 @@ def _table_row(row: Row, holds: Sequence[float]) -> tuple[str, ...]:
         # A rung that is the quickest for two errors is so for those in between.
         " … ".join(dict.fromkeys(percent(end, 3) for end in (holds[0], holds[-1]))) if holds else "",
     )
-
-
-def _order(order: Order) -> str:
-    observed = "not observed" if order.observed is None else f"{order.observed:.2f} observed"
-    theory = "" if order.theory is None else f", {order.theory.order:g} in theory ({order.theory.why})"
-    return f"order of convergence, {order.series}: {observed}{theory}"
 
 
 def picks_text(picks: Iterable[Pick]) -> str:
@@ -554,17 +551,17 @@ def extreme_picture(verdicts: Sequence[Verdict]) -> bytes:
     with plot_style():
         figure, (axis,) = _figure(1)
         axis.plot([LEAST, 10], [LEAST, 10], color=PALE, linewidth=1)
-        domains = list(dict.fromkeys(found.domain for found in verdicts))
+        marks = dict(zip(dict.fromkeys(found.domain for found in verdicts), cycle(MARKS), strict=False))
         for found in verdicts:
             if isfinite(found.error) and isfinite(found.stated_error):
                 place = (max(found.stated_error, LEAST), max(found.error, LEAST))
-                mark = MARKS[domains.index(found.domain) % len(MARKS)]
-                axis.plot(*place, mark, color=VERDICT_COLOURS[found.verdict], markersize=5, linestyle="none")
-        for index, domain in enumerate(domains):
-            axis.plot([], [], MARKS[index % len(MARKS)], color=INK, linestyle="none", label=domain)
+                colour = VERDICT_COLOURS[found.verdict]
+                axis.plot(*place, marks[found.domain], color=colour, markersize=5, linestyle="none")
+        for domain, mark in marks.items():
+            axis.plot([], [], mark, color=INK, linestyle="none", label=domain)
         axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")
         axis.set_title("extreme cases: green below the line is right, red is worse than stated")
-        if domains:
+        if marks:
             axis.legend(frameon=False)
         axis.grid(alpha=0.25)
         return plot_bytes(figure, "svg")
@@ -583,10 +580,11 @@ def _figure(count: int) -> tuple[Any, list[Any]]:
 
 
 def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
-    models = list(dict.fromkeys(row.rung.model for result in results for row in result.rows))
+    models = dict.fromkeys(row.rung.model for result in results for row in result.rows)
+    colours, marked = dict(zip(models, cycle(COLOURS), strict=False)), list(zip(results, cycle(MARKS), strict=False))
     drawn = [
-        (result, row, holds)
-        for result in results
+        (row, mark, holds)
+        for result, mark in marked
         for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True)
         if isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
     ]
@@ -595,9 +593,8 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
         axis.text(0.5, 0.5, "no reference, so no errors", ha="center", va="center", transform=axis.transAxes)
         axis.set_axis_off()
         return
-    for result, row, holds in drawn:
-        colour = COLOURS[models.index(row.rung.model) % len(COLOURS)]
-        mark = MARKS[results.index(result) % len(MARKS)]
+    for row, mark, holds in drawn:
+        colour = colours[row.rung.model]
         # What cannot be told from the reference's own error is hollow: the error is at most this.
         fill = "white" if row.is_bound else colour
         axis.plot(*_place(row), mark, color=colour, markerfacecolor=fill, markersize=6, zorder=3)
@@ -605,12 +602,11 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
             axis.plot(*_place(row), "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
             right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
             axis.annotate(", ".join(names), _place(row), **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
-    for model in dict.fromkeys(row.rung.model for _, row, _ in drawn):
-        colour = COLOURS[models.index(model) % len(COLOURS)]
-        axis.plot([], [], "o", color=colour, label=model)
-    for index, result in enumerate(results if len(results) > 1 else ()):
-        axis.plot([], [], MARKS[index % len(MARKS)], color=INK, label=result.ladder.subject)
-    places = [_place(row) for _, row, _ in drawn]
+    for model in dict.fromkeys(row.rung.model for row, *_ in drawn):
+        axis.plot([], [], "o", color=colours[model], label=model)
+    for result, mark in marked if len(results) > 1 else ():
+        axis.plot([], [], mark, color=INK, label=result.ladder.subject)
+    places = [_place(row) for row, *_ in drawn]
     axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
     axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
     for tolerance in tolerances:

@@ -47,8 +47,7 @@ class Mesh(NamedTuple):
     @property
     def corners_mm(self) -> np.ndarray:
         """Coordinates of each triangle's corners in mm, (T, 3, 3)."""
-        corners: np.ndarray = self.vertices_mm[self.triangles]
-        return corners
+        return np.asarray(self.vertices_mm[self.triangles])
 
 
 def unit_normals(corners_mm: np.ndarray) -> np.ndarray:

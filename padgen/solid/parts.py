@@ -30,7 +30,17 @@ from padgen.planner.fixtures import (
     washer_underside_mm,
 )
 from padgen.planner.plan import Plan
-from padgen.solid.checks import BUILT_MM, Report, check_against, check_mesh, check_pad, few, told, volume_findings
+from padgen.solid.checks import (
+    BUILT_MM,
+    Report,
+    as_built,
+    check_against,
+    check_mesh,
+    check_pad,
+    few,
+    told,
+    volume_findings,
+)
 from padgen.solid.compare import Pose, differences, pose_of
 from padgen.solid.formats import Part
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
@@ -151,7 +161,7 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
         # check_mesh has reported it.
         return Report(figures, tuple(findings))
     if mesh is not built.mesh:
-        findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
+        findings += few(told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None))
     gauges = list(measured_tray(tray, spec, solid))
     findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
@@ -212,9 +222,9 @@ def _off(gauges: list[Dimension]) -> Iterator[Finding]:
     for g in gauges:
         within_mm = BUILT_MM + g.facets_mm
         if not abs(g.built_mm - g.planned_mm) <= within_mm:
-            built = f"{number(g.built_mm)} mm" if isfinite(g.built_mm) else "missing"
             planned = f"{number(g.planned_mm)} mm within {number(within_mm)} mm"
-            yield Finding("error", "tray.built", g.where, f"its {g.name} is {built}, planned are {planned}")
+            sentence = f"its {g.name} is {as_built(g.built_mm)}, planned are {planned}"
+            yield Finding("error", "tray.built", g.where, sentence)
 
 
 def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
