@@ -265,28 +265,20 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
     return Solved(np.array([float(model.resonance_hz)]), float(model.error_estimate))
 
 
-def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
-    """Yield the cases: each is one step away from a plain beam of 10 × 1 × 1 mm."""
-    plain = Cantilever(1e-3, 1e-3, 10e-3)
-    for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
-        beam = plain._replace(thickness=per_length * plain.length)
-        yield f"thickness {per_length:.3g} of the length", beam
-        yield (
-            f"thickness {per_length:.3g} of the length, body 10 times its mass",
-            beam._replace(mass_ratio=10.0, offset=2e-3, gyration=0.1),
-        )
-    for width_ratio in (0.2, 1.0, 5.0, 20.0):
-        yield f"width {width_ratio:g} of the thickness", plain._replace(width=width_ratio * plain.thickness)
-    for ratio in 10.0 ** np.arange(-3, 4):
-        yield f"tip mass {ratio:g} of the beam's", plain._replace(mass_ratio=float(ratio), offset=1e-3, gyration=0.2)
-    yield "foil of 0.1 mm, 15 mm long", Cantilever(1e-3, 1e-4, 15e-3, 100.0, 3e-3, 0.1)
-    yield "steel beam under a resin plate", Cantilever(1e-3, 2e-4, 5e-3, 12.0, 2e-3, 0.3, 200e9, 0.3, 7850.0)
-
-
 def structure_cases() -> Iterator[ExtremeCase]:
-    """Yield all cases of the structure ladder's beam rungs."""
+    """Yield all cases of the structure ladder's beam rungs: first those one step away from a plain beam."""
+    plain, beams = Cantilever(1e-3, 1e-3, 10e-3), {}
+    for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
+        name, beam = f"thickness {per_length:.3g} of the length", plain._replace(thickness=per_length * plain.length)
+        beams[name] = beam
+        beams[f"{name}, body 10 times its mass"] = beam._replace(mass_ratio=10.0, offset=2e-3, gyration=0.1)
+    beams |= {f"width {k:g} of the thickness": plain._replace(width=k * plain.thickness) for k in (0.2, 1.0, 5.0, 20.0)}
+    for ratio in (10.0 ** np.arange(-3, 4)).tolist():
+        beams[f"tip mass {ratio:g} of the beam's"] = plain._replace(mass_ratio=ratio, offset=1e-3, gyration=0.2)
+    beams["foil of 0.1 mm, 15 mm long"] = Cantilever(1e-3, 1e-4, 15e-3, 100.0, 3e-3, 0.1)
+    beams["steel beam under a resin plate"] = Cantilever(1e-3, 2e-4, 5e-3, 12.0, 2e-3, 0.3, 200e9, 0.3, 7850.0)
     source = "roots of Timoshenko's frequency equation, forty digits"
-    for name, beam in _cantilevers():
+    for name, beam in beams.items():
         solve, reference = partial(frame_answer, beam), partial(exact_frequencies, beam)
         yield ExtremeCase(name, "structure", "frame", solve, reference, source)
     source = "3-D elasticity of the printed solid, order 3, 0.3 %"
