@@ -275,9 +275,12 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
     found = []
     for name in names:
-        own = [row for row in rows if row.rung.series == name and not isnan(row.rung.step)]
-        own = [row for row in own if row.measured.values is not None]
-        # Errors that the reference's own does not blur.
+        own = [
+            row
+            for row in rows
+            if row.rung.series == name and not isnan(row.rung.step) and row.measured.values is not None
+        ]
+        # Those whose error the reference's own does not blur.
         clear = [row for row in own if row.error > CLEAR * uncertainty]
         theory, order = ladder.theory.get(name), None
         if not (theory and theory.same_limit):

@@ -460,7 +460,8 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
     """Yield one ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
     plan = scene.plan
     for place, channel in enumerate(chosen_channels(plan)):
-        of, frame, step = (plan.spec, channel), partial(frame_hz, plan.spec, channel), scene.step(channel)
+        taxel, step = (plan.spec, channel), scene.step(channel)
+        frame = partial(frame_hz, *taxel)
         frames = (
             Rung("frame", f"{count} element{'s' * (count > 1)} a beam", partial(frame, count), FRAME, 1 / count, FRAMES)
             for count in ELEMENTS
@@ -475,8 +476,8 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
             "working resonance",
             "Hz",
             (
-                Rung("rule", "the paper's point mass", partial(rule_hz, *of)),
-                Rung("beam", "rigid plate, 6 degrees of freedom", partial(beam_hz, *of)),
+                Rung("rule", "the paper's point mass", partial(rule_hz, *taxel)),
+                Rung("beam", "rigid plate, 6 degrees of freedom", partial(beam_hz, *taxel)),
                 *frames,
                 Rung("frame", f"{FULL} higher-order elements a beam", partial(frame, FULL, True), imports=FRAMES),
                 *solids,
