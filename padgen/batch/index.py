@@ -30,7 +30,7 @@ from padgen.batch.definition import Sweep, variant_name
 from padgen.batch.variant import STATUSES, Record
 from padgen.core.display import PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError
-from padgen.core.files import OutputFolder, json_line, reason
+from padgen.core.files import OutputFolder, csv_cell, json_line, reason
 from padgen.planner.drive_rows import table_csv
 
 __all__ = [
@@ -476,7 +476,7 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
             own = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
             before, after = ([own.get(name, getattr(record, name, "")) for name in names] for names in COLUMNS)
             varied, reached = map(record.values.get, axes), map(record.figures.get, figures)
-            row = tuple(map(_cell, (*before, *varied, *reached, *after)))
+            row = tuple(map(csv_cell, (*before, *varied, *reached, *after)))
             writer.writerow(row)
             yield record, row
 
@@ -490,14 +490,6 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
         out.write_by(INDEX, write)
         out.commit(remove=PARETO_FILES)
     return found[0]
-
-
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return f"{value:.10g}"
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _parsed(line: bytes) -> Record | int | None:

@@ -45,6 +45,7 @@ __all__ = [
     "OutputFolder",
     "answer_within",
     "built_files",
+    "csv_cell",
     "differs",
     "file_hash",
     "is_current",
@@ -370,6 +371,19 @@ def json_text(table: Any) -> str:
 def json_line(table: Any) -> str:
     """Return the same JSON on one line, for streams and journals."""
     return _escaped(json.dumps(_plain(table), ensure_ascii=False))
+
+
+def csv_cell(value: Any) -> str:
+    """Return a value as the text of a cell: numbers with ten significant digits, empty for None, NaN and infinity.
+
+    >>> csv_cell(1 / 3), csv_cell(float("inf")), csv_cell([50, 200]), csv_cell(True)
+    ('0.3333333333', '', '[50, 200]', 'true')
+    """
+    if isinstance(value, float) and isfinite(value):
+        return f"{value:.10g}"
+    if value is None or isinstance(value, float):
+        return ""
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _escaped(text: str) -> str:

@@ -23,7 +23,7 @@ from padgen import __version__
 from padgen.core.cache import version
 from padgen.core.display import COLOURS, INK, PALE, plot_bytes, plot_style, seconds_text, table
 from padgen.core.errors import percent
-from padgen.core.files import OutputFolder, file_hash, json_text
+from padgen.core.files import OutputFolder, csv_cell, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
 from padgen.ladders.extreme import (
@@ -350,8 +350,8 @@ def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequ
         with uninterrupted():
             progress("drawing")
             table = {**_about(), "stopped": bool(study.missing), "cases": verdicts}
-            texts = _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts]), json_text(table)
-            _commit(out, EXTREME_FILES, (*texts, extreme_picture(verdicts)))
+            text = table_csv(EXTREME_COLUMNS, [list(map(csv_cell, astuple(found))) for found in verdicts])
+            _commit(out, EXTREME_FILES, (text, json_text(table), extreme_picture(verdicts)))
     return study
 
 
@@ -398,13 +398,8 @@ def study_csv(study: Study) -> str:
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
             table["recommended_for"] = " ".join(f"{tolerance:g}" for tolerance in holds)
-            rows.append([table[name] for name in COLUMNS])
-    return _csv(COLUMNS, rows)
-
-
-def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    cells = ([v if not isinstance(v, float) else f"{v:.10g}" if isfinite(v) else "" for v in row] for row in rows)
-    return table_csv(columns, cells)
+            rows.append([csv_cell(table[name]) for name in COLUMNS])
+    return table_csv(COLUMNS, rows)
 
 
 def study_json(study: Study) -> str:

@@ -18,6 +18,7 @@ __all__ = [
     "Mesh",
     "Topology",
     "as_manifold",
+    "expanded",
     "intersecting_pairs",
     "shells",
     "signed_volume_mm3",
@@ -99,6 +100,16 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
     triangles = number[triangles]
     a, b, c = triangles.T
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
+
+
+def expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each item of runs of `counts` items the index of its run and its place in that, from 0.
+
+    >>> expanded(np.array([2, 0, 3]))
+    (array([0, 0, 2, 2, 2]), array([0, 1, 0, 1, 2]))
+    """
+    run = np.repeat(np.arange(len(counts)), counts)
+    return run, np.arange(len(run)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str, weld: bool = True) -> Mesh:
@@ -247,9 +258,8 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
         np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE)
     )
     for chunk in np.split(np.arange(len(owner)), np.unique(np.minimum(stops + 1, len(owner)))):
-        mine = np.repeat(chunk, partners[chunk])
-        step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])
-        a, b = owner[mine], owner[mine + 1 + step]
+        run, step = expanded(partners[chunk])
+        a, b = owner[chunk[run]], owner[chunk[run] + 1 + step]
         for axis in (2, 0, 1):
             # Triangles whose boxes only touch cannot pierce, such as those of one horizontal face.
             overlap = (low[a, axis] < high[b, axis]) & (low[b, axis] < high[a, axis])
@@ -272,8 +282,7 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         spans = last - first + 1
         cells = spans.prod(1)
         if cells.sum() <= MOST_CELLS * count:
-            owner = np.repeat(np.arange(count), cells)
-            at = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+            owner, at = expanded(cells)
             column = first[owner, 0] + at % spans[owner, 0]
             row = first[owner, 1] + at // spans[owner, 0]
             key = column * (int(last[:, 1].max()) + 1) + row

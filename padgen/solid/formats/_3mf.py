@@ -21,7 +21,7 @@ from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.plan import Plan
 from padgen.planner.printing import prusa_profile
 from padgen.solid.formats import ExportJob, verified, verified_volume
-from padgen.solid.mesh import AT_ONCE, Mesh, sound_mesh
+from padgen.solid.mesh import AT_ONCE, Mesh, expanded, sound_mesh
 from padgen.solid.pad_solid import PadSolid, turned_grid
 
 __all__ = ["LARGEST_FILE", "MOST_TRIANGLES", "picture_png", "read_3mf", "threemf_bytes", "write"]
@@ -364,7 +364,5 @@ def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Expand runs ``first … last`` into single steps: the index of each step's run, and its place."""
-    count = np.maximum(last - first + 1, 0).astype(np.int64)
-    index = np.repeat(np.arange(len(count)), count)
-    start = np.cumsum(count) - count
-    return index, first[index].astype(np.int64) + np.arange(len(index)) - start[index]
+    run, step = expanded(np.maximum(last - first + 1, 0).astype(np.int64))
+    return run, first[run].astype(np.int64) + step
