@@ -16,7 +16,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from io import FileIO
 from itertools import islice
 from math import nan
@@ -359,7 +359,6 @@ COLUMNS = (
 )
 """Before and after the varied fields and the figures; all but the last two are the same in every run."""
 NOWHERE, FORGOTTEN = -1, "forgotten"
-NAMES = tuple(f.name for f in fields(Record))
 
 
 class Journal:
@@ -422,8 +421,8 @@ class Journal:
 
     def add(self, record: Record) -> None:
         """Keep a record; the system has it when this returns."""
-        table = {name: getattr(record, name) for name in NAMES}
-        self._places[record.number] = self._write(table | {"sentence": " ".join(record.sentence.split())})
+        one_line = replace(record, sentence=" ".join(record.sentence.split()))
+        self._places[record.number] = self._write(one_line)
 
     def forget(self, number: int) -> None:
         """Leave a variant out from now on."""
@@ -441,7 +440,7 @@ class Journal:
                 return
         raise FileError("was removed while the sweep ran", str(self.path))
 
-    def _write(self, table: dict[str, Any]) -> int:
+    def _write(self, table: Record | dict[str, int]) -> int:
         """Write a line by one call without buffers, so that a crash can tear the last one only; return its place."""
         place, rest = self._file.seek(0, os.SEEK_END), (json_line(table) + "\n").encode()
         try:

@@ -613,11 +613,12 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
         if stat.S_ISREG(found.st_mode):
             data = b"" if found.st_size > most_bytes else _read_at_most(path, most_bytes + 1, found.st_size + 1)
         else:
-            # In a thread, since even opening a pipe waits for its writer.
-            data = answer_within(LONGEST_PIPE_S, partial(_read_at_most, path, most_bytes + 1))
-    except TimeoutError as error:
-        advice = f"it did not end within {LONGEST_PIPE_S:g} s; write it to a file first"
-        raise FileError(f"cannot be read ({advice})", str(path)) from error
+            try:
+                # In a thread, since even opening a pipe waits for its writer.
+                data = answer_within(LONGEST_PIPE_S, partial(_read_at_most, path, most_bytes + 1))
+            except TimeoutError as error:
+                advice = f"it did not end within {LONGEST_PIPE_S:g} s; write it to a file first"
+                raise FileError(f"cannot be read ({advice})", str(path)) from error
     except (OSError, ValueError) as error:  # the latter where the name is impossible for a file
         told = reason(error) if isinstance(error, OSError) else error
         raise FileError(f"cannot be read ({told})", str(path)) from error

@@ -44,6 +44,7 @@ __all__ = [
     "Theory",
     "Timed",
     "apart",
+    "by_ladder",
     "chosen_channels",
     "distinct_channels",
     "judged",
@@ -364,15 +365,20 @@ def _holds(row: Row, tolerance: float) -> bool:
     return row.rung.offered and row.at_most <= tolerance
 
 
+def by_ladder(results: Iterable[Judged]) -> dict[str, list[Judged]]:
+    """Return the results of each ladder's subjects by the ladder's name."""
+    found: dict[str, list[Judged]] = {}
+    for result in results:
+        found.setdefault(result.ladder.name, []).append(result)
+    return found
+
+
 def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
     """Return for each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
 
     A ladder and tolerance for which none is known has a `Pick` without a model.
     """
-    by_ladder: dict[str, list[Judged]] = {}
-    for result in results:
-        by_ladder.setdefault(result.ladder.name, []).append(result)
-    return tuple(_pick(name, own, tol) for name, own in by_ladder.items() for tol in tolerances)
+    return tuple(_pick(name, own, tol) for name, own in by_ladder(results).items() for tol in tolerances)
 
 
 def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:

@@ -47,6 +47,7 @@ from padgen.ladders.rung import (
     Scene,
     Solved,
     apart,
+    by_ladder,
     judged,
     measured,
     picks,
@@ -205,9 +206,7 @@ class Study:
     def plot(self) -> Any:
         """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
         with plot_style():
-            panels: dict[str, list[Judged]] = {}
-            for result in self.ladders:
-                panels.setdefault(result.ladder.name, []).append(result)
+            panels = by_ladder(self.ladders)
             figure, axes = _figure(max(len(panels), 1))
             for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
                 _panel(axis, ladder, own, self.tolerances)
@@ -314,8 +313,7 @@ def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: Non
                 ladder.before()
             for rung in ladder.rungs:
                 done += 1
-                where = f"{ladder.name}, {ladder.subject}: {rung.model}, {rung.resolution}"
-                progress(f"rung {done} of {total}: {where}")
+                progress(f"rung {done} of {total}: {ladder.name}, {ladder.subject}: {rung.model}, {rung.resolution}")
                 own.append(measured(rung))
     if total and not any(found):
         raise KeyboardInterrupt

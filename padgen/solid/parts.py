@@ -325,6 +325,15 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     if "tray" in (parts_g or {}):
         screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm)
         screws = f"{screw.name} x {number(screw.length_mm)} mm {screws}" if screw else screws
+    own, load, parts = spec.amplifier, plan.load, plan.parts
+    some = (
+        f"{own.name}: {own.channels} channels"
+        if own
+        else "; or ".join(f"{n} x {name}" for name, n in parts.amplifiers.items())
+    )
+    cards = "; or ".join((*parts.sound_cards, "a board with as many converters"))
+    asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
+    glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
     rows = [
         (
             "washer",
@@ -343,17 +352,6 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if pad.hole_diameter_mm else 0, "pieces", screws),
-    ]
-    own, load, parts = spec.amplifier, plan.load, plan.parts
-    some = (
-        f"{own.name}: {own.channels} channels"
-        if own
-        else "; or ".join(f"{n} x {name}" for name, n in parts.amplifiers.items())
-    )
-    cards = "; or ".join((*parts.sound_cards, "a board with as many converters"))
-    asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
-    glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
-    rows += [
         ("amplifier channel", coils, "pieces", f"{asked}{'' if some == '' else f' ({some})'}"),
         ("sound card", 1, "pieces", f"{coils} outputs: {cards}"),
         (
