@@ -126,19 +126,18 @@ def mode_heights(arrangement: Arrangement, channel: Channel, points_mm: np.ndarr
     )
     result = np.where(in_window & in_block, rigid(x, y), 0.0)
     bends = in_window & ~in_block
-    nearest = np.full(int(bends.sum()), np.inf)
+    places, curves = [], []
     for path in arrangement.beams:
         points, share = _stations(path, 2 * STATIONS, 2)
-        places = np.array([(point.x_mm, point.y_mm) for point in points], float)
-        tip, ahead = places[-1], np.array([path.corners[-1].along_x, path.corners[-1].along_y], float)
+        places += [(float(point.x_mm), float(point.y_mm)) for point in points]
+        tip, ahead = np.array(places[-1]), np.array([path.corners[-1].along_x, path.corners[-1].along_y], float)
         there = float(rigid(*tip))
         slope = float(path.length_mm) * float(rigid(*(tip + ahead)) - rigid(*tip))
-        curve = (3 * there - slope) * share**2 + (slope - 2 * there) * share**3
-        away = np.hypot(x[bends, None] - places[:, 0], y[bends, None] - places[:, 1])
-        own = away.argmin(1)
-        closer = away.min(1) < nearest
-        result[bends] = np.where(closer, curve[own], result[bends])
-        nearest = np.minimum(nearest, away.min(1))
+        curves.append((3 * there - slope) * share**2 + (slope - 2 * there) * share**3)
+    # What bends moves as the nearest station of any beam does.
+    beam_x, beam_y = np.array(places).T
+    away = np.hypot(x[bends, None] - beam_x, y[bends, None] - beam_y)
+    result[bends] = np.concatenate(curves)[away.argmin(1)]
     return result
 
 
