@@ -433,11 +433,10 @@ class OutputFolder:
 
     def __enter__(self) -> "OutputFolder":
         try:
-            missing = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
+            self._made = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
             recover(self.path)
             _drop_partial(self.path)
             self._aside.mkdir(parents=True)
-            self._made = missing
         except OSError as error:
             raise FileError(f"cannot be written to ({reason(error)})", str(self.path)) from error
         return self

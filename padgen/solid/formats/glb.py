@@ -36,8 +36,8 @@ def write(out: OutputFolder, job: ExportJob) -> None:
         name: pbr(name=name, baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=0.8)
         for name, colour in COLOURS.items()
     }
-    count = 0
-    for part in scene_parts(job.plan, job.pad):
+    parts = scene_parts(job.plan, job.pad)
+    for part in parts:
         # A normal for each corner of each triangle, so that edges stay sharp.
         corners = part.mesh.corners_mm
         number = np.arange(3 * len(corners)).reshape(-1, 3)
@@ -49,9 +49,8 @@ def write(out: OutputFolder, job: ExportJob) -> None:
             at = np.diag([-1.0, -1.0, 1.0, 1.0]) if place.turned else np.eye(4)
             at[:3, 3] = place.x_mm, place.y_mm, place.z_mm
             scene.graph.update(place.name, matrix=turn @ at, geometry=part.name)
-            count += 1
     data = scene.export(file_type="glb", include_normals=True)
     back = trimesh.load(trimesh.util.wrap_as_stream(data), file_type="glb")
-    if len(back.graph.nodes_geometry) != count:
+    if len(back.graph.nodes_geometry) != sum(len(part.places) for part in parts):
         raise GeometryError("read back, it lacks parts", "pad.glb")
     out.write("pad.glb", bytes(data))
