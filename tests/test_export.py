@@ -176,25 +176,27 @@ def test_formats_are_parsed_in_order():
 
 
 def test_picture_shows_the_nearer_part(monkeypatch):
-    """From above a small red plate lies over a large blue one: red in the middle, blue around it, white outside."""
+    """From above a small level plate lies over a large tilted one, which is lit less, though it is drawn later."""
     from PIL import Image
 
     monkeypatch.setattr(_3mf, "AZIMUTH", 0.0)
     monkeypatch.setattr(_3mf, "ELEVATION", np.pi / 2)
 
-    def plate(half, z):
-        corners = np.array([[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]], float)
-        return Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    def plate(half, low, high):
+        return [[-half, -half, low], [half, -half, high], [half, half, high], [-half, half, low]]
 
-    data = _3mf.picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40))
-    image = np.asarray(Image.open(io.BytesIO(data)))
+    def pixels(*plates):
+        triangles = [[4 * k, 4 * k + corner, 4 * k + corner + 1] for k in range(len(plates)) for corner in (1, 2)]
+        data = _3mf.picture_png(Mesh(np.concatenate(plates).astype(float), np.array(triangles)), (60, 40))
+        assert data == _3mf.picture_png(Mesh(np.concatenate(plates).astype(float), np.array(triangles)), (60, 40))
+        return np.asarray(Image.open(io.BytesIO(data)))
+
+    level, tilted = plate(1, 6, 6), plate(3, -5, 5)
+    image = pixels(level, tilted)
     assert image.shape == (40, 60, 3)
-    red, blue, white = image[20, 30], image[20, 42], image[2, 2]
-    assert red[0] > 100 > red[2]
-    assert blue[2] > 100 > blue[0]
-    assert white.tolist() == [255, 255, 255]
-    again = _3mf.picture_png([(plate(1, 1), (1, 0, 0)), (plate(3, 0), (0, 0, 1))], (60, 40))
-    assert data == again
+    assert image[20, 30].tolist() == pixels(level)[20, 30].tolist()
+    assert image[20, 42].tolist() == pixels(tilted)[20, 30].tolist() < image[20, 30].tolist()
+    assert image[2, 2].tolist() == [255, 255, 255]
 
 
 def test_dropped_formats_leave_no_stale_files(tmp_path):

@@ -18,7 +18,7 @@ import pytest
 
 import padgen as pg
 from padgen.cli import run
-from padgen.core.display import seconds_text
+from padgen.core.display import plot_bytes, seconds_text
 from padgen.core.errors import PadgenError, SolverError, SpecError, percent
 from padgen.ladders.extreme import outcome, random_table, selectivity_cases, solid_cases, spec_cases
 from padgen.ladders.rung import (
@@ -55,7 +55,6 @@ from padgen.ladders.study import (
     run_study,
     study_csv,
     study_json,
-    study_pictures,
     study_text,
     verdict_of,
 )
@@ -303,7 +302,7 @@ def result():
 
 
 def test_csv_has_a_row_per_rung(result):
-    rows = list(csv.DictReader(io.StringIO(study_csv([result]))))
+    rows = list(csv.DictReader(io.StringIO(study_csv(_study(result)))))
     assert [row["model"] for row in rows] == ["crude", "gone", *["model"] * 4]
     # The reference is 0.00156 above the truth, and known to that and 0.0047: too little for 0.001.
     assert float(rows[0]["error"]) == pytest.approx(1.3 / 1.0015625 - 1)
@@ -313,7 +312,7 @@ def test_csv_has_a_row_per_rung(result):
 
 
 def test_json_has_what_was_measured_and_what_is_recommended(result):
-    told = json.loads(study_json([result], {"name": "test"}))
+    told = json.loads(study_json(replace(_study(result), about={"name": "test"})))
     assert told["name"] == "test"
     (ladder,) = told["ladders"]
     assert [rung["note"] for rung in ladder["rungs"]] == ["", "refused: it is gone", "", "", "", ""]
@@ -325,7 +324,7 @@ def test_json_has_what_was_measured_and_what_is_recommended(result):
 
 
 def test_the_same_figures_draw_the_same_bytes(result):
-    one, two = (study_pictures([result], TOLERANCES, "test") for _ in range(2))
+    one, two = ([plot_bytes(_study(result).plot(), kind) for kind in ("svg", "png")] for _ in range(2))
     assert one == two
     assert b"dc:date" not in one[0]
     assert one[1].startswith(b"\x89PNG")
@@ -335,7 +334,7 @@ def test_the_same_figures_draw_the_same_bytes(result):
 
 def test_a_ladder_without_reference_is_drawn_and_told(result):
     bare = judged(result.ladder, [Measured(note="refused: no engine")] * 6)
-    assert study_pictures([bare], TOLERANCES, "test")[0]
+    assert plot_bytes(_study(bare).plot(), "svg")
     assert "there is no reference" in study_text(_study(bare))
 
 
@@ -570,7 +569,7 @@ def solved(name: str):
 def test_elements_know_their_error():
     """One case of the list; `padgen study --extreme` runs all, and solves the references anew.
 
-    138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme._by_finer`, NGSolve 6.2.2608,
+    138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme.solid_answer`, NGSolve 6.2.2608,
     not extrapolated: good to 1e-3); resonances go with the root of the moduli.
     """
     answer, truth = run_apart(solved, "modulus 1e+12 Pa, steel in proportion"), 138.80316391 * sqrt(1e12 / 3e9)

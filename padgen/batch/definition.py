@@ -131,8 +131,7 @@ def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
         raise SpecError(f"uses {ast.unparse(node)!r}, whose operator is not known here", where)
     if isinstance(node, ast.Constant) and not isinstance(node.value, (int, float, str)):
         raise SpecError(f"uses {shown(node.value)}, which is neither number nor text, true or false", where)
-    allowed = (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)
-    if not isinstance(node, allowed):
+    if not isinstance(node, (ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare, ast.Constant, ast.Call, ast.Subscript)):
         raise SpecError(f"uses {ast.unparse(node)!r}, which is none of comparison, arithmetic, and, or, not", where)
     if isinstance(node, ast.Call) and (ast.unparse(node.func) not in FUNCTIONS or node.keywords):
         raise SpecError(f"calls {ast.unparse(node.func)!r}, known are {', '.join(FUNCTIONS)}", where)
@@ -284,9 +283,9 @@ def load_sweep(path: str) -> Sweep:
     return _sweep(read_toml(Path(path), path or "SWEEP"), Path(path).parent, path)
 
 
-def parse_sweep(content: str, where: str = "sweep", folder: Path = Path()) -> Sweep:
+def parse_sweep(content: str, folder: Path = Path()) -> Sweep:
     """Make a `Sweep` from TOML text; the files that it names lie in `folder`."""
-    return _sweep(parse_toml(content, where), folder, where)
+    return _sweep(parse_toml(content, "sweep"), folder, "sweep")
 
 
 def sweep_over(spec: Spec, axes: dict[str, Any], stage: str = "plan") -> Sweep:
@@ -364,7 +363,18 @@ def _checked_sample(table: Any) -> Sample:
 def _axes(table: Any, linked: Any, sample: Sample) -> tuple[Axis, ...]:
     if not isinstance(table, dict) or not isinstance(linked, list):
         raise SpecError("must be a table of fields ([axes]), and [[linked]] tables", "axes")
-    axes = [_axis(name, value, sample) for name, value in _flat(table)] + [_linked(entry) for entry in linked]
+    axes = [_axis(name, value, sample) for name, value in _flat(table)]
+    for entry in linked:
+        pairs = _flat(entry) if isinstance(entry, dict) else []
+        if not pairs:
+            raise SpecError("must be a table of fields with lists of one length", "linked")
+        first, wanted = pairs[0]
+        for name, values in pairs:
+            _listed(name, values, f"linked.{name}")
+            if len(values) != len(wanted):
+                sentence = f"must have {len(wanted)} values as {first} has, got {len(values)}"
+                raise SpecError(sentence, f"linked.{name}")
+        axes.append(Axis(tuple(name for name, _ in pairs), tuple(zip(*(values for _, values in pairs), strict=True))))
     names = [name for axis in axes for name in axis.fields]
     for name in names:
         if names.count(name) > 1:
@@ -403,8 +413,7 @@ def _axis(name: str, value: Any, sample: Sample) -> Axis:
     if span.scale == "log" and low <= 0:
         raise SpecError(f"must be above 0 on a log scale, got {number(low)}", f"{where}.low")
     if sample.method == "grid" and steps < 2:
-        example = f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
-        got = f"got {steps}" if steps else example
+        got = f"got {steps}" if steps else f"as {{ low = {number(low)}, high = {number(high)}, steps = 5 }}"
         raise SpecError(f"must be a whole number, 2 … {MOST_VALUES}, {got}", f"{where}.steps")
     if kind is int:
         if ceil(low) > floor(high):
@@ -414,19 +423,6 @@ def _axis(name: str, value: Any, sample: Sample) -> Axis:
     if sample.method != "grid":
         return axis
     return replace(axis, values=tuple(dict.fromkeys(axis.at(k / (steps - 1)) for k in range(steps))))
-
-
-def _linked(entry: Any) -> Axis:
-    pairs = _flat(entry) if isinstance(entry, dict) else []
-    if not pairs:
-        raise SpecError("must be a table of fields with lists of one length", "linked")
-    for name, values in pairs:
-        _listed(name, values, f"linked.{name}")
-        if len(values) != len(pairs[0][1]):
-            raise SpecError(
-                f"must have {len(pairs[0][1])} values as {pairs[0][0]} has, got {len(values)}", f"linked.{name}"
-            )
-    return Axis(tuple(name for name, _ in pairs), tuple(zip(*(values for _, values in pairs), strict=True)))
 
 
 def _listed(name: str, values: Any, where: str) -> list[Any]:

@@ -2,7 +2,7 @@
 
 The journal (`index.jsonl`) has one line of JSON a record, each written by one call, so that a crash can tear
 the last one only; a torn line is passed over. It is read when it is opened; of each variant only its place in the
-journal, its state and 64 bits of its key are held in memory, 17 bytes, however large its record is.
+journal, 8 bytes, is held in memory, however large its record is.
 
 The front has the variants that no other one beats: as good in every objective and better in one; equals stay, all of
 them. Rows come in one pass: memory holds the front, one block of rows and a thinned rest, however many there are. The
@@ -16,7 +16,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from io import FileIO
 from itertools import islice
 from math import nan
@@ -30,7 +30,7 @@ from padgen.batch.definition import Sweep, variant_name
 from padgen.batch.variant import STATUSES, Record
 from padgen.core.display import PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError
-from padgen.core.files import OutputFolder, json_line, reason
+from padgen.core.files import OutputFolder, csv_cell, json_line, reason
 from padgen.planner.drive_rows import table_csv
 
 __all__ = [
@@ -223,7 +223,9 @@ def pareto_csv(overview: Overview) -> str:
 
 
 def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str, ...], str]:
-    """Write the front of a sweep beside its index; the files' names, and why there is no picture, if so.
+    """Write the front of a sweep beside its index.
+
+    Return the names of the files, and why there is no picture, empty where there is one.
 
     Raises
     ------
@@ -248,8 +250,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
     beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
     """
-    values = overview.points
-    differ = [i for i, column in enumerate(values.T) if len(np.unique(column[np.isfinite(column)])) > 1]
+    differ = [i for i, column in enumerate(overview.points.T) if len(np.unique(column[np.isfinite(column)])) > 1]
     if not len(overview.values) or len(differ) < 2:
         return None
     from matplotlib.figure import Figure
@@ -273,8 +274,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
             if _is_wide(overview, objective):
                 axis._set_axes_scale("log")
                 axis.set_major_formatter("{x:g}")
-        handles = axes[0, 0].get_legend_handles_labels()
-        figure.legend(*handles, loc="outside right upper", frameon=False)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
         figure.colorbar(points, ax=axes, shrink=0.5, format="{x:g}", label=f"colour: {labels[hue]}")
         figure.suptitle(title, x=0.01, ha="left", fontsize=9)
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
@@ -333,8 +333,8 @@ def _is_wide(overview: Overview, objective: int) -> bool:
     """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
-    wide = finite.size and finite.min() > 0 and finite.max() > WIDE * finite.min()
-    return bool(wide and overview.objectives[objective] in RATIOS)
+    has_ratio = overview.objectives[objective] in RATIOS and finite.size and finite.min() > 0
+    return bool(has_ratio and finite.max() > WIDE * finite.min())
 
 
 def _title(overview: Overview, name: str) -> str:
@@ -359,7 +359,6 @@ COLUMNS = (
 )
 """Before and after the varied fields and the figures; all but the last two are the same in every run."""
 NOWHERE, FORGOTTEN = -1, "forgotten"
-NAMES = tuple(f.name for f in fields(Record))
 
 
 class Journal:
@@ -422,8 +421,8 @@ class Journal:
 
     def add(self, record: Record) -> None:
         """Keep a record; the system has it when this returns."""
-        table = {name: getattr(record, name) for name in NAMES}
-        self._places[record.number] = self._write(table | {"sentence": " ".join(record.sentence.split())})
+        one_line = replace(record, sentence=" ".join(record.sentence.split()))
+        self._places[record.number] = self._write(one_line)
 
     def forget(self, number: int) -> None:
         """Leave a variant out from now on."""
@@ -441,8 +440,8 @@ class Journal:
                 return
         raise FileError("was removed while the sweep ran", str(self.path))
 
-    def _write(self, table: dict[str, Any]) -> int:
-        """Write a line, by one call that is not buffered, so that a crash can tear the last one only; its place."""
+    def _write(self, table: Record | dict[str, int]) -> int:
+        """Write a line by one call without buffers, so that a crash can tear the last one only; return its place."""
         place, rest = self._file.seek(0, os.SEEK_END), (json_line(table) + "\n").encode()
         try:
             while rest:
@@ -476,7 +475,7 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
             own = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
             before, after = ([own.get(name, getattr(record, name, "")) for name in names] for names in COLUMNS)
             varied, reached = map(record.values.get, axes), map(record.figures.get, figures)
-            row = tuple(map(_cell, (*before, *varied, *reached, *after)))
+            row = tuple(map(csv_cell, (*before, *varied, *reached, *after)))
             writer.writerow(row)
             yield record, row
 
@@ -492,14 +491,6 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
     return found[0]
 
 
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, float):
-        return f"{value:.10g}"
-    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
-
-
 def _parsed(line: bytes) -> Record | int | None:
     """Return the record in a line, or the number of an invalidated one; None where the line holds neither."""
     try:
@@ -507,12 +498,8 @@ def _parsed(line: bytes) -> Record | int | None:
         if isinstance(table.get(FORGOTTEN), int):
             return int(table[FORGOTTEN])
         record = Record(**{**table, "findings": tuple(table["findings"])})
-        words = [
-            int(record.key[:16], 16) >= 0,
-            *(isinstance(word, str) for word in (record.sentence, *record.findings)),
-        ]
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
-    tables = isinstance(record.values, dict) and isinstance(record.figures, dict)
-    whole = isinstance(record.number, int) and record.status in STATUSES and tables and all(words)
-    return record if whole else None
+    words, tables = (record.key, record.sentence, *record.findings), (record.values, record.figures)
+    whole = isinstance(record.number, int) and record.status in STATUSES and all(isinstance(t, dict) for t in tables)
+    return record if whole and all(isinstance(word, str) for word in words) else None

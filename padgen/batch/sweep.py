@@ -1,8 +1,8 @@
 """Run a sweep over any executor: a bounded window of tasks, every record kept at once, whatever breaks down.
 
 What is submitted makes variants in a watched worker process (`padgen.core.runner`), on this machine or wherever the
-executor's own workers are. Only ``submit`` of an executor is used, and of its futures ``result`` and ``done``
-with, where there is one, ``add_done_callback``: `concurrent.futures`, Dask, executorlib and submitit will do.
+executor's own workers are. Of an executor only ``submit`` is used; of its futures ``result``, ``done`` and, where
+there is one, ``add_done_callback``. So `concurrent.futures`, Dask, executorlib and submitit will do.
 
 `connect` makes an executor of a Dask cluster whose workers would make the same variants as this machine.
 """
@@ -12,12 +12,11 @@ import logging
 import os
 import socket
 import sys
-import threading
 import time
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -34,7 +33,7 @@ from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_inde
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import code_hash, limit_bytes, version, versions
 from padgen.core.errors import EngineMissingError, FileError, PadgenError, SpecError, number
-from padgen.core.files import locked, reason, take_away
+from padgen.core.files import answer_within, locked, reason, take_away
 from padgen.core.registry import PLUGINS, plugin_code
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
@@ -78,9 +77,9 @@ class LostError(PadgenError):
 
 
 class Window:
-    """An executor, and the tasks, `most` at a time, that it has been given and has not given back.
+    """An executor with the tasks, `most` at a time, that it was given and has not finished.
 
-    What it is to call is ``function(tasks, *rest)``.
+    For each list of tasks it calls ``function(tasks, *rest)``.
     """
 
     def __init__(self, executor: Any, most: int, function: Callable[..., list[Record]], *rest: Any) -> None:
@@ -88,7 +87,6 @@ class Window:
         self.pending: dict[int, tuple[Any, list[Task]]] = {}
         # A queue in C: Ctrl-C amid `Event` or `Future.done` would leave their locks held, and all threads stuck.
         self._finished: SimpleQueue[int] = SimpleQueue()
-        self._silent = False
 
     def give(self, tasks: list[Task]) -> None:
         """Hand tasks over.
@@ -105,17 +103,15 @@ class Window:
         self.pending[id(future)] = future, tasks
         if hasattr(future, "add_done_callback"):
             future.add_done_callback(lambda future: self._finished.put(id(future)))
-        else:  # is looked at from time to time
-            self._silent = True
 
     def take(self, wait_s: float) -> tuple[Any, list[Task]] | None:
         """Return a future that is finished, with its tasks; None when `wait_s` went by without one."""
         end = time.monotonic() + wait_s
         while (wait := end - time.monotonic()) > 0:
             try:
-                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S) if self._silent else wait))
+                return self.pending.pop(self._finished.get(timeout=min(wait, POLL_S)))
             except Empty:
-                for key, (future, _) in self.pending.items() if self._silent else ():
+                for key, (future, _) in self.pending.items():
                     if not hasattr(future, "add_done_callback") and future.done():
                         self._finished.put(key)
         return None
@@ -239,7 +235,7 @@ class Counts:
 class Event(Counts):
     """One step of a sweep.
 
-    ``start`` comes first, with what is known from before counted; then one of ``done``, ``refused`` and
+    ``start`` comes first, and counts what earlier runs have finished; then one of ``done``, ``refused`` and
     ``failed`` for each variant that ends, with its `record`, and ``progress`` when a second went by without
     one; ``end`` comes last. A failed variant of an earlier run that is not tried again is told as ``failed``
     with `reused` true. `eta_s` is the time left (None: not known yet).
@@ -300,8 +296,7 @@ class SweepTable:
         columns = list(dict.fromkeys(name for row in self.rows for name in row))
         head = "".join(f"<th>{escape(name)}</th>" for name in columns)
         lines = ("".join(f"<td>{escape(str(row.get(name, '')))}</td>" for name in columns) for row in self.rows)
-        body = "".join(f"<tr>{line}</tr>" for line in lines)
-        return f"<p>{escape(repr(self))}</p><table><tr>{head}</tr>{body}</table>"
+        return f"<p>{escape(repr(self))}</p><table><tr>{'</tr><tr>'.join([head, *lines])}</tr></table>"
 
 
 def run_sweep(
@@ -320,17 +315,17 @@ def run_sweep(
     Parameters
     ----------
     executor : concurrent.futures.Executor, optional
-        Where variants are made; by default in processes of this machine. It is not shut down, and what it is at
-        when the sweep is interrupted it may still finish.
+        Where variants are made; by default in processes of this machine. It is not shut down; after an interruption
+        it may still finish the variants that it has begun.
     workers : int, optional
         How many processes of this machine; by default as many as there are cores.
     resume : bool
         Whether variants that are finished (done or refused) with the same inputs are left as they are; failed
-        ones are told again, and tried again only with `retry`.
+        ones are reported again, and tried again only with `retry`.
     work : callable
         What makes a variant; importable by name.
     chunk : int
-        Variants a task: more than one where an executor takes long to start a task, as a cluster's queue.
+        Variants per task: more than one suits an executor that takes long to start a task, such as a cluster's queue.
 
     Raises
     ------
@@ -443,7 +438,7 @@ def sole_sweep(folder: Path) -> Iterator[None]:
 
 
 class _Run:
-    """The state of a running sweep: what each variant is at, and how many are."""
+    """The state of a running sweep: that of each variant, and how many have come to which end."""
 
     def __init__(self, sweep: Sweep, folder: Path, journal: Journal, on_event: Callable[[Event], None]) -> None:
         self.sweep, self.folder, self.journal, self.on_event = sweep, folder, journal, on_event
@@ -544,11 +539,11 @@ def _run_all(run: _Run, window: Window, chunk: int) -> None:
 TIMEOUT_S = 10.0
 """For the scheduler to answer, and again for it to have a worker."""
 GRACE_S = 0.5
-"""Dask is let to give up by itself; it never does while it waits for a first word."""
+"""Time in s added to Dask's own limits, so that it may give up by itself, which it does not before a first answer."""
 SLOW = 6
 """Factor on the time that workers may take to answer, since they load padgen for it."""
 PROBE = "__import__('importlib').import_module('padgen.batch.sweep').fingerprint()"
-"""For `eval` in a worker: a function of ours could not even be named there if padgen is missing."""
+"""Evaluated in a worker: text, since a worker that lacks padgen cannot receive a function of padgen."""
 
 
 @contextmanager
@@ -590,8 +585,7 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
             place = f"worker {worker}"
             if not isinstance(answer, dict):
                 raise PadgenError(f"cannot import padgen ({told(answer)}); install the same padgen there", place)
-            if other := [name for name, mine in here.items() if answer.get(name) != mine]:
-                name = other[0]
+            if name := next((name for name, mine in here.items() if answer.get(name) != mine), ""):
                 sentences = {
                     "padgen": "another padgen than this machine; install the same one on both",
                     PLUGINS: f"other modules in {PLUGINS} than this machine; name the same ones on both",
@@ -632,17 +626,8 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
 
 def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:
     """Call `act` with a time limit: raise `late` if it takes longer (then left to itself), `other` if it fails."""
-    answer: Future[Any] = Future()
-
-    def run() -> None:
-        try:
-            answer.set_result(act())
-        except BaseException as error:
-            answer.set_exception(error)
-
-    threading.Thread(target=run, daemon=True).start()
     try:
-        return answer.result(seconds)
+        return answer_within(seconds, act)
     except OSError as error:  # timeouts are, and what cannot be reached
         raise PadgenError(late, where) from error
     except Exception as error:

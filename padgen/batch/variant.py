@@ -183,7 +183,6 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
     """
     kept = [db for db in (plan.selectivity.kept_db, plan.reuse.leak_db) if db is not None]
     coils = plan.coils.rows * plan.coils.columns
-    rate = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
     return {
         "taxels": len(plan.taxels),
         "coils": coils,
@@ -195,7 +194,7 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
         "one_hot_db": plan.selectivity.one_hot_db,
         "lowest_hz": plan.channels[0].resonance_hz,
         "highest_hz": max(c.resonance_hz for c in plan.channels),
-        "frames_per_s": rate,
+        "frames_per_s": {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive],
         "reachable_level_um": plan.load.reachable_level_um,
         "voltage_v": plan.load.voltage_peak_v,
         "power_w": plan.load.copper_loss_w * coils,

@@ -32,7 +32,7 @@ from math import isfinite
 from pathlib import Path
 from threading import Thread
 from types import TracebackType
-from typing import Any
+from typing import Any, TypeVar
 
 from padgen import __version__
 from padgen.core.errors import FileError
@@ -43,7 +43,9 @@ __all__ = [
     "PARTIAL",
     "YIELD_FILE",
     "OutputFolder",
+    "answer_within",
     "built_files",
+    "csv_cell",
     "differs",
     "file_hash",
     "is_current",
@@ -61,6 +63,7 @@ __all__ = [
     "write_synced",
 ]
 
+T = TypeVar("T")
 LOOK_S = 0.02
 """Seconds between two attempts to get a lock."""
 LOCKED_BYTE = 1 << 30
@@ -370,6 +373,19 @@ def json_line(table: Any) -> str:
     return _escaped(json.dumps(_plain(table), ensure_ascii=False))
 
 
+def csv_cell(value: Any) -> str:
+    """Return a value as the text of a cell: numbers with ten significant digits, empty for None, NaN and infinity.
+
+    >>> csv_cell(1 / 3), csv_cell(float("inf")), csv_cell([50, 200]), csv_cell(True)
+    ('0.3333333333', '', '[50, 200]', 'true')
+    """
+    if isinstance(value, float) and isfinite(value):
+        return f"{value:.10g}"
+    if value is None or isinstance(value, float):
+        return ""
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
 def _escaped(text: str) -> str:
     """Escape lone surrogates in JSON, which names of files may contain but no file can."""
     return text.encode(errors="backslashreplace").decode()
@@ -417,11 +433,10 @@ class OutputFolder:
 
     def __enter__(self) -> "OutputFolder":
         try:
-            missing = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
+            self._made = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
             recover(self.path)
             _drop_partial(self.path)
             self._aside.mkdir(parents=True)
-            self._made = missing
         except OSError as error:
             raise FileError(f"cannot be written to ({reason(error)})", str(self.path)) from error
         return self
@@ -597,11 +612,15 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
         if stat.S_ISREG(found.st_mode):
             data = b"" if found.st_size > most_bytes else _read_at_most(path, most_bytes + 1, found.st_size + 1)
         else:
-            data = _read_pipe(path, most_bytes + 1)
-    except OSError as error:
-        raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
-    except ValueError as error:  # the name is impossible for a file
-        raise FileError(f"cannot be read ({error})", str(path)) from error
+            try:
+                # In a thread, since even opening a pipe waits for its writer.
+                data = answer_within(LONGEST_PIPE_S, partial(_read_at_most, path, most_bytes + 1))
+            except TimeoutError as error:
+                advice = f"it did not end within {LONGEST_PIPE_S:g} s; write it to a file first"
+                raise FileError(f"cannot be read ({advice})", str(path)) from error
+    except (OSError, ValueError) as error:  # the latter where the name is impossible for a file
+        told = reason(error) if isinstance(error, OSError) else error
+        raise FileError(f"cannot be read ({told})", str(path)) from error
     size = max(found.st_size, len(data))
     if size > most_bytes:
         raise FileError(f"is too large for {what}: at most {most_bytes} bytes, has {size} or more", str(path))
@@ -619,27 +638,26 @@ def _read_at_most(path: Path, most_bytes: int, likely: int = 0) -> bytes:
     return b"".join(blocks)
 
 
-def _read_pipe(path: Path, most_bytes: int) -> bytes:
-    """Read a pipe in a thread with a time limit, since even opening a pipe waits for its writer."""
-    read: list[bytes] = []
-    failed: list[Exception] = []
+def answer_within(seconds: float, act: Callable[[], T]) -> T:
+    """Call `act` in a thread; return its answer, or raise what it raises.
 
-    def wait() -> None:
+    Raises
+    ------
+    TimeoutError
+        It takes longer than `seconds`; the thread is left to itself.
+    """
+    from concurrent.futures import Future  # here, since no plan needs it
+
+    answer: Future[T] = Future()
+
+    def run() -> None:
         try:
-            read.append(_read_at_most(path, most_bytes))
-        except Exception as error:
-            failed.append(error)
+            answer.set_result(act())
+        except BaseException as error:
+            answer.set_exception(error)
 
-    thread = Thread(target=wait, daemon=True)
-    thread.start()
-    thread.join(LONGEST_PIPE_S)
-    if failed:
-        raise failed[0]
-    if not read:
-        raise FileError(
-            f"cannot be read (it did not end within {LONGEST_PIPE_S:g} s; write it to a file first)", str(path)
-        )
-    return read[0]
+    Thread(target=run, daemon=True).start()
+    return answer.result(seconds)
 
 
 def reason(error: OSError) -> str:

@@ -23,7 +23,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
-from io import BufferedReader, BufferedWriter
 from math import inf
 from pathlib import Path
 from queue import Empty, SimpleQueue
@@ -412,8 +411,7 @@ def peak_mb() -> float | None:
         import resource
     except ImportError:
         return None
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e6
 
 
 def _family(pid: int) -> list[Any]:
@@ -423,24 +421,16 @@ def _family(pid: int) -> list[Any]:
     found: list[Any] = []
     with suppress(psutil.Error):
         found.append(psutil.Process(pid))
-        for process in found:
-            found += _children(process)
-    return found
-
-
-def _children(process: Any) -> list[Any]:
-    """Return the child processes of a process."""
-    import psutil
-
-    found: list[Any] = []
-    with suppress(psutil.Error, OSError):
-        if sys.platform != "linux":
-            return list(process.children())
-        # Called often, and psutil would read the parent of every process of the machine.
-        for thread in Path(f"/proc/{process.pid}/task").iterdir():
-            for child in (thread / "children").read_text().split():
-                with suppress(psutil.Error):
-                    found.append(psutil.Process(int(child)))
+    for process in found:  # which grows by the children of each
+        with suppress(psutil.Error, OSError):
+            if sys.platform != "linux":
+                found += process.children()
+                continue
+            # Called often, and psutil would read the parent of every process of the machine.
+            for thread in Path(f"/proc/{process.pid}/task").iterdir():
+                for child in (thread / "children").read_text().split():
+                    with suppress(psutil.Error):
+                        found.append(psutil.Process(int(child)))
     return found
 
 
@@ -472,7 +462,10 @@ def serve(imports: list[str], life: int) -> None:
 
     `life` is one end of a pipe, whose other end the parent holds.
     """
-    questions, answers = _private_pipes()
+    # Under new descriptors, out of reach of libraries that print and of child processes.
+    questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     waiting: SimpleQueue[bytes] = SimpleQueue()
 
@@ -526,14 +519,6 @@ def _answered(job: bytes) -> bytes:
         return pickle.dumps(answer)
     except Exception as error:
         return pickle.dumps(_broken(error))
-
-
-def _private_pipes() -> tuple[BufferedReader, BufferedWriter]:
-    """Return the two pipes under new descriptors, out of reach of libraries that print and of child processes."""
-    pipes = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    os.dup2(2, 1)
-    return pipes
 
 
 def _send(stream: IO[bytes], data: bytes) -> None:

@@ -168,10 +168,10 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> n
 
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
     """Return the determinant of the tip's conditions, over the beam's length and stiffness; zero at a mode."""
-    length, modulus, density = (mpmath.mpf(v) for v in (beam.length, beam.modulus, beam.density))
-    area = mpmath.mpf(beam.width) * mpmath.mpf(beam.thickness)
-    inertia = area * mpmath.mpf(beam.thickness) ** 2 / 12
-    poisson = mpmath.mpf(beam.poisson)
+    width, thickness, length, _, offset, _, modulus, poisson, density = map(mpmath.mpf, beam)
+    mass, gyration = mpmath.mpf(beam.tip_mass), mpmath.mpf(beam.tip_inertia)
+    area = width * thickness
+    inertia = area * thickness**2 / 12
     shear = 10 * (1 + poisson) / (12 + 11 * poisson) * modulus / (2 * (1 + poisson)) * area
     bending = modulus * inertia
     force, moment = bending / length**2, bending / length
@@ -185,8 +185,6 @@ def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
         ]
     )
     carried = mpmath.expm(state, method="taylor")
-    mass, gyration = mpmath.mpf(beam.tip_mass), mpmath.mpf(beam.tip_inertia)
-    offset = mpmath.mpf(beam.offset)
     rows = []
     for column in (2, 3):
         up, turn, bent, sheared = (carried[k, column] for k in range(4))
@@ -239,7 +237,6 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
         The beam is shorter than those that the model was fitted to; the message names the next rung.
     """
     side, thick, rib, fillet, poisson = figures
-    plate = {"plate_length_mm": side, "plate_width_mm": side, "plate_thickness_mm": thick}
     spec = make_spec(
         {
             "name": "extreme",
@@ -247,7 +244,12 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
             "band_hz": [1, 100_000],
             "q_min": 15,
             "pad": {"rib_mm": rib},
-            "taxel": {**plate, "fillet_mm": fillet},
+            "taxel": {
+                "plate_length_mm": side,
+                "plate_width_mm": side,
+                "plate_thickness_mm": thick,
+                "fillet_mm": fillet,
+            },
             "printer": {"name": "fdm-0.25", "smallest_gap_mm": 0.2},
             "material": {"name": "pla", "poisson_ratio": poisson},
             "washer": f"iso7092-{washer}",
@@ -263,28 +265,20 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
     return Solved(np.array([float(model.resonance_hz)]), float(model.error_estimate))
 
 
-def _cantilevers() -> Iterator[tuple[str, Cantilever]]:
-    """Yield the cases: each is one step away from a plain beam of 10 × 1 × 1 mm."""
-    plain = Cantilever(1e-3, 1e-3, 10e-3)
-    for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
-        beam = plain._replace(thickness=per_length * plain.length)
-        yield f"thickness {per_length:.3g} of the length", beam
-        yield (
-            f"thickness {per_length:.3g} of the length, body 10 times its mass",
-            beam._replace(mass_ratio=10.0, offset=2e-3, gyration=0.1),
-        )
-    for width_ratio in (0.2, 1.0, 5.0, 20.0):
-        yield f"width {width_ratio:g} of the thickness", plain._replace(width=width_ratio * plain.thickness)
-    for ratio in 10.0 ** np.arange(-3, 4):
-        yield f"tip mass {ratio:g} of the beam's", plain._replace(mass_ratio=float(ratio), offset=1e-3, gyration=0.2)
-    yield "foil of 0.1 mm, 15 mm long", Cantilever(1e-3, 1e-4, 15e-3, 100.0, 3e-3, 0.1)
-    yield "steel beam under a resin plate", Cantilever(1e-3, 2e-4, 5e-3, 12.0, 2e-3, 0.3, 200e9, 0.3, 7850.0)
-
-
 def structure_cases() -> Iterator[ExtremeCase]:
-    """Yield all cases of the structure ladder's beam rungs."""
+    """Yield all cases of the structure ladder's beam rungs: first those one step away from a plain beam."""
+    plain, beams = Cantilever(1e-3, 1e-3, 10e-3), {}
+    for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
+        name, beam = f"thickness {per_length:.3g} of the length", plain._replace(thickness=per_length * plain.length)
+        beams[name] = beam
+        beams[f"{name}, body 10 times its mass"] = beam._replace(mass_ratio=10.0, offset=2e-3, gyration=0.1)
+    beams |= {f"width {k:g} of the thickness": plain._replace(width=k * plain.thickness) for k in (0.2, 1.0, 5.0, 20.0)}
+    for ratio in (10.0 ** np.arange(-3, 4)).tolist():
+        beams[f"tip mass {ratio:g} of the beam's"] = plain._replace(mass_ratio=ratio, offset=1e-3, gyration=0.2)
+    beams["foil of 0.1 mm, 15 mm long"] = Cantilever(1e-3, 1e-4, 15e-3, 100.0, 3e-3, 0.1)
+    beams["steel beam under a resin plate"] = Cantilever(1e-3, 2e-4, 5e-3, 12.0, 2e-3, 0.3, 200e9, 0.3, 7850.0)
     source = "roots of Timoshenko's frequency equation, forty digits"
-    for name, beam in _cantilevers():
+    for name, beam in beams.items():
         solve, reference = partial(frame_answer, beam), partial(exact_frequencies, beam)
         yield ExtremeCase(name, "structure", "frame", solve, reference, source)
     source = "3-D elasticity of the printed solid, order 3, 0.3 %"
@@ -333,19 +327,17 @@ class BlockTaxel(NamedTuple):
         return SolidTaxel(step, printed, self.washer, volume, middle, clamp="root", name=name)
 
 
-def solid_answer(taxel: BlockTaxel) -> Solved:
-    """Return the working resonance in Hz, and its error, by the elements that tune plans."""
+def solid_answer(taxel: BlockTaxel, finer: bool = False, scale: float = 1.0) -> Solved:
+    """Return `scale` times the working resonance in Hz, and its error.
+
+    It is solved by the elements that tune plans, or by the `FINER_ELEMENTS`.
+    """
     with TemporaryDirectory() as folder:
-        found = converged_modes(taxel.written(Path(folder)), TOLERANCE)
+        solid = taxel.written(Path(folder))
+        found = solve_modes(solid, *FINER_ELEMENTS) if finer else converged_modes(solid, TOLERANCE)
     working = found.modes.working
-    return Solved(found.modes.frequency_hz[[working]], float(found.error[working]), found.residual)
-
-
-def _by_finer(taxel: BlockTaxel, scale: float = 1.0) -> Solved:
-    """Solve by elements of `FINER_ELEMENTS`; return the resonance times `scale`."""
-    with TemporaryDirectory() as folder:
-        found = solve_modes(taxel.written(Path(folder)), *FINER_ELEMENTS)
-    return Solved(scale * found.modes.frequency_hz[[found.modes.working]], FINER_ERROR)
+    error = FINER_ERROR if finer else float(found.error[working])
+    return Solved(scale * found.modes.frequency_hz[[working]], error, found.residual)
 
 
 def solid_cases() -> Iterator[ExtremeCase]:
@@ -361,19 +353,18 @@ def solid_cases() -> Iterator[ExtremeCase]:
     taxels |= {f"Poisson's ratio {poisson:g}": plain._replace(poisson=poisson) for poisson in (0.0, 0.49, 0.499)}
     taxels["modulus 1e+12 Pa under steel"] = plain._replace(modulus=1e12)
     for name, taxel in taxels.items():
-        yield case(name, taxel, partial(_by_finer, taxel), same)
+        yield case(name, taxel, partial(solid_answer, taxel, True), same)
     for modulus in (1e3, 1e6):
         # Beside steel the print is soft: only the root of its modulus counts.
-        reference = partial(_by_finer, plain._replace(modulus=1e7), sqrt(modulus / 1e7))
+        reference = partial(solid_answer, plain._replace(modulus=1e7), True, sqrt(modulus / 1e7))
         taxel, source = plain._replace(modulus=modulus), f"{same}, at 10 MPa, by the root of the modulus"
         yield case(f"modulus {modulus:g} Pa under steel", taxel, reference, source)
     for modulus in (1e3, 1e12):
         share = modulus / plain.modulus
         taxel = plain._replace(modulus=modulus, washer=STEEL._replace(modulus_pa=share * STEEL.modulus_pa))
         source = f"{same}, at {plain.modulus:g} Pa, by the root of the moduli"
-        yield case(
-            f"modulus {modulus:g} Pa, steel in proportion", taxel, partial(_by_finer, plain, sqrt(share)), source
-        )
+        reference = partial(solid_answer, plain, True, sqrt(share))
+        yield case(f"modulus {modulus:g} Pa, steel in proportion", taxel, reference, source)
 
 
 COIL = solenoid(10e-3, 4e-3, 10e-3, 1000, 4e-3, 1000)
@@ -540,12 +531,6 @@ def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Ton
     return float(total / mp.mpf(float(mass_kg)))
 
 
-def _case(
-    name: str, model: str, solve: Callable[[], Solved], reference: Callable[[], np.ndarray], source: str = MANY_DIGITS
-) -> ExtremeCase:
-    return ExtremeCase(name, "dynamics", model, solve, reference, source)
-
-
 def _over_largest(values: np.ndarray) -> np.ndarray:
     """Return displacements (n, k) over each resonator's largest."""
     return np.asarray(values / np.abs(values).max(1, keepdims=True))
@@ -559,7 +544,7 @@ def _propagated(name: str, hz: np.ndarray, q: Any, mass: Any, force: Tones, time
         own = zip(*np.broadcast_arrays(hz, q, mass), strict=True)
         return _over_largest(np.array([[exact_displacement(f, d, m, force, t) for t in times] for f, d, m in own]))
 
-    return _case(name, "exponential", solve, exact)
+    return ExtremeCase(name, "dynamics", "exponential", solve, exact, MANY_DIGITS)
 
 
 def _phasor_near_resonance() -> ExtremeCase:
@@ -577,7 +562,8 @@ def _phasor_near_resonance() -> ExtremeCase:
         line = steady_lines(np.array([hz]), q, MASS_KG, force)[0, 0]
         return Solved(np.array([line.real, line.imag]), STATED_ERROR)
 
-    return _case("steady state at Q = 1e7, 1e-9 Hz off resonance", "phasor", solve, exact)
+    name = "steady state at Q = 1e7, 1e-9 Hz off resonance"
+    return ExtremeCase(name, "dynamics", "phasor", solve, exact, MANY_DIGITS)
 
 
 def _many_oscillators() -> ExtremeCase:
@@ -594,7 +580,7 @@ def _many_oscillators() -> ExtremeCase:
         return np.asarray([exact_displacement(f, 1e6, MASS_KG, force, 10.0) for f in hz[seen]] / static)
 
     name = "2,048 oscillators over 1e4 in frequency, Q = 1e6, 64 tones, 10 s"
-    return _case(name, "exponential", solve, exact, f"{MANY_DIGITS}, 16 of them")
+    return ExtremeCase(name, "dynamics", "exponential", solve, exact, f"{MANY_DIGITS}, 16 of them")
 
 
 def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Solved:
@@ -620,7 +606,7 @@ def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
         return _over_largest(np.array([[exact_displacement(1000.0, 15.0, MASS_KG, force, t) for t in times]]))
 
     name = f"R-L time constant of {constant_s:g} s beside a taxel of 1 kHz"
-    return _case(name, "coupled", partial(_refined, system, voltage, times), exact)
+    return ExtremeCase(name, "dynamics", "coupled", partial(_refined, system, voltage, times), exact, MANY_DIGITS)
 
 
 def _acting_back(constant_s: float) -> ExtremeCase:
@@ -636,13 +622,14 @@ def _acting_back(constant_s: float) -> ExtremeCase:
 
 
 def _against_scipy(name: str, system: CoupledSystem, voltage: Tones, times: np.ndarray, stiff: bool) -> ExtremeCase:
-    how, method, tolerance = ("Radau at 1e-12", "Radau", 1e-12) if stiff else ("DOP853 at 3e-14", "DOP853", 3e-14)
+    method, tolerance = ("Radau", 1e-12) if stiff else ("DOP853", 3e-14)
 
     def reference() -> np.ndarray:
         moved = scipy_motion(system, from_tones("voltage", voltage), times, method, tolerance)
         return _over_largest(moved[: len(system.gap_m)])
 
-    return _case(name, "coupled", partial(_refined, system, voltage, times), reference, f"scipy {how}")
+    solve, source = partial(_refined, system, voltage, times), f"scipy {method} at {tolerance:g}"
+    return ExtremeCase(name, "dynamics", "coupled", solve, reference, source)
 
 
 def _pull_in() -> Iterator[ExtremeCase]:
@@ -656,16 +643,17 @@ def _pull_in() -> Iterator[ExtremeCase]:
         motion = simulate(system, direct, times, tolerance=COUPLED_TOLERANCE)
         return Solved(motion.displacement_m.max(keepdims=True) / GAP_M, stated, motion.residual)
 
-    balance = balanced_deflection(0.99 * largest / stiffness, GAP_M, exponent) or float("nan")
-    cases = (("99", balance / GAP_M, "balance in closed form"), ("101", float("nan"), "there is none"))
-    for percent, truth, source in cases:
-        solve = partial(highest, 0.5, int(percent) / 100 * largest, np.ones(1), 1e-9)
-        yield _case(f"mean pull at {percent} % of pull-in", "coupled", solve, partial(np.full, (1, 1), truth), source)
+    balance = balanced_deflection(0.99 * largest / stiffness, GAP_M, exponent) or nan
+    for percent, truth, source in ((99, balance / GAP_M, "balance in closed form"), (101, nan, "there is none")):
+        name, reference = f"mean pull at {percent} % of pull-in", partial(np.full, (1, 1), truth)
+        solve = partial(highest, 0.5, percent / 100 * largest, np.ones(1), 1e-9)
+        yield ExtremeCase(name, "dynamics", "coupled", solve, reference, source)
     # Let go of at rest, ½ k z (1 − z/g) = c i² gives the turning point, of a half of the gap at most.
     share, times = 0.999, np.linspace(0, 0.03, 20_001)
     solve = partial(highest, np.inf, share * stiffness * GAP_M / 8, times, 1e-6)
-    turning, name = (1 - np.sqrt(1 - share)) / 2, "undamped, let go of at 99.9 % of what pulls it in"
-    yield _case(name, "coupled", solve, partial(np.full, (1, 1), turning), "conservation of energy")
+    reference = partial(np.full, (1, 1), (1 - np.sqrt(1 - share)) / 2)
+    name, source = "undamped, let go of at 99.9 % of what pulls it in", "conservation of energy"
+    yield ExtremeCase(name, "dynamics", "coupled", solve, reference, source)
 
 
 GROUPS, IN_GROUP = 8, 50
@@ -790,16 +778,11 @@ def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
     return table
 
 
-def _is_drawn(item: Any) -> bool:
-    single = "low" in item.metadata and "count" not in item.metadata
-    return item.name not in FREE and (single or bool(choices(item.metadata)))
-
-
 DRAWN = [
     (name, item)
     for name, table in [("", Spec), *((part.name, part.type) for part in fields(Spec) if is_dataclass(part.type))]
     for item in fields(table)
-    if _is_drawn(item)
+    if item.name not in FREE and (choices(item.metadata) or ("low" in item.metadata and "count" not in item.metadata))
 ]
 """The tables of a spec ("" is the top level) and their fields, those that have bounds or choices."""
 

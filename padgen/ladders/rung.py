@@ -44,6 +44,7 @@ __all__ = [
     "Theory",
     "Timed",
     "apart",
+    "by_ladder",
     "chosen_channels",
     "distinct_channels",
     "judged",
@@ -275,14 +276,20 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
     found = []
     for name in names:
-        own = [row for row in rows if row.rung.series == name and row.measured.values is not None]
-        own = [row for row in own if not isnan(row.rung.step)]
-        steps, theory = [row.rung.step for row in own], ladder.theory.get(name)
-        if theory and theory.same_limit:
-            order = _order_of_errors(steps, [row.error for row in own], uncertainty)
-        else:
+        own = [
+            row
+            for row in rows
+            if row.rung.series == name and not isnan(row.rung.step) and row.measured.values is not None
+        ]
+        # Those whose error the reference's own does not blur.
+        clear = [row for row in own if row.error > CLEAR * uncertainty]
+        theory, order = ladder.theory.get(name), None
+        if not (theory and theory.same_limit):
             gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
-            order = observed_order(steps, gaps)
+            order = observed_order([row.rung.step for row in own], gaps)
+        elif len(clear) > 1:
+            a, b = clear[-2:]
+            order = log(a.error / b.error) / log(a.rung.step / b.rung.step)
         found.append(Order(name, order, theory))
     return Judged(ladder, tuple(rows), reference, uncertainty, converged, why, tuple(found))
 
@@ -316,15 +323,6 @@ def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | Non
     with np.errstate(divide="ignore", invalid="ignore"):
         relative = np.where(difference > 0, difference / scale, 0.0)
     return float(relative.max(initial=0.0))
-
-
-def _order_of_errors(steps: Sequence[float], errors: Sequence[float], uncertainty: float) -> float | None:
-    """Return the slope of the last two errors that the reference's own `uncertainty` does not blur."""
-    clear = [k for k, error in enumerate(errors) if error > CLEAR * uncertainty]
-    if len(clear) < 2:
-        return None
-    a, b = clear[-2:]
-    return log(errors[a] / errors[b]) / log(steps[a] / steps[b])
 
 
 def observed_order(steps: Sequence[float], differences: Sequence[float]) -> float | None:
@@ -367,15 +365,20 @@ def _holds(row: Row, tolerance: float) -> bool:
     return row.rung.offered and row.at_most <= tolerance
 
 
+def by_ladder(results: Iterable[Judged]) -> dict[str, list[Judged]]:
+    """Return the results of each ladder's subjects by the ladder's name."""
+    found: dict[str, list[Judged]] = {}
+    for result in results:
+        found.setdefault(result.ladder.name, []).append(result)
+    return found
+
+
 def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
     """Return for each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
 
     A ladder and tolerance for which none is known has a `Pick` without a model.
     """
-    by_ladder: dict[str, list[Judged]] = {}
-    for result in results:
-        by_ladder.setdefault(result.ladder.name, []).append(result)
-    return tuple(_pick(name, own, tol) for name, own in by_ladder.items() for tol in tolerances)
+    return tuple(_pick(name, own, tol) for name, own in by_ladder(results).items() for tol in tolerances)
 
 
 def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
@@ -480,7 +483,7 @@ def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
 def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
     """Run once; return the value with its wall and processor seconds.
 
-    Unpickled anew and with empty caches, so that a repeated run is as dear as the first.
+    It is unpickled anew and caches are emptied, so that a repeated run takes as long as the first.
     """
     _, work = pickle.loads(pickled)
     for name, module in list(sys.modules.items()):

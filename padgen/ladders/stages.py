@@ -240,30 +240,28 @@ def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
     count = len(scene.plan.sets[0])
     if count < 2:
         return
-    solve = (spec, drive, count)
-    rungs = [
-        Rung("paper's bound", "slots of Eq. 12", partial(bound_promise, *solve)),
-        Rung("exact response", "one channel on", partial(even_ratio, *solve, True)),
-        Rung("exact response", "all states", partial(even_ratio, *solve, False)),
-    ]
-    rungs += [
-        Rung("optimised", f"{effort:.0%} of the search", partial(optimal_ratio, *solve, effort), "optimised")
-        for effort in EFFORTS
-    ]
-    low, high = spec.band_hz
+    asked, (low, high) = (spec, drive, count), spec.band_hz
     yield Ladder(
         "allocation",
         f"{count} channels in {low:g} … {high:g} Hz, driven {drive}",
         "ON over OFF amplitude in all states",
         "",
-        tuple(rungs),
+        (
+            Rung("paper's bound", "slots of Eq. 12", partial(bound_promise, spec, count)),
+            Rung("exact response", "one channel on", partial(even_ratio, *asked, True)),
+            Rung("exact response", "all states", partial(even_ratio, *asked, False)),
+            *(
+                Rung("optimised", f"{effort:.0%} of the search", partial(optimal_ratio, *asked, effort), "optimised")
+                for effort in EFFORTS
+            ),
+        ),
         "optimised",
         note="the first three are of resonances spread evenly in octaves, the others of the best that a search finds;"
         " docs/selectivity.md compares these with what has been proven",
     )
 
 
-def bound_promise(spec: Spec, drive: str, count: int) -> Solved:
+def bound_promise(spec: Spec, count: int) -> Solved:
     """Return Δy that Eq. 12 promises for `count` channels evenly in octaves: ``4 Q (ρ − 1)/(ρ + 1)``."""
     ratio = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / (count - 1))
     return Solved(np.array([4 * spec.q_min * (ratio - 1) / (ratio + 1)]))
@@ -301,22 +299,38 @@ def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
     from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
 
     count, model = len(distinct_channels(scene.plan)), partial(taxel_solids, scene.plan)
-    rungs = []
-    for chord in CHORDS_MM:
-        # The height of a segment goes with the square of its angle.
-        angle = ANGLE_RAD * (chord / CHORD_MM) ** 0.5
-        solve = partial(mesh_volumes, chord, angle)
-        rungs.append(Rung("mesh", f"chord {chord:.2g} mm, {angle:.2g} rad", solve, CHORD, chord, KERNEL, prepare=model))
-    for tolerance in INTEGRATED_TO:
-        solve = partial(exact_volumes, tolerance)
-        label = f"integrated to {tolerance:g}"
-        rungs.append(Rung("B-rep", label, solve, "B-rep", imports=KERNEL, prepare=model, offered=False))
+    # The height of a segment goes with the square of its angle.
+    finenesses = [(chord, ANGLE_RAD * (chord / CHORD_MM) ** 0.5) for chord in CHORDS_MM]
+    meshes = (
+        Rung(
+            "mesh",
+            f"chord {chord:.2g} mm, {angle:.2g} rad",
+            partial(mesh_volumes, chord, angle),
+            CHORD,
+            chord,
+            KERNEL,
+            prepare=model,
+        )
+        for chord, angle in finenesses
+    )
+    integrals = (
+        Rung(
+            "B-rep",
+            f"integrated to {tolerance:g}",
+            partial(exact_volumes, tolerance),
+            "B-rep",
+            imports=KERNEL,
+            prepare=model,
+            offered=False,
+        )
+        for tolerance in INTEGRATED_TO
+    )
     yield Ladder(
         "geometry",
         f"{count} distinct taxel{'s' if count > 1 else ''}",
         "volume of the printed solid",
         "mm³",
-        tuple(rungs),
+        (*meshes, *integrals),
         "B-rep",
         "each",
         {CHORD: Theory(1, "a segment's area goes with its height, the chord tolerance", True)},
@@ -374,27 +388,25 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
     for offset in sorted({distance if distance >= LEAST_OFFSET_MM else 0.0 for distance in distances}):
         pull = Pull(coil, washer, gap * MM, offset * MM)
         place = f"{offset:g} mm off the axis" if offset else "on the axis"
+        coaxial = () if offset else ((COAXIAL, axisymmetric_pull, AXISYMMETRIC),)
+        fields = (
+            Rung(model, _resolution(*step), partial(solve, pull, *step), model, imports=FIELD_ENGINE)
+            for model, solve, steps in (*coaxial, (OFF_AXIS, three_d_pull, SOLID))
+            for step in steps
+        )
         yield Ladder(
             "force",
             f"{place}, gap {gap:g} mm",
             "pull over the current's square",
             "N/A²",
-            tuple(_force_rungs(pull)),
+            (
+                Rung("paper", "Eq. 4 as printed", partial(paper_pull, pull)),
+                Rung("charges", "on core and washer", partial(charges_pull, pull)),
+                *fields,
+            ),
             OFF_AXIS if offset else COAXIAL,
             note=f"steel is linear, with the catalogue's permeability; {ORDER_NOTE} of steel",
         )
-
-
-def _force_rungs(pull: Pull) -> Iterator[Rung]:
-    yield Rung("paper", "Eq. 4 as printed", partial(paper_pull, pull))
-    yield Rung("charges", "on core and washer", partial(charges_pull, pull))
-    if not pull.offset_m:
-        for order, levels in AXISYMMETRIC:
-            solve = partial(axisymmetric_pull, pull, order, levels)
-            yield Rung(COAXIAL, _resolution(order, levels), solve, COAXIAL, imports=FIELD_ENGINE)
-    for order, levels in SOLID:
-        solve = partial(three_d_pull, pull, order, levels)
-        yield Rung(OFF_AXIS, _resolution(order, levels), solve, OFF_AXIS, imports=FIELD_ENGINE)
 
 
 def _resolution(order: int, levels: int) -> str:
@@ -446,33 +458,35 @@ ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elastic
 
 def structure_ladders(scene: Scene) -> Iterator[Ladder]:
     """Yield one ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
-    for place, channel in enumerate(chosen_channels(scene.plan)):
+    plan = scene.plan
+    for place, channel in enumerate(chosen_channels(plan)):
+        taxel, step = (plan.spec, channel), scene.step(channel)
+        frame = partial(frame_hz, *taxel)
+        frames = (
+            Rung("frame", f"{count} element{'s' * (count > 1)} a beam", partial(frame, count), FRAME, 1 / count, FRAMES)
+            for count in ELEMENTS
+        )
+        solids = (
+            Rung("solid", _resolution(*each), partial(graded_hz, plan, channel, step, *each), REFERENCE, imports=ENGINE)
+            for each in GRADED
+        )
         yield Ladder(
             "structure",
             f"taxel of channel {channel.index}",
             "working resonance",
             "Hz",
-            tuple(_structure_rungs(scene, channel)),
+            (
+                Rung("rule", "the paper's point mass", partial(rule_hz, *taxel)),
+                Rung("beam", "rigid plate, 6 degrees of freedom", partial(beam_hz, *taxel)),
+                *frames,
+                Rung("frame", f"{FULL} higher-order elements a beam", partial(frame, FULL, True), imports=FRAMES),
+                *solids,
+            ),
             REFERENCE,
             theory=THEORY,
             note=f"{ORDER_NOTE} that hold much energy",
             before=None if place else partial(run_apart, write_steps, scene),
         )
-
-
-def _structure_rungs(scene: Scene, channel: Channel) -> Iterator[Rung]:
-    spec, plan = scene.plan.spec, scene.plan
-    yield Rung("rule", "the paper's point mass", partial(rule_hz, spec, channel))
-    yield Rung("beam", "rigid plate, 6 degrees of freedom", partial(beam_hz, spec, channel))
-    for elements in ELEMENTS:
-        solve = partial(frame_hz, spec, channel, elements, False)
-        yield Rung("frame", f"{elements} element{'s' * (elements > 1)} a beam", solve, FRAME, 1 / elements, FRAMES)
-    solve = partial(frame_hz, spec, channel, FULL, True)
-    yield Rung("frame", f"{FULL} higher-order elements a beam", solve, imports=FRAMES)
-    step = scene.step(channel)
-    for order, levels in GRADED:
-        solve = partial(graded_hz, plan, channel, step, order, levels)
-        yield Rung("solid", _resolution(order, levels), solve, REFERENCE, imports=ENGINE)
 
 
 def _model(spec: Spec, channel: Channel) -> TaxelModel:
@@ -491,7 +505,7 @@ def beam_hz(spec: Spec, channel: Channel) -> Solved:
     return Solved(np.array([_model(spec, channel).resonance_hz]), unknowns=6)
 
 
-def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool) -> Solved:
+def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool = False) -> Solved:
     """Return the resonance by a frame of `elements` along each beam, with motions within the elements or without."""
     from padgen.physics.frame import frame_modes
     from padgen.planner.taxel_frame import taxel_frame
@@ -530,19 +544,19 @@ def pad_ladders(scene: Scene) -> Iterator[Ladder]:
     The frame is held by its screws or, without holes, glued down.
     """
     plan, clamping = scene.plan, "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
-    rungs = [Rung("clamped sub-cell", "no frame around it", partial(planned_hz, plan))]
-    rungs += [
-        Rung(
-            ON_FRAME, f"order-{order} elements", partial(pad_hz, plan, clamping, order), ON_FRAME, imports=FRAME_ENGINE
-        )
-        for order in ORDERS
-    ]
+    solve = partial(pad_hz, plan, clamping)
     yield Ladder(
         "pad",
         f"{len(plan.taxels)} taxels held at the {clamping}",
         "resonance of each channel on the frame",
         "Hz",
-        tuple(rungs),
+        (
+            Rung("clamped sub-cell", "no frame around it", partial(planned_hz, plan)),
+            *(
+                Rung(ON_FRAME, f"order-{order} elements", partial(solve, order), ON_FRAME, imports=FRAME_ENGINE)
+                for order in ORDERS
+            ),
+        ),
         ON_FRAME,
         "each",
         note="the frame alone is a solid; taxels are the plan's, whose error the structure ladder tells",

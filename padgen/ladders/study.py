@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields
 from functools import partial
+from itertools import cycle
 from math import ceil, floor, isfinite, isnan, log10, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +23,7 @@ from padgen import __version__
 from padgen.core.cache import version
 from padgen.core.display import COLOURS, INK, PALE, plot_bytes, plot_style, seconds_text, table
 from padgen.core.errors import percent
-from padgen.core.files import OutputFolder, file_hash, json_text
+from padgen.core.files import OutputFolder, csv_cell, file_hash, json_text
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
 from padgen.ladders.extreme import (
@@ -41,12 +42,12 @@ from padgen.ladders.rung import (
     Judged,
     Ladder,
     Measured,
-    Order,
     Pick,
     Row,
     Scene,
     Solved,
     apart,
+    by_ladder,
     judged,
     measured,
     picks,
@@ -73,7 +74,6 @@ __all__ = [
     "judged_error",
     "ladder_text",
     "measured_study",
-    "missing_rungs",
     "named_cases",
     "parse_only",
     "picks_text",
@@ -82,9 +82,7 @@ __all__ = [
     "run_ladders",
     "run_study",
     "study_csv",
-    "study_figure",
     "study_json",
-    "study_pictures",
     "study_text",
     "verdict_of",
 ]
@@ -198,11 +196,23 @@ class Study:
     @property
     def missing(self) -> tuple[str, ...]:
         """Rungs that were not run since the study was stopped; none where it was not."""
-        return missing_rungs(self.ladders)
+        return tuple(
+            f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
+            for result in self.ladders
+            for row in result.rows
+            if row.measured is NOT_RUN
+        )
 
     def plot(self) -> Any:
-        """Draw every rung's error against its run time; a `matplotlib.figure.Figure`."""
-        return study_figure(self.ladders, self.tolerances, self.name)
+        """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
+        with plot_style():
+            panels = by_ladder(self.ladders)
+            figure, axes = _figure(max(len(panels), 1))
+            for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
+                _panel(axis, ladder, own, self.tolerances)
+            title = f"{self.name}: error against run time\nringed: the quickest rung for a tolerance"
+            figure.suptitle(title, fontsize=10)
+        return figure
 
 
 @dataclass(frozen=True)
@@ -252,7 +262,8 @@ def measured_study(
     KeyboardInterrupt
         It was interrupted before it had measured anything.
     """
-    tolerances = _tolerances(tolerance)
+    asked = () if tolerance is None else (parse_tolerance(str(tolerance)),)
+    tolerances = tuple(sorted({*TOLERANCES, *asked}, reverse=True))
     refuse_unshared()
     with tempfile.TemporaryDirectory(prefix="padgen-study-") as aside:
         scene = Scene(plan, Path(aside))
@@ -286,12 +297,8 @@ def run_study(
         study = measured_study(plan, only, tolerance, progress)
         with uninterrupted():
             progress("drawing")
-            pictures = study_pictures(study.ladders, study.tolerances, study.name)
-            texts = (
-                study_csv(study.ladders, study.tolerances),
-                study_json(study.ladders, study.about, study.tolerances),
-            )
-            _commit(out, STUDY_FILES, (*texts, *pictures))
+            pictures = (plot_bytes(study.plot(), kind) for kind in ("svg", "png"))
+            _commit(out, STUDY_FILES, (study_csv(study), study_json(study), *pictures))
     return study
 
 
@@ -306,8 +313,7 @@ def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: Non
                 ladder.before()
             for rung in ladder.rungs:
                 done += 1
-                where = f"{ladder.name}, {ladder.subject}: {rung.model}, {rung.resolution}"
-                progress(f"rung {done} of {total}: {where}")
+                progress(f"rung {done} of {total}: {ladder.name}, {ladder.subject}: {rung.model}, {rung.resolution}")
                 own.append(measured(rung))
     if total and not any(found):
         raise KeyboardInterrupt
@@ -342,8 +348,8 @@ def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequ
         with uninterrupted():
             progress("drawing")
             table = {**_about(), "stopped": bool(study.missing), "cases": verdicts}
-            texts = _csv(EXTREME_COLUMNS, [astuple(found) for found in verdicts]), json_text(table)
-            _commit(out, EXTREME_FILES, (*texts, extreme_picture(verdicts)))
+            text = table_csv(EXTREME_COLUMNS, [list(map(csv_cell, astuple(found))) for found in verdicts])
+            _commit(out, EXTREME_FILES, (text, json_text(table), extreme_picture(verdicts)))
     return study
 
 
@@ -351,12 +357,6 @@ def _commit(out: OutputFolder, names: Sequence[str], texts: Sequence[str | bytes
     for name, text in zip(names, texts, strict=True):
         out.write(name, text)
     out.commit()
-
-
-def _tolerances(asked: float | None) -> tuple[float, ...]:
-    if asked is not None and not 0 < asked <= 1:
-        return _tolerances(parse_tolerance(repr(asked)))
-    return tuple(sorted({*TOLERANCES, *([] if asked is None else [asked])}, reverse=True))
 
 
 def _about() -> dict[str, Any]:
@@ -386,44 +386,29 @@ COLUMNS = (
 EXTREME_COLUMNS = tuple(item.name for item in fields(Verdict))
 
 
-def missing_rungs(results: Sequence[Judged]) -> tuple[str, ...]:
-    """Name the rungs that were not run since the study was stopped."""
-    return tuple(
-        f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
-        for result in results
-        for row in result.rows
-        if row.measured is NOT_RUN
-    )
-
-
-def study_csv(results: Sequence[Judged], tolerances: Sequence[float] = TOLERANCES) -> str:
+def study_csv(study: Study) -> str:
     """Write one row per rung, in the order of the ladders; no number is an empty cell."""
     rows = []
-    for result in results:
+    for result in study.ladders:
         ladder = result.ladder
-        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True):
+        for row, holds in zip(result.rows, recommended_for(result, study.tolerances), strict=True):
             table, values = _rung(row), row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
             table["recommended_for"] = " ".join(f"{tolerance:g}" for tolerance in holds)
-            rows.append([table[name] for name in COLUMNS])
-    return _csv(COLUMNS, rows)
+            rows.append([csv_cell(table[name]) for name in COLUMNS])
+    return table_csv(COLUMNS, rows)
 
 
-def _csv(columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    cells = ([v if not isinstance(v, float) else f"{v:.10g}" if isfinite(v) else "" for v in row] for row in rows)
-    return table_csv(columns, cells)
-
-
-def study_json(results: Sequence[Judged], about: dict[str, Any], tolerances: Sequence[float] = TOLERANCES) -> str:
-    """Write all that was measured, with `about` (what was studied, by which versions) ahead of it."""
-    missing = missing_rungs(results)
+def study_json(study: Study) -> str:
+    """Write all that was measured, with what was studied, and by which versions, ahead of it."""
     told = {
-        "stopped": bool(missing),
-        "missing": missing,
-        "recommended": [p._asdict() for p in picks(results, tolerances)],
+        "stopped": bool(study.missing),
+        "missing": study.missing,
+        "recommended": [pick._asdict() for pick in study.picks],
+        "ladders": [_ladder(result) for result in study.ladders],
     }
-    return json_text({**about, **told, "ladders": [_ladder(result) for result in results]})
+    return json_text(study.about | told)
 
 
 def _ladder(result: Judged) -> dict[str, Any]:
@@ -464,7 +449,7 @@ WIDEST_MODEL = 36
 EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "residual", "condition", "verdict")
 
 
-def study_text(study: "Study") -> str:
+def study_text(study: Study) -> str:
     """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
     parts, stopped = [], []
     for result in study.ladders:
@@ -476,20 +461,29 @@ def study_text(study: "Study") -> str:
     return "\n\n".join([*parts, picks_text(study.picks), "\n".join([TIMES, *stopped])])
 
 
-def ladder_text(result: Judged, tolerances: Sequence[float] = TOLERANCES) -> str:
-    """Write one ladder as a table, what it was measured against, and the orders of convergence."""
+def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
+    """Write one ladder as a table, what it was measured against, and the orders of convergence.
+
+    `tolerances` are sorted, the largest first.
+    """
     ladder = result.ladder
     unit = f", {ladder.unit}" if ladder.unit else ""
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
-    holds = recommended_for(result, sorted(tolerances, reverse=True))
-    lines.append(table(HEADINGS, [_table_row(*row) for row in zip(result.rows, holds, strict=True)], left=1))
+    rows = zip(result.rows, recommended_for(result, tolerances), strict=True)
+    lines.append(table(HEADINGS, [_table_row(*row) for row in rows], left=1))
     reference = "" if result.reference is None else f" (so it is known to ± {percent(result.uncertainty, 3)})"
     lines.append(f"{result.why}{reference}")
     if not result.converged and result.reference is not None:
         lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
-    lines += [_order(order) for order in result.orders]
-    noted = [row for row in result.rows if row.measured.note and row.measured is not NOT_RUN]
-    lines += [f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}" for row in noted]
+    for order in result.orders:
+        observed = "not observed" if order.observed is None else f"{order.observed:.2f} observed"
+        theory = "" if order.theory is None else f", {order.theory.order:g} in theory ({order.theory.why})"
+        lines.append(f"order of convergence, {order.series}: {observed}{theory}")
+    lines += [
+        f"{row.rung.model}, {row.rung.resolution}: {row.measured.note}"
+        for row in result.rows
+        if row.measured.note and row.measured is not NOT_RUN
+    ]
     return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
 
 
@@ -513,12 +507,6 @@ def _table_row(row: Row, holds: Sequence[float]) -> tuple[str, ...]:
     )
 
 
-def _order(order: Order) -> str:
-    observed = "not observed" if order.observed is None else f"{order.observed:.2f} observed"
-    theory = "" if order.theory is None else f", {order.theory.order:g} in theory ({order.theory.why})"
-    return f"order of convergence, {order.series}: {observed}{theory}"
-
-
 def picks_text(picks: Iterable[Pick]) -> str:
     """Write the recommended rung of each ladder for each tolerance."""
     rows = []
@@ -529,22 +517,19 @@ def picks_text(picks: Iterable[Pick]) -> str:
     return "recommended rungs\n" + table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
 
 
-def extreme_text(study: "ExtremeStudy") -> str:
+def extreme_text(study: ExtremeStudy) -> str:
     """Write the table of cases, then what is refused or wrong, sentence by sentence."""
     rows = []
     for found in study.verdicts:
-        errors = _two_digits(found.error), _two_digits(found.stated_error), seconds_text(found.seconds)
-        rest = _two_digits(found.residual), _two_digits(found.condition), found.verdict
-        rows.append((found.domain, found.case, found.model, *errors, *rest))
+        figures = found.error, found.stated_error, found.residual, found.condition
+        error, stated, *rest = (f"{figure:.2g}" if isfinite(figure) else "" for figure in figures)
+        head = found.domain, found.case, found.model, error, stated, seconds_text(found.seconds)
+        rows.append((*head, *rest, found.verdict))
     lines = [table(EXTREME_HEADINGS, rows, left=3)]
     lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
     counts = Counter(found.verdict for found in study.verdicts)
     told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
     return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.2g}" if isfinite(value) else ""
 
 
 MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
@@ -554,41 +539,22 @@ LEAST = 1e-13
 """Errors below are drawn here."""
 
 
-def study_pictures(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> tuple[bytes, bytes]:
-    """Return the plot of `study_figure` as SVG and PNG."""
-    figure = study_figure(results, tolerances, name)
-    return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
-
-
-def study_figure(results: Sequence[Judged], tolerances: Sequence[float], name: str) -> Any:
-    """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
-    with plot_style():
-        panels: dict[str, list[Judged]] = {}
-        for result in results:
-            panels.setdefault(result.ladder.name, []).append(result)
-        figure, axes = _figure(max(len(panels), 1))
-        for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
-            _panel(axis, ladder, own, tolerances)
-        figure.suptitle(f"{name}: error against run time\nringed: the quickest rung for a tolerance", fontsize=10)
-    return figure
-
-
-def extreme_picture(verdicts: Sequence["Verdict"]) -> bytes:
+def extreme_picture(verdicts: Sequence[Verdict]) -> bytes:
     """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
     with plot_style():
         figure, (axis,) = _figure(1)
         axis.plot([LEAST, 10], [LEAST, 10], color=PALE, linewidth=1)
-        domains = list(dict.fromkeys(found.domain for found in verdicts))
+        marks = dict(zip(dict.fromkeys(found.domain for found in verdicts), cycle(MARKS), strict=False))
         for found in verdicts:
             if isfinite(found.error) and isfinite(found.stated_error):
                 place = (max(found.stated_error, LEAST), max(found.error, LEAST))
-                mark = MARKS[domains.index(found.domain) % len(MARKS)]
-                axis.plot(*place, mark, color=VERDICT_COLOURS[found.verdict], markersize=5, linestyle="none")
-        for index, domain in enumerate(domains):
-            axis.plot([], [], MARKS[index % len(MARKS)], color=INK, linestyle="none", label=domain)
+                colour = VERDICT_COLOURS[found.verdict]
+                axis.plot(*place, marks[found.domain], color=colour, markersize=5, linestyle="none")
+        for domain, mark in marks.items():
+            axis.plot([], [], mark, color=INK, linestyle="none", label=domain)
         axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")
         axis.set_title("extreme cases: green below the line is right, red is worse than stated")
-        if domains:
+        if marks:
             axis.legend(frameon=False)
         axis.grid(alpha=0.25)
         return plot_bytes(figure, "svg")
@@ -607,10 +573,11 @@ def _figure(count: int) -> tuple[Any, list[Any]]:
 
 
 def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
-    models = list(dict.fromkeys(row.rung.model for result in results for row in result.rows))
+    models = dict.fromkeys(row.rung.model for result in results for row in result.rows)
+    colours, marked = dict(zip(models, cycle(COLOURS), strict=False)), list(zip(results, cycle(MARKS), strict=False))
     drawn = [
-        (result, row, holds)
-        for result in results
+        (row, mark, holds)
+        for result, mark in marked
         for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True)
         if isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
     ]
@@ -619,9 +586,8 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
         axis.text(0.5, 0.5, "no reference, so no errors", ha="center", va="center", transform=axis.transAxes)
         axis.set_axis_off()
         return
-    for result, row, holds in drawn:
-        colour = COLOURS[models.index(row.rung.model) % len(COLOURS)]
-        mark = MARKS[results.index(result) % len(MARKS)]
+    for row, mark, holds in drawn:
+        colour = colours[row.rung.model]
         # What cannot be told from the reference's own error is hollow: the error is at most this.
         fill = "white" if row.is_bound else colour
         axis.plot(*_place(row), mark, color=colour, markerfacecolor=fill, markersize=6, zorder=3)
@@ -629,12 +595,11 @@ def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequen
             axis.plot(*_place(row), "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
             right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
             axis.annotate(", ".join(names), _place(row), **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
-    for model in dict.fromkeys(row.rung.model for _, row, _ in drawn):
-        colour = COLOURS[models.index(model) % len(COLOURS)]
-        axis.plot([], [], "o", color=colour, label=model)
-    for index, result in enumerate(results if len(results) > 1 else ()):
-        axis.plot([], [], MARKS[index % len(MARKS)], color=INK, label=result.ladder.subject)
-    places = [_place(row) for _, row, _ in drawn]
+    for model in dict.fromkeys(row.rung.model for row, *_ in drawn):
+        axis.plot([], [], "o", color=colours[model], label=model)
+    for result, mark in marked if len(results) > 1 else ():
+        axis.plot([], [], mark, color=INK, label=result.ladder.subject)
+    places = [_place(row) for row, *_ in drawn]
     axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
     axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
     for tolerance in tolerances:

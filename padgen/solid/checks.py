@@ -30,7 +30,17 @@ from padgen.solid.mesh import MOST_FOUND, Mesh, Topology, as_manifold, intersect
 from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
 from padgen.spec import Printer, Spec
 
-__all__ = ["BUILT_MM", "Report", "check_against", "check_mesh", "check_pad", "few", "told", "volume_findings"]
+__all__ = [
+    "BUILT_MM",
+    "Report",
+    "as_built",
+    "check_against",
+    "check_mesh",
+    "check_pad",
+    "few",
+    "told",
+    "volume_findings",
+]
 
 BUILT_MM = 0.01
 """Largest allowed difference of a built dimension from the planned one."""
@@ -147,8 +157,8 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
         findings += _pierced(tile.mesh, name)
         beyond = float((np.abs(tile.mesh.vertices_mm[:, :2]) - half).max())
         if beyond > BUILT_MM:
-            told = f"it reaches {number(beyond)} mm out of its sub-cell, must be 0"
-            findings.append(Finding("error", "mesh.cell", name, told))
+            sentence = f"it reaches {number(beyond)} mm out of its sub-cell, must be 0"
+            findings.append(Finding("error", "mesh.cell", name, sentence))
     figures: dict[str, Any] = {"exact_volume_mm3": pad.volume_mm3, "measured_taxels": 0}
     if not closed:
         return figures, findings
@@ -160,22 +170,20 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     print_figures, found = _kept_printable(
         mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
     )
-    figures |= print_figures | {"measured_taxels": len(sample.plan.taxels)}
-    return figures, [*findings, *found, *_as_planned(sample.plan, solid, figures)]
-
-
-def _as_planned(plan: Plan, solid: Any, figures: dict[str, Any]) -> list[Finding]:
-    """Compare built with planned dimensions of every taxel; add the largest difference to `figures`."""
-    spec = plan.spec
-    dimensions = list(measured(plan, solid))
-    gaps = [abs(d.built_mm - d.planned_mm) for d in dimensions]
-    figures["largest_difference_from_plan_mm"] = max((gap for gap in gaps if isfinite(gap)), default=None)
-    figures["measured_dimensions"] = len(dimensions)
-    off = [d for d in dimensions if not abs(d.built_mm - d.planned_mm) <= BUILT_MM + d.facets_mm]
-    return [
-        *told(off, [], None),
-        *few(_washers_enter(spec, washer_rooms(plan, solid, plan.taxels))),
-        *few(_as_printed(spec, dimensions)),
+    taxels, dimensions = sample.plan.taxels, list(measured(sample.plan, solid))
+    off_mm = [abs(d.built_mm - d.planned_mm) for d in dimensions]
+    figures |= print_figures | {
+        "measured_taxels": len(taxels),
+        "largest_difference_from_plan_mm": max(filter(isfinite, off_mm), default=None),
+        "measured_dimensions": len(dimensions),
+    }
+    off = [d for d, far_mm in zip(dimensions, off_mm, strict=True) if not far_mm <= BUILT_MM + d.facets_mm]
+    return figures, [
+        *findings,
+        *found,
+        *few(told(off, [], None)),
+        *few(_washers_enter(plan.spec, washer_rooms(sample.plan, solid, taxels))),
+        *few(_as_printed(plan.spec, dimensions)),
     ]
 
 
@@ -197,15 +205,23 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
     found, rooms = differences(one, other), washer_rooms(plan, one, taxels)
-    return False, [*told(off, found, cells), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
+    return False, [*few(told(off, found, cells)), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
-def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> list[Finding]:
-    """Return one finding per group of taxels (or other parts of the pad) that differ in the same way."""
+def as_built(size_mm: float) -> str:
+    """Return a measured size as text.
+
+    >>> as_built(3.4567891), as_built(float("nan"))
+    ('3.4568 mm', 'missing')
+    """
+    return f"{number(size_mm)} mm" if isfinite(size_mm) else "missing"
+
+
+def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> Iterator[Finding]:
+    """Yield one finding per group of taxels (or other parts of the pad) that differ in the same way."""
     dimensions: dict[str, list[str]] = {}
     for d in off:
-        built = f"{number(d.built_mm)} mm" if isfinite(d.built_mm) else "missing"
-        text = f"{d.name} is {built}, planned are {number(d.planned_mm)} mm"
+        text = f"{d.name} is {as_built(d.built_mm)}, planned are {number(d.planned_mm)} mm"
         dimensions.setdefault(d.where, []).append(text)
     largest: dict[str, Difference] = {}
     for each in found:
@@ -215,7 +231,6 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
         piece = largest.get(where)
         sizes = (piece.more, f"{piece.volume_mm3:.2g}", np.round(piece.extent_mm, 2).tolist()) if piece else None
         alike.setdefault(str((dimensions.get(where, [])[:SAID], sizes)), []).append(where)
-    findings = []
     for first, *others in alike.values():
         said = dimensions.get(first, [])[:SAID]
         if piece := largest.get(first):
@@ -224,8 +239,7 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
             what = "more than planned" if piece.more else "missing"
             said.append(f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm")
         more = f"; so are {', '.join(others[:AT_ONCE])}{' and others' * (len(others) > AT_ONCE)}" if others else ""
-        findings.append(Finding("error", "built.planned", first, "; ".join(said) + more))
-    return list(few(findings))
+        yield Finding("error", "built.planned", first, "; ".join(said) + more)
 
 
 def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
@@ -240,12 +254,12 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
     cure = f"; taxel.washer_clearance_mm = {at_least(least_mm)} would do"
     for taxel, room_mm in rooms:
         if not room_mm >= needed_mm - within_mm:
-            room = f"{number(room_mm)} mm" if isfinite(room_mm) else "missing"
             yield Finding(
                 "error",
                 "washer.fit",
                 f"taxel {taxel}",
-                f"the recess diameter between the sides of its polygon is {room}, the washer {washer.name} of"
+                "the recess diameter between the sides of its polygon is"
+                f" {as_built(room_mm)}, the washer {washer.name} of"
                 f" {number(washer.outer_diameter_mm)} mm needs {number(needed_mm)} mm, as {printer.name} lays"
                 f" {number(laid_mm)} mm into it{cure if spec.taxel.washer_clearance_mm < least_mm else ''}",
             )

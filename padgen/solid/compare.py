@@ -13,7 +13,7 @@ import numpy as np
 from padgen.core.errors import Finding, number
 from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
-from padgen.solid.mesh import Mesh
+from padgen.solid.mesh import Mesh, unit_normals
 
 __all__ = [
     "SMALLEST_MM",
@@ -165,8 +165,7 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
         return float(np.isfinite(near).mean())
 
     best = Pose(np.eye(3), np.zeros(3), share(np.eye(3), np.zeros(3)))
-    size = np.ptp(mesh.vertices_mm, axis=0)
-    if best.share > 0.999 or not size.all():
+    if best.share > 0.999 or not np.ptp(mesh.vertices_mm, axis=0).all():
         return best
     try:
         outline = mesh.vertices_mm[ConvexHull(mesh.vertices_mm[:, :2]).vertices]
@@ -199,10 +198,9 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
 
 def _landmarks(mesh: Mesh) -> np.ndarray:
     """Return corners (n, 3) where three flat faces meet, which do not depend on how round faces are triangulated."""
-    corners = mesh.corners_mm
-    sides = np.roll(corners, -1, axis=1) - corners
-    sides /= np.maximum(np.linalg.norm(sides, axis=2, keepdims=True), 1e-30)
-    angles = np.arccos(np.clip(-np.einsum("tij,tij->ti", sides, np.roll(sides, 1, axis=1)), -1, 1))
+    import trimesh
+
+    angles = trimesh.triangles.angles(mesh.corners_mm)
     whole = np.bincount(mesh.triangles.ravel(), angles.ravel(), len(mesh.vertices_mm))
     marks = mesh.vertices_mm[np.abs(whole - 2 * np.pi) > CORNER_RAD]
     return np.asarray(marks[:: len(marks) // LANDMARKS + 1])
@@ -226,8 +224,8 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
         first = triangles.argmin(1)[:, None]
         a, b, c = np.take_along_axis(triangles, (first + np.arange(3)) % 3, 1).T
         keys.append((a * (count + 1) + b) * (count + 1) + c)
-    loose = ~known[mesh.triangles].all(1) | ~np.isin(*keys)
-    return loose, ~np.isin(*keys[::-1]), Mesh(vertices, mesh.triangles)
+    lost = ~np.isin(*keys[::-1])
+    return ~known[mesh.triangles].all(1) | ~np.isin(*keys), lost, Mesh(vertices, mesh.triangles)
 
 
 def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
@@ -241,8 +239,7 @@ def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
     corners = np.concatenate([triangles_mm, planned_mm])
     if not len(corners):
         return True
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    normals = unit_normals(corners)
     planes = np.column_stack([normals, np.einsum("ij,ij->i", normals, corners[:, 0])])
     seen = np.flatnonzero(np.abs(normals[:, 2]) > STEEP)
     _, plane = np.unique(np.round(planes[seen] / SAME_MM), axis=0, return_inverse=True)
@@ -254,11 +251,10 @@ def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
             for part in np.split(own, [np.searchsorted(own, len(triangles_mm))])
         )
         apart = (one - other) + (other - one)
-        if apart.area() > STRIP_MM**2 / 2:
-            # Slivers would come out of `offset` turned inside out.
-            left = apart.simplify(STRIP_MM / 50).offset(-STRIP_MM / 2, JoinType.Miter)
-            if not left.is_empty():
-                return False
+        large = apart.area() > STRIP_MM**2 / 2
+        # Without `simplify`, slivers would come out of `offset` turned inside out.
+        if large and not apart.simplify(STRIP_MM / 50).offset(-STRIP_MM / 2, JoinType.Miter).is_empty():
+            return False
     return True
 
 

@@ -48,19 +48,6 @@ class _Deferred(ModuleType):
         return _Later(self.__name__, name)
 
 
-@contextmanager
-def _deferred() -> Iterator[None]:
-    """Put placeholders in place of those modules of `DEFERRED` that are not imported yet, within the block."""
-    added = [name for name in DEFERRED if name not in sys.modules]
-    for name in added:
-        sys.modules[name] = _Deferred(name)
-    try:
-        yield
-    finally:
-        for name in added:
-            sys.modules.pop(name, None)
-
-
 @cache
 def build123d() -> Any:
     """Return the build123d package, imported at the first call.
@@ -70,13 +57,18 @@ def build123d() -> Any:
     GeometryError
         build123d or one of its libraries is missing or broken.
     """
+    added = [name for name in DEFERRED if name not in sys.modules]
+    for name in added:
+        sys.modules[name] = _Deferred(name)
     try:
-        with _deferred():
-            return importlib.import_module("build123d")
+        return importlib.import_module("build123d")
     except ImportError as error:
         if _interrupted(error):
             raise KeyboardInterrupt from error
         raise GeometryError(f"build123d cannot be imported ({error}); install padgen again") from error
+    finally:
+        for name in added:
+            sys.modules.pop(name, None)
 
 
 def _interrupted(error: BaseException | None) -> bool:

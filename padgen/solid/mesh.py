@@ -18,12 +18,14 @@ __all__ = [
     "Mesh",
     "Topology",
     "as_manifold",
+    "expanded",
     "intersecting_pairs",
     "shells",
     "signed_volume_mm3",
     "sound_mesh",
     "tessellated",
     "topology",
+    "unit_normals",
     "welded",
 ]
 
@@ -46,8 +48,13 @@ class Mesh(NamedTuple):
     @property
     def corners_mm(self) -> np.ndarray:
         """Coordinates of each triangle's corners in mm, (T, 3, 3)."""
-        corners: np.ndarray = self.vertices_mm[self.triangles]
-        return corners
+        return np.asarray(self.vertices_mm[self.triangles])
+
+
+def unit_normals(corners_mm: np.ndarray) -> np.ndarray:
+    """Return the outward unit normals (n, 3) of triangles (n, 3, 3), zero where one has no area."""
+    across = np.cross(corners_mm[:, 1] - corners_mm[:, 0], corners_mm[:, 2] - corners_mm[:, 0])
+    return np.asarray(across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30))
 
 
 def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> Mesh:
@@ -93,6 +100,16 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
     triangles = number[triangles]
     a, b, c = triangles.T
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
+
+
+def expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each item of runs of `counts` items the index of its run and its place in that, from 0.
+
+    >>> expanded(np.array([2, 0, 3]))
+    (array([0, 0, 2, 2, 2]), array([0, 1, 0, 1, 2]))
+    """
+    run = np.repeat(np.arange(len(counts)), counts)
+    return run, np.arange(len(run)) - np.repeat(np.cumsum(counts) - counts, counts)
 
 
 def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str, weld: bool = True) -> Mesh:
@@ -241,9 +258,8 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
         np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE)
     )
     for chunk in np.split(np.arange(len(owner)), np.unique(np.minimum(stops + 1, len(owner)))):
-        mine = np.repeat(chunk, partners[chunk])
-        step = np.arange(len(mine)) - np.repeat(np.cumsum(partners[chunk]) - partners[chunk], partners[chunk])
-        a, b = owner[mine], owner[mine + 1 + step]
+        run, step = expanded(partners[chunk])
+        a, b = owner[chunk[run]], owner[chunk[run] + 1 + step]
         for axis in (2, 0, 1):
             # Triangles whose boxes only touch cannot pierce, such as those of one horizontal face.
             overlap = (low[a, axis] < high[b, axis]) & (low[b, axis] < high[a, axis])
@@ -266,8 +282,7 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         spans = last - first + 1
         cells = spans.prod(1)
         if cells.sum() <= MOST_CELLS * count:
-            owner = np.repeat(np.arange(count), cells)
-            at = np.arange(len(owner)) - np.repeat(np.cumsum(cells) - cells, cells)
+            owner, at = expanded(cells)
             column = first[owner, 0] + at % spans[owner, 0]
             row = first[owner, 1] + at // spans[owner, 0]
             key = column * (int(last[:, 1].max()) + 1) + row
@@ -298,15 +313,10 @@ def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
             low, high = np.minimum(heights[i], heights[j]), np.maximum(heights[i], heights[j])
             shared = ((face == ends[i][:, None]) | (face == ends[j][:, None])).any(1)
             at = np.flatnonzero((low < -margin) & (high > margin) & ~shared)
-            start, stop = mesh.vertices_mm[ends[i][at]], mesh.vertices_mm[ends[j][at]]
-            result[at] |= _between(start, stop, corners[:, at], margin[at])
+            start = mesh.vertices_mm[ends[i][at]]
+            along, (a, b, c) = mesh.vertices_mm[ends[j][at]] - start, corners[:, at] - start
+            # An edge passes between a face's corners where all volumes that it spans with two of them have one sign.
+            turns = [np.einsum("ij,ij->i", np.cross(*each), along) for each in ((a, b), (b, c), (c, a))]
+            bound = margin[at] * np.linalg.norm(along, axis=1)
+            result[at] |= (np.minimum.reduce(turns) > bound) | (np.maximum.reduce(turns) < -bound)
     return result
-
-
-def _between(start: np.ndarray, stop: np.ndarray, corners: np.ndarray, margin: np.ndarray) -> np.ndarray:
-    """Return where lines (n, 3) to (n, 3) pass between the corners (3, n, 3) of a face, by signed volumes."""
-    along = stop - start
-    around = ((corners[k] - start, corners[k - 2] - start) for k in range(3))
-    turns = [np.einsum("ij,ij->i", np.cross(*each), along) for each in around]
-    bound = margin * np.linalg.norm(along, axis=1)
-    return (np.minimum.reduce(turns) > bound) | (np.maximum.reduce(turns) < -bound)

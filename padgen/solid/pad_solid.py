@@ -51,22 +51,27 @@ def border_mesh(
     GeometryError
         The outline cannot be triangulated: its holes meet its edges.
     """
-    pad = plan.spec.pad
-    rings = [_outside(plan, chord_mm, angle_rad, groove), _inside(plan, shape)[::-1]]
+    pad, (rows, columns) = plan.spec.pad, shape
+    half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
+    x, y = np.linspace(-half_x, half_x, columns + 1), np.linspace(-half_y, half_y, rows + 1)
+    # The lattice's outline, anticlockwise from the lower left.
+    inside = [(v, -half_y) for v in x] + [(half_x, v) for v in y[1:]]
+    inside += [(v, half_y) for v in x[-2::-1]] + [(-half_x, v) for v in y[-2:0:-1]]
+    rings = [_outside(plan, chord_mm, angle_rad, groove), np.array(inside[::-1])]
     if pad.hole_diameter_mm:
         off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
-        for x, y in ((-off_x, -off_y), (-off_x, off_y), (off_x, -off_y), (off_x, off_y)):
-            rings.append(_circle((x, y), pad.hole_diameter_mm, chord_mm, angle_rad)[::-1])
+        for centre in product((-off_x, off_x), (-off_y, off_y)):
+            rings.append(_circle(centre, pad.hole_diameter_mm, chord_mm, angle_rad)[::-1])
     return prism(rings, 0.0, pad.frame_thickness_mm)
 
 
-def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD) -> Mesh:
+def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM) -> Mesh:
     """Return the triangles of the washer glued to the roof of its recess, in mm in the taxel's own axes."""
     washer, depth = plan.spec.washer, plan.plate.recess_depth_mm
     centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
-    rings = [_circle(centre, washer.outer_diameter_mm, chord_mm, angle_rad)]
+    rings = [_circle(centre, washer.outer_diameter_mm, chord_mm, ANGLE_RAD)]
     if washer.inner_diameter_mm:
-        rings.append(_circle(centre, washer.inner_diameter_mm, chord_mm, angle_rad)[::-1])
+        rings.append(_circle(centre, washer.inner_diameter_mm, chord_mm, ANGLE_RAD)[::-1])
     return prism(rings, depth - washer.thickness_mm, depth)
 
 
@@ -97,16 +102,6 @@ def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | No
         # The groove follows the corner at which its side of the border begins.
         parts.insert(1 if above else 3, np.array(notch[::-1] if above else notch))
     return np.concatenate(parts)
-
-
-def _inside(plan: Plan, shape: tuple[int, int]) -> np.ndarray:
-    """Return the lattice's outline as points (n, 2) in mm, anticlockwise, with a point wherever two tiles meet."""
-    pad, (rows, columns) = plan.spec.pad, shape
-    half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
-    x, y = np.linspace(-half_x, half_x, columns + 1), np.linspace(-half_y, half_y, rows + 1)
-    points = [(v, -half_y) for v in x] + [(half_x, v) for v in y[1:]]
-    points += [(v, half_y) for v in x[-2::-1]] + [(-half_x, v) for v in y[-2:0:-1]]
-    return np.array(points)
 
 
 def _arc(
@@ -352,7 +347,6 @@ def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tup
     v = mesh.vertices_mm
     inside = (np.abs(v[:, 0]) < x[-1] + SEAM_MM) & (np.abs(v[:, 1]) < y[-1] + SEAM_MM)
     step = [np.abs(v[:, i, None] - axis).argmin(1) for i, axis in enumerate((x, y, z))]
-    number = (step[0] * len(y) + step[1]) * 2 + step[2]
-    on_lattice = np.where(inside, number, -1)
+    on_lattice = np.where(inside, (step[0] * len(y) + step[1]) * 2 + step[2], -1)
     flat = np.ptp(v[mesh.triangles, 2], axis=1) < SEAM_MM
     return on_lattice, mesh.triangles[~inside[mesh.triangles].all(1) | flat]

@@ -30,7 +30,17 @@ from padgen.planner.fixtures import (
     washer_underside_mm,
 )
 from padgen.planner.plan import Plan
-from padgen.solid.checks import BUILT_MM, Report, check_against, check_mesh, check_pad, few, told, volume_findings
+from padgen.solid.checks import (
+    BUILT_MM,
+    Report,
+    as_built,
+    check_against,
+    check_mesh,
+    check_pad,
+    few,
+    told,
+    volume_findings,
+)
 from padgen.solid.compare import Pose, differences, pose_of
 from padgen.solid.formats import Part
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
@@ -101,8 +111,7 @@ def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
             low, radius = tray.height_mm - screw.hole_depth_mm, screw.hole_diameter_mm / 2
             holes = [b.Plane((x, y, low)) for x, y in tray.holes_mm]
             cuts += [b.Solid.make_cylinder(radius, screw.hole_depth_mm, plane) for plane in holes]
-        whole = floor.fuse(block, *walls.solids()).cut(*cuts)
-        solid = only_solid(whole, "the coil tray")
+        solid = only_solid(floor.fuse(block, *walls.solids()).cut(*cuts), "the coil tray")
     return TraySolid(tray, tessellated(solid), float(solid.volume), solid)
 
 
@@ -115,13 +124,14 @@ def _socket(tray: Tray, x: float, y: float) -> Any:
         turn = sqrt(0.5)
         return b.Vector(x + turn * (along - across), y + turn * (along + across))
 
-    edges = [
-        b.Edge.make_three_point_arc(at(mouth, half), at(-radius, 0.0), at(mouth, -half)),
-        b.Edge.make_line(at(mouth, -half), at(end, -half)),
-        b.Edge.make_line(at(end, -half), at(end, half)),
-        b.Edge.make_line(at(end, half), at(mouth, half)),
-    ]
-    (wire,) = b.Wire.combine(edges)
+    (wire,) = b.Wire.combine(
+        [
+            b.Edge.make_three_point_arc(at(mouth, half), at(-radius, 0.0), at(mouth, -half)),
+            b.Edge.make_line(at(mouth, -half), at(end, -half)),
+            b.Edge.make_line(at(end, -half), at(end, half)),
+            b.Edge.make_line(at(end, half), at(mouth, half)),
+        ]
+    )
     return wire
 
 
@@ -151,7 +161,7 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
         # check_mesh has reported it.
         return Report(figures, tuple(findings))
     if mesh is not built.mesh:
-        findings += told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None)
+        findings += few(told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None))
     gauges = list(measured_tray(tray, spec, solid))
     findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
@@ -212,9 +222,9 @@ def _off(gauges: list[Dimension]) -> Iterator[Finding]:
     for g in gauges:
         within_mm = BUILT_MM + g.facets_mm
         if not abs(g.built_mm - g.planned_mm) <= within_mm:
-            built = f"{number(g.built_mm)} mm" if isfinite(g.built_mm) else "missing"
             planned = f"{number(g.planned_mm)} mm within {number(within_mm)} mm"
-            yield Finding("error", "tray.built", g.where, f"its {g.name} is {built}, planned are {planned}")
+            sentence = f"its {g.name} is {as_built(g.built_mm)}, planned are {planned}"
+            yield Finding("error", "tray.built", g.where, sentence)
 
 
 def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
@@ -315,6 +325,15 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     if "tray" in (parts_g or {}):
         screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm)
         screws = f"{screw.name} x {number(screw.length_mm)} mm {screws}" if screw else screws
+    own, load, parts = spec.amplifier, plan.load, plan.parts
+    some = (
+        f"{own.name}: {own.channels} channels"
+        if own
+        else "; or ".join(f"{n} x {name}" for name, n in parts.amplifiers.items())
+    )
+    cards = "; or ".join((*parts.sound_cards, "a board with as many converters"))
+    asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
+    glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
     rows = [
         (
             "washer",
@@ -333,17 +352,6 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if pad.hole_diameter_mm else 0, "pieces", screws),
-    ]
-    own, load, parts = spec.amplifier, plan.load, plan.parts
-    some = (
-        f"{own.name}: {own.channels} channels"
-        if own
-        else "; or ".join(f"{n} x {name}" for name, n in parts.amplifiers.items())
-    )
-    cards = "; or ".join((*parts.sound_cards, "a board with as many converters"))
-    asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
-    glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
-    rows += [
         ("amplifier channel", coils, "pieces", f"{asked}{'' if some == '' else f' ({some})'}"),
         ("sound card", 1, "pieces", f"{coils} outputs: {cards}"),
         (

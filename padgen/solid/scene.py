@@ -14,7 +14,7 @@ from padgen.core.errors import InfeasibleError
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
 from padgen.planner.plan import TURNS, Channel, Plan
-from padgen.planner.suspensions import Arrangement, BeamPath
+from padgen.planner.suspensions import Arrangement, BeamPath, PathPoint
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
 from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid, washer_mesh
 
@@ -60,24 +60,16 @@ def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
     A taxel has its origin on the washer's axis, as its places have. Without room for a tray there is none.
     """
     parts = [part for channel in plan.channels for part in _taxel_and_washer(plan, pad, channel)]
-    grid = tile_grid(plan)
+    grid, cell = tile_grid(plan), (plan.cell.width_mm, plan.cell.depth_mm)
     rows, columns = np.nonzero(grid == len(plan.channels))
     if len(rows):
-        x, y = (_centres(count, step) for count, step in zip(grid.shape[::-1], _cell(plan), strict=True))
-        mesh = _prism([_rectangle(_around(*_cell(plan)))], 0.0, plan.spec.pad.frame_thickness_mm)
+        x, y = ((np.arange(n) - (n - 1) / 2) * step for n, step in zip(grid.shape[::-1], cell, strict=True))
+        mesh = _mesh_of(_extruded([_rectangle(_around(*cell))], 0.0, plan.spec.pad.frame_thickness_mm))
         bare = (Place(f"frame-{i}-{j}", float(x[j]), float(y[i])) for i, j in zip(rows, columns, strict=True))
         parts.append(ScenePart("frame", "pad", pad.tiles[-1].mesh if pad else mesh, tuple(bare)))
     border = pad.border.mesh if pad else border_mesh(plan, grid.shape, CHORD_MM, ANGLE_RAD, corner_groove(plan.spec))
     parts.append(ScenePart("border", "pad", border, (Place("border", 0.0, 0.0),)))
     return (*parts, *_coils(plan), *_tray(plan))
-
-
-def _cell(plan: Plan) -> tuple[float, float]:
-    return plan.cell.width_mm, plan.cell.depth_mm
-
-
-def _centres(count: int, step: float) -> np.ndarray:
-    return (np.arange(count) - (count - 1) / 2) * step
 
 
 def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> list[ScenePart]:
@@ -134,35 +126,37 @@ def mode_heights(arrangement: Arrangement, channel: Channel, points_mm: np.ndarr
     )
     result = np.where(in_window & in_block, rigid(x, y), 0.0)
     bends = in_window & ~in_block
-    nearest = np.full(int(bends.sum()), np.inf)
+    places, curves = [], []
     for path in arrangement.beams:
-        places, share = _stations(path)
-        tip, ahead = places[-1], np.array([path.corners[-1].along_x, path.corners[-1].along_y], float)
+        points, share = _stations(path, 2 * STATIONS, 2)
+        places += [(float(point.x_mm), float(point.y_mm)) for point in points]
+        tip, ahead = np.array(places[-1]), np.array([path.corners[-1].along_x, path.corners[-1].along_y], float)
         there = float(rigid(*tip))
         slope = float(path.length_mm) * float(rigid(*(tip + ahead)) - rigid(*tip))
-        curve = (3 * there - slope) * share**2 + (slope - 2 * there) * share**3
-        away = np.hypot(x[bends, None] - places[:, 0], y[bends, None] - places[:, 1])
-        own = away.argmin(1)
-        closer = away.min(1) < nearest
-        result[bends] = np.where(closer, curve[own], result[bends])
-        nearest = np.minimum(nearest, away.min(1))
+        curves.append((3 * there - slope) * share**2 + (slope - 2 * there) * share**3)
+    # What bends moves as the nearest station of any beam does.
+    beam_x, beam_y = np.array(places).T
+    away = np.hypot(x[bends, None] - beam_x, y[bends, None] - beam_y)
+    result[bends] = np.concatenate(curves)[away.argmin(1)]
     return result
 
 
 EDGE_MM = 1e-4
 
 
-def _stations(path: BeamPath) -> tuple[np.ndarray, np.ndarray]:
-    """Return places (k, 2) in mm along a beam's path, and their shares (k,) of its length."""
-    whole, before, places, shares = float(path.length_mm), 0.0, [], []
+def _stations(path: BeamPath, pieces: int, least: int) -> tuple[list[PathPoint], np.ndarray]:
+    """Return points along a beam's path, and their shares (k,) of its length.
+
+    They cut it into about so many `pieces`, and each segment into `least` or more.
+    """
+    whole, before, points, shares = float(path.length_mm), 0.0, [], []
     for index, segment in enumerate(path.segments):
         length = float(segment.length_mm)
-        for at in np.linspace(0, 1, 1 + max(round(2 * STATIONS * length / whole), 2))[bool(index) :]:
-            point = path.within(index, float(at))
-            places.append((float(point.x_mm), float(point.y_mm)))
+        for at in np.linspace(0, 1, 1 + max(round(pieces * length / whole), least))[bool(index) :].tolist():
+            points.append(path.within(index, at))
             shares.append((before + at * length) / whole)
         before += length
-    return np.array(places), np.array(shares)
+    return points, np.array(shares)
 
 
 def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
@@ -184,17 +178,11 @@ def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
 
 def _beam(path: BeamPath) -> manifold3d.Manifold:
     """Return a beam as wide and thick as planned, reaching a little into the frame so that it joins it."""
-    sides: tuple[list, list] = ([], [])
-    for index, segment in enumerate(path.segments):
-        for at in np.linspace(0, 1, 1 + max(round(STATIONS * float(segment.length_mm) / float(path.length_mm)), 1))[
-            bool(index) :
-        ]:
-            point = path.within(index, float(at))
-            for side, sign in zip(sides, (1, -1), strict=True):
-                side.append([float(v) for v in point.beside(sign * float(path.width_mm) / 2)])
-    for side in sides:
-        side[0] = [v - 0.05 * along for v, along in zip(side[0], path.direction, strict=True)]
-    return _extruded([np.array(sides[1] + sides[0][::-1])], 0.0, float(path.thickness_mm))
+    half, (points, _) = float(path.width_mm) / 2, _stations(path, STATIONS, 1)
+    left, right = (np.array([point.beside(way) for point in points], float) for way in (half, -half))
+    for side in (left, right):
+        side[0] -= 0.05 * np.array(path.direction, float)
+    return _extruded([np.concatenate([right, left[::-1]])], 0.0, float(path.thickness_mm))
 
 
 def _coils(plan: Plan) -> SceneParts:
@@ -210,7 +198,7 @@ def _coils(plan: Plan) -> SceneParts:
         ScenePart(
             name,
             material,
-            _prism(outlines, top - coil.length_mm, top),
+            _mesh_of(_extruded(outlines, top - coil.length_mm, top)),
             tuple(Place(f"{name}-{k + 1}", x, y) for k, (x, y) in enumerate(places)),
         )
         for name, (material, outlines) in rings.items()
@@ -281,10 +269,6 @@ def _extruded(rings: list[np.ndarray], low: float, high: float) -> manifold3d.Ma
     """Return the solid over outlines anticlockwise and holes clockwise."""
     section = manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
     return section.extrude(high - low).translate((0, 0, low))
-
-
-def _prism(rings: list[np.ndarray], low: float, high: float) -> Mesh:
-    return _mesh_of(_extruded(rings, low, high))
 
 
 def _mesh_of(solid: manifold3d.Manifold) -> Mesh:

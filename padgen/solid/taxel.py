@@ -31,7 +31,7 @@ from padgen.planner.suspensions import BeamPath, Segment
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, tessellated
 
-__all__ = ["Tile", "box", "kept_solid", "known_solid", "only_solid", "taxel_key", "taxel_solid", "washer_solid"]
+__all__ = ["Tile", "box", "kept_solid", "only_solid", "taxel_key", "taxel_solid", "washer_solid"]
 
 LEAST_MM = 1e-6
 """Edges and fillets that are shorter are left out."""
@@ -169,24 +169,16 @@ def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
     )
 
 
-def known_solid(key: str) -> Tile | None:
-    """Return the taxel that the cache on disk has under `key`, or None."""
-    data = cache.load_bytes(KIND, key)
-    if data is None:
-        return None
-    with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-        return Tile(Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"]))
-
-
 def kept_solid(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> Tile:
     """Return a channel's taxel in its own axes from the cache, or model it and keep it."""
     key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
 
-    def made() -> Tile:
+    def made() -> bytes:
         solid, data = taxel_solid(plan, channel), io.BytesIO()
-        tile = Tile(tessellated(solid, chord_mm, angle_rad), float(solid.volume))
-        np.savez(data, **tile.mesh._asdict(), volume_mm3=tile.volume_mm3)
+        np.savez(data, **tessellated(solid, chord_mm, angle_rad)._asdict(), volume_mm3=float(solid.volume))
         cache.store_bytes(KIND, key, data.getvalue())
-        return tile
+        return data.getvalue()
 
-    return cache.once(KIND, key, lambda: known_solid(key), made)
+    kept = cache.once(KIND, key, lambda: cache.load_bytes(KIND, key), made)
+    with np.load(io.BytesIO(kept), allow_pickle=False) as arrays:
+        return Tile(Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"]))

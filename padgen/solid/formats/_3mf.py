@@ -21,7 +21,7 @@ from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.plan import Plan
 from padgen.planner.printing import prusa_profile
 from padgen.solid.formats import ExportJob, verified, verified_volume
-from padgen.solid.mesh import AT_ONCE, Mesh, sound_mesh
+from padgen.solid.mesh import AT_ONCE, Mesh, expanded, sound_mesh
 from padgen.solid.pad_solid import PadSolid, turned_grid
 
 __all__ = ["LARGEST_FILE", "MOST_TRIANGLES", "picture_png", "read_3mf", "threemf_bytes", "write"]
@@ -96,7 +96,7 @@ def threemf_bytes(job: ExportJob) -> bytes:
         "[Content_Types].xml": [_CONTENT_TYPES],
         "_rels/.rels": [_RELATIONS],
         MODEL: _model(job),
-        "Metadata/thumbnail.png": [picture_png([(job.part.mesh, COLOUR)], THUMBNAIL_PX)],
+        "Metadata/thumbnail.png": [picture_png(job.part.mesh, THUMBNAIL_PX)],
     }
     if profile := prusa_profile(job.plan.spec):
         # PrusaSlicer skips the first line.
@@ -304,11 +304,11 @@ OVERSAMPLE = 2
 
 AZIMUTH, ELEVATION = np.radians((-35.0, 38.0))
 """Direction that a picture is taken from: angles around z from −y, and above the horizon."""
-COLOUR = (0.90, 0.88, 0.82)
+COLOUR = np.array([0.90, 0.88, 0.82])
 
 
-def picture_png(parts: "list[tuple[Mesh, tuple[float, float, float]]]", size_px: tuple[int, int]) -> bytes:
-    """Draw meshes with their colours (red, green, blue in 0 … 1) as a PNG of this size, in parallel projection.
+def picture_png(mesh: Mesh, size_px: tuple[int, int]) -> bytes:
+    """Draw a mesh as a PNG of this size, in parallel projection.
 
     A depth buffer in numpy, so that it needs no window and no graphics driver.
     """
@@ -318,24 +318,23 @@ def picture_png(parts: "list[tuple[Mesh, tuple[float, float, float]]]", size_px:
     right = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH), 0])
     toward = np.array([np.sin(AZIMUTH) * np.cos(ELEVATION), -np.cos(AZIMUTH) * np.cos(ELEVATION), np.sin(ELEVATION)])
     axes = np.stack([right, np.cross(toward, right), toward])
-    seen = [mesh.vertices_mm @ axes.T for mesh, _ in parts]
-    low, high = np.min([each.min(0) for each in seen], 0), np.max([each.max(0) for each in seen], 0)
+    seen = mesh.vertices_mm @ axes.T
+    low, high = seen.min(0), seen.max(0)
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
     shift = np.array([width, height, 0]) / 2 - (low + high) / 2 * (scale, -scale, scale)
     image, nearest = np.tile(BACKGROUND, (width * height, 1)), np.full(width * height, -np.inf)
-    for (mesh, colour), places in zip(parts, seen, strict=True):
-        for some in np.array_split(mesh.triangles, len(mesh.triangles) // AT_ONCE + 1):
-            corners = places[some]
-            normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-            facing = normal[:, 2] > 1e-9
-            normal = normal[facing] / np.linalg.norm(normal[facing], axis=1, keepdims=True)
-            lit = [share * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS]
-            shades = np.clip(np.array(colour) * (AMBIENT + sum(lit))[:, None], 0, 1)
-            pixel, owner, depth = _covered(corners[facing] * (scale, -scale, scale) + shift, width, height)
-            # Assigned in the order of depth, the nearest triangle comes last and stays.
-            order = np.argsort(depth, kind="stable")
-            order = order[depth[order] >= nearest[pixel[order]]]
-            nearest[pixel[order]], image[pixel[order]] = depth[order], shades[owner[order]]
+    for some in np.array_split(mesh.triangles, len(mesh.triangles) // AT_ONCE + 1):
+        corners = seen[some]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        facing = normal[:, 2] > 1e-9
+        normal = normal[facing] / np.linalg.norm(normal[facing], axis=1, keepdims=True)
+        lit = [share * np.clip(normal @ (light / np.linalg.norm(light)), 0, 1) for light, share in LIGHTS]
+        shades = np.clip(COLOUR * (AMBIENT + sum(lit))[:, None], 0, 1)
+        pixel, owner, depth = _covered(corners[facing] * (scale, -scale, scale) + shift, width, height)
+        # Assigned in the order of depth, the nearest triangle comes last and stays.
+        order = np.argsort(depth, kind="stable")
+        order = order[depth[order] >= nearest[pixel[order]]]
+        nearest[pixel[order]], image[pixel[order]] = depth[order], shades[owner[order]]
     image = image.reshape(height, width, 3)
     steps = range(OVERSAMPLE)
     # A mean over two axes would take ten times as long.
@@ -365,7 +364,5 @@ def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Expand runs ``first … last`` into single steps: the index of each step's run, and its place."""
-    count = np.maximum(last - first + 1, 0).astype(np.int64)
-    index = np.repeat(np.arange(len(count)), count)
-    start = np.cumsum(count) - count
-    return index, first[index].astype(np.int64) + np.arange(len(index)) - start[index]
+    run, step = expanded(np.maximum(last - first + 1, 0).astype(np.int64))
+    return run, first[run].astype(np.int64) + step

@@ -3,14 +3,12 @@
 Every taxel, washer and coil is a node of its own, named after its taxel or numbered, on meshes that all copies share.
 """
 
-from typing import Any
-
 import numpy as np
 
 from padgen.core.errors import GeometryError
 from padgen.core.files import OutputFolder
 from padgen.solid.formats import ExportJob
-from padgen.solid.mesh import Mesh
+from padgen.solid.mesh import unit_normals
 from padgen.solid.scene import scene_parts
 
 __all__ = ["write"]
@@ -30,7 +28,6 @@ def write(out: OutputFolder, job: ExportJob) -> None:
         return
     import trimesh
 
-    plan = job.plan
     turn = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], float)
     turn[:3] *= 1e-3
     scene = trimesh.Scene()
@@ -39,29 +36,21 @@ def write(out: OutputFolder, job: ExportJob) -> None:
         name: pbr(name=name, baseColorFactor=colour, metallicFactor=0.0, roughnessFactor=0.8)
         for name, colour in COLOURS.items()
     }
-    count = 0
-    for part in scene_parts(plan, job.pad):
-        scene.geometry[part.name] = _shaded(part.mesh, materials[part.material])
+    parts = scene_parts(job.plan, job.pad)
+    for part in parts:
+        # A normal for each corner of each triangle, so that edges stay sharp.
+        corners = part.mesh.corners_mm
+        number = np.arange(3 * len(corners)).reshape(-1, 3)
+        normals = np.repeat(unit_normals(corners), 3, axis=0)
+        shape = trimesh.Trimesh(corners.reshape(-1, 3), number, vertex_normals=normals, process=False)
+        shape.visual = trimesh.visual.TextureVisuals(material=materials[part.material])
+        scene.geometry[part.name] = shape
         for place in part.places:
             at = np.diag([-1.0, -1.0, 1.0, 1.0]) if place.turned else np.eye(4)
             at[:3, 3] = place.x_mm, place.y_mm, place.z_mm
             scene.graph.update(place.name, matrix=turn @ at, geometry=part.name)
-            count += 1
     data = scene.export(file_type="glb", include_normals=True)
     back = trimesh.load(trimesh.util.wrap_as_stream(data), file_type="glb")
-    if len(back.graph.nodes_geometry) != count:
+    if len(back.graph.nodes_geometry) != sum(len(part.places) for part in parts):
         raise GeometryError("read back, it lacks parts", "pad.glb")
     out.write("pad.glb", bytes(data))
-
-
-def _shaded(mesh: Mesh, material: Any) -> Any:
-    """Return the mesh with a normal for each corner of each triangle, so that edges stay sharp."""
-    import trimesh
-
-    corners = mesh.corners_mm
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
-    number = np.arange(3 * len(corners)).reshape(-1, 3)
-    part = trimesh.Trimesh(corners.reshape(-1, 3), number, vertex_normals=np.repeat(normals, 3, axis=0), process=False)
-    part.visual = trimesh.visual.TextureVisuals(material=material)
-    return part

@@ -5,7 +5,7 @@ import numpy as np
 from padgen import __version__
 from padgen.core.files import OutputFolder
 from padgen.solid.formats import ExportJob, verified
-from padgen.solid.mesh import AT_ONCE, Mesh
+from padgen.solid.mesh import AT_ONCE, Mesh, unit_normals
 
 __all__ = ["stl_bytes", "write"]
 
@@ -35,7 +35,5 @@ def stl_bytes(mesh: Mesh, title: str) -> bytearray:
     triangles = np.frombuffer(data, _STL_TRIANGLE, offset=84)
     for k in range(0, len(triangles), AT_ONCE):
         some, corners = triangles[k : k + AT_ONCE], mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        some["normal"] = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-        some["corners"] = corners
+        some["normal"], some["corners"] = unit_normals(corners), corners
     return data
