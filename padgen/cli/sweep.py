@@ -147,7 +147,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from padgen.batch.index import write_pareto
     from padgen.batch.sweep import run_sweep
     from padgen.core.runner import uninterrupted
-    from padgen.report.results import sweep_table, sweep_text
+    from padgen.report.sweeps import sweep_table, sweep_text
 
     _end_as_by_ctrl_c()
     sweep = load_sweep(options.sweep)
@@ -194,7 +194,7 @@ def _event_printer(options: argparse.Namespace, sweep: Any) -> Iterator[Callable
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     from padgen.core.display import seconds_text
-    from padgen.report.results import counts_text
+    from padgen.report.sweeps import counts_text
 
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True, highlight=False), transient=True) as bar:
