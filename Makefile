@@ -75,8 +75,8 @@ bundle: ## remake the report page's scripts from their sources (needs npm; insta
 	  bundled $(PAGE)/page.css > $(PAGE)/page.min.css; \
 	  cd $(PAGE) && LC_ALL=C sha256sum $$(ls | grep -v -e SHA256SUMS -e page.html) > SHA256SUMS
 
-goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geometry
-	$(BIN)/python -m pytest tests/test_templates.py -k golden --regenerate
+goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geometry or of a file's first line
+	$(BIN)/python -m pytest tests/test_templates.py tests/test_docs.py -k "golden or every_file" --regenerate
 
 performance: $(STAMP) ## measure what docs/performance.md reports
 	$(BIN)/python docs/measure.py

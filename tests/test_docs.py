@@ -1,5 +1,6 @@
 """Every command and every piece of code in the pages runs, and the documentation builds without a warning."""
 
+import ast
 import re
 import shlex
 from pathlib import Path
@@ -69,3 +70,24 @@ def given_files():
     Image.new("L", (4, 8), 255).save("cross.png")
     Path("plan.json").write_text(plan_to_json(plan))
     assert cli.run(["retune", "plan.json", "--simulate", "1", "-o", "."]) == 0
+
+
+def every_file() -> str:
+    """Return a line for each file of padgen that has a docstring of its own: its name and what it begins with."""
+    lines = []
+    for path in sorted((ROOT / "padgen").rglob("*.py")):
+        told = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+        if told and path.stem not in ("__init__", "__main__"):
+            lines.append(f"- `{path.relative_to(ROOT / 'padgen').as_posix()}`: {told.splitlines()[0]}")
+    return "\n".join(lines)
+
+
+def test_every_file_is_listed(request):
+    """CONTRIBUTING.md says of every file what it holds."""
+    page = ROOT / "CONTRIBUTING.md"
+    head, title, rest = page.read_text(encoding="utf-8").partition("## Every file\n\n(")
+    told, _, rest = rest.partition("\n")
+    _, following, rest = rest.partition("\n## ")
+    if request.config.getoption("--regenerate"):
+        page.write_text(f"{head}{title}{told}\n\n{every_file()}\n{following}{rest}", encoding="utf-8")
+    assert f"\n\n{every_file()}\n\n## " in page.read_text(encoding="utf-8"), "make goldens writes the list anew"

@@ -1,4 +1,4 @@
-"""Text tables, run times and plots for people: the same figures give the same bytes on every machine."""
+"""Text tables, run times, and the colours, fonts and bytes of plots: the same figures give the same bytes anywhere."""
 
 import io
 from collections.abc import Iterable, Sequence

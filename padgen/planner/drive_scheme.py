@@ -1,7 +1,7 @@
-"""Choose a coil's drive scheme, and work out how far OFF taxels then stay below ON taxels.
+"""Choose a coil's drive scheme, and work out its selectivity, its load on coil and amplifier, and its leakage.
 
-With it come the frame rate, the load on coil, amplifier and beams with the level that these allow, and the leakage
-between coils, which all use the same frequencies, with the choice of cells to turn.
+The load is on beams, too, with the level that all these allow. Leakage is between coils, which all use the same
+frequencies, with the choice of cells to turn; and there is the frame rate.
 """
 
 from collections.abc import Sequence
