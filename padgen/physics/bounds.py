@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection, largest_inverse_square, tip_mass
-from padgen.physics.magnetics import CoilSource, SteelRing, charged_core, flux_density, ring_factor
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, charged_core, flux_density, ring_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 
 __all__ = [
@@ -27,7 +27,6 @@ __all__ = [
     "washer_magnetised",
 ]
 
-MU_0 = 4e-7 * pi
 LOCAL_PEAK = 1.5
 """Polarisation of a wide washer above the rim of a core, over the estimate from two points of the washer (from field
 solutions).
@@ -67,13 +66,13 @@ def beam_inertia(
     square = (2 * pi * frequency[at]) ** 2
     # The modes one by one, then each together with the working one: (2 m, n, 6).
     motions = np.concatenate([motion, motion + own[:, None]], 1).swapaxes(0, 1)
-    missed: Any = 0.0
-    either: Any = 0.0
-    more: Any = 0.0
-    for beam in beams:
-        tip = (to_tip(beam, reference) @ motions[..., None])[..., 0]
-        parts = _missed_energy(beam.section, tip, square, modulus, poisson, density)
-        missed, either, more = missed + parts[0], either + parts[1], more + parts[2]
+    of_beams = [
+        _missed_energy(
+            beam.section, (to_tip(beam, reference) @ motions[..., None])[..., 0], square, modulus, poisson, density
+        )
+        for beam in beams
+    ]
+    missed, either, more = (np.asarray(sum(parts)) for parts in zip(*of_beams, strict=True))
     missed, together = np.split(missed, 2)
     unsure = np.split(either + more, 2)[0]
     first = missed[at[::-1]]

@@ -29,17 +29,13 @@ __all__ = [
     "Frame",
     "FrameModes",
     "Section",
-    "bubble_count",
     "checked_frame_modes",
     "divided",
-    "element_axes",
     "element_mass_root",
     "element_root",
     "frame_modes",
     "rectangle",
 ]
-
-Array = Any
 
 _PLANES = ((2, 4, -1.0), (1, 5, 1.0))
 """Bending in the planes up and across: displacement, rotation, and the sign of slope over rotation."""
@@ -93,19 +89,6 @@ def rectangle(width: float, thickness: float, poisson: float, across: float = 1.
     return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
 
 
-def element_axes(start: np.ndarray, end: np.ndarray, up: Array) -> np.ndarray:
-    """Return the element's axes as rows (3, 3)."""
-    x = (end - start) / np.linalg.norm(end - start)
-    z = np.asarray(up, float) - x * (x @ np.asarray(up, float))
-    z = z / np.linalg.norm(z)
-    return np.stack([x, np.cross(z, x), z])
-
-
-def bubble_count(bubbles: int) -> int:
-    """Return the number of inner degrees of freedom of an element."""
-    return 6 * bubbles + 2 if bubbles else 0
-
-
 def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
     """Return the square root of the stiffness in element axes, shape (r, 12 + m): stiffness = rootᵀ root.
 
@@ -118,8 +101,8 @@ def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarra
     root[0, [0, 6]] = np.array([-1.0, 1.0]) * np.sqrt(modulus * section.area / length)
     root[1, [3, 9]] = np.array([-1.0, 1.0]) * np.sqrt(shear_modulus * section.torsion / length)
     for plane in (0, 1):
-        stiffness = np.linalg.inv(_bending_flexibility(element, length, plane, hinged=True))
-        root[2 + 2 * plane : 4 + 2 * plane] = np.linalg.cholesky(stiffness).T @ _from_chord(length, plane)
+        _, hinged = _bending_flexibility(element, length, plane)
+        root[2 + 2 * plane : 4 + 2 * plane] = np.linalg.cholesky(np.linalg.inv(hinged)).T @ _from_chord(length, plane)
     strains = []
     for _, weight, value, slope in _inner_motions(bubbles, bubbles + 2):
         each = np.sqrt(weight / length)
@@ -170,13 +153,15 @@ def _shear_ratio(element: Element, length: float, plane: int) -> float:
     return 12 * element.modulus * inertia / (shear * element.shear_modulus * element.section.area * length**2)
 
 
-def _bending_flexibility(element: Element, length: float, plane: int, *, hinged: bool) -> np.ndarray:
-    """Return the rotations of both ends against the chord under unit moments at them, shape (2, 2), in rad/(N·m)."""
+def _bending_flexibility(element: Element, length: float, plane: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rotations of both ends against the chord under unit moments at them, without and with the hinges.
+
+    Each has the shape (2, 2), in rad/(N·m).
+    """
     inertia, _ = element.section.planes[plane]
     shear = _shear_ratio(element, length, plane)
     free = length / (12 * element.modulus * inertia) * np.array([[4 + shear, shear - 2], [shear - 2, 4 + shear]])
-    hinges = np.diag([element.hinge_start[plane], element.hinge_end[plane]])
-    return np.asarray(free + hinges) if hinged else free
+    return free, free + np.diag([element.hinge_start[plane], element.hinge_end[plane]])
 
 
 def _from_chord(length: float, plane: int) -> np.ndarray:
@@ -194,8 +179,7 @@ def _shapes(element: Element, length: float, plane: int, s: float) -> tuple[np.n
     They are the chord's motion plus the static deflection under the moments that the nodes' rotations cause. Shear
     bends the axis without turning the section.
     """
-    free = _bending_flexibility(element, length, plane, hinged=False)
-    hinged = _bending_flexibility(element, length, plane, hinged=True)
+    free, hinged = _bending_flexibility(element, length, plane)
     slopes = free @ np.linalg.solve(hinged, _from_chord(length, plane))
     shear = _shear_ratio(element, length, plane)
     up = s * (1 - s) / (1 + shear)
@@ -226,15 +210,13 @@ class AttachedBody(NamedTuple):
 class Frame(NamedTuple):
     """Nodes (n, 3) in m, elements between them, bodies, and the nodes that are clamped.
 
-    `held` lists single degrees of freedom as (node, 0 … 5), for supports that leave some free. Every element has inner
-    motions, polynomials of degrees up to `bubbles` + 1; none for 0.
+    Every element has inner motions, polynomials of degrees up to `bubbles` + 1; none for 0.
     """
 
     nodes: np.ndarray
     elements: tuple[Element, ...]
     bodies: tuple[AttachedBody, ...] = ()
     clamped: tuple[int, ...] = ()
-    held: tuple[tuple[int, int], ...] = ()
     bubbles: int = 2
 
 
@@ -315,7 +297,7 @@ def _motions(frame: Frame) -> np.ndarray:
     A node that is fixed to a body moves with it.
     """
     count, rows = len(frame.nodes), _outer(frame)
-    inner = bubble_count(frame.bubbles) * len(frame.elements)
+    inner = (6 * frame.bubbles + 2 if frame.bubbles else 0) * len(frame.elements)
     ties = np.eye(rows + inner)
     led: set[int] = set()
     for k, attached in enumerate(frame.bodies):
@@ -327,7 +309,7 @@ def _motions(frame: Frame) -> np.ndarray:
             carry[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
             ties[place, 6 * (count + k) : 6 * (count + k) + 6] = carry
             led |= set(range(6 * node, 6 * node + 6))
-    clamped = {6 * node + k for node in frame.clamped for k in range(6)} | {6 * n + k for n, k in frame.held}
+    clamped = {6 * node + k for node in frame.clamped for k in range(6)}
     if led & clamped:
         raise SolverError("a node that is fast to a body cannot be held as well; hold another node")
     used = {6 * n + k for e in frame.elements for n in (e.start, e.end) for k in range(6)}
@@ -359,7 +341,8 @@ def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.nd
 def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
     """Return the square root (r, f) of the mass, mass = rootᵀ root.
 
-    A square root keeps the digits of light parts beside heavy ones.
+    A square root keeps the digits of light parts beside heavy ones. A body's own is scaled, so that its small entries
+    keep theirs.
     """
     rows = [_placed(frame, k, element_mass_root) @ free for k in range(len(frame.elements))]
     for k, attached in enumerate(frame.bodies):
@@ -367,17 +350,12 @@ def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
         own: Any = np.zeros((6, 6))
         own[:3, :3] = np.eye(3) * body.mass
         own[3:, 3:] = body.inertia
+        scale = np.sqrt(np.maximum(own.diagonal(), 0))
+        unit = np.where(scale > 0, scale, 1)
+        values, vectors = np.linalg.eigh(own / np.outer(unit, unit))
         start = 6 * (len(frame.nodes) + k)
-        rows.append(_root(own) @ free[start : start + 6])
+        rows.append((np.sqrt(np.maximum(values, 0))[:, None] * vectors.T * scale) @ free[start : start + 6])
     return np.concatenate(rows)
-
-
-def _root(matrix: np.ndarray) -> np.ndarray:
-    """Return the square root of a positive semi-definite matrix, scaled so that its small entries keep their digits."""
-    scale = np.sqrt(np.maximum(matrix.diagonal(), 0))
-    unit = np.where(scale > 0, scale, 1)
-    values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
-    return np.asarray(np.sqrt(np.maximum(values, 0))[:, None] * vectors.T * scale)
 
 
 def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.ndarray]) -> np.ndarray:
@@ -387,13 +365,15 @@ def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.n
     length = float(np.linalg.norm(end - start))
     if not length > 0:
         raise SolverError(f"the element between nodes {element.start} and {element.end} has no length")
+    x = (end - start) / length
+    z = np.asarray(element.up, float) - x * (x @ np.asarray(element.up, float))
+    z = z / np.linalg.norm(z)
+    axes = np.kron(np.eye(2), np.stack([x, np.cross(z, x), z]))
     own = root(element, length, frame.bubbles)
-    inner = bubble_count(frame.bubbles)
+    inner = own.shape[1] - 12
     first = _outer(frame) + index * inner
     placed = np.zeros((len(own), _outer(frame) + inner * len(frame.elements)))
     for k, node in enumerate((element.start, element.end)):
-        placed[:, 6 * node : 6 * node + 6] = own[:, 6 * k : 6 * k + 6] @ np.kron(
-            np.eye(2), element_axes(start, end, element.up)
-        )
+        placed[:, 6 * node : 6 * node + 6] = own[:, 6 * k : 6 * k + 6] @ axes
     placed[:, first : first + inner] = own[:, 12:]
     return placed
