@@ -101,7 +101,7 @@ def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarra
     root[0, [0, 6]] = np.array([-1.0, 1.0]) * np.sqrt(modulus * section.area / length)
     root[1, [3, 9]] = np.array([-1.0, 1.0]) * np.sqrt(shear_modulus * section.torsion / length)
     for plane in (0, 1):
-        _, hinged = _bending_flexibility(element, length, plane)
+        *_, hinged = _bending_flexibility(element, length, plane)
         root[2 + 2 * plane : 4 + 2 * plane] = np.linalg.cholesky(np.linalg.inv(hinged)).T @ _from_chord(length, plane)
     strains = []
     for _, weight, value, slope in _inner_motions(bubbles, bubbles + 2):
@@ -147,21 +147,17 @@ def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np
         yield (node + 1) / 2, weight / 2, row * value[each], row * legendre[order][each]
 
 
-def _shear_ratio(element: Element, length: float, plane: int) -> float:
-    """Return 12 EI / (κ G A l²), the share that shear adds to the bending of an element."""
-    inertia, shear = element.section.planes[plane]
-    return 12 * element.modulus * inertia / (shear * element.shear_modulus * element.section.area * length**2)
+def _bending_flexibility(element: Element, length: float, plane: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the share 12 EI / (κ G A l²) that shear adds to the bending of an element, and its rotations.
 
-
-def _bending_flexibility(element: Element, length: float, plane: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rotations of both ends against the chord under unit moments at them, without and with the hinges.
-
-    Each has the shape (2, 2), in rad/(N·m).
+    Rotations (2, 2) in rad/(N·m) are those of both ends against the chord under unit moments at them, without and with
+    the hinges.
     """
-    inertia, _ = element.section.planes[plane]
-    shear = _shear_ratio(element, length, plane)
-    free = length / (12 * element.modulus * inertia) * np.array([[4 + shear, shear - 2], [shear - 2, 4 + shear]])
-    return free, free + np.diag([element.hinge_start[plane], element.hinge_end[plane]])
+    inertia, coefficient = element.section.planes[plane]
+    bending = 12 * element.modulus * inertia
+    shear = bending / (coefficient * element.shear_modulus * element.section.area * length**2)
+    free = length / bending * np.array([[4 + shear, shear - 2], [shear - 2, 4 + shear]])
+    return shear, free, free + np.diag([element.hinge_start[plane], element.hinge_end[plane]])
 
 
 def _from_chord(length: float, plane: int) -> np.ndarray:
@@ -179,9 +175,8 @@ def _shapes(element: Element, length: float, plane: int, s: float) -> tuple[np.n
     They are the chord's motion plus the static deflection under the moments that the nodes' rotations cause. Shear
     bends the axis without turning the section.
     """
-    free, hinged = _bending_flexibility(element, length, plane)
+    shear, free, hinged = _bending_flexibility(element, length, plane)
     slopes = free @ np.linalg.solve(hinged, _from_chord(length, plane))
-    shear = _shear_ratio(element, length, plane)
     up = s * (1 - s) / (1 + shear)
     bow = length * up * np.array([1 - s + shear / 2, -(s + shear / 2)])
     lean = np.array([1 - s, s]) - 3 * up

@@ -590,8 +590,8 @@ def _magnetised(winding: Winding, radius: np.ndarray) -> np.ndarray:
     return np.asarray(full * np.clip(inside, 0, 1))
 
 
-def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the windings as rings of charge, for points above them: radii and heights in m, charges in A per ampere.
+def winding_rings(windings: tuple[Winding, ...], step: float) -> np.ndarray:
+    """Return the windings as rings of charge for points above them: (3, n), radius and height in m, charge in A per A.
 
     Rings on upper ends are at most `step` m apart; rings on lower ends may be wider apart, since they are farther away.
     """
@@ -603,8 +603,7 @@ def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarra
                 radius = start + t * (end - start)
                 charge = sign * _magnetised(winding, radius) * weight * (end - start)
                 rings.append(np.stack([radius, np.full(len(t), z), charge]))
-    radius, height, charge = np.concatenate(rings, 1)
-    return radius, height, charge
+    return np.concatenate(rings, 1)
 
 
 def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -618,9 +617,7 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
     return -MU_0 * along_r, -MU_0 * along_z
 
 
-def rings_potential(
-    rings: tuple[np.ndarray, np.ndarray, np.ndarray], radius: np.ndarray, height: np.ndarray
-) -> RingPotential:
+def rings_potential(rings: np.ndarray, radius: np.ndarray, height: np.ndarray) -> RingPotential:
     """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m that broadcast."""
     at_radius, at_height, charge = rings
     points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
@@ -632,14 +629,13 @@ def rings_potential(
 
 
 @lru_cache(maxsize=16)
-def coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return coil and core as rings, on top `step` m apart: radii and heights in m, charges in A per ampere."""
-    rings = [np.stack(winding_rings(coil.windings, step))]
+def coil_rings(coil: CoilSource, step: float) -> np.ndarray:
+    """Return coil and core as rings (3, n), on top `step` m apart: radii and heights in m, charges in A per ampere."""
+    rings = [winding_rings(coil.windings, step)]
     if (core := charged_core(coil)) is not None:
         radius, height, shares = fine_rings(core[0], step)
         rings.append(np.stack([radius, height, shares @ core[1]]))
-    radius, height, charge = np.concatenate(rings, 1)
-    return radius, height, charge
+    return np.concatenate(rings, 1)
 
 
 @lru_cache(maxsize=64)
