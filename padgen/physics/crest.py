@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.ladder import Box, Descent, descend
+from padgen.physics.ladder import Descent, descend
 
 __all__ = [
     "ALIAS_DB",
@@ -180,7 +180,7 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     free = np.append(0.0, np.full(len(k) - 1, np.inf))
 
     def improved(at: Descent, steps: int) -> Descent:
-        return descend(lambda phase: _dips(k, a, phase), at, Box(-free, free), steps, SETTLED)
+        return descend(lambda phase: _dips(k, a, phase), at, -free, free, steps, SETTLED)
 
     # The starts are Schroeder's phases and the best random ones.
     points, random = _points(k), np.random.default_rng(0)
@@ -375,10 +375,15 @@ def root_margin(
         inductance_h,
     )
     margin = _smallest(lambda h: _together_db(coil, h), _smallest(lambda h: _alone_db(coil, h), SMALLEST))
-    margin = _within_limit(coil, margin, voltage_limit_v)
+    peaks = dict[float, float]()
+    for tried in np.geomspace(margin, MOST_SHARE, PEAKS).tolist():
+        peaks[tried] = _peak_v(coil, tried)
+        if peaks[tried] <= voltage_limit_v:
+            break
+    margin = min(peaks, key=lambda tried: peaks[tried])
     share = _margin_share(coil, margin)
     alias = max(_alone_db(coil, margin), _together_db(coil, margin))
-    return RootMargin(share, alias, _peak_v(coil, margin), float((coil.least + share @ line) / line.sum()))
+    return RootMargin(share, alias, peaks[margin], float((coil.least + share @ line) / line.sum()))
 
 
 def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
@@ -407,15 +412,13 @@ def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 def _together_v(coil: _Coil, seen: _Sampled, margin: float) -> np.ndarray:
     """Return the voltage (samples,) in V with all channels on."""
-    force, slope, _ = seen
-    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + force, slope)
+    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + seen[0], seen[1])
 
 
 def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
     """Return the voltage (n, samples) in V over one cycle of each channel alone."""
-    most = int(coil.finer_hz / coil.hz.min())
-    fewest, largest = ALONE_SAMPLES
-    angle = np.arange(samples := min(max(1 << most.bit_length(), fewest), largest)) * (2 * np.pi / samples)
+    samples = int(np.clip(1 << int(coil.finer_hz / coil.hz.min()).bit_length(), *ALONE_SAMPLES))
+    angle = np.arange(samples) * (2 * np.pi / samples)
     force = coil.line[:, None] * ((1 + _margin_share(coil, margin))[:, None] + np.cos(angle))
     return _voltage(coil, force, -np.outer(2 * np.pi * coil.hz * coil.line, np.sin(angle)))
 
@@ -459,14 +462,3 @@ def _smallest(above_db: Callable[[float], float], least: float) -> float:
         middle = (low + high) / 2
         low, high = (low, middle) if above_db(float(np.exp(middle))) <= ALIAS_DB else (middle, high)
     return float(np.exp(high))
-
-
-def _within_limit(coil: _Coil, margin: float, limit_v: float) -> float:
-    """Return the smallest margin from `margin` on that keeps the voltage limit, or the one of the lowest peak."""
-    tried = np.geomspace(margin, MOST_SHARE, PEAKS)
-    peaks: list[float] = []
-    for one in tried.tolist():
-        peaks.append(_peak_v(coil, one))
-        if peaks[-1] <= limit_v:
-            return float(one)
-    return float(tried[int(np.argmin(peaks))])

@@ -89,7 +89,7 @@ def rectangle(width: float, thickness: float, poisson: float, across: float = 1.
     return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
 
 
-def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
+def element_root(element: Element, length: float, bubbles: int) -> np.ndarray:
     """Return the square root of the stiffness in element axes, shape (r, 12 + m): stiffness = rootᵀ root.
 
     The first twelve columns are the nodes' motions, with the static deflection between them; the others are the inner
@@ -116,7 +116,7 @@ def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarra
     return np.block([[root, np.zeros((6, inner.shape[1]))], [np.zeros((len(inner), 12)), inner]])
 
 
-def element_mass_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
+def element_mass_root(element: Element, length: float, bubbles: int) -> np.ndarray:
     """Return the square root of the consistent mass in element axes, shape (r, 12 + m), as `element_root`."""
     area, (up, across) = element.section.area, (inertia for inertia, _ in element.section.planes)
     rows = []

@@ -202,14 +202,14 @@ def fit_spectrum(
     """
     frequency, given = np.asarray(frequency_hz, float), np.asarray(response)
     refuse_bad_spectrum(frequency, given)
-    data = given if np.iscomplexobj(given) else _with_phase(frequency, given)
-    noise = point_noise(given)
+    phased, noise = np.iscomplexobj(given), point_noise(given)
+    data = given if phased else _with_phase(frequency, given)
     lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
     peaks = _peaks(lines, power or 0)
     n = _recognised(lines, peaks, near_hz, power)
-    fit = _fit_peaks(lines, peaks, near_hz, n or 0, alone=not np.iscomplexobj(given))
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0, alone=not phased)
     hz, q = fit.modes[0]
-    if np.iscomplexobj(given):
+    if phased:
         _refuse_phase(lines, fit, n or 0)
     # A peak of one or two points is more easily made by noise.
     gain = _gain(fit) / (4 if hz / q < 1.5 * fit.lines.step_hz else 1)
@@ -217,9 +217,9 @@ def fit_spectrum(
     refuse_edge(frequency[0], frequency[-1], hz, q)
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
-    if not np.iscomplexobj(given):
+    if not phased:
         fit = _polished(fit, np.abs(given)[np.isin(frequency, fit.lines.frequency)], n or 0)
-    return _result(lines, fit, peaks, near_hz, n, np.iscomplexobj(given))
+    return _result(lines, fit, peaks, near_hz, n, phased)
 
 
 def fit_driven(
@@ -577,15 +577,20 @@ def _solve(
         noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
         return _Solved(lines, theta, factors, basis, residual, noise, more)
 
-    def off(v: np.ndarray) -> np.ndarray:
-        return _parts(at(*v).residual) / size
-
     def slopes(v: np.ndarray) -> np.ndarray:
         # L. Kaufman, BIT 15, 1975, 49-57: what is left out is orthogonal to the residual.
         fit = at(*v)
         return -_parts(_projected(fit.basis, _slopes(fit, power) * scale)) / size
 
-    found = least_squares(off, np.zeros(len(first)), slopes, method="lm", ftol=1e-11, xtol=1e-9, max_nfev=tries)
+    found = least_squares(
+        lambda v: _parts(at(*v).residual) / size,
+        np.zeros(len(first)),
+        slopes,
+        method="lm",
+        ftol=1e-11,
+        xtol=1e-9,
+        max_nfev=tries,
+    )
     return at(*found.x)
 
 
@@ -671,9 +676,7 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
     part = lines._replace(data=rest).at(np.flatnonzero(free))
     if len(part.data) < FEWEST_LINES:
         return 0.0, 1.0, 0.0
-    for points in SMOOTHED:
-        if points > max(len(part.data) // 4, 1):
-            continue
+    for points in (each for each in SMOOTHED if each <= max(len(part.data) // 4, 1)):
         smooth = np.abs(uniform_filter1d(part.data.real, points) + 1j * uniform_filter1d(part.data.imag, points))
         for size in (smooth, smooth * part.frequency) if points == 1 else (smooth,):
             hz, width = rough_peak(part.frequency, size)
@@ -751,8 +754,10 @@ def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: i
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
     """Return the largest peak, or, of comparable ones (with `exact` of all), the one nearest to `near_hz`."""
     least = 0.0 if exact else COMPARABLE * max(p.size for p in peaks)
-    tall = [peak for peak in peaks if peak.size >= least]
-    return min(tall, key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)))
+    return min(
+        (peak for peak in peaks if peak.size >= least),
+        key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)),
+    )
 
 
 def _fit_peaks(
@@ -883,8 +888,10 @@ def _result(
     n = power or 0
     hz, q = fit.modes[0]
     peak = float(abs(fit.factors[0]))
-    sizes = np.abs(fit.factors[: len(fit.modes)])
-    others = [(float(f), float(size)) for (f, _), size in zip(fit.modes[1:], sizes[1:], strict=True)]
+    others = [
+        (float(f), float(abs(factor)))
+        for (f, _), factor in zip(fit.modes[1:], fit.factors[1 : len(fit.modes)], strict=True)
+    ]
     for far in peaks:
         # A peak of the first look counts where the record itself shows it.
         if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
@@ -957,8 +964,8 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     most = float(size.max())
 
     def model(v: np.ndarray) -> np.ndarray:
-        whole = _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (v[count:] * most)
-        return np.asarray(whole)
+        basis = _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra)
+        return np.asarray(basis @ (v[count:] * most))
 
     # Far modes are without damping: all factors are real, up to one phase.
     found = np.concatenate([np.zeros(count), (fit.factors * np.exp(-1j * np.angle(fit.factors[0]))).real / most])
@@ -976,10 +983,8 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
 
 def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     """Refuse a phase that rises through the peak, or that shows no resonance."""
-    largest = float(np.abs(lines.data).max())
-    if fit.noise < 0.05 * largest:
+    if fit.noise < 0.05 * float(np.abs(lines.data).max()):
         return
-    alone = _with_phase(lines.frequency, np.abs(lines.data))
     for data, what in (
         (
             lines.data.conj(),
@@ -987,7 +992,7 @@ def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
             " the imaginary part, or swap real and imaginary parts",
         ),
         (
-            alone,
+            _with_phase(lines.frequency, np.abs(lines.data)),
             "the magnitude has a peak at {}, but the phase does not fall by 180° there as at a resonance; check that it"
             " is in degrees and of this taxel, or leave it out",
         ),

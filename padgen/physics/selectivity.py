@@ -3,12 +3,14 @@
 A coil pulls with the square of its current, so that a drive scheme determines the lines of i². Each channel has its
 wanted line at its resonance r; all other lines are spurs:
 
-=============  ==========================================  ================================ scheme         current
-spurs of channels a, b =============  ==========================================  ================================ tones
-sum of sines at r/2 (paper Eq. 4-5)         (r_a + r_b)/2 and abs(r_a − r_b)/2 spur-free      square root of the wanted
-force             none biased         a constant and sines at r                   r_a + r_b, abs(r_a − r_b) and 2 r_a
-time-shared    one channel at a time, a sine at r/2        none, and never two tones at once =============
-==========================================  ================================
+===========  =======================================  ==================================
+scheme       current                                  spurs of channels a, b
+===========  =======================================  ==================================
+tones        sum of sines at r/2 (paper Eq. 4-5)      (r_a + r_b)/2 and abs(r_a − r_b)/2
+spur-free    square root of the wanted force          none
+biased       a constant and sines at r                r_a + r_b, abs(r_a − r_b) and 2 r_a
+time-shared  one channel at a time, a sine at r/2     none, and never two tones at once
+===========  =======================================  ==================================
 
 All figures are of the steady state: currents are switched in ramps that are slow against the ring-down of the taxels
 (time-shared, in every slot). Lines of distinct frequency add as energies, and energies only add, so that an OFF taxel
