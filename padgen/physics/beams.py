@@ -663,8 +663,8 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     softer = across**-LAYERS
     flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
     side = 1 / (SIDE * width) + SIDE_NARROW / thickness
-    mount, sideways, twisted, stretched = (_yoke_compliance if around.yoke else _wall_compliance)(
-        section, around, poisson
+    mount, sideways, twisted, stretched = (
+        _yoke_compliance(section, around.yoke, poisson) if around.yoke else _wall_compliance(section, around)
     )
     tall = thickness / np.sqrt(across)
     held = _warping_length(WARPING, width, tall, inf if section.path else length, poisson)
@@ -692,7 +692,7 @@ def fitted(width: Array, thickness: Array, length: Array) -> Array:
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
-def _wall_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+def _wall_compliance(section: BeamSection, around: Surroundings) -> tuple[Array, ...]:
     """Compliance of the wall between edge and recess: in bending, and zero in lateral bending, twist and stretch.
 
     Each is a length of beam of equal compliance in m. The wall hangs from the roof of the recess like a plate, as high
@@ -707,15 +707,14 @@ def _wall_compliance(section: BeamSection, around: Surroundings, poisson: Array)
     return bent * np.asarray(section.across, float) ** -LAYERS_WALL, 0.0, 0.0, 0.0
 
 
-def _yoke_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, ...]:
     """Compliance of the yoke: in bending, lateral bending, twist and stretch.
 
     Each is a length of beam of equal compliance in m: the beam's section constant over the bar's. Twist of the crossbar
     and bending of the neck add to bending; bending of the bar adds to the other three.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
-    assert around.yoke is not None
-    across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), around.yoke
+    across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), yoke
     free = arm + bar - _warping_length(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
     bending, shear = width * thickness**3, 2 * (1 + poisson)
     mount = bending / 12 * shear * free / torsion_constant(bar, height, across)

@@ -84,8 +84,7 @@ def capacity(low_hz: float, high_hz: float, q: float, delta_y: float) -> float:
 
 def paper_ladder(low_hz: float, count: int, q: float, delta_y: float) -> np.ndarray:
     """Return `count` resonances in Hz at the closest spacing, with the lower edge of the lowest slot at `low_hz`."""
-    a = slot_half_width(q, delta_y)
-    return low_hz / (1 - a) * ladder_ratio(q, delta_y) ** np.arange(count)
+    return low_hz / (1 - slot_half_width(q, delta_y)) * ladder_ratio(q, delta_y) ** np.arange(count)
 
 
 def geometric_ladder(lowest_hz: float, highest_hz: float, count: int) -> np.ndarray:

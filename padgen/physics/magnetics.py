@@ -469,8 +469,7 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
     diagonal = np.arange(count)
     double[:, diagonal, diagonal] -= 0.5 + double[0].sum(-1)
     inside = np.eye(count) / 2 + double
-    susceptibility = permeability - 1
-    charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / susceptibility + inside, inside))
+    charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / (permeability - 1) + inside, inside))
     energy = area[:, None] * charge
     response = (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None]
     return SteelBody(tuple(sides), radius, height, area, response, single[0])
@@ -559,8 +558,7 @@ def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> 
     if not coil.has_core:
         return None
     low = coil.core_top - coil.core_length
-    sides = cylinder(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5))
-    core = steel_body(sides, coil.core_permeability, orders)
+    core = steel_body(cylinder(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5)), coil.core_permeability, orders)
     potential = np.zeros(len(core.area))
     for winding in coil.windings:
         full = winding.turns / winding.length
@@ -654,9 +652,7 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
         for sign in (charges > 0, charges < 0):
             total = float(charges[sign].sum())
             poles.append((total, float((charges[sign] * height[sign]).sum()) / total))
-    result = np.array(poles)
-    result.setflags(write=False)
-    return result
+    return np.array(poles)
 
 
 def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

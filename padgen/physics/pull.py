@@ -349,8 +349,7 @@ def make_table(
 
 def parts_key(coil: CoilSource, washer: SteelRing) -> str:
     """Return all numbers of a coil and a washer as text, to identify the pair."""
-    numbers = [*(v for winding in coil.windings for v in winding), *coil[1:], *washer]
-    return " ".join(f"{number:.9g}" for number in numbers)
+    return " ".join(f"{v:.9g}" for part in (*coil.windings, coil[1:], washer) for v in part)
 
 
 def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
@@ -368,8 +367,7 @@ def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
 @cache
 def _supplied_tables() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
     """Read the places of the tables by `parts_key`, and all their numbers."""
-    places = json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii"))
-    return places, np.load(BROUGHT.with_suffix(".npy"))
+    return json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii")), np.load(BROUGHT.with_suffix(".npy"))
 
 
 def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: np.ndarray) -> PullAt:

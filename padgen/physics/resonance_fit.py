@@ -124,8 +124,8 @@ second.
 class Lines(NamedTuple):
     """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
 
-    A record lasts `seconds` (0 for a spectrum); `slow` (n,) is the transform of the response times the time. `noise`
-    is that of a line where it is known.
+    A record lasts `seconds` (0 for a spectrum). `slow` (k, n) are transforms of the response times the time and times
+    its square and, with an excitation, of that times the time. `noise` is that of a line where it is known.
     """
 
     frequency: np.ndarray
@@ -158,8 +158,11 @@ class Lines(NamedTuple):
 
 
 class _Solved(NamedTuple):
-    """A fit of `lines`: ln f₀ and ln Q of each mode in `theta`, factors of the columns, complex residual, noise of a
-    line (rms), and the covariance of theta, then of the factors' real and imaginary parts."""
+    """A fit of `lines`: ln f₀ and ln Q of each mode in `theta`, and the `factors` (k,) of the columns `basis` (n, k).
+
+    The last columns are `extra` (n, j), what is in the data beside modes. `noise` is that of a line (rms), from the
+    complex `residual` (n,). `caps` (n, c) are the transforms of the caps on clipped crests, where there are any.
+    """
 
     lines: Lines
     theta: np.ndarray
@@ -182,6 +185,8 @@ class _Solved(NamedTuple):
 
 
 class _Peak(NamedTuple):
+    """A mode of the first look: frequency, Q and amplitude at resonance in the unit of the data."""
+
     hz: float
     q: float
     size: float
@@ -376,8 +381,7 @@ def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray 
         first = int(np.abs(response - response.mean(dtype=float)).argmax())
         lines = _record_lines(rate_hz, response[first : first + MOST_OF_DECAY])
     else:
-        cross = _cross(rate_hz, squared_current, response)
-        lines = _gated(rate_hz, cross, 0, len(response) / rate_hz / 8)
+        lines = _gated(rate_hz, _cross(rate_hz, squared_current, response), 0, len(response) / rate_hz / 8)
     return Seen(lines.frequency, lines.data, None)
 
 
@@ -450,8 +454,8 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
-    ends = float(frequency[band[0]]), float(frequency[band[-1]])
-    return _Cross(frequency, response, np.fft.ifft(response), *ends)
+    low_hz, high_hz = frequency[band[[0, -1]]].tolist()
+    return _Cross(frequency, response, np.fft.ifft(response), low_hz, high_hz)
 
 
 def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
@@ -525,6 +529,7 @@ def _refuse_short(seconds: float, hz: float) -> None:
 
 
 def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
+    """Return the response (n,) of a mode, of size 1 at its resonance, to a sensor of the `power` of frequency."""
     s = frequency / hz
     return np.asarray(s**power / (q * (1 - s) * (1 + s) + 1j * s))
 
@@ -548,6 +553,7 @@ def _projected(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
 
 
 def _parts(values: np.ndarray) -> np.ndarray:
+    """Return the real parts, then the imaginary parts."""
     return np.concatenate([values.real, values.imag])
 
 
@@ -627,9 +633,8 @@ def _covariance(fit: _Solved, power: int, phased: bool, unseen: np.ndarray) -> n
     norm = np.where(norm > 0, norm, 1)
     columns = columns / norm
     inverse = np.linalg.pinv((columns.conj().T @ columns).real + np.diag(prior / norm**2), rcond=1e-13, hermitian=True)
-    count = len(fit.residual)
     plain = fit.noise**2 / 2 * inverse
-    if fit.lines.seconds and count > 4 * len(inverse):
+    if fit.lines.seconds and len(fit.residual) > 4 * len(inverse):
         # A line that the model follows by itself leaves less residual than its noise (J. G. MacKinnon, H. White, J.
         # Econometrics 29, 1985, 305-325: HC3).
         followed = (columns.conj() @ inverse * columns).real.sum(1) / 2

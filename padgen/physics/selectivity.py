@@ -344,10 +344,7 @@ def print_share(
 @lru_cache(maxsize=64)
 def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the first and the second channel of every pair."""
-    pairs = np.triu_indices(count, 1)
-    for part in pairs:
-        part.setflags(write=False)
-    return pairs[0], pairs[1]
+    return np.triu_indices(count, 1)
 
 
 def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:

@@ -66,8 +66,11 @@ CLAMPS = {"sides": ((0, 0), (0, 1), (1, 0), (1, 1)), "bottom": ((2, 0),), "root"
 Each by its axis, and 0 for the smallest or 1 for the largest place there.
 """
 REENTRANT_DEG = 190.0
+"""Angle filled with material from which an edge counts as re-entrant."""
 VOLUME_SHARE = 0.01
+"""Largest relative difference of a solid from the washer's volume by which it is recognised."""
 LOST_VOLUME = 1e-9
+"""Relative change of the whole volume by layers that is rounding only."""
 
 
 class Fineness(NamedTuple):
@@ -212,8 +215,7 @@ def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") ->
     for place, edge in enumerate(shape.edges):
         edge.name = f"edge{place}"
     _mark(shape.edges, set())
-    mesh, _ = next(_coarse_meshes(shape, fineness, where))
-    return mesh
+    return next(_coarse_meshes(shape, fineness, where))[0]
 
 
 def singular_edges(shape: Any, mesh: Any) -> set[str]:
@@ -743,12 +745,11 @@ def _answered(
 
     Returns the system, loads (n, 6) on the washer, the static answers (n, 6) to them, and the modes.
     """
-    density = taxel.materials[WASHER].density_kg_per_m3
     volumes = {solid.name: solid.mass for solid in shape.solids}
     for blocks in (True, False):
         of_order = rich if blocks else None
         system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes)
-        loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm)
+        loads = rigid_loads(system, WASHER, taxel.materials[WASHER].density_kg_per_m3, taxel.washer_x_mm)
         solve = factored(system)
         answers = np.array([solve(load) for load in loads.T]).T
         if accurate(system, solve, loads, answers):

@@ -209,6 +209,7 @@ def _stress_on(solved: ScalarField, shift: Any, at_mm: tuple[float, float, float
 FAR = 15.0
 """Radius of the far sphere over the largest distance of a part from the coil's middle."""
 SHRINK = 0.2
+"""Size of elements at a marked corner or edge, over that of their neighbours, in each refinement."""
 WIDEST = 0.2
 """Width of the bracket, relative, from which on there is no answer."""
 
