@@ -62,10 +62,9 @@ def beam_inertia(
     Cauchy's inequality where only its size is known. Infinite where the mode is not below ω₁.
     """
     at = np.arange(len(working)), working
-    own = motion[at]
     square = (2 * pi * frequency[at]) ** 2
     # The modes one by one, then each together with the working one: (2 m, n, 6).
-    motions = np.concatenate([motion, motion + own[:, None]], 1).swapaxes(0, 1)
+    motions = np.concatenate([motion, motion + motion[at][:, None]], 1).swapaxes(0, 1)
     of_beams = [
         _missed_energy(
             beam.section, (to_tip(beam, reference) @ motions[..., None])[..., 0], square, modulus, poisson, density

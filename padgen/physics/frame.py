@@ -249,8 +249,7 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
     """
     free = _motions(frame)
     factor, scale, condition = _stiffness_factor(frame, free)
-    mass = _mass_root(frame, free / scale)
-    form = np.linalg.solve(factor.T, mass.T)
+    form = np.linalg.solve(factor.T, _mass_root(frame, free / scale).T)
     vectors, values, others = np.linalg.svd(form, full_matrices=False)
     count = min(count, len(values))
     if not values[0] > 0 or not values[count - 1] > 1e-14 * values[0]:
@@ -260,9 +259,8 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
     if not residual.max() <= RESIDUAL_LIMIT:
         raise SolverError(f"the modes leave a residual of {residual.max():.1e}, at most {RESIDUAL_LIMIT:.0e}")
     shapes = (free / scale) @ np.linalg.solve(factor, vectors / values)
-    nodes, outer = len(frame.nodes), _outer(frame)
-    moved = shapes[:outer].T.reshape(count, -1, 6)
-    return FrameModes(1 / (2 * np.pi * values), moved[:, :nodes], moved[:, nodes:], float(residual.max()), condition)
+    nodes, bodies = np.split(shapes[: _outer(frame)].T.reshape(count, -1, 6), [len(frame.nodes)], 1)
+    return FrameModes(1 / (2 * np.pi * values), nodes, bodies, float(residual.max()), condition)
 
 
 def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.ndarray]:
@@ -277,8 +275,7 @@ def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.nd
         As `frame_modes`.
     """
     rough, fine = (frame_modes(frame._replace(bubbles=frame.bubbles + k), count) for k in (0, 1))
-    change = np.abs(rough.frequency_hz / fine.frequency_hz - 1)
-    return fine, change + ROUNDING * np.sqrt(fine.condition)
+    return fine, np.abs(rough.frequency_hz / fine.frequency_hz - 1) + ROUNDING * np.sqrt(fine.condition)
 
 
 def _outer(frame: Frame) -> int:
@@ -294,7 +291,6 @@ def _motions(frame: Frame) -> np.ndarray:
     count, rows = len(frame.nodes), _outer(frame)
     inner = (6 * frame.bubbles + 2 if frame.bubbles else 0) * len(frame.elements)
     ties = np.eye(rows + inner)
-    led: set[int] = set()
     for k, attached in enumerate(frame.bodies):
         for node in attached.nodes:
             place = slice(6 * node, 6 * node + 6)
@@ -303,13 +299,12 @@ def _motions(frame: Frame) -> np.ndarray:
             carry = np.eye(6)
             carry[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
             ties[place, 6 * (count + k) : 6 * (count + k) + 6] = carry
-            led |= set(range(6 * node, 6 * node + 6))
+    led = {6 * node + k for attached in frame.bodies for node in attached.nodes for k in range(6)}
     clamped = {6 * node + k for node in frame.clamped for k in range(6)}
     if led & clamped:
         raise SolverError("a node that is fast to a body cannot be held as well; hold another node")
     used = {6 * n + k for e in frame.elements for n in (e.start, e.end) for k in range(6)}
-    others = set(range(6 * count, rows + inner))
-    return ties[:, sorted(((used - led) | others) - clamped)]
+    return ties[:, sorted(((used - led) | set(range(6 * count, rows + inner))) - clamped)]
 
 
 def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

@@ -156,10 +156,11 @@ def optimal_ladder(
         return even
     low, high = log(low_hz), log(high_hz)
     case = _Case(low, high, count, q, law, scheme)
-    parts = PARTS[:1] if count > MANY else PARTS
-    starts = np.array([np.linspace(low + a * (high - low), low + b * (high - low), count) for a, b in parts])
     if spurs:
         starts = _search_by_exchange(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
+    else:
+        ends = low + np.array(PARTS[:1] if count > MANY else PARTS) * (high - low)
+        starts = np.linspace(ends[:, 0], ends[:, 1], count, axis=1)
     # The logarithm's rounding must not push an end out of the band.
     found = [np.clip(np.exp(_descend(case, start, round(effort * PROGRAMS))), low_hz, high_hz) for start in starts]
     return max([even, *found], key=lambda hz: all_states(channels(hz, q, law(hz)), scheme).db)
@@ -172,8 +173,8 @@ def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
     def badness(sets: np.ndarray) -> np.ndarray:
         log_energy = case.log_energy(sets.reshape(-1, count).T)
         top = log_energy.max(0)
-        soft: np.ndarray = top + SOFTNESS * np.log(np.exp((log_energy - top) / SOFTNESS).sum(0))
-        return soft.reshape(sets.shape[:-1])
+        soft = SOFTNESS * np.log(np.exp((log_energy - top) / SOFTNESS).sum(0))
+        return np.reshape(top + soft, sets.shape[:-1])
 
     # The rounds on ever fewer sets take twice the first one in all.
     most = min(int(work / (2 * PLACES * count**3 * (count - 1))), MOST_SETS)

@@ -436,8 +436,7 @@ def leakage(
     body = _washer(washer, (FACE, RIM), ORDERS)
     turns = 2 * ORDERS + 2
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
-    ring = body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
-    points = place[:, None, None] + ring  # (n, j, turns, 2)
+    points = place[:, None, None] + body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     height = (body.height + gap)[:, None]
     own = _coil_potential(coil_rings(coil, COARSE_STEP * gap), points[:, None], height)
     near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)

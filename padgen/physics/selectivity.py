@@ -158,8 +158,7 @@ def channels(
     """
     resonance = np.asarray(resonance_hz, float)
     quality = np.broadcast_to(np.asarray(q, float), resonance.shape)
-    line = level * mass * resonance**2 / (quality * pull)
-    return Channels(resonance, quality, line)
+    return Channels(resonance, quality, level * mass * resonance**2 / (quality * pull))
 
 
 def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:

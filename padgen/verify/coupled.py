@@ -284,9 +284,7 @@ def scipy_motion(
 @lru_cache(maxsize=16)
 def radau(stages: int) -> Collocation:
     """Return the rule of right Radau points, roots of ``P_s − P_(s−1)``."""
-    series = np.zeros(stages + 1)
-    series[-2:] = -1, 1
-    at = np.sort(legendre.legroots(series))
+    at = np.sort(legendre.legroots(np.append(np.zeros(stages - 1), [-1, 1])))
     at[-1] = 1.0
     points, to_legendre = (at + 1) / 2, np.linalg.inv(legendre.legvander(at, stages - 1))
     weights = _integrals(np.ones(1), stages)[0] @ to_legendre

@@ -139,9 +139,7 @@ def minimise(form: Any, space: Any, solution: Any) -> float:
             return residual
         form.AssembleLinearization(solution.vec)
         inverse = form.mat.Inverse(space.FreeDofs(True), inverse="sparsecholesky")
-        outer = slope.CreateVector()
-        outer.data = slope + form.harmonic_extension_trans * slope
-        step.data = inverse * outer
+        step.data = inverse * (slope + form.harmonic_extension_trans * slope).Evaluate()
         step.data += form.harmonic_extension * step
         step.data += form.inner_solve * slope
         if not _line_search(form, solution, step, trial, expected=float(ng.InnerProduct(slope, step))):
@@ -186,8 +184,7 @@ def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
     trial, test = space.TnT()
     form = ng.BilinearForm(solved.weight * ng.grad(trial) * ng.grad(test) * ng.dx).Assemble()
     spread = ng.GridFunction(space)
-    spread.vec.data = near.vec
-    spread.vec.data -= form.mat.Inverse(~fixed, inverse="sparsecholesky") @ form.mat * near.vec
+    spread.vec.data = near.vec - form.mat.Inverse(~fixed, inverse="sparsecholesky") @ form.mat * near.vec
     return spread
 
 
