@@ -380,7 +380,7 @@ def root_margin(
         peaks[tried] = _peak_v(coil, tried)
         if peaks[tried] <= voltage_limit_v:
             break
-    margin = min(peaks, key=lambda tried: peaks[tried])
+    margin = min(peaks, key=lambda tried: peaks[tried])  # also the one within the limit, all before it being above
     share = _margin_share(coil, margin)
     alias = max(_alone_db(coil, margin), _together_db(coil, margin))
     return RootMargin(share, alias, peaks[margin], float((coil.least + share @ line) / line.sum()))

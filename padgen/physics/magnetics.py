@@ -206,7 +206,6 @@ class BHCurve:
     before by as much as air does, at least.
     """
 
-    name: str
     flux_density_t: np.ndarray
     field_a_per_m: np.ndarray
 
@@ -224,20 +223,20 @@ class BHCurve:
         inside, beyond = self._spline(np.minimum(size, last)), MU_0 * np.maximum(size - last, 0)
         return np.sign(field_a_per_m) * (inside + beyond)
 
-    def samples(self, about: int = 160) -> tuple[np.ndarray, np.ndarray]:
-        """Return about `about` fields and flux densities from the origin on, close enough for straight lines between.
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return some 160 fields and flux densities from the origin on, close enough for straight lines between.
 
         The last point is at a thousand times the last field, on the line of slope μ0.
         """
         h = self._spline.x
-        per_interval = -(-about // (len(h) - 1))
+        per_interval = ceil(160 / (len(h) - 1))
         part = np.arange(per_interval) / per_interval
         fine = (h[:-1, None] + np.diff(h)[:, None] * part).ravel()
         fields = np.concatenate([fine, [h[-1], 1e3 * h[-1]]])
         return fields, self.flux_density_at(fields)
 
 
-def saturating(name: str, initial_permeability: float, saturation_t: float) -> BHCurve:
+def saturating(initial_permeability: float, saturation_t: float) -> BHCurve:
     """Return the curve of a steel by two figures, ``J = χ μ0 H / (1 + χ μ0 H / J_s)``.
 
     The law is Fröhlich's (1881) and Kennelly's (1891); Bozorth, *Ferromagnetism*, 1951, ch. 11. `initial_permeability`
@@ -246,12 +245,12 @@ def saturating(name: str, initial_permeability: float, saturation_t: float) -> B
     """
     share = 1 / (1 + np.geomspace(1e3, 1e-3, 61))  # J/J_s
     field = saturation_t * share / (1 - share) / (MU_0 * (initial_permeability - 1))
-    return BHCurve(name, saturation_t * share + MU_0 * field, field)
+    return BHCurve(saturation_t * share + MU_0 * field, field)
 
 
 # fmt: off
+# TEAM problem 20 and 13: Takahashi, Nakata and Morishige, problem descriptions of the TEAM workshops.
 TEAM_STEEL = BHCurve(
-    "TEAM problem 20 and 13",  # Takahashi, Nakata and Morishige, problem descriptions of the TEAM workshops
     np.array([
         0.01, 0.025, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.35, 1.4,
         1.45, 1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85, 1.9, 1.95, 2.0, 2.05, 2.1, 2.15, 2.2, 2.25, 2.3,
@@ -264,7 +263,7 @@ TEAM_STEEL = BHCurve(
 )
 # fmt: on
 
-MILD_STEEL = saturating("mild steel", initial_permeability=300, saturation_t=2.14)
+MILD_STEEL = saturating(initial_permeability=300, saturation_t=2.14)
 """Low-carbon steel of washers: saturation polarisation of iron with little carbon (Bozorth 1951, table 2), permeability
 of the catalogue's washers.
 """
@@ -385,14 +384,13 @@ POINTS_ABOVE = 16
 class Side(NamedTuple):
     """A straight side of the outline, (r, z) in m from `start` to `end`, with its outward `normal`.
 
-    `nodes` is the number of unknowns. With `on_axis` the start lies on the axis and is no edge of the body.
+    `nodes` is the number of unknowns. A start on the axis is no edge of the body.
     """
 
     start: tuple[float, float]
     end: tuple[float, float]
     normal: tuple[int, int]
     nodes: int
-    on_axis: bool = False
 
     @property
     def length(self) -> float:
@@ -401,7 +399,7 @@ class Side(NamedTuple):
 
     def part(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the share of the length at t in 0 … 1, and its slope over t; equal steps of t crowd at edges."""
-        return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.on_axis else (t * t * (3 - 2 * t), 6 * t * (1 - t))
+        return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.start[0] == 0 else (t * t * (3 - 2 * t), 6 * t * (1 - t))
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return radius and height in m at t in 0 … 1."""
@@ -446,9 +444,9 @@ def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]
     """Return the outline of a cylinder in m; `nodes` are the numbers on its top, round it and on its bottom."""
     top, around, below = nodes
     return (
-        Side((0.0, high), (radius, high), (0, 1), top, True),
+        Side((0.0, high), (radius, high), (0, 1), top),
         Side((radius, low), (radius, high), (1, 0), around),
-        Side((0.0, low), (radius, low), (0, -1), below, True),
+        Side((0.0, low), (radius, low), (0, -1), below),
     )
 
 

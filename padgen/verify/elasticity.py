@@ -11,7 +11,7 @@ edges and where a clamp ends; the error sits there. Netgen lays shrinking layers
 restores the order of the elements.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -163,7 +163,8 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
     """
     if layered is None:
         layered = singular_edges(shape, coarse_mesh(shape, fineness, where))
-    _mark(shape.edges, layered)
+    for edge in shape.edges:
+        edge.hpref = float(edge.name in layered)
     for coarse, attempt in _coarse_meshes(shape, fineness, where):
         mesh = ng.Mesh(coarse)
         if not fineness.levels:
@@ -213,8 +214,7 @@ def _volumes(mesh: Any) -> np.ndarray:
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
     """Mesh `shape` by Netgen without layers; name the edges of the shape ``edge0``, ``edge1``, …"""
     for place, edge in enumerate(shape.edges):
-        edge.name = f"edge{place}"
-    _mark(shape.edges, set())
+        edge.name, edge.hpref = f"edge{place}", 0.0
     return next(_coarse_meshes(shape, fineness, where))[0]
 
 
@@ -222,11 +222,6 @@ def singular_edges(shape: Any, mesh: Any) -> set[str]:
     """Return names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
     clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
     return clamped | {name for name, angle in edge_angles(mesh).items() if angle > REENTRANT_DEG}
-
-
-def _mark(edges: Iterable[Any], singular: set[str]) -> None:
-    for edge in edges:
-        edge.hpref = 1.0 if edge.name in singular else 0.0
 
 
 def _first_line(error: Exception) -> str:
