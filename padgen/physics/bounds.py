@@ -113,8 +113,11 @@ def _missed_energy(
         deflected, held = _deflections(tip[..., shift], sign * tip[..., turn] * length, root / length, end / length)
         bending_speed = modulus / density * height**2 / 12
         # 1/ω₁²: bending between held, compliant ends, plus shear, plus rotary inertia.
-        slow = (length + root + end) ** 4 / (4.730**4 * bending_speed)
-        slow = slow + length * (length + 2 * slip) / (pi**2 * shear_speed) + length**2 * density / (pi**2 * modulus)
+        slow = (
+            (length + root + end) ** 4 / (4.730**4 * bending_speed)
+            + length * (length + 2 * slip) / (pi**2 * shear_speed)
+            + length**2 * density / (pi**2 * modulus)
+        )
         sheared = 12 * bending_speed * (length + 2 * slip) / (shear_speed * length**3)
         energy = line * length * _shifting(deflected)
         missed = missed + energy - line * length * _shifting(held)

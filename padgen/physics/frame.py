@@ -106,12 +106,16 @@ def element_root(element: Element, length: float, bubbles: int) -> np.ndarray:
     strains = []
     for _, weight, value, slope in _inner_motions(bubbles, bubbles + 2):
         each = np.sqrt(weight / length)
-        strains += [each * np.sqrt(modulus * section.area) * slope[0]]
-        strains += [each * np.sqrt(shear_modulus * section.torsion) * slope[1]]
+        strains += [
+            each * np.sqrt(modulus * section.area) * slope[0],
+            each * np.sqrt(shear_modulus * section.torsion) * slope[1],
+        ]
         for shift, (inertia, shear) in zip((2, 4), section.planes, strict=True):
             # Rotations are multiplied by the length, so that all inner motions are lengths.
-            strains += [each / length * np.sqrt(modulus * inertia) * slope[shift + 1]]
-            strains += [each * np.sqrt(shear * shear_modulus * section.area) * (slope[shift] - value[shift + 1])]
+            strains += [
+                each / length * np.sqrt(modulus * inertia) * slope[shift + 1],
+                each * np.sqrt(shear * shear_modulus * section.area) * (slope[shift] - value[shift + 1]),
+            ]
     inner = np.array(strains)
     return np.block([[root, np.zeros((6, inner.shape[1]))], [np.zeros((len(inner), 12)), inner]])
 

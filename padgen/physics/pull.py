@@ -415,6 +415,7 @@ class Leakage(NamedTuple):
 
 
 NO_COILS = np.zeros((0, 2))
+"""Places of no coils at all."""
 
 
 def leakage(

@@ -35,7 +35,7 @@ __all__ = [
 
 CLAMPINGS = ("edges", "bottom", "corners")
 """Held are: outer side faces of the border; the frame's underside; the walls of the corner holes."""
-HELD, SEAM, PRINTED = "held", "seam", "printed"
+HELD, SEAM = "held", "seam"
 ROOT_DEPTH = 0.25
 """Depth, as a share of a rib, of the piece behind a root that moves with the beam."""
 MESH = Fineness(levels=0, largest_mm=4.0, grading=0.8, per_face=10.0)
