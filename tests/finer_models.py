@@ -670,8 +670,8 @@ def saturation_on_axis(coil: CoilSource, washer: SteelRing, gap: float, current_
     """Return bound and loss of force with saturating steels (Froehlich), on one mesh, so that its error cancels."""
     from padgen.verify.field_solid import axisymmetric_force
 
-    core = saturating("core", coil.core_permeability, SATURATION_T) if coil.has_core else None
-    steel = saturating("washer", washer.permeability, SATURATION_T)
+    core = saturating(coil.core_permeability, SATURATION_T) if coil.has_core else None
+    steel = saturating(washer.permeability, SATURATION_T)
     # By coarser elements the two potentials differ by more than a fifth over long cores.
     linear, saturating_n = (
         axisymmetric_force(coil, washer, gap, current_a, *steels, order=4, levels=2).force_n
@@ -726,9 +726,9 @@ def fields_in_space(
 def true_saturation_aside(plan: Plan, bound: float) -> Sized:
     """Solve the loss in three dimensions, with the washer of the first channel at its place."""
     coil, washer = magnetic_parts(plan.spec)
-    steels: dict[str, Steel] = {"washer0": saturating("washer", washer.permeability, SATURATION_T)}
+    steels: dict[str, Steel] = {"washer0": saturating(washer.permeability, SATURATION_T)}
     if coil.has_core:
-        steels["core"] = saturating("core", coil.core_permeability, SATURATION_T)
+        steels["core"] = saturating(coil.core_permeability, SATURATION_T)
     ring = PlacedWasher(washer, gap_m(plan), plan.channels[0].site.coil_distance_mm * MM, 0.0)
     at = fields_in_space(coil, [ring], plan.load.current_peak_ma * MA, ({}, steels))
     return climbed(at, (1, 2, 3), bound)

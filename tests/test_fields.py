@@ -44,7 +44,7 @@ MU_0 = 4e-7 * np.pi
 # --- steel -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("curve", [TEAM_STEEL, MILD_STEEL], ids=lambda c: c.name)
+@pytest.mark.parametrize("curve", [TEAM_STEEL, MILD_STEEL], ids=["TEAM", "mild"])
 def test_curves_rise_and_end_as_air(curve):
     field = np.geomspace(0.1, 1e7, 500)
     density = curve.flux_density_at(field)
@@ -64,7 +64,7 @@ def test_curve_goes_through_its_points_and_joins_smoothly():
 
 
 def test_frohlichs_law_at_both_ends():
-    curve = saturating("steel", 300, 2.0)
+    curve = saturating(300, 2.0)
     assert curve.flux_density_at(1.0) / MU_0 == pytest.approx(300, rel=1e-3)  # J/J_s is 2e-4 there
     far = 1e7
     assert curve.flux_density_at(far) - MU_0 * far == pytest.approx(2.0, rel=2e-3)  # sampled to 0.999 J_s

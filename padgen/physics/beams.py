@@ -328,9 +328,8 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     bend = up2 + root * length**2 + parts.shear + parts.end_shear
     along = parts.stretch + root * high**2 + tip * low**2
     lifted, turned = root * high * length, -(root * high + tip * low)
-    rows = [[along, lifted, turned], [lifted, bend, -(up1 + root * length)], [turned, 0.0, up0 + root + tip]]
-    rows[2][1] = rows[1][2]
-    compliance = np.stack([np.stack(np.broadcast_arrays(*row), -1) for row in rows], -2)
+    tilted = -(up1 + root * length)
+    compliance = matrices([along, lifted, turned], [lifted, bend, tilted], [turned, tilted, up0 + root + tip])
     stiffness[..., [[0], [2], [4]], [0, 2, 4]] = np.linalg.inv(compliance)
     side0, side1, side2 = parts.side
     root, tip = parts.lateral_root, parts.lateral_tip
@@ -519,24 +518,28 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     # These compliances are of both ends together; each end has half.
     shear, twist, slip = parts.end_shear / 2, parts.end_twist / 2, parts.lateral_end_shear / 2
     pull, push = [cosine, sine, x * sine - y * cosine], [-sine, cosine, x * cosine + y * sine]
-    return (
-        _plane(
-            slices,
-            within_up(slices),
-            matrices([1 + zero, y, -x], [zero, cosine, sine], [zero, -sine, cosine]),
-            [1 / (area * sheared * across), twisting / (torsion * shear_modulus), 1 / (bending * inner)],
-            ([shear, twist, parts.root], [shear, twist, parts.tip]),
-            [line, high + wide, high],
-        ),
-        _plane(
-            slices,
-            within_side(slices),
-            matrices(pull, push, [zero, zero, 1 + zero]),
-            [1 / (area * modulus), 1 / (area * sheared), 1 / lateral],
-            ([0 * slip, slip, parts.lateral_root], [0 * slip, slip, parts.lateral_tip]),
-            [line, line, wide],
-        ),
+    # Compliances and inertias per length become those of the slices.
+    share = slices.share[..., None]
+    weight = slices.running[-1][:, None] * share
+    up = _Plane(
+        slices,
+        within_up(slices),
+        matrices([1 + zero, y, -x], [zero, cosine, sine], [zero, -sine, cosine]),
+        columns([1 / (area * sheared * across), twisting / (torsion * shear_modulus), 1 / (bending * inner)]) * share,
+        columns([shear, twist, parts.root]),
+        columns([shear, twist, parts.tip]),
+        columns([line, high + wide, high]) * weight,
     )
+    side = _Plane(
+        slices,
+        within_side(slices),
+        matrices(pull, push, [zero, zero, 1 + zero]),
+        columns([1 / (area * modulus), 1 / (area * sheared), 1 / lateral]) * share,
+        columns([0 * slip, slip, parts.lateral_root]),
+        columns([0 * slip, slip, parts.lateral_tip]),
+        columns([line, line, wide]) * weight,
+    )
+    return up, side
 
 
 def bend_stiffening(curved: Array) -> Array:
@@ -571,25 +574,6 @@ def sharp_energies(section: BeamSection, load: np.ndarray, modulus: Array, poiss
     twisted = piece_twist(slices.straight, np.asarray(section.ends.warping)[..., None])
     freed = 1 / np.maximum(twisted, SHORTEST_M) - 1
     return (rest * energy[..., 1:].sum(-1)).sum(-1), (freed * energy[..., 1]).sum(-1)
-
-
-def _plane(
-    slices: Slices,
-    within: np.ndarray,
-    back: np.ndarray,
-    compliance: list[Array],
-    ends: tuple[list[Array], list[Array]],
-    inertia: list[Array],
-) -> _Plane:
-    """Return the flexibility in one plane from its parts.
-
-    `within` is the internal load in each slice per unit load on the tip, `back` as in `_Plane`. `compliance` and
-    `inertia` (over density) are per length; `ends` are the compliances of root and tip.
-    """
-    root, tip = (columns(end) for end in ends)
-    share = slices.share[..., None]
-    weight = slices.running[-1][:, None] * share
-    return _Plane(slices, within, back, columns(compliance) * share, root, tip, columns(inertia) * weight)
 
 
 def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -679,8 +663,8 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     softer = across**-LAYERS
     flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
     side = 1 / (SIDE * width) + SIDE_NARROW / thickness
-    mount, sideways, twisted, stretched = (_yoke_compliance if around.yoke else _wall_compliance)(
-        section, around, poisson
+    mount, sideways, twisted, stretched = (
+        _yoke_compliance(section, around.yoke, poisson) if around.yoke else _wall_compliance(section, around)
     )
     tall = thickness / np.sqrt(across)
     held = _warping_length(WARPING, width, tall, inf if section.path else length, poisson)
@@ -708,7 +692,7 @@ def fitted(width: Array, thickness: Array, length: Array) -> Array:
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
-def _wall_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+def _wall_compliance(section: BeamSection, around: Surroundings) -> tuple[Array, ...]:
     """Compliance of the wall between edge and recess: in bending, and zero in lateral bending, twist and stretch.
 
     Each is a length of beam of equal compliance in m. The wall hangs from the roof of the recess like a plate, as high
@@ -723,15 +707,14 @@ def _wall_compliance(section: BeamSection, around: Surroundings, poisson: Array)
     return bent * np.asarray(section.across, float) ** -LAYERS_WALL, 0.0, 0.0, 0.0
 
 
-def _yoke_compliance(section: BeamSection, around: Surroundings, poisson: Array) -> tuple[Array, ...]:
+def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, ...]:
     """Compliance of the yoke: in bending, lateral bending, twist and stretch.
 
     Each is a length of beam of equal compliance in m: the beam's section constant over the bar's. Twist of the crossbar
     and bending of the neck add to bending; bending of the bar adds to the other three.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
-    assert around.yoke is not None
-    across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), around.yoke
+    across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), yoke
     free = arm + bar - _warping_length(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
     bending, shear = width * thickness**3, 2 * (1 + poisson)
     mount = bending / 12 * shear * free / torsion_constant(bar, height, across)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.physics.beams import BeamSection, largest_inverse_square, tip_mass
-from padgen.physics.magnetics import CoilSource, SteelRing, charged_core, flux_density, ring_factor
+from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, charged_core, flux_density, ring_factor
 from padgen.physics.modes import BeamPlacement, to_tip
 
 __all__ = [
@@ -27,7 +27,6 @@ __all__ = [
     "washer_magnetised",
 ]
 
-MU_0 = 4e-7 * pi
 LOCAL_PEAK = 1.5
 """Polarisation of a wide washer above the rim of a core, over the estimate from two points of the washer (from field
 solutions).
@@ -63,17 +62,16 @@ def beam_inertia(
     Cauchy's inequality where only its size is known. Infinite where the mode is not below ω₁.
     """
     at = np.arange(len(working)), working
-    own = motion[at]
     square = (2 * pi * frequency[at]) ** 2
     # The modes one by one, then each together with the working one: (2 m, n, 6).
-    motions = np.concatenate([motion, motion + own[:, None]], 1).swapaxes(0, 1)
-    missed: Any = 0.0
-    either: Any = 0.0
-    more: Any = 0.0
-    for beam in beams:
-        tip = (to_tip(beam, reference) @ motions[..., None])[..., 0]
-        parts = _missed_energy(beam.section, tip, square, modulus, poisson, density)
-        missed, either, more = missed + parts[0], either + parts[1], more + parts[2]
+    motions = np.concatenate([motion, motion + motion[at][:, None]], 1).swapaxes(0, 1)
+    of_beams = [
+        _missed_energy(
+            beam.section, (to_tip(beam, reference) @ motions[..., None])[..., 0], square, modulus, poisson, density
+        )
+        for beam in beams
+    ]
+    missed, either, more = (np.asarray(sum(parts)) for parts in zip(*of_beams, strict=True))
     missed, together = np.split(missed, 2)
     unsure = np.split(either + more, 2)[0]
     first = missed[at[::-1]]
@@ -115,8 +113,11 @@ def _missed_energy(
         deflected, held = _deflections(tip[..., shift], sign * tip[..., turn] * length, root / length, end / length)
         bending_speed = modulus / density * height**2 / 12
         # 1/ω₁²: bending between held, compliant ends, plus shear, plus rotary inertia.
-        slow = (length + root + end) ** 4 / (4.730**4 * bending_speed)
-        slow = slow + length * (length + 2 * slip) / (pi**2 * shear_speed) + length**2 * density / (pi**2 * modulus)
+        slow = (
+            (length + root + end) ** 4 / (4.730**4 * bending_speed)
+            + length * (length + 2 * slip) / (pi**2 * shear_speed)
+            + length**2 * density / (pi**2 * modulus)
+        )
         sheared = 12 * bending_speed * (length + 2 * slip) / (shear_speed * length**3)
         energy = line * length * _shifting(deflected)
         missed = missed + energy - line * length * _shifting(held)

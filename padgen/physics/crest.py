@@ -15,12 +15,11 @@ those with each alone are computed; states between have the same bound.
 
 from collections.abc import Callable
 from functools import lru_cache
-from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.ladder import Box, Descent, descend
+from padgen.physics.ladder import Descent, descend
 
 __all__ = [
     "ALIAS_DB",
@@ -128,9 +127,9 @@ def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poi
     return np.fft.irfft(spectrum, points, axis=1, norm="forward")
 
 
-def _points(harmonic: np.ndarray) -> int:
-    """Return a power of two: at least `PER_CYCLE` points per cycle of the highest line, and less than twice as many."""
-    return 1 << (PER_CYCLE * int(harmonic.max()) - 1).bit_length()
+def _points(harmonic: np.ndarray, per_cycle: int = PER_CYCLE) -> int:
+    """Return a power of two: at least `per_cycle` points per cycle of the highest line, and less than twice as many."""
+    return 1 << (per_cycle * int(harmonic.max()) - 1).bit_length()
 
 
 def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
@@ -167,9 +166,6 @@ def _least_of_parabola(slope: np.ndarray, curve: np.ndarray, half: float) -> tup
     return move, slope * move + curve * move**2 / 2
 
 
-_largest = attrgetter("largest")
-
-
 @lru_cache(maxsize=4096)
 def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[float, ...]:
     """Return `low_crest_phases` of rising harmonics without a common divisor; the first phase is 0."""
@@ -184,27 +180,22 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     free = np.append(0.0, np.full(len(k) - 1, np.inf))
 
     def improved(at: Descent, steps: int) -> Descent:
-        return descend(lambda phase: _dips(k, a, phase), at, Box(-free, free), steps, SETTLED)
+        return descend(lambda phase: _dips(k, a, phase), at, -free, free, steps, SETTLED)
 
-    begun = sorted((improved(Descent(start, np.inf, TRUST), FIRST_STEPS) for start in _starts(k, a)), key=_largest)
-    best = min((improved(descent, LAST_STEPS) for descent in begun[:BEST]), key=_largest).place
-    # Later digits may differ between machines, and have no effect on the depth.
-    return tuple(np.round(best % (2 * np.pi), 6).tolist())
-
-
-def _starts(harmonic: np.ndarray, amplitude: np.ndarray) -> list[np.ndarray]:
-    """Return phases to descend from: Schroeder's and the best random ones."""
-    count, points = len(harmonic), _points(harmonic)
-    random = np.random.default_rng(0)
-    draws = np.concatenate([schroeder_phases(amplitude)[None], random.uniform(0, 2 * np.pi, (DRAWS, count))])
+    # The starts are Schroeder's phases and the best random ones.
+    points, random = _points(k), np.random.default_rng(0)
+    draws = np.concatenate([schroeder_phases(a)[None], random.uniform(0, 2 * np.pi, (DRAWS, len(k)))])
     draws[:, 0] = 0.0
     where = np.arange(points) if points <= SAMPLES else np.sort(random.choice(points, SAMPLES, replace=False))
-    angle = np.outer(where * (2 * np.pi / points), harmonic)
-    table = np.hstack([np.cos(angle), np.sin(angle)])
-    depth = -(table @ np.hstack([amplitude * np.cos(draws), -amplitude * np.sin(draws)]).T).min(0)
+    angle = np.outer(where * (2 * np.pi / points), k)
+    depth = -(np.hstack([np.cos(angle), np.sin(angle)]) @ np.hstack([a * np.cos(draws), -a * np.sin(draws)]).T).min(0)
     depth[0] = 0.0  # Schroeder's phases always rank first.
-    few = min(STARTS, 2 * (count - 1), max(LONG // (2 * points), FEWEST))
-    return list(draws[np.argsort(depth, kind="stable")[:few]])
+    few = min(STARTS, 2 * (len(k) - 1), max(LONG // (2 * points), FEWEST))
+    begun = [improved(Descent(draws[at], np.inf, TRUST), FIRST_STEPS) for at in np.argsort(depth, kind="stable")[:few]]
+    begun.sort(key=lambda descent: descent.largest)
+    best = min((improved(descent, LAST_STEPS) for descent in begun[:BEST]), key=lambda descent: descent.largest).place
+    # Later digits may differ between machines, and have no effect on the depth.
+    return tuple(np.round(best % (2 * np.pi), 6).tolist())
 
 
 def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -252,13 +243,19 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
     # The strictest resonances first: they reject most candidates, so that few remain for the others.
     order = np.argsort(resonance / quality, kind="stable")
     resonance, quality = resonance[order], quality[order]
+    steps_per_sample = resonance * (1 / (rate_hz * step))
     first = int(np.ceil(max(SHORTEST_S, LEAST_PERIODS * step / float(resonance.min())) * rate_hz))
     last = max(int(LONGEST_S * rate_hz), first)
     best = last
     least = float(off_resonance(resonance, quality, last / rate_hz, step).max())
     for start in range(first, last + 1, CHUNK):
         samples = np.arange(start, min(start + CHUNK, last + 1))
-        samples, off = _near_enough(samples, resonance * (1 / (rate_hz * step)), quality, max(least, MOST_OFF))
+        off, limit = np.zeros(len(samples)), max(least, MOST_OFF)
+        for slope, own in zip(steps_per_sample, quality, strict=True):
+            steps = samples * slope
+            off = np.maximum(off, np.abs(np.rint(steps) / steps - 1) * (2 * own))
+            near = off <= limit
+            samples, off = samples[near], off[near]
         good = samples[off <= MOST_OFF]
         if good.size:
             return float(good[0] / rate_hz)
@@ -277,19 +274,6 @@ def on_comb(resonance_hz: np.ndarray, period_s: float, step: int) -> np.ndarray:
     """Return the multiples (n,) of 1/period nearest to the resonances: whole multiples of `step`, at least one."""
     steps = np.rint(np.asarray(resonance_hz, float) * period_s / step).astype(int)
     return np.maximum(steps, 1) * step
-
-
-def _near_enough(
-    samples: np.ndarray, steps_per_sample: np.ndarray, q: np.ndarray, limit: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return those of the periods `samples` (m,) that put every line at most `limit` off, and the largest distance."""
-    off = np.zeros(len(samples))
-    for slope, quality in zip(steps_per_sample, q, strict=True):
-        steps = samples * slope
-        off = np.maximum(off, np.abs(np.rint(steps) / steps - 1) * (2 * quality))
-        near = off <= limit
-        samples, off = samples[near], off[near]
-    return samples, off
 
 
 ALIAS_DB = -110.0
@@ -374,14 +358,16 @@ def root_margin(
         return RootMargin(np.full(len(k), LEAST_SHARE), -np.inf, 0.0, 0.0)
     finer = round(FINER * rate_hz * period_s)
     whole = finer <= MOST_SAMPLES
-    coarse = _one_period(
-        k, line, phase, period_s, finer if whole else 1 << (PEAK_PER_CYCLE * int(k.max()) - 1).bit_length()
+    points, omega = finer if whole else _points(k, PEAK_PER_CYCLE), 2 * np.pi * k / period_s
+    force, slope = (
+        waveform(k, size[None], start, points)[0] for size, start in ((line, phase), (omega * line, phase + np.pi / 2))
     )
+    coarse = force, slope, np.ones(points)
     coil = _Coil(
         k / period_s,
         line,
         float(least_constant(k, line, phase)[0]),
-        coarse if whole else _deepest_piece(k, line, phase, period_s, FINER * rate_hz, coarse[0]),
+        coarse if whole else _deepest_piece(omega, line, phase, period_s, FINER * rate_hz, force),
         coarse,
         FINER * rate_hz,
         min(rate_hz / 2, bandwidth_hz or np.inf),
@@ -389,10 +375,15 @@ def root_margin(
         inductance_h,
     )
     margin = _smallest(lambda h: _together_db(coil, h), _smallest(lambda h: _alone_db(coil, h), SMALLEST))
-    margin = _within_limit(coil, margin, voltage_limit_v)
+    peaks = dict[float, float]()
+    for tried in np.geomspace(margin, MOST_SHARE, PEAKS).tolist():
+        peaks[tried] = _peak_v(coil, tried)
+        if peaks[tried] <= voltage_limit_v:
+            break
+    margin = min(peaks, key=lambda tried: peaks[tried])  # also the one within the limit, all before it being above
     share = _margin_share(coil, margin)
     alias = max(_alone_db(coil, margin), _together_db(coil, margin))
-    return RootMargin(share, alias, _peak_v(coil, margin), float((coil.least + share @ line) / line.sum()))
+    return RootMargin(share, alias, peaks[margin], float((coil.least + share @ line) / line.sum()))
 
 
 def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
@@ -400,20 +391,13 @@ def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
     return np.maximum(margin * (coil.hz / coil.hz.max()) ** 2, LEAST_SHARE)
 
 
-def _one_period(k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, points: int) -> _Sampled:
-    """Return one period of all lines."""
-    omega = 2 * np.pi * k / period_s
-    force = waveform(k, line[None], phase, points)[0]
-    return force, waveform(k, (omega * line)[None], phase + np.pi / 2, points)[0], np.ones(points)
-
-
 def _deepest_piece(
-    k: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, finer_hz: float, coarse: np.ndarray
+    omegas: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, finer_hz: float, coarse: np.ndarray
 ) -> _Sampled:
     """Return a piece of a long period at its deepest dip, to stand for the whole."""
     time = int(coarse.argmin()) / len(coarse) * period_s + (np.arange(PIECE) - PIECE // 2) / finer_hz
     force, slope = np.zeros(PIECE), np.zeros(PIECE)
-    for omega, a, start in zip(2 * np.pi * k / period_s, line, phase, strict=True):
+    for omega, a, start in zip(omegas, line, phase, strict=True):
         angle = omega * time + start
         force += a * np.cos(angle)
         slope -= omega * a * np.sin(angle)
@@ -428,15 +412,13 @@ def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 def _together_v(coil: _Coil, seen: _Sampled, margin: float) -> np.ndarray:
     """Return the voltage (samples,) in V with all channels on."""
-    force, slope, _ = seen
-    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + force, slope)
+    return _voltage(coil, coil.least + _margin_share(coil, margin) @ coil.line + seen[0], seen[1])
 
 
 def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
     """Return the voltage (n, samples) in V over one cycle of each channel alone."""
-    most = int(coil.finer_hz / coil.hz.min())
-    fewest, largest = ALONE_SAMPLES
-    angle = np.arange(samples := min(max(1 << most.bit_length(), fewest), largest)) * (2 * np.pi / samples)
+    samples = int(np.clip(1 << int(coil.finer_hz / coil.hz.min()).bit_length(), *ALONE_SAMPLES))
+    angle = np.arange(samples) * (2 * np.pi / samples)
     force = coil.line[:, None] * ((1 + _margin_share(coil, margin))[:, None] + np.cos(angle))
     return _voltage(coil, force, -np.outer(2 * np.pi * coil.hz * coil.line, np.sin(angle)))
 
@@ -480,14 +462,3 @@ def _smallest(above_db: Callable[[float], float], least: float) -> float:
         middle = (low + high) / 2
         low, high = (low, middle) if above_db(float(np.exp(middle))) <= ALIAS_DB else (middle, high)
     return float(np.exp(high))
-
-
-def _within_limit(coil: _Coil, margin: float, limit_v: float) -> float:
-    """Return the smallest margin from `margin` on that keeps the voltage limit, or the one of the lowest peak."""
-    tried = np.geomspace(margin, MOST_SHARE, PEAKS)
-    peaks: list[float] = []
-    for one in tried.tolist():
-        peaks.append(_peak_v(coil, one))
-        if peaks[-1] <= limit_v:
-            return float(one)
-    return float(tried[int(np.argmin(peaks))])

@@ -29,17 +29,13 @@ __all__ = [
     "Frame",
     "FrameModes",
     "Section",
-    "bubble_count",
     "checked_frame_modes",
     "divided",
-    "element_axes",
     "element_mass_root",
     "element_root",
     "frame_modes",
     "rectangle",
 ]
-
-Array = Any
 
 _PLANES = ((2, 4, -1.0), (1, 5, 1.0))
 """Bending in the planes up and across: displacement, rotation, and the sign of slope over rotation."""
@@ -93,20 +89,7 @@ def rectangle(width: float, thickness: float, poisson: float, across: float = 1.
     return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
 
 
-def element_axes(start: np.ndarray, end: np.ndarray, up: Array) -> np.ndarray:
-    """Return the element's axes as rows (3, 3)."""
-    x = (end - start) / np.linalg.norm(end - start)
-    z = np.asarray(up, float) - x * (x @ np.asarray(up, float))
-    z = z / np.linalg.norm(z)
-    return np.stack([x, np.cross(z, x), z])
-
-
-def bubble_count(bubbles: int) -> int:
-    """Return the number of inner degrees of freedom of an element."""
-    return 6 * bubbles + 2 if bubbles else 0
-
-
-def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
+def element_root(element: Element, length: float, bubbles: int) -> np.ndarray:
     """Return the square root of the stiffness in element axes, shape (r, 12 + m): stiffness = rootᵀ root.
 
     The first twelve columns are the nodes' motions, with the static deflection between them; the others are the inner
@@ -118,22 +101,26 @@ def element_root(element: Element, length: float, bubbles: int = 0) -> np.ndarra
     root[0, [0, 6]] = np.array([-1.0, 1.0]) * np.sqrt(modulus * section.area / length)
     root[1, [3, 9]] = np.array([-1.0, 1.0]) * np.sqrt(shear_modulus * section.torsion / length)
     for plane in (0, 1):
-        stiffness = np.linalg.inv(_bending_flexibility(element, length, plane, hinged=True))
-        root[2 + 2 * plane : 4 + 2 * plane] = np.linalg.cholesky(stiffness).T @ _from_chord(length, plane)
+        *_, hinged = _bending_flexibility(element, length, plane)
+        root[2 + 2 * plane : 4 + 2 * plane] = np.linalg.cholesky(np.linalg.inv(hinged)).T @ _from_chord(length, plane)
     strains = []
     for _, weight, value, slope in _inner_motions(bubbles, bubbles + 2):
         each = np.sqrt(weight / length)
-        strains += [each * np.sqrt(modulus * section.area) * slope[0]]
-        strains += [each * np.sqrt(shear_modulus * section.torsion) * slope[1]]
+        strains += [
+            each * np.sqrt(modulus * section.area) * slope[0],
+            each * np.sqrt(shear_modulus * section.torsion) * slope[1],
+        ]
         for shift, (inertia, shear) in zip((2, 4), section.planes, strict=True):
             # Rotations are multiplied by the length, so that all inner motions are lengths.
-            strains += [each / length * np.sqrt(modulus * inertia) * slope[shift + 1]]
-            strains += [each * np.sqrt(shear * shear_modulus * section.area) * (slope[shift] - value[shift + 1])]
+            strains += [
+                each / length * np.sqrt(modulus * inertia) * slope[shift + 1],
+                each * np.sqrt(shear * shear_modulus * section.area) * (slope[shift] - value[shift + 1]),
+            ]
     inner = np.array(strains)
     return np.block([[root, np.zeros((6, inner.shape[1]))], [np.zeros((len(inner), 12)), inner]])
 
 
-def element_mass_root(element: Element, length: float, bubbles: int = 0) -> np.ndarray:
+def element_mass_root(element: Element, length: float, bubbles: int) -> np.ndarray:
     """Return the square root of the consistent mass in element axes, shape (r, 12 + m), as `element_root`."""
     area, (up, across) = element.section.area, (inertia for inertia, _ in element.section.planes)
     rows = []
@@ -164,19 +151,17 @@ def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np
         yield (node + 1) / 2, weight / 2, row * value[each], row * legendre[order][each]
 
 
-def _shear_ratio(element: Element, length: float, plane: int) -> float:
-    """Return 12 EI / (κ G A l²), the share that shear adds to the bending of an element."""
-    inertia, shear = element.section.planes[plane]
-    return 12 * element.modulus * inertia / (shear * element.shear_modulus * element.section.area * length**2)
+def _bending_flexibility(element: Element, length: float, plane: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """Return the share 12 EI / (κ G A l²) that shear adds to the bending of an element, and its rotations.
 
-
-def _bending_flexibility(element: Element, length: float, plane: int, *, hinged: bool) -> np.ndarray:
-    """Return the rotations of both ends against the chord under unit moments at them, shape (2, 2), in rad/(N·m)."""
-    inertia, _ = element.section.planes[plane]
-    shear = _shear_ratio(element, length, plane)
-    free = length / (12 * element.modulus * inertia) * np.array([[4 + shear, shear - 2], [shear - 2, 4 + shear]])
-    hinges = np.diag([element.hinge_start[plane], element.hinge_end[plane]])
-    return np.asarray(free + hinges) if hinged else free
+    Rotations (2, 2) in rad/(N·m) are those of both ends against the chord under unit moments at them, without and with
+    the hinges.
+    """
+    inertia, coefficient = element.section.planes[plane]
+    bending = 12 * element.modulus * inertia
+    shear = bending / (coefficient * element.shear_modulus * element.section.area * length**2)
+    free = length / bending * np.array([[4 + shear, shear - 2], [shear - 2, 4 + shear]])
+    return shear, free, free + np.diag([element.hinge_start[plane], element.hinge_end[plane]])
 
 
 def _from_chord(length: float, plane: int) -> np.ndarray:
@@ -194,10 +179,8 @@ def _shapes(element: Element, length: float, plane: int, s: float) -> tuple[np.n
     They are the chord's motion plus the static deflection under the moments that the nodes' rotations cause. Shear
     bends the axis without turning the section.
     """
-    free = _bending_flexibility(element, length, plane, hinged=False)
-    hinged = _bending_flexibility(element, length, plane, hinged=True)
+    shear, free, hinged = _bending_flexibility(element, length, plane)
     slopes = free @ np.linalg.solve(hinged, _from_chord(length, plane))
-    shear = _shear_ratio(element, length, plane)
     up = s * (1 - s) / (1 + shear)
     bow = length * up * np.array([1 - s + shear / 2, -(s + shear / 2)])
     lean = np.array([1 - s, s]) - 3 * up
@@ -226,15 +209,13 @@ class AttachedBody(NamedTuple):
 class Frame(NamedTuple):
     """Nodes (n, 3) in m, elements between them, bodies, and the nodes that are clamped.
 
-    `held` lists single degrees of freedom as (node, 0 … 5), for supports that leave some free. Every element has inner
-    motions, polynomials of degrees up to `bubbles` + 1; none for 0.
+    Every element has inner motions, polynomials of degrees up to `bubbles` + 1; none for 0.
     """
 
     nodes: np.ndarray
     elements: tuple[Element, ...]
     bodies: tuple[AttachedBody, ...] = ()
     clamped: tuple[int, ...] = ()
-    held: tuple[tuple[int, int], ...] = ()
     bubbles: int = 2
 
 
@@ -272,8 +253,7 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
     """
     free = _motions(frame)
     factor, scale, condition = _stiffness_factor(frame, free)
-    mass = _mass_root(frame, free / scale)
-    form = np.linalg.solve(factor.T, mass.T)
+    form = np.linalg.solve(factor.T, _mass_root(frame, free / scale).T)
     vectors, values, others = np.linalg.svd(form, full_matrices=False)
     count = min(count, len(values))
     if not values[0] > 0 or not values[count - 1] > 1e-14 * values[0]:
@@ -283,9 +263,8 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
     if not residual.max() <= RESIDUAL_LIMIT:
         raise SolverError(f"the modes leave a residual of {residual.max():.1e}, at most {RESIDUAL_LIMIT:.0e}")
     shapes = (free / scale) @ np.linalg.solve(factor, vectors / values)
-    nodes, outer = len(frame.nodes), _outer(frame)
-    moved = shapes[:outer].T.reshape(count, -1, 6)
-    return FrameModes(1 / (2 * np.pi * values), moved[:, :nodes], moved[:, nodes:], float(residual.max()), condition)
+    nodes, bodies = np.split(shapes[: _outer(frame)].T.reshape(count, -1, 6), [len(frame.nodes)], 1)
+    return FrameModes(1 / (2 * np.pi * values), nodes, bodies, float(residual.max()), condition)
 
 
 def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.ndarray]:
@@ -300,8 +279,7 @@ def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.nd
         As `frame_modes`.
     """
     rough, fine = (frame_modes(frame._replace(bubbles=frame.bubbles + k), count) for k in (0, 1))
-    change = np.abs(rough.frequency_hz / fine.frequency_hz - 1)
-    return fine, change + ROUNDING * np.sqrt(fine.condition)
+    return fine, np.abs(rough.frequency_hz / fine.frequency_hz - 1) + ROUNDING * np.sqrt(fine.condition)
 
 
 def _outer(frame: Frame) -> int:
@@ -315,9 +293,8 @@ def _motions(frame: Frame) -> np.ndarray:
     A node that is fixed to a body moves with it.
     """
     count, rows = len(frame.nodes), _outer(frame)
-    inner = bubble_count(frame.bubbles) * len(frame.elements)
+    inner = (6 * frame.bubbles + 2 if frame.bubbles else 0) * len(frame.elements)
     ties = np.eye(rows + inner)
-    led: set[int] = set()
     for k, attached in enumerate(frame.bodies):
         for node in attached.nodes:
             place = slice(6 * node, 6 * node + 6)
@@ -326,13 +303,12 @@ def _motions(frame: Frame) -> np.ndarray:
             carry = np.eye(6)
             carry[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
             ties[place, 6 * (count + k) : 6 * (count + k) + 6] = carry
-            led |= set(range(6 * node, 6 * node + 6))
-    clamped = {6 * node + k for node in frame.clamped for k in range(6)} | {6 * n + k for n, k in frame.held}
+    led = {6 * node + k for attached in frame.bodies for node in attached.nodes for k in range(6)}
+    clamped = {6 * node + k for node in frame.clamped for k in range(6)}
     if led & clamped:
         raise SolverError("a node that is fast to a body cannot be held as well; hold another node")
     used = {6 * n + k for e in frame.elements for n in (e.start, e.end) for k in range(6)}
-    others = set(range(6 * count, rows + inner))
-    return ties[:, sorted(((used - led) | others) - clamped)]
+    return ties[:, sorted(((used - led) | set(range(6 * count, rows + inner))) - clamped)]
 
 
 def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
@@ -359,7 +335,8 @@ def _stiffness_factor(frame: Frame, free: np.ndarray) -> tuple[np.ndarray, np.nd
 def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
     """Return the square root (r, f) of the mass, mass = rootᵀ root.
 
-    A square root keeps the digits of light parts beside heavy ones.
+    A square root keeps the digits of light parts beside heavy ones. A body's own is scaled, so that its small entries
+    keep theirs.
     """
     rows = [_placed(frame, k, element_mass_root) @ free for k in range(len(frame.elements))]
     for k, attached in enumerate(frame.bodies):
@@ -367,17 +344,12 @@ def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
         own: Any = np.zeros((6, 6))
         own[:3, :3] = np.eye(3) * body.mass
         own[3:, 3:] = body.inertia
+        scale = np.sqrt(np.maximum(own.diagonal(), 0))
+        unit = np.where(scale > 0, scale, 1)
+        values, vectors = np.linalg.eigh(own / np.outer(unit, unit))
         start = 6 * (len(frame.nodes) + k)
-        rows.append(_root(own) @ free[start : start + 6])
+        rows.append((np.sqrt(np.maximum(values, 0))[:, None] * vectors.T * scale) @ free[start : start + 6])
     return np.concatenate(rows)
-
-
-def _root(matrix: np.ndarray) -> np.ndarray:
-    """Return the square root of a positive semi-definite matrix, scaled so that its small entries keep their digits."""
-    scale = np.sqrt(np.maximum(matrix.diagonal(), 0))
-    unit = np.where(scale > 0, scale, 1)
-    values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
-    return np.asarray(np.sqrt(np.maximum(values, 0))[:, None] * vectors.T * scale)
 
 
 def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.ndarray]) -> np.ndarray:
@@ -387,13 +359,15 @@ def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.n
     length = float(np.linalg.norm(end - start))
     if not length > 0:
         raise SolverError(f"the element between nodes {element.start} and {element.end} has no length")
+    x = (end - start) / length
+    z = np.asarray(element.up, float) - x * (x @ np.asarray(element.up, float))
+    z = z / np.linalg.norm(z)
+    axes = np.kron(np.eye(2), np.stack([x, np.cross(z, x), z]))
     own = root(element, length, frame.bubbles)
-    inner = bubble_count(frame.bubbles)
+    inner = own.shape[1] - 12
     first = _outer(frame) + index * inner
     placed = np.zeros((len(own), _outer(frame) + inner * len(frame.elements)))
     for k, node in enumerate((element.start, element.end)):
-        placed[:, 6 * node : 6 * node + 6] = own[:, 6 * k : 6 * k + 6] @ np.kron(
-            np.eye(2), element_axes(start, end, element.up)
-        )
+        placed[:, 6 * node : 6 * node + 6] = own[:, 6 * k : 6 * k + 6] @ axes
     placed[:, first : first + inner] = own[:, 12:]
     return placed

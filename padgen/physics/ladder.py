@@ -20,7 +20,6 @@ import numpy as np
 from padgen.physics.selectivity import Scheme, all_states, channels, off_energy, tone_energy
 
 __all__ = [
-    "Box",
     "Descent",
     "LevelLaw",
     "capacity",
@@ -85,8 +84,7 @@ def capacity(low_hz: float, high_hz: float, q: float, delta_y: float) -> float:
 
 def paper_ladder(low_hz: float, count: int, q: float, delta_y: float) -> np.ndarray:
     """Return `count` resonances in Hz at the closest spacing, with the lower edge of the lowest slot at `low_hz`."""
-    a = slot_half_width(q, delta_y)
-    return low_hz / (1 - a) * ladder_ratio(q, delta_y) ** np.arange(count)
+    return low_hz / (1 - slot_half_width(q, delta_y)) * ladder_ratio(q, delta_y) ** np.arange(count)
 
 
 def geometric_ladder(lowest_hz: float, highest_hz: float, count: int) -> np.ndarray:
@@ -158,10 +156,11 @@ def optimal_ladder(
         return even
     low, high = log(low_hz), log(high_hz)
     case = _Case(low, high, count, q, law, scheme)
-    parts = PARTS[:1] if count > MANY else PARTS
-    starts = np.array([np.linspace(low + a * (high - low), low + b * (high - low), count) for a, b in parts])
     if spurs:
         starts = _search_by_exchange(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
+    else:
+        ends = low + np.array(PARTS[:1] if count > MANY else PARTS) * (high - low)
+        starts = np.linspace(ends[:, 0], ends[:, 1], count, axis=1)
     # The logarithm's rounding must not push an end out of the band.
     found = [np.clip(np.exp(_descend(case, start, round(effort * PROGRAMS))), low_hz, high_hz) for start in starts]
     return max([even, *found], key=lambda hz: all_states(channels(hz, q, law(hz)), scheme).db)
@@ -174,8 +173,8 @@ def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
     def badness(sets: np.ndarray) -> np.ndarray:
         log_energy = case.log_energy(sets.reshape(-1, count).T)
         top = log_energy.max(0)
-        soft: np.ndarray = top + SOFTNESS * np.log(np.exp((log_energy - top) / SOFTNESS).sum(0))
-        return soft.reshape(sets.shape[:-1])
+        soft = SOFTNESS * np.log(np.exp((log_energy - top) / SOFTNESS).sum(0))
+        return np.reshape(top + soft, sets.shape[:-1])
 
     # The rounds on ever fewer sets take twice the first one in all.
     most = min(int(work / (2 * PLACES * count**3 * (count - 1))), MOST_SETS)
@@ -210,20 +209,13 @@ def _descend(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
 
     # Two channels of a start may coincide; this moves them apart.
     apart = start + 2 * CLOSEST * (np.linspace(case.low, case.high, case.size) - start)
-    box = Box(np.full(case.size, case.low), np.full(case.size, case.high), CLOSEST * spacing)
-    return descend(lines, Descent(apart, inf, spacing / 4), box, programs, SETTLED, TIGHTEST * spacing).place
+    bounds = np.full(case.size, case.low), np.full(case.size, case.high)
+    at = Descent(apart, inf, spacing / 4)
+    return descend(lines, at, *bounds, programs, SETTLED, CLOSEST * spacing, TIGHTEST * spacing).place
 
 
 Lines = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """A function of a place (n,): values (m,) and their slopes (m, n); m may differ from place to place."""
-
-
-class Box(NamedTuple):
-    """Bounds of a place (n,), and the least distance between each coordinate and the next, if they have an order."""
-
-    low: np.ndarray
-    high: np.ndarray
-    closest: float | None = None
 
 
 class Descent(NamedTuple):
@@ -234,45 +226,46 @@ class Descent(NamedTuple):
     reach: float
 
 
-def descend(lines: Lines, at: Descent, box: Box, programs: int, settled: float, tightest: float = 0.0) -> Descent:
-    """Return the descent after up to `programs` linear programs.
+def descend(
+    lines: Lines,
+    at: Descent,
+    low: np.ndarray,
+    high: np.ndarray,
+    programs: int,
+    settled: float,
+    closest: float | None = None,
+    tightest: float = 0.0,
+) -> Descent:
+    """Return the descent between `low` and `high` (n,) after up to `programs` linear programs.
 
-    It ends when a program predicts a decrease of less than `settled`, or when the trust region is below `tightest`.
+    Coordinates that have an order stay at least `closest` apart. The descent ends when a program predicts a decrease of
+    less than `settled`, or when the trust region is below `tightest`.
     """
+    from scipy.optimize import linprog
+
     here, reach = at.place, at.reach
     values, slope = lines(here)
     for _ in range(programs):
-        step, promised = _best_step(here, values, slope, reach, box)
-        if promised < settled or reach < tightest:
+        # The step within the reach that most lowers the linearised largest value. Only values that could become the
+        # largest, in units of the reach, so that the program is scaled alike each time.
+        swing = reach * np.abs(slope).sum(1)
+        near = values + swing >= (values - swing).max()
+        matrix = np.hstack([slope[near] * reach, -np.ones((near.sum(), 1))])
+        limit = values.max() - values[near]
+        if closest is not None:
+            gaps = np.diff(here)
+            order = np.eye(len(here), len(here) + 1) - np.eye(len(here), len(here) + 1, k=1)
+            matrix = np.vstack([matrix, order[:-1] * reach])
+            limit = np.concatenate([limit, gaps - min(closest, gaps.min())])
+        lower, upper = np.maximum(-1, (low - here) / reach), np.minimum(1, (high - here) / reach)
+        bounds = np.column_stack([np.append(lower, -np.inf), np.append(upper, 0.0)])
+        best = linprog(np.append(np.zeros(len(here)), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs").x
+        if best is None or -best[-1] < settled or reach < tightest:
             break
-        there = np.clip(here + step, box.low, box.high)
+        there = np.clip(here + best[:-1] * reach, low, high)
         trial = lines(there)
-        kept = (values.max() - trial[0].max()) / promised
+        kept = (values.max() - trial[0].max()) / -best[-1]
         if kept > 0:
             here, (values, slope) = there, trial
         reach *= 2 if kept > 0.75 else 1 if kept > 0.25 else 0.3
     return Descent(here, float(values.max()), reach)
-
-
-def _best_step(
-    here: np.ndarray, values: np.ndarray, slope: np.ndarray, reach: float, box: Box
-) -> tuple[np.ndarray, float]:
-    """Return the step (n,) within `reach` that most lowers the linearised largest value, and its decrease."""
-    from scipy.optimize import linprog
-
-    # Only values that could become the largest, in units of the reach, so that the program is scaled alike each time.
-    swing = reach * np.abs(slope).sum(1)
-    near = values + swing >= (values - swing).max()
-    matrix = np.hstack([slope[near] * reach, -np.ones((near.sum(), 1))])
-    limit = values.max() - values[near]
-    if box.closest is not None:
-        gaps = np.diff(here)
-        order = np.eye(len(here), len(here) + 1) - np.eye(len(here), len(here) + 1, k=1)
-        matrix = np.vstack([matrix, order[:-1] * reach])
-        limit = np.concatenate([limit, gaps - min(box.closest, gaps.min())])
-    lower, upper = np.maximum(-1, (box.low - here) / reach), np.minimum(1, (box.high - here) / reach)
-    bounds = np.column_stack([np.append(lower, -np.inf), np.append(upper, 0.0)])
-    result = linprog(np.append(np.zeros(len(here)), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs")
-    if result.x is None:
-        return np.zeros(len(here)), 0.0
-    return result.x[:-1] * reach, -float(result.x[-1])

@@ -206,7 +206,6 @@ class BHCurve:
     before by as much as air does, at least.
     """
 
-    name: str
     flux_density_t: np.ndarray
     field_a_per_m: np.ndarray
 
@@ -224,20 +223,20 @@ class BHCurve:
         inside, beyond = self._spline(np.minimum(size, last)), MU_0 * np.maximum(size - last, 0)
         return np.sign(field_a_per_m) * (inside + beyond)
 
-    def samples(self, about: int = 160) -> tuple[np.ndarray, np.ndarray]:
-        """Return about `about` fields and flux densities from the origin on, close enough for straight lines between.
+    def samples(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return some 160 fields and flux densities from the origin on, close enough for straight lines between.
 
         The last point is at a thousand times the last field, on the line of slope μ0.
         """
         h = self._spline.x
-        per_interval = -(-about // (len(h) - 1))
+        per_interval = ceil(160 / (len(h) - 1))
         part = np.arange(per_interval) / per_interval
         fine = (h[:-1, None] + np.diff(h)[:, None] * part).ravel()
         fields = np.concatenate([fine, [h[-1], 1e3 * h[-1]]])
         return fields, self.flux_density_at(fields)
 
 
-def saturating(name: str, initial_permeability: float, saturation_t: float) -> BHCurve:
+def saturating(initial_permeability: float, saturation_t: float) -> BHCurve:
     """Return the curve of a steel by two figures, ``J = χ μ0 H / (1 + χ μ0 H / J_s)``.
 
     The law is Fröhlich's (1881) and Kennelly's (1891); Bozorth, *Ferromagnetism*, 1951, ch. 11. `initial_permeability`
@@ -246,12 +245,12 @@ def saturating(name: str, initial_permeability: float, saturation_t: float) -> B
     """
     share = 1 / (1 + np.geomspace(1e3, 1e-3, 61))  # J/J_s
     field = saturation_t * share / (1 - share) / (MU_0 * (initial_permeability - 1))
-    return BHCurve(name, saturation_t * share + MU_0 * field, field)
+    return BHCurve(saturation_t * share + MU_0 * field, field)
 
 
 # fmt: off
+# TEAM problem 20 and 13: Takahashi, Nakata and Morishige, problem descriptions of the TEAM workshops.
 TEAM_STEEL = BHCurve(
-    "TEAM problem 20 and 13",  # Takahashi, Nakata and Morishige, problem descriptions of the TEAM workshops
     np.array([
         0.01, 0.025, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.35, 1.4,
         1.45, 1.5, 1.55, 1.6, 1.65, 1.7, 1.75, 1.8, 1.85, 1.9, 1.95, 2.0, 2.05, 2.1, 2.15, 2.2, 2.25, 2.3,
@@ -264,7 +263,7 @@ TEAM_STEEL = BHCurve(
 )
 # fmt: on
 
-MILD_STEEL = saturating("mild steel", initial_permeability=300, saturation_t=2.14)
+MILD_STEEL = saturating(initial_permeability=300, saturation_t=2.14)
 """Low-carbon steel of washers: saturation polarisation of iron with little carbon (Bozorth 1951, table 2), permeability
 of the catalogue's washers.
 """
@@ -385,14 +384,13 @@ POINTS_ABOVE = 16
 class Side(NamedTuple):
     """A straight side of the outline, (r, z) in m from `start` to `end`, with its outward `normal`.
 
-    `nodes` is the number of unknowns. With `on_axis` the start lies on the axis and is no edge of the body.
+    `nodes` is the number of unknowns. A start on the axis is no edge of the body.
     """
 
     start: tuple[float, float]
     end: tuple[float, float]
     normal: tuple[int, int]
     nodes: int
-    on_axis: bool = False
 
     @property
     def length(self) -> float:
@@ -401,7 +399,7 @@ class Side(NamedTuple):
 
     def part(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the share of the length at t in 0 … 1, and its slope over t; equal steps of t crowd at edges."""
-        return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.on_axis else (t * t * (3 - 2 * t), 6 * t * (1 - t))
+        return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.start[0] == 0 else (t * t * (3 - 2 * t), 6 * t * (1 - t))
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return radius and height in m at t in 0 … 1."""
@@ -446,9 +444,9 @@ def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]
     """Return the outline of a cylinder in m; `nodes` are the numbers on its top, round it and on its bottom."""
     top, around, below = nodes
     return (
-        Side((0.0, high), (radius, high), (0, 1), top, True),
+        Side((0.0, high), (radius, high), (0, 1), top),
         Side((radius, low), (radius, high), (1, 0), around),
-        Side((0.0, low), (radius, low), (0, -1), below, True),
+        Side((0.0, low), (radius, low), (0, -1), below),
     )
 
 
@@ -469,8 +467,7 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
     diagonal = np.arange(count)
     double[:, diagonal, diagonal] -= 0.5 + double[0].sum(-1)
     inside = np.eye(count) / 2 + double
-    susceptibility = permeability - 1
-    charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / susceptibility + inside, inside))
+    charge = -np.linalg.solve(single, np.linalg.solve(np.eye(count) / (permeability - 1) + inside, inside))
     energy = area[:, None] * charge
     response = (energy + np.swapaxes(energy, 1, 2)) / 2 / area[:, None]
     return SteelBody(tuple(sides), radius, height, area, response, single[0])
@@ -559,8 +556,7 @@ def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> 
     if not coil.has_core:
         return None
     low = coil.core_top - coil.core_length
-    sides = cylinder(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5))
-    core = steel_body(sides, coil.core_permeability, orders)
+    core = steel_body(cylinder(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5)), coil.core_permeability, orders)
     potential = np.zeros(len(core.area))
     for winding in coil.windings:
         full = winding.turns / winding.length
@@ -590,8 +586,8 @@ def _magnetised(winding: Winding, radius: np.ndarray) -> np.ndarray:
     return np.asarray(full * np.clip(inside, 0, 1))
 
 
-def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the windings as rings of charge, for points above them: radii and heights in m, charges in A per ampere.
+def winding_rings(windings: tuple[Winding, ...], step: float) -> np.ndarray:
+    """Return the windings as rings of charge for points above them: (3, n), radius and height in m, charge in A per A.
 
     Rings on upper ends are at most `step` m apart; rings on lower ends may be wider apart, since they are farther away.
     """
@@ -603,8 +599,7 @@ def winding_rings(windings: tuple[Winding, ...], step: float) -> tuple[np.ndarra
                 radius = start + t * (end - start)
                 charge = sign * _magnetised(winding, radius) * weight * (end - start)
                 rings.append(np.stack([radius, np.full(len(t), z), charge]))
-    radius, height, charge = np.concatenate(rings, 1)
-    return radius, height, charge
+    return np.concatenate(rings, 1)
 
 
 def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -618,9 +613,7 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
     return -MU_0 * along_r, -MU_0 * along_z
 
 
-def rings_potential(
-    rings: tuple[np.ndarray, np.ndarray, np.ndarray], radius: np.ndarray, height: np.ndarray
-) -> RingPotential:
+def rings_potential(rings: np.ndarray, radius: np.ndarray, height: np.ndarray) -> RingPotential:
     """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m that broadcast."""
     at_radius, at_height, charge = rings
     points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
@@ -632,14 +625,13 @@ def rings_potential(
 
 
 @lru_cache(maxsize=16)
-def coil_rings(coil: CoilSource, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return coil and core as rings, on top `step` m apart: radii and heights in m, charges in A per ampere."""
-    rings = [np.stack(winding_rings(coil.windings, step))]
+def coil_rings(coil: CoilSource, step: float) -> np.ndarray:
+    """Return coil and core as rings (3, n), on top `step` m apart: radii and heights in m, charges in A per ampere."""
+    rings = [winding_rings(coil.windings, step)]
     if (core := charged_core(coil)) is not None:
         radius, height, shares = fine_rings(core[0], step)
         rings.append(np.stack([radius, height, shares @ core[1]]))
-    radius, height, charge = np.concatenate(rings, 1)
-    return radius, height, charge
+    return np.concatenate(rings, 1)
 
 
 @lru_cache(maxsize=64)
@@ -658,9 +650,7 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
         for sign in (charges > 0, charges < 0):
             total = float(charges[sign].sum())
             poles.append((total, float((charges[sign] * height[sign]).sum()) / total))
-    result = np.array(poles)
-    result.setflags(write=False)
-    return result
+    return np.array(poles)
 
 
 def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -103,12 +103,9 @@ def combine(*bodies: RigidBody) -> RigidBody:
     inertia: Any = 0.0
     for body in bodies:
         arm = body.centroid - centroid
-        square = (arm * arm).sum(-1)[..., None, None] * _ONE
+        square = (arm * arm).sum(-1)[..., None, None] * np.eye(3)
         inertia = inertia + body.inertia + body.mass[..., None, None] * (square - arm[..., :, None] * arm[..., None, :])
     return RigidBody(np.asarray(mass), centroid, inertia)
-
-
-_ONE = np.eye(3)
 
 
 class BeamPlacement(NamedTuple):
@@ -166,14 +163,13 @@ def suspended_modes(
     stiffness: Any = 0.0
     mass: Any = np.zeros((*np.shape(body.mass), 6, 6))
     mass[..., [0, 1, 2], [0, 1, 2]], mass[..., 3:, 3:] = body.mass[..., None], body.inertia
-    known: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    # Most beams share a section, and with it the matrices.
+    sections = {id(beam.section): beam.section for beam in beams}
+    known = {
+        key: (tip_stiffness(section, modulus, poisson), tip_mass(section, density, poisson))
+        for key, section in sections.items()
+    }
     for beam in beams:
-        # Most beams share a section, and with it the matrices.
-        if id(beam.section) not in known:
-            known[id(beam.section)] = (
-                tip_stiffness(beam.section, modulus, poisson),
-                tip_mass(beam.section, density, poisson),
-            )
         at_tip, tip_masses = known[id(beam.section)]
         carry = to_tip(beam, body.centroid)
         carried = np.swapaxes(carry, -1, -2)
@@ -332,7 +328,8 @@ def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisso
     ends = EndCompliance(*(_beside_modes(v) for v in beam.section.ends))
     path = tuple((_beside_modes(length), _beside_modes(turn)) for length, turn in beam.section.path)
     section = BeamSection(width, thickness, length, fillet, ends, path, _beside_modes(beam.section.across))
-    load = _tip_load(beam, modes, modulus, poisson)
+    tip = to_tip(beam, modes.reference) @ modes.shape
+    load = np.swapaxes(tip_stiffness(beam.section, modulus, poisson) @ tip, -1, -2)
     parts = flexibility(section, modulus, poisson)
     along, side, up, about_x, about_y, about_z = np.moveaxis(load, -1, 0)
     _, root_y, root_z = np.moveaxis(root_load(section, load)[..., 3:], -1, 0)
@@ -378,14 +375,3 @@ def relative_error(
 def _beside_modes(value: Array) -> np.ndarray:
     """Return the value as an array with a last axis of length 1, for the modes."""
     return np.asarray(value, float)[..., None]
-
-
-def _tip_load(beam: BeamPlacement, modes: Modes, modulus: float, poisson: float) -> np.ndarray:
-    """Return forces and moments (…, 6 modes, 6) on the beam's tip, in the beam's axes."""
-    motion = np.concatenate([modes.at_point(beam.tip), modes.shape[..., 3:, :]], -2)
-    cosine, sine = np.moveaxis(beam.direction, -1, 0)[..., None, None]
-    turned = motion.copy()
-    for x, y in ((0, 1), (3, 4)):
-        turned[..., [x], :] = cosine * motion[..., [x], :] + sine * motion[..., [y], :]
-        turned[..., [y], :] = cosine * motion[..., [y], :] - sine * motion[..., [x], :]
-    return np.swapaxes(tip_stiffness(beam.section, modulus, poisson) @ turned, -1, -2)

@@ -61,14 +61,12 @@ def tones(
     amplitude: object,
     phase_rad: object = 0.0,
     decay_per_s: object = 0.0,
-    rest_hz: object = 0.0,
 ) -> Tones:
     """Return `Tones` from values that broadcast to (m,); amplitudes may be (n, m)."""
     size = np.atleast_1d(np.asarray(amplitude, float))
-    parts = (np.asarray(v, float) for v in (frequency_hz, phase_rad, decay_per_s, rest_hz))
-    _, frequency, phase, decay, rest = np.broadcast_arrays(np.zeros(size.shape[-1]), *parts)
-    size = np.broadcast_to(size, (*size.shape[:-1], len(frequency)))
-    return Tones(frequency, size, phase, decay, rest)
+    parts = (np.asarray(v, float) for v in (frequency_hz, phase_rad, decay_per_s))
+    rest, frequency, phase, decay = np.broadcast_arrays(np.zeros(size.shape[-1]), *parts)
+    return Tones(frequency, np.broadcast_to(size, (*size.shape[:-1], len(frequency))), phase, decay, rest)
 
 
 def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:

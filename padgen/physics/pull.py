@@ -158,9 +158,8 @@ def _pull_with_nodes(fine: tuple[int, ...], coil: CoilSource, washer: SteelRing,
     upwards = -on_charge * along_z
     moment = (body.height[:, None] * sideways - arm * upwards).sum()
     dipole = np.hypot((on_charge * arm).sum(), (on_charge * body.height[:, None]).sum()) / MU_0
-    axial = upwards.sum()
     doubt = LOST_SHARE * np.abs(upwards).sum()
-    return Pull(*map(float, (sideways.sum(), axial, moment, doubt, dipole)))
+    return Pull(*map(float, (sideways.sum(), upwards.sum(), moment, doubt, dipole)))
 
 
 def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> float:
@@ -181,11 +180,10 @@ def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) ->
         coil.core_diameter / 2,
     )
     near = _nearest(coil, washer, gap, offset)
-    wanted = [5 + 0.5 * width / near, 6 + core / near]
+    wanted = [5 + 0.5 * width / near, 6 + core / near, 0.0, 0.0]
     if offset:
-        wanted += [3 + 1.3 * rim / (near + 0.15e-3), 3 + 1.2 * min(offset, core + rim) / (near + 0.3e-3)]
-    counts = [min(ceil(count), most) for count, most in zip(wanted, MOST, strict=False)]
-    return tuple([*counts, 0, 0][: len(MOST)])
+        wanted[2:] = 3 + 1.3 * rim / (near + 0.15e-3), 3 + 1.2 * min(offset, core + rim) / (near + 0.3e-3)
+    return tuple(min(ceil(count), most) for count, most in zip(wanted, MOST, strict=True))
 
 
 @lru_cache(maxsize=32)
@@ -351,8 +349,7 @@ def make_table(
 
 def parts_key(coil: CoilSource, washer: SteelRing) -> str:
     """Return all numbers of a coil and a washer as text, to identify the pair."""
-    numbers = [*(v for winding in coil.windings for v in winding), *coil[1:], *washer]
-    return " ".join(f"{number:.9g}" for number in numbers)
+    return " ".join(f"{v:.9g}" for part in (*coil.windings, coil[1:], washer) for v in part)
 
 
 def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
@@ -370,8 +367,7 @@ def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
 @cache
 def _supplied_tables() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
     """Read the places of the tables by `parts_key`, and all their numbers."""
-    places = json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii"))
-    return places, np.load(BROUGHT.with_suffix(".npy"))
+    return json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii")), np.load(BROUGHT.with_suffix(".npy"))
 
 
 def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: np.ndarray) -> PullAt:
@@ -418,11 +414,8 @@ class Leakage(NamedTuple):
     product: np.ndarray
 
 
-_Parts = tuple[np.ndarray, np.ndarray]
-"""Fourier parts (…, parts, j) of a potential and of its slope along z at the nodes (j,) of a body of revolution.
-
-The parts are the constant round the body's axis, then cos φ, sin φ, cos 2φ …
-"""
+NO_COILS = np.zeros((0, 2))
+"""Places of no coils at all."""
 
 
 def leakage(
@@ -431,7 +424,7 @@ def leakage(
     gap: float,
     place: np.ndarray,
     neighbours: np.ndarray,
-    far: np.ndarray | None = None,
+    far: np.ndarray = NO_COILS,
 ) -> Leakage:
     """Return the leakage on washers from the coils around their own.
 
@@ -444,31 +437,25 @@ def leakage(
     body = _washer(washer, (FACE, RIM), ORDERS)
     turns = 2 * ORDERS + 2
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
-    ring = body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
-    points = place[:, None, None] + ring  # (n, j, turns, 2)
+    points = place[:, None, None] + body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     height = (body.height + gap)[:, None]
     own = _coil_potential(coil_rings(coil, COARSE_STEP * gap), points[:, None], height)
     near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)
-    both = [np.concatenate(pair, 1) for pair in zip(own, near, strict=True)]
-    value, slope = _fourier_parts(both[0], both[1], angle)
-    if far is not None and len(far):
-        # Fields of far coils change linearly over the washer.
-        up, across = body.height - washer.thickness / 2, body.radius
-        flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
-        field, change = (v[..., None] for v in flux)
-        beyond = np.zeros((2, len(place), len(far), *value.shape[2:]))
-        beyond[0, :, :, 0], beyond[1, :, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
-        beyond[:, :, :, 1:3] = -np.stack([field, change])[:, :, :, :2] * across
-        value, slope = (np.concatenate(pair, 1) for pair in zip((value, slope), beyond, strict=True))
-    if (drawn := _core_charge(coil, neighbours, far)) is not None:
-        core, charge = drawn
-        of_core = _core_field(core, charge, points, height, angle, COARSE_STEP * gap)
-        for part, more in zip((value, slope), of_core, strict=True):
-            part[:, 1:] += more
-        echo = _effective_currents(
-            coil, core, np.concatenate([np.zeros((1, 2)), neighbours, *([] if far is None else [far])])
-        )
-        value, slope = ((echo.T @ part.reshape(*part.shape[:2], -1)).reshape(part.shape) for part in (value, slope))
+    # Fields of far coils change linearly over the washer.
+    flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
+    (field, change), up = (v[..., None] for v in flux), body.height - washer.thickness / 2
+    parts = _fourier_parts(np.concatenate([own, near], 2), angle)
+    beyond = np.zeros((2, len(place), len(far), *parts.shape[3:]))
+    beyond[0, :, :, 0], beyond[1, :, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
+    beyond[:, :, :, 1:3] = -np.stack([field, change])[:, :, :, :2] * body.radius
+    parts = np.concatenate([parts, beyond], 2)
+    if (charged := charged_core(coil)) is not None:
+        core, _ = charged
+        charge = _core_charge(coil, core, neighbours, far)
+        parts[:, :, 1:] += _core_field(core, charge, points, height, angle, COARSE_STEP * gap)
+        echo = _effective_currents(coil, core, np.concatenate([np.zeros((1, 2)), neighbours, far]))
+        parts = (echo.T @ parts.reshape(*parts.shape[:3], -1)).reshape(parts.shape)
+    value, slope = parts
     order = (np.arange(value.shape[2]) + 1) // 2
     on_washer = (body.response[order] @ value[..., None])[..., 0]
     weight = body.area * np.where(order == 0, 1.0, 0.5)[:, None]
@@ -480,8 +467,8 @@ def leakage(
 
 
 @lru_cache(maxsize=32)
-def _coarse_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a coil as a few rings of charge, for its field beside it.
+def _coarse_rings(coil: CoilSource) -> np.ndarray:
+    """Return a coil as a few rings of charge (3, n), for its field beside it.
 
     Each end of a winding is three rings, and the core one at every height of its nodes. Radii and heights in m, charges
     in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part.
@@ -499,46 +486,35 @@ def _coarse_rings(coil: CoilSource) -> tuple[np.ndarray, np.ndarray, np.ndarray]
         groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in sorted(set(height))]
     total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in groups if q.any()]).T
     across = np.sqrt(square / total)
-    return across, at / total, total / across
+    return np.stack([across, at / total, total / across])
 
 
-def _coil_potential(
-    rings: tuple[np.ndarray, np.ndarray, np.ndarray], away: np.ndarray, height: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the potential of a coil's rings and its slope along z, at points `away` (…, 2) in m from its axis."""
+def _coil_potential(rings: np.ndarray, away: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Return the potential of a coil's rings and its slope along z (2, …), `away` (…, 2) m from its axis."""
     value, _, along_z = rings_potential(rings, np.hypot(away[..., 0], away[..., 1]), height)
-    return value, along_z
+    return np.stack([value, along_z])
 
 
-def _fourier_parts(value: np.ndarray, slope: np.ndarray, angle: np.ndarray) -> _Parts:
-    """Return Fourier coefficients of a potential and its slope (…, j, turns): of 1, cos φ, sin φ, cos 2φ …"""
+def _fourier_parts(values: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Return Fourier parts (…, parts, j) round an axis of `values` (…, j, turns): of 1, cos φ, sin φ, cos 2φ …"""
     order = np.arange(1, len(angle) // 2)[:, None]
     waves = 2 * np.stack([np.cos(order * angle), np.sin(order * angle)], 1).reshape(-1, len(angle))
     waves = np.concatenate([np.ones((1, len(angle))), waves]) / len(angle)
-    return np.swapaxes(value @ waves.T, -1, -2), np.swapaxes(slope @ waves.T, -1, -2)
+    return np.swapaxes(values @ waves.T, -1, -2)
 
 
-def _core_charge(
-    coil: CoilSource, neighbours: np.ndarray, far: np.ndarray | None
-) -> tuple[SteelBody, np.ndarray] | None:
-    """Return the own coil's core and its charge (k, parts, nodes) in the neighbours' fields; None without a core."""
-    charged = charged_core(coil)
-    if charged is None:
-        return None
-    core = charged[0]
+def _core_charge(coil: CoilSource, core: SteelBody, neighbours: np.ndarray, far: np.ndarray) -> np.ndarray:
+    """Return the charge (k, parts, nodes) of the own coil's core in the other coils' fields."""
     turns = 2 * CORE_ORDERS + 2
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
     points = core.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
-    value, _ = _fourier_parts(
-        *_coil_potential(_coarse_rings(coil), points - neighbours[:, None, None], core.height[:, None]), angle
-    )
-    if far is not None and len(far):
-        middle = coil.core_top - coil.core_length / 2
-        field = pole_field(coil_poles(coil), middle, -far)[0][..., None]
-        beyond = np.concatenate([-field[:, 2:] * (core.height - middle), -field[:, :2] * core.radius], 1)
-        value = np.concatenate([value, beyond])
+    near, _ = _coil_potential(_coarse_rings(coil), points - neighbours[:, None, None], core.height[:, None])
+    middle = coil.core_top - coil.core_length / 2
+    field = pole_field(coil_poles(coil), middle, -far)[0][..., None]
+    beyond = np.concatenate([-field[:, 2:] * (core.height - middle), -field[:, :2] * core.radius], 1)
+    value = np.concatenate([_fourier_parts(near, angle), beyond])
     order = (np.arange(value.shape[1]) + 1) // 2
-    return core, (core.response[order] @ value[..., None])[..., 0]
+    return np.asarray((core.response[order] @ value[..., None])[..., 0])
 
 
 def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
@@ -558,10 +534,10 @@ def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> 
 
 def _core_field(
     core: SteelBody, charge: np.ndarray, points: np.ndarray, height: np.ndarray, angle: np.ndarray, step: float
-) -> _Parts:
-    """Return the field of `charge` (k, parts, nodes) on the core, round each washer, as (n, k, …).
+) -> np.ndarray:
+    """Return Fourier parts of potential and slope (2, n, k, parts, j) of `charge` (k, parts, nodes) on the core.
 
-    The washers' nodes are at `points` (n, j, turns, 2) in m.
+    They are round each washer, whose nodes are at `points` (n, j, turns, 2) in m.
     """
     radius, at, shares = fine_rings(core, step)
     rho, around = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
@@ -573,4 +549,4 @@ def _core_field(
         each = (part[(k + 1) // 2] @ (shares @ charge[:, k].T) for k in range(charge.shape[1]))
         field: np.ndarray = sum(wave[..., None] * one for wave, one in zip(waves, each, strict=False))
         made.append(np.moveaxis(field, -1, 1))
-    return _fourier_parts(made[0], made[1], angle)
+    return _fourier_parts(np.stack(made), angle)

@@ -124,8 +124,8 @@ second.
 class Lines(NamedTuple):
     """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
 
-    A record lasts `seconds` (0 for a spectrum); `slow` (n,) is the transform of the response times the time. `noise`
-    is that of a line where it is known.
+    A record lasts `seconds` (0 for a spectrum). `slow` (k, n) are transforms of the response times the time and times
+    its square and, with an excitation, of that times the time. `noise` is that of a line where it is known.
     """
 
     frequency: np.ndarray
@@ -158,8 +158,11 @@ class Lines(NamedTuple):
 
 
 class _Solved(NamedTuple):
-    """A fit of `lines`: ln f₀ and ln Q of each mode in `theta`, factors of the columns, complex residual, noise of a
-    line (rms), and the covariance of theta, then of the factors' real and imaginary parts."""
+    """A fit of `lines`: ln f₀ and ln Q of each mode in `theta`, and the `factors` (k,) of the columns `basis` (n, k).
+
+    The last columns are `extra` (n, j), what is in the data beside modes. `noise` is that of a line (rms), from the
+    complex `residual` (n,). `caps` (n, c) are the transforms of the caps on clipped crests, where there are any.
+    """
 
     lines: Lines
     theta: np.ndarray
@@ -182,6 +185,8 @@ class _Solved(NamedTuple):
 
 
 class _Peak(NamedTuple):
+    """A mode of the first look: frequency, Q and amplitude at resonance in the unit of the data."""
+
     hz: float
     q: float
     size: float
@@ -202,14 +207,14 @@ def fit_spectrum(
     """
     frequency, given = np.asarray(frequency_hz, float), np.asarray(response)
     refuse_bad_spectrum(frequency, given)
-    data = given if np.iscomplexobj(given) else _with_phase(frequency, given)
-    noise = point_noise(given)
+    phased, noise = np.iscomplexobj(given), point_noise(given)
+    data = given if phased else _with_phase(frequency, given)
     lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
     peaks = _peaks(lines, power or 0)
     n = _recognised(lines, peaks, near_hz, power)
-    fit = _fit_peaks(lines, peaks, near_hz, n or 0, alone=not np.iscomplexobj(given))
+    fit = _fit_peaks(lines, peaks, near_hz, n or 0, alone=not phased)
     hz, q = fit.modes[0]
-    if np.iscomplexobj(given):
+    if phased:
         _refuse_phase(lines, fit, n or 0)
     # A peak of one or two points is more easily made by noise.
     gain = _gain(fit) / (4 if hz / q < 1.5 * fit.lines.step_hz else 1)
@@ -217,9 +222,9 @@ def fit_spectrum(
     refuse_edge(frequency[0], frequency[-1], hz, q)
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
-    if not np.iscomplexobj(given):
+    if not phased:
         fit = _polished(fit, np.abs(given)[np.isin(frequency, fit.lines.frequency)], n or 0)
-    return _result(lines, fit, peaks, near_hz, n, np.iscomplexobj(given))
+    return _result(lines, fit, peaks, near_hz, n, phased)
 
 
 def fit_driven(
@@ -376,8 +381,7 @@ def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray 
         first = int(np.abs(response - response.mean(dtype=float)).argmax())
         lines = _record_lines(rate_hz, response[first : first + MOST_OF_DECAY])
     else:
-        cross = _cross(rate_hz, squared_current, response)
-        lines = _gated(rate_hz, cross, 0, len(response) / rate_hz / 8)
+        lines = _gated(rate_hz, _cross(rate_hz, squared_current, response), 0, len(response) / rate_hz / 8)
     return Seen(lines.frequency, lines.data, None)
 
 
@@ -450,8 +454,8 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
     response = np.zeros(size, complex)
     inside = slice(band[0], band[-1] + 1)
     response[inside] = two[inside] * one[inside].conj() / (np.abs(one[inside]) ** 2 + floor)
-    ends = float(frequency[band[0]]), float(frequency[band[-1]])
-    return _Cross(frequency, response, np.fft.ifft(response), *ends)
+    low_hz, high_hz = frequency[band[[0, -1]]].tolist()
+    return _Cross(frequency, response, np.fft.ifft(response), low_hz, high_hz)
 
 
 def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
@@ -525,6 +529,7 @@ def _refuse_short(seconds: float, hz: float) -> None:
 
 
 def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
+    """Return the response (n,) of a mode, of size 1 at its resonance, to a sensor of the `power` of frequency."""
     s = frequency / hz
     return np.asarray(s**power / (q * (1 - s) * (1 + s) + 1j * s))
 
@@ -548,6 +553,7 @@ def _projected(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
 
 
 def _parts(values: np.ndarray) -> np.ndarray:
+    """Return the real parts, then the imaginary parts."""
     return np.concatenate([values.real, values.imag])
 
 
@@ -577,15 +583,20 @@ def _solve(
         noise = float(np.sqrt(2 * np.vdot(residual, residual).real / left))
         return _Solved(lines, theta, factors, basis, residual, noise, more)
 
-    def off(v: np.ndarray) -> np.ndarray:
-        return _parts(at(*v).residual) / size
-
     def slopes(v: np.ndarray) -> np.ndarray:
         # L. Kaufman, BIT 15, 1975, 49-57: what is left out is orthogonal to the residual.
         fit = at(*v)
         return -_parts(_projected(fit.basis, _slopes(fit, power) * scale)) / size
 
-    found = least_squares(off, np.zeros(len(first)), slopes, method="lm", ftol=1e-11, xtol=1e-9, max_nfev=tries)
+    found = least_squares(
+        lambda v: _parts(at(*v).residual) / size,
+        np.zeros(len(first)),
+        slopes,
+        method="lm",
+        ftol=1e-11,
+        xtol=1e-9,
+        max_nfev=tries,
+    )
     return at(*found.x)
 
 
@@ -622,9 +633,8 @@ def _covariance(fit: _Solved, power: int, phased: bool, unseen: np.ndarray) -> n
     norm = np.where(norm > 0, norm, 1)
     columns = columns / norm
     inverse = np.linalg.pinv((columns.conj().T @ columns).real + np.diag(prior / norm**2), rcond=1e-13, hermitian=True)
-    count = len(fit.residual)
     plain = fit.noise**2 / 2 * inverse
-    if fit.lines.seconds and count > 4 * len(inverse):
+    if fit.lines.seconds and len(fit.residual) > 4 * len(inverse):
         # A line that the model follows by itself leaves less residual than its noise (J. G. MacKinnon, H. White, J.
         # Econometrics 29, 1985, 305-325: HC3).
         followed = (columns.conj() @ inverse * columns).real.sum(1) / 2
@@ -671,9 +681,7 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
     part = lines._replace(data=rest).at(np.flatnonzero(free))
     if len(part.data) < FEWEST_LINES:
         return 0.0, 1.0, 0.0
-    for points in SMOOTHED:
-        if points > max(len(part.data) // 4, 1):
-            continue
+    for points in (each for each in SMOOTHED if each <= max(len(part.data) // 4, 1)):
         smooth = np.abs(uniform_filter1d(part.data.real, points) + 1j * uniform_filter1d(part.data.imag, points))
         for size in (smooth, smooth * part.frequency) if points == 1 else (smooth,):
             hz, width = rough_peak(part.frequency, size)
@@ -751,8 +759,10 @@ def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: i
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
     """Return the largest peak, or, of comparable ones (with `exact` of all), the one nearest to `near_hz`."""
     least = 0.0 if exact else COMPARABLE * max(p.size for p in peaks)
-    tall = [peak for peak in peaks if peak.size >= least]
-    return min(tall, key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)))
+    return min(
+        (peak for peak in peaks if peak.size >= least),
+        key=lambda p: -p.size if near_hz is None else abs(np.log(p.hz / near_hz)),
+    )
 
 
 def _fit_peaks(
@@ -883,8 +893,10 @@ def _result(
     n = power or 0
     hz, q = fit.modes[0]
     peak = float(abs(fit.factors[0]))
-    sizes = np.abs(fit.factors[: len(fit.modes)])
-    others = [(float(f), float(size)) for (f, _), size in zip(fit.modes[1:], sizes[1:], strict=True)]
+    others = [
+        (float(f), float(abs(factor)))
+        for (f, _), factor in zip(fit.modes[1:], fit.factors[1 : len(fit.modes)], strict=True)
+    ]
     for far in peaks:
         # A peak of the first look counts where the record itself shows it.
         if all(abs(np.log(far.hz / f)) > 1 / far.q for f in fit.modes[:, 0]):
@@ -957,8 +969,8 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     most = float(size.max())
 
     def model(v: np.ndarray) -> np.ndarray:
-        whole = _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra) @ (v[count:] * most)
-        return np.asarray(whole)
+        basis = _basis(lines, fit.theta + scale * np.clip(v[:count], -9, 9), power, fit.extra)
+        return np.asarray(basis @ (v[count:] * most))
 
     # Far modes are without damping: all factors are real, up to one phase.
     found = np.concatenate([np.zeros(count), (fit.factors * np.exp(-1j * np.angle(fit.factors[0]))).real / most])
@@ -976,10 +988,8 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
 
 def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     """Refuse a phase that rises through the peak, or that shows no resonance."""
-    largest = float(np.abs(lines.data).max())
-    if fit.noise < 0.05 * largest:
+    if fit.noise < 0.05 * float(np.abs(lines.data).max()):
         return
-    alone = _with_phase(lines.frequency, np.abs(lines.data))
     for data, what in (
         (
             lines.data.conj(),
@@ -987,7 +997,7 @@ def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
             " the imaginary part, or swap real and imaginary parts",
         ),
         (
-            alone,
+            _with_phase(lines.frequency, np.abs(lines.data)),
             "the magnitude has a peak at {}, but the phase does not fall by 180° there as at a resonance; check that it"
             " is in degrees and of this taxel, or leave it out",
         ),

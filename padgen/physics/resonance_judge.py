@@ -107,6 +107,10 @@ def detuning(frequency: np.ndarray, hz: float, q: float) -> np.ndarray:
 
 
 def _fit_angle(frequency: np.ndarray, points: np.ndarray, hz: float, q: float, sigma: np.ndarray) -> CircleFit | None:
+    """Fit frequency and Q to the angles of mobilities `points` (n,), as seen from their circle's centre.
+
+    `hz` and `q` are a start; None where the points are on a line or leave either too uncertain.
+    """
     from scipy.optimize import least_squares
 
     centre, radius = taubin_circle(points, sigma**-2)
@@ -326,10 +330,9 @@ def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
         return
     nearest = int(np.abs(frequency_hz - hz).argmin())
     step = float(np.diff(frequency_hz)[max(nearest - 1, 0) : nearest + 1].max())
-    wanted = min(width / 2, step / 2)
     raise SolverError(
         f"has {inside} points within a bandwidth of the peak at {number(hz)} Hz, where {FEWEST_IN_PEAK} are needed:"
-        f" the step there is {number(step)} Hz and must be at most {at_most(wanted)} Hz"
+        f" the step there is {number(step)} Hz and must be at most {at_most(min(width, step) / 2)} Hz"
     )
 
 

@@ -208,7 +208,11 @@ def without_quiet_modes(
     above = 1 - (2 * own_hz.max() / taxels.frequency_hz) ** 2
     largest = 1 / np.maximum(above, 1 / peak[:, None])
     size = np.sqrt((taxels.gain**2).sum(-1)) * largest * (max(2.0, 1 / bias_ratio) * line.sum() / line)[:, None]
-    heard = _least_heard(taxels, own_hz, line)
+    # A lower bound of an OFF taxel's amplitude: at a neighbour's tone, over its own ON amplitude.
+    heard = np.zeros(len(line))
+    for by in (1, -1) if len(line) > 1 else ():
+        tone = felt_energy(taxels, slice(None), np.roll(own_hz, by)[:, None])[:, 0]
+        heard = np.maximum(heard, np.sqrt(tone) * np.roll(line, by) / line)
     order = np.argsort(size, 1)
     total = np.cumsum(np.take_along_axis(size, order, 1), 1)
     quiet = total <= LEFT_OUT * heard[:, None]
@@ -222,17 +226,6 @@ def without_quiet_modes(
         gain=gain[:, :most],
         left_out=np.divide(missing, heard, out=np.zeros(len(heard)), where=heard > 0),
     )
-
-
-def _least_heard(taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray) -> np.ndarray:
-    """Return a lower bound (n,) of an OFF taxel's amplitude: at a neighbour's tone, over its own ON amplitude."""
-    if len(line) < 2:
-        return np.zeros(len(line))
-    heard = (
-        np.sqrt(felt_energy(taxels, slice(None), np.roll(own_hz, by)[:, None], 0.0)[:, 0]) * np.roll(line, by) / line
-        for by in (1, -1)
-    )
-    return np.asarray(np.maximum(*heard))
 
 
 DENSITY_KG_PER_M3 = 1100.0

@@ -3,12 +3,14 @@
 A coil pulls with the square of its current, so that a drive scheme determines the lines of i². Each channel has its
 wanted line at its resonance r; all other lines are spurs:
 
-=============  ==========================================  ================================ scheme         current
-spurs of channels a, b =============  ==========================================  ================================ tones
-sum of sines at r/2 (paper Eq. 4-5)         (r_a + r_b)/2 and abs(r_a − r_b)/2 spur-free      square root of the wanted
-force             none biased         a constant and sines at r                   r_a + r_b, abs(r_a − r_b) and 2 r_a
-time-shared    one channel at a time, a sine at r/2        none, and never two tones at once =============
-==========================================  ================================
+===========  =======================================  ==================================
+scheme       current                                  spurs of channels a, b
+===========  =======================================  ==================================
+tones        sum of sines at r/2 (paper Eq. 4-5)      (r_a + r_b)/2 and abs(r_a − r_b)/2
+spur-free    square root of the wanted force          none
+biased       a constant and sines at r                r_a + r_b, abs(r_a − r_b) and 2 r_a
+time-shared  one channel at a time, a sine at r/2     none, and never two tones at once
+===========  =======================================  ==================================
 
 All figures are of the steady state: currents are switched in ramps that are slow against the ring-down of the taxels
 (time-shared, in every slot). Lines of distinct frequency add as energies, and energies only add, so that an OFF taxel
@@ -156,8 +158,7 @@ def channels(
     """
     resonance = np.asarray(resonance_hz, float)
     quality = np.broadcast_to(np.asarray(q, float), resonance.shape)
-    line = level * mass * resonance**2 / (quality * pull)
-    return Channels(resonance, quality, line)
+    return Channels(resonance, quality, level * mass * resonance**2 / (quality * pull))
 
 
 def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
@@ -342,10 +343,7 @@ def print_share(
 @lru_cache(maxsize=64)
 def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the first and the second channel of every pair."""
-    pairs = np.triu_indices(count, 1)
-    for part in pairs:
-        part.setflags(write=False)
-    return pairs[0], pairs[1]
+    return np.triu_indices(count, 1)
 
 
 def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:

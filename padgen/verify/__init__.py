@@ -18,9 +18,6 @@ __all__ = [
 ]
 
 
-EXTRA = "study"
-
-
 def require(name: str) -> None:
     """Raise `EngineMissingError` if the optional package `name` is not installed, without importing it."""
     if importlib.util.find_spec(name) is None:
@@ -29,7 +26,7 @@ def require(name: str) -> None:
 
 def _missing(name: str, why: str) -> EngineMissingError:
     package = name.partition(".")[0]
-    return EngineMissingError(f"needs the package {package} ({why}); pip install 'padgen[{EXTRA}]' brings it", "model")
+    return EngineMissingError(f"needs the package {package} ({why}); pip install 'padgen[study]' brings it", "model")
 
 
 class Engine:

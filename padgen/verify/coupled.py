@@ -186,14 +186,12 @@ def simulate(
     sampled, done, count = np.empty((2 * n + 1, len(times))), int(np.searchsorted(times, 0.0, "right")), 0
     sampled[:, :done] = np.append(np.zeros(2 * n), current_a)[:, None]
     energy, rule = np.zeros(3), radau(stages)
-    for start, rows, at in _steps(system, source, rule, first, float(times[-1]), tolerance, most_steps):
+    for start, rows, z, faster, at in _steps(system, source, rule, first, float(times[-1]), tolerance, most_steps):
         length, v, current = at.time_s - start.time_s, rows[:-1], rows[-1]
-        z = start.z[:, None] + length * v @ rule.integrals.T
         upto = len(times) if at.time_s >= times[-1] else int(np.searchsorted(times, at.time_s, "right"))
         share = np.minimum((times[done:upto] - start.time_s) / length, 1.0)
         sampled[:n, done:upto] = start.z[:, None] + length * rule.integrated(v, share)
-        faster = rule.integrated(system.acceleration(z, v, current), share)
-        sampled[n:-1, done:upto] = start.v[:, None] + length * faster
+        sampled[n:-1, done:upto] = start.v[:, None] + length * rule.integrated(faster, share)
         sampled[-1, done:upto] = rule.values(current, share)
         copper = by_voltage * system.resistance_ohm * current**2
         supplied = source.wave(start.time_s + length * rule.points) * current
@@ -216,8 +214,11 @@ def _steps(
     end_s: float,
     tolerance: float,
     most_steps: int,
-) -> Iterator[tuple[_State, np.ndarray, _State]]:
-    """Yield every step from `at` on: where it starts, its velocities and current (n + 1, s), where it ends."""
+) -> Iterator[tuple[_State, np.ndarray, np.ndarray, np.ndarray, _State]]:
+    """Yield every step from `at` on: where it starts, what it does at its stages, where it ends.
+
+    At the stages that is velocities and current (n + 1, s), displacements and accelerations (n, s).
+    """
     circuit = system.resistance_ohm / system.inductance_h if source.kind == "voltage" else 0.0
     step, scales, tried = 0.1 / max(float(system.angular.max()), circuit), np.zeros(len(at.z) + 1), 0
     while at.time_s < end_s:
@@ -250,7 +251,7 @@ def _steps(
         at = _State(start.time_s + length, end_z, start.v + length * faster @ rule.weights, flux, current)
         if end_s - start.time_s == length:
             at = at._replace(time_s=end_s)
-        yield start, rows, at
+        yield start, rows, z, faster, at
         near = at.z > NEAREST * system.gap_m
         if near.any():
             raise SolverError(
@@ -283,9 +284,7 @@ def scipy_motion(
 @lru_cache(maxsize=16)
 def radau(stages: int) -> Collocation:
     """Return the rule of right Radau points, roots of ``P_s − P_(s−1)``."""
-    series = np.zeros(stages + 1)
-    series[-2:] = -1, 1
-    at = np.sort(legendre.legroots(series))
+    at = np.sort(legendre.legroots(np.append(np.zeros(stages - 1), [-1, 1])))
     at[-1] = 1.0
     points, to_legendre = (at + 1) / 2, np.linalg.inv(legendre.legvander(at, stages - 1))
     weights = _integrals(np.ones(1), stages)[0] @ to_legendre

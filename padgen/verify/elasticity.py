@@ -11,7 +11,7 @@ edges and where a clamp ends; the error sits there. Netgen lays shrinking layers
 restores the order of the elements.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -66,21 +66,22 @@ CLAMPS = {"sides": ((0, 0), (0, 1), (1, 0), (1, 1)), "bottom": ((2, 0),), "root"
 Each by its axis, and 0 for the smallest or 1 for the largest place there.
 """
 REENTRANT_DEG = 190.0
+"""Angle filled with material from which an edge counts as re-entrant."""
 VOLUME_SHARE = 0.01
+"""Largest relative difference of a solid from the washer's volume by which it is recognised."""
 LOST_VOLUME = 1e-9
+"""Relative change of the whole volume by layers that is rounding only."""
 
 
 class Fineness(NamedTuple):
     """Fineness of a mesh: `levels` of layers round singular edges, each `factor` as thick as the last,
     in tetrahedra of at most `largest_mm` and `per_face` times the root of a face's area, that grow by
-    `grading` (0 slow, 1 fast); `curvature` elements to a radius, `per_edge` at least along an edge."""
+    `grading` (0 slow, 1 fast)."""
 
     levels: int = 2
     factor: float = 0.25
     largest_mm: float = 1e3
     grading: float = 0.5
-    curvature: float = 1.0
-    per_edge: float = 0.3
     per_face: float = 1.0
 
 
@@ -139,15 +140,13 @@ def clamped_shape(shape: Any, clamp: str) -> Any:
     """
     printed = next(solid for solid in shape.solids if solid.name == PRINTED)
     bounds = np.array([_xyz(corner) for corner in printed.bounding_box])
-    near, held = 1e-5 * float(np.ptp(bounds, axis=0).max()), []
+    near = 1e-5 * float(np.ptp(bounds, axis=0).max())
     for face in printed.faces:
         ends = np.array([_xyz(corner) for corner in face.bounding_box])
         if any((abs(ends[:, axis] - bounds[end, axis]) < near).all() for axis, end in CLAMPS[clamp]):
-            held.append(face)
-    if not held:
+            face.name = CLAMPED
+    if all(face.name != CLAMPED for face in printed.faces):
         raise SolverError(f"has no face to clamp by its {clamp}", "taxel")
-    for face in held:
-        face.name = CLAMPED
     return shape
 
 
@@ -164,7 +163,8 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
     """
     if layered is None:
         layered = singular_edges(shape, coarse_mesh(shape, fineness, where))
-    _mark(shape.edges, layered)
+    for edge in shape.edges:
+        edge.hpref = float(edge.name in layered)
     for coarse, attempt in _coarse_meshes(shape, fineness, where):
         mesh = ng.Mesh(coarse)
         if not fineness.levels:
@@ -191,8 +191,8 @@ def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple
             mesh = occ.OCCGeometry(shape).GenerateMesh(
                 maxh=attempt.largest_mm,
                 grading=attempt.grading,
-                curvaturesafety=attempt.curvature,
-                segmentsperedge=attempt.per_edge,
+                curvaturesafety=1.0,  # elements to a radius
+                segmentsperedge=0.3,
                 parallel_meshing=False,
             )
             why = "" if mesh.ne else "Netgen's mesh of it is empty"
@@ -214,21 +214,14 @@ def _volumes(mesh: Any) -> np.ndarray:
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
     """Mesh `shape` by Netgen without layers; name the edges of the shape ``edge0``, ``edge1``, …"""
     for place, edge in enumerate(shape.edges):
-        edge.name = f"edge{place}"
-    _mark(shape.edges, set())
-    mesh, _ = next(_coarse_meshes(shape, fineness, where))
-    return mesh
+        edge.name, edge.hpref = f"edge{place}", 0.0
+    return next(_coarse_meshes(shape, fineness, where))[0]
 
 
 def singular_edges(shape: Any, mesh: Any) -> set[str]:
     """Return names of the edges where stress is singular: re-entrant ones and those of clamped faces."""
     clamped = {edge.name for face in shape.faces if face.name == CLAMPED for edge in face.edges}
     return clamped | {name for name, angle in edge_angles(mesh).items() if angle > REENTRANT_DEG}
-
-
-def _mark(edges: Iterable[Any], singular: set[str]) -> None:
-    for edge in edges:
-        edge.hpref = 1.0 if edge.name in singular else 0.0
 
 
 def _first_line(error: Exception) -> str:
@@ -241,29 +234,24 @@ def edge_angles(mesh: Any) -> dict[str, float]:
     Measured on the triangles of the outer surface of a Netgen surface mesh; inner edges of a glued
     shape, where no outer surface meets, are left out.
     """
+    import trimesh
+
     points, triangles = mesh.Coordinates(), mesh.Elements2D().NumPy()
     corner, face = triangles["nodes"][:, :3] - 1, triangles["index"]
     sides = [(mesh.FaceDescriptor(k + 1).domin, mesh.FaceDescriptor(k + 1).domout) for k in range(face.max())]
     domain = np.array(sides)[face - 1]
     outer = (domain == 0).any(1)
     corner = np.where((domain[:, :1] == 0), corner[:, ::-1], corner)[outer]
-    normal = np.cross(points[corner[:, 1]] - points[corner[:, 0]], points[corner[:, 2]] - points[corner[:, 0]])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    neighbours: dict[frozenset[int], list[int]] = {}
-    for k, nodes in enumerate(corner.tolist()):
-        for a in range(3):
-            neighbours.setdefault(frozenset((nodes[a], nodes[a - 1])), []).append(k)
+    surface = trimesh.Trimesh(points, corner, process=False)
+    turn = np.degrees(surface.face_adjacency_angles)
+    filled = np.where(surface.face_adjacency_convex, 180 - turn, 180 + turn).tolist()
+    between = dict(zip(map(frozenset, surface.face_adjacency_edges.tolist()), filled, strict=True))
     angles: dict[str, float] = {}
     for segment in mesh.Elements1D().NumPy():
         ends = frozenset((segment["nodes"][:2] - 1).tolist())
-        pair = neighbours.get(ends, [])
-        if len(pair) == 2:
+        if ends in between:
             name = mesh.GetCD2Name(int(segment["index"]) - 1)
-            one, other = normal[pair[0]], normal[pair[1]]
-            (apex,) = set(corner[pair[1]].tolist()) - ends
-            above = one @ (points[apex] - points[next(iter(ends))])
-            turn = np.degrees(np.arctan2(np.linalg.norm(np.cross(one, other)), one @ other))
-            angles[name] = max(angles.get(name, 0.0), float(180 + turn if above > 0 else 180 - turn))
+            angles[name] = max(angles.get(name, 0.0), between[ends])
     return angles
 
 
@@ -351,8 +339,8 @@ class System(NamedTuple):
     def diagonal(self) -> np.ndarray:
         """Return the diagonal (n,) of the stiffness."""
         values, columns, starts = (np.asarray(part) for part in self.stiffness.CSR())
-        kind, values = ("bsr_matrix", values.reshape(-1, 3, 3)) if self.blocks else ("csr_matrix", values)
-        return np.asarray(getattr(sparse, kind)((values, columns, starts)).diagonal())
+        each, make = ((-1, 3, 3), sparse.bsr_matrix) if self.blocks else (-1, sparse.csr_matrix)
+        return np.asarray(make((values.reshape(each), columns, starts)).diagonal())
 
 
 class Eigen(NamedTuple):
@@ -401,10 +389,9 @@ def assembled(
         mass += MM**3 * whole * material.density_kg_per_m3 * a * b * where
     stiffness.Assemble()
     mass.Assemble()
-    values, columns, starts = (np.array(part) for part in mass.mat.CSR())
     free = np.array(list(space.FreeDofs()), bool)
-    lumps = sparse.csr_matrix((values, columns, starts))
-    return System(space, stiffness.mat, lumps, np.repeat(free, 3) if blocks else free, blocks)
+    weights = sparse.csr_matrix(tuple(np.array(part) for part in mass.mat.CSR()))
+    return System(space, stiffness.mat, weights, np.repeat(free, 3) if blocks else free, blocks)
 
 
 def _thin(spaces: tuple[Any, ...], mesh: Any, order: int, rich: np.ndarray) -> None:
@@ -541,19 +528,13 @@ def rigid_loads(
     """
     mesh, where = system.space.mesh, ng.dx(definedon=system.space.mesh.Materials(solid))
     x, y, z = MM * (ng.x - x_mm), MM * (ng.y - y_mm), MM * (ng.z - z_mm)
-    turns = [(0, -z, y), (z, 0, -x), (-y, x, 0)]
-    fields = [ng.CoefficientFunction(f) for f in [(1, 0, 0), (0, 1, 0), (0, 0, 1), *turns]]
-    weight = MM**3 * density_kg_per_m3
-    v = system.space.TestFunction()
-    loads = []
-    for field in fields:
-        form = ng.LinearForm(system.space)
-        form += weight * ng.InnerProduct(field, v) * where
-        form.Assemble()
-        loads.append(np.array(form.vec.FV().NumPy()))
+    motions = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, -z, y), (z, 0, -x), (-y, x, 0)
+    fields = [ng.CoefficientFunction(motion) for motion in motions]
+    weight, v = MM**3 * density_kg_per_m3, system.space.TestFunction()
+    forms = [ng.LinearForm(weight * ng.InnerProduct(field, v) * where).Assemble() for field in fields]
     products = ng.CoefficientFunction(tuple(weight * ng.InnerProduct(a, b) for a in fields for b in fields))
     gram = np.array(ng.Integrate(products, mesh, definedon=mesh.Materials(solid))).reshape(6, 6)
-    return np.asarray(np.linalg.solve(gram, np.array(loads)).T)
+    return np.asarray(np.linalg.solve(gram, np.array([form.vec.FV().NumPy() for form in forms])).T)
 
 
 def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen) -> np.ndarray:
@@ -690,8 +671,7 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
                 mesh, before = _layered(taxel, shape, layered, setting), setting[1:]
                 lean = _answered(taxel, shape, mesh, LEAN, modes)
                 found = _result(lean, setting._replace(order=LEAN))
-                shares = energy_shares(lean[0], taxel.materials, lean[-1])
-                rich = _rich(mesh, shares, found.modes.working)
+                rich = _rich(mesh, energy_shares(lean[0], taxel.materials, lean[-1]), found.modes.working)
             for order in range(found.order + 1, setting.order + 1):
                 coarser = found
                 found = _result(_answered(taxel, shape, mesh, order, modes, rich), setting._replace(order=order))
@@ -760,12 +740,11 @@ def _answered(
 
     Returns the system, loads (n, 6) on the washer, the static answers (n, 6) to them, and the modes.
     """
-    density = taxel.materials[WASHER].density_kg_per_m3
     volumes = {solid.name: solid.mass for solid in shape.solids}
     for blocks in (True, False):
         of_order = rich if blocks else None
         system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes)
-        loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm)
+        loads = rigid_loads(system, WASHER, taxel.materials[WASHER].density_kg_per_m3, taxel.washer_x_mm)
         solve = factored(system)
         answers = np.array([solve(load) for load in loads.T]).T
         if accurate(system, solve, loads, answers):

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, number
-from padgen.physics.magnetics import BHCurve, CoilSource, SteelRing
+from padgen.physics.magnetics import MU_0, BHCurve, CoilSource, SteelRing
 from padgen.verify import ng, occ
 
 __all__ = [
@@ -39,7 +39,6 @@ __all__ = [
     "wound",
 ]
 
-MU_0 = 4e-7 * np.pi
 RESIDUAL, STEPS = 1e-8, 60
 Steel = float | BHCurve
 """A relative permeability, or a magnetisation curve."""
@@ -96,9 +95,8 @@ def solve_scalar(
     trial = space.TrialFunction()
     field = source - ng.grad(trial)
     form = ng.BilinearForm(space, symmetric=True, condense=True)
-    extra = 2 if mesh.dim == 2 else 1
     for name in dict.fromkeys(mesh.GetMaterials()):
-        region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=extra)
+        region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=2 if mesh.dim == 2 else 1)
         form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), field) * region)
     form += ng.Variation(weight * MU_0 / far_radius_mm * trial**2 * ng.ds("far", bonus_intorder=2))
     potential = ng.GridFunction(space)
@@ -141,9 +139,7 @@ def minimise(form: Any, space: Any, solution: Any) -> float:
             return residual
         form.AssembleLinearization(solution.vec)
         inverse = form.mat.Inverse(space.FreeDofs(True), inverse="sparsecholesky")
-        outer = slope.CreateVector()
-        outer.data = slope + form.harmonic_extension_trans * slope
-        step.data = inverse * outer
+        step.data = inverse * (slope + form.harmonic_extension_trans * slope).Evaluate()
         step.data += form.harmonic_extension * step
         step.data += form.inner_solve * slope
         if not _line_search(form, solution, step, trial, expected=float(ng.InnerProduct(slope, step))):
@@ -177,8 +173,7 @@ def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float
     moved = np.fromiter((float(flag) for flag in space.GetDofs(solved.mesh.Materials(body))), float)
     near = ng.GridFunction(space)
     near.vec.FV().NumPy()[:] = moved
-    both = [_stress_on(solved, shift, at_mm) for shift in (_spread(solved, space, near), near)]
-    return BodyWrench(*both)
+    return BodyWrench(*(_stress_on(solved, shift, at_mm) for shift in (_spread(solved, space, near), near)))
 
 
 def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
@@ -189,8 +184,7 @@ def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
     trial, test = space.TnT()
     form = ng.BilinearForm(solved.weight * ng.grad(trial) * ng.grad(test) * ng.dx).Assemble()
     spread = ng.GridFunction(space)
-    spread.vec.data = near.vec
-    spread.vec.data -= form.mat.Inverse(~fixed, inverse="sparsecholesky") @ form.mat * near.vec
+    spread.vec.data = near.vec - form.mat.Inverse(~fixed, inverse="sparsecholesky") @ form.mat * near.vec
     return spread
 
 
@@ -212,6 +206,7 @@ def _stress_on(solved: ScalarField, shift: Any, at_mm: tuple[float, float, float
 FAR = 15.0
 """Radius of the far sphere over the largest distance of a part from the coil's middle."""
 SHRINK = 0.2
+"""Size of elements at a marked corner or edge, over that of their neighbours, in each refinement."""
 WIDEST = 0.2
 """Width of the bracket, relative, from which on there is no answer."""
 
@@ -272,8 +267,8 @@ def axisymmetric_force(
     vector = _by_vector(mesh, coil, current_a, steels, far_mm, order)
     methods = zip(*(body_wrench(field, "washer", (0, 0, 0)) for field in (scalar, vector)), strict=True)
     residual = max(scalar.residual, vector.residual)
-    found = [(float(a[2]), float(b[2]), scalar.unknowns, residual) for a, b in methods]
-    force = min((AxisymmetricForce(*figures) for figures in found), key=lambda force: force.error)
+    found = (AxisymmetricForce(float(a[2]), float(b[2]), scalar.unknowns, residual) for a, b in methods)
+    force = min(found, key=lambda force: force.error)
     if force.error > WIDEST:
         raise SolverError(
             f"the force of {number(abs(force.force_n))} N over a gap of {number(gap_m)} m drowns in the field's own"
@@ -287,11 +282,10 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
     """Return the mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
     low, high = 1e3 * gap_m, 1e3 * (gap_m + washer.thickness)
     hole, rim = 500 * washer.inner_diameter, 500 * washer.outer_diameter
-    rectangles = [("washer", hole, rim, low, high), *coil_cells(coil)]
     outer, length = 500 * coil.outer_diameter, 1e3 * coil.length
     far = FAR * max(np.hypot(outer, length / 2), np.hypot(rim, high + length / 2))
     faces = []
-    for name, left, right, bottom, top in rectangles:
+    for name, left, right, bottom, top in [("washer", hole, rim, low, high), *coil_cells(coil)]:
         face = occ.MoveTo(left, bottom).Rectangle(right - left, top - bottom).Face()
         face.faces.name = name
         face.faces.maxh = max(top - bottom, right - left)
@@ -376,15 +370,14 @@ def _by_vector(
     _, density = wound(coil, current_a, ng.x, ng.y)
     space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
-    radius = ng.x
-    weight = 2 * np.pi * radius
+    weight = 2 * np.pi * ng.x
     flux = _curl(trial)
     form = ng.BilinearForm(space, symmetric=True, condense=True)
     for name in dict.fromkeys(mesh.GetMaterials()):
         region = ng.dx(definedon=mesh.Materials(name), bonus_intorder=4)
         form += ng.Variation(weight * _energy_density(steels.get(name, 1.0), flux, of_flux=True) * region)
-    form += ng.Variation(-weight * density * radius * trial * ng.dx(bonus_intorder=4))
-    far = weight * (radius * trial) ** 2 / (2 * MU_0 * far_mm)
+    form += ng.Variation(-weight * density * ng.x * trial * ng.dx(bonus_intorder=4))
+    far = weight * (ng.x * trial) ** 2 / (2 * MU_0 * far_mm)
     form += ng.Variation(far * ng.ds("far", bonus_intorder=4))
     potential = ng.GridFunction(space)
     residual = minimise(form, space, potential)
@@ -450,7 +443,6 @@ def solid_force(
     mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
     steels["core"] = core_steel or coil.core_permeability
-    saturates = any(isinstance(steel, BHCurve) for steel in steels.values())
     source, weight = ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0])), 2.0 if half else 1.0
     kept = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if half else np.ones(6)
 
@@ -460,7 +452,8 @@ def solid_force(
         return solved, kept * [b.virtual_work for b in both], kept * [b.surface for b in both]
 
     first, coarse, _ = at_order(order - 1, None)
-    solved, wrench, surface = at_order(order, first if saturates else None)
+    # Of linear steels a start saves nothing.
+    solved, wrench, surface = at_order(order, first if BHCurve in map(type, steels.values()) else None)
     size = np.linalg.norm(wrench[:, :3], axis=1).max()
     off = max(np.linalg.norm((other - wrench)[:, :3], axis=1).max() for other in (coarse, surface))
     error = float(off / size) if size > 0 else 0.0
@@ -483,9 +476,18 @@ def _foot_mm(washer: PlacedWasher) -> tuple[float, float, float]:
 
 
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
-    """Return the mesh in mm and the far sphere's radius in mm."""
-    length = 1e3 * coil.length
-    parts = _coil_parts(coil)
+    """Return the mesh in mm and the far sphere's radius in mm.
+
+    It is refined at the circular edges of core and washers, where the field is singular.
+    """
+    length, core, top = 1e3 * coil.length, 500 * coil.core_diameter, 1e3 * coil.core_top
+    parts = []
+    for name, inner, outer, low, high in coil_cells(coil):
+        part = _tube((0.0, 0.0, low), inner, outer, high - low).mat(name)
+        if name == "core":
+            part.faces.maxh = 0.6 * outer
+        parts.append(part)
+    circles = [(0.0, 0.0, z, core) for z in (top, top - 1e3 * coil.core_length) if core > 0]
     reach = float(np.hypot(500 * coil.outer_diameter, length / 2))
     for i, w in enumerate(washers):
         x, y, z = _foot_mm(w)
@@ -493,6 +495,7 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
         body = _tube((x, y, z), 500 * w.ring.inner_diameter, rim, high)
         body.mat(f"washer{i}").maxh = size * max(high, rim / 2)
         parts.append(body)
+        circles += [(x, y, h, 500 * d) for h in (z, z + high) for d in w.ring[:2]]
         reach = max(reach, float(np.hypot(np.hypot(x, y) + rim, z + high + length / 2)))
     far = FAR_IN_SPACE * reach
     air = occ.Sphere(occ.Pnt(0, 0, -length / 2), far)
@@ -502,45 +505,21 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
     shape = occ.Glue([*parts, air.mat("air")])
     if half:
         shape *= occ.Box(occ.Pnt(-2 * far, 0, -2 * far), occ.Pnt(2 * far, 2 * far, 2 * far))
-    _mark_edges(shape, coil, washers)
-    sizes = {"maxh": far / 3, "grading": 0.5, "parallel_meshing": False, "optsteps3d": 3}
-    return _meshed(shape, levels, dim=3, **sizes), far
-
-
-def _coil_parts(coil: CoilSource) -> list[Any]:
-    parts = []
-    for name, inner, outer, low, high in coil_cells(coil):
-        foot = (0.0, 0.0, low)
-        if inner > 0:
-            part = _tube(foot, inner, outer, high - low)
-        else:
-            part = occ.Cylinder(occ.Pnt(*foot), occ.Z, outer, high - low)
-        part.mat(name)
-        if name == "core":
-            part.faces.maxh = 0.6 * outer
-        parts.append(part)
-    return parts
+    for edge in shape.edges:
+        ends = [v.p for v in edge.vertices]  # edge.start crashes on the poles of the sphere
+        front, back = (corner.y for corner in edge.bounding_box)
+        for x, y, z, radius in circles:
+            on_circle = all(abs(p.z - z) + abs(np.hypot(p.x - x, p.y - y) - radius) < 1e-6 * radius for p in ends)
+            if on_circle and back - front > radius / 2:  # a cut's diameter ends on the circle too, but is flat in y
+                edge.hpref = 1
+    return _meshed(shape, levels, dim=3, maxh=far / 3, grading=0.5, parallel_meshing=False, optsteps3d=3), far
 
 
 def _tube(foot: tuple[float, float, float], inner: float, outer: float, height: float) -> Any:
+    """Return an upright tube, a cylinder for `inner` = 0."""
     point = occ.Pnt(*foot)
-    return occ.Cylinder(point, occ.Z, outer, height) - occ.Cylinder(point, occ.Z, inner, height)
-
-
-def _mark_edges(shape: Any, coil: CoilSource, washers: Sequence[PlacedWasher]) -> None:
-    """Mark the circular edges of core and washers, where the field is singular, for refinement."""
-    core, top = 500 * coil.core_diameter, 1e3 * coil.core_top
-    circles = [(0.0, 0.0, z, core) for z in (top, top - 1e3 * coil.core_length) if core > 0]
-    for w in washers:
-        x, y, z = _foot_mm(w)
-        circles += [(x, y, h, 500 * d) for h in (z, z + 1e3 * w.ring.thickness) for d in w.ring[:2]]
-    for edge in shape.edges:
-        ends = [v.p for v in edge.vertices]  # edge.start crashes on the poles of the sphere
-        for x, y, z, radius in circles:
-            on_circle = all(abs(p.z - z) + abs(np.hypot(p.x - x, p.y - y) - radius) < 1e-6 * radius for p in ends)
-            low, high = edge.bounding_box
-            if on_circle and high.y - low.y > radius / 2:  # a cut's diameter ends on the circle too, but is flat in y
-                edge.hpref = 1
+    whole = occ.Cylinder(point, occ.Z, outer, height)
+    return whole - occ.Cylinder(point, occ.Z, inner, height) if inner else whole
 
 
 @dataclass(frozen=True)
@@ -567,5 +546,5 @@ def solid_pull(pull: Pull, order: int = 3, levels: int = 1) -> SolidForce:
     SolverError
         As `solid_force`.
     """
-    washer = PlacedWasher(pull.washer, pull.gap_m, pull.offset_m, 0.0, pull.washer_steel)
-    return solid_force(pull.coil, [washer], pull.current_a, pull.core_steel, order, levels)
+    washers = [PlacedWasher(pull.washer, pull.gap_m, pull.offset_m, 0.0, pull.washer_steel)]
+    return solid_force(pull.coil, washers, pull.current_a, pull.core_steel, order, levels)

@@ -35,7 +35,7 @@ __all__ = [
 
 CLAMPINGS = ("edges", "bottom", "corners")
 """Held are: outer side faces of the border; the frame's underside; the walls of the corner holes."""
-HELD, SEAM, PRINTED = "held", "seam", "printed"
+HELD, SEAM = "held", "seam"
 ROOT_DEPTH = 0.25
 """Depth, as a share of a rib, of the piece behind a root that moves with the beam."""
 MESH = Fineness(levels=0, largest_mm=4.0, grading=0.8, per_face=10.0)
@@ -78,8 +78,7 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
     """
     ng.SetNumThreads(1)
     mesh, material = meshed(_frame_solid(plan, clamping), MESH, "frame", set()), plan.spec.material
-    density = material.density_g_per_cm3 * G_PER_CM3
-    plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, density)
+    plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     on_frame, held = (
         _on_frame(plan, assembled(mesh, {".*": plastic}, order, faces)) for faces in (HELD, f"{SEAM}|{HELD}")
     )
@@ -152,10 +151,11 @@ def _centre(face: Any) -> np.ndarray:
 
 def _on_frame(plan: Plan, system: System) -> PadModes:
     """Return modes of all taxels of `plan` on the solid frame of `system`."""
-    solve, spec = factored(system), plan.spec
-    beams, plate = [channel.beam for channel in plan.channels], plate_shape(spec)
-    shapes = [BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm) for beam in beams]
-    models = [TaxelModel(spec, beam.topology, plate, shape) for beam, shape in zip(beams, shapes, strict=True)]
+    solve, plate = factored(system), plate_shape(plan.spec)
+    models = [
+        TaxelModel(plan.spec, beam.topology, plate, BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm))
+        for beam in (channel.beam for channel in plan.channels)
+    ]
     loads, pulls = [], np.zeros((system.free.size, len(plan.taxels)))
     for index, taxel in enumerate(plan.taxels):
         model, turn = models[taxel.channel], _turn(plan, taxel)

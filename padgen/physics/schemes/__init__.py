@@ -116,8 +116,7 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
     Times R it is the copper loss; times a force constant it is the mean pull.
     """
-    playing = np.ones(len(line_a2), dtype=bool) if on is None else on
-    return scheme.kind.mean_square_a2(scheme, line_a2, headroom, playing)
+    return scheme.kind.mean_square_a2(scheme, line_a2, headroom, np.full(len(line_a2), True) if on is None else on)
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
