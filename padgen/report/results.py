@@ -227,7 +227,7 @@ def _span(values: list[float | None], digits: int) -> str:
     return " … ".join(filter(None, (span_text(values, f".{digits}f"), missing)))
 
 
-SHOWN_ROWS, MOST_ROWS = 12, 40
+SHOWN_TAXELS, MOST_TAXELS = 12, 40
 """Most taxels in the table, and with ``--verbose``."""
 
 
@@ -247,7 +247,7 @@ def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose:
             f"{row['current_ma_peak']:.3g}",
             f"{row['voltage_v_peak']:.3g}",
         )
-        for row in measured[: MOST_ROWS if verbose else SHOWN_ROWS]
+        for row in measured[: MOST_TAXELS if verbose else SHOWN_TAXELS]
     ]
     head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
     done = f"{len(measured)} of {len(taxels)} taxels are re-tuned"
