@@ -316,12 +316,13 @@ def retune(
     FileError, SpecError, SolverError
         The measurements cannot be read, or show no resonance.
     """
+    from padgen.measured.fits import fit_measured
     from padgen.measured.read import read_measured
-    from padgen.measured.tune import fitted_and_retuned
+    from padgen.measured.tune import retuned_with_coupon
 
     paths = [Path(each) for each in ([measured] if isinstance(measured, str | Path) else measured)]
-    found = read_measured(paths, plan, excitation, sensor)
-    return fitted_and_retuned(plan, found, nearest, estimate_rest, None if coupon is None else str(coupon))
+    fits = fit_measured(read_measured(paths, plan, excitation, sensor), plan, nearest)
+    return retuned_with_coupon(plan, fits, nearest, estimate_rest, coupon)
 
 
 def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":

@@ -9,8 +9,7 @@ Every extrusion is cut into short pieces. Each piece is looked up in a map of it
 which tells its body, its place along a beam, and the nearest station of a gap with its distance. The work grows with
 the length of the extrusions.
 
-A map is a fine grid over its sub-cell in its own axes; `PadMaps` looks up points
-of all taxels at once.
+A map is a fine grid over its sub-cell in its own axes; `PadMaps` looks up points of all taxels at once.
 """
 
 import re
@@ -127,23 +126,18 @@ def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
     FileError
         A move cannot be read, or a layer has more extrusions than any pad.
     """
-    filament_mm2, rows = pi / 4 * filament_mm**2, array("d")
-    for row in _extrusions(path):
-        if rows and abs(rows[4] - row[4]) > SAME_Z_MM:
-            yield _layer(rows, filament_mm2)
-            rows = array("d")
-        rows.extend(row)
-        if len(rows) > MOST_MOVES * len(row):
+    numbers = array("d")
+    for move in chain(_extrusions(path), [()]):  # after the last move, its layer ends
+        if numbers and (not move or abs(numbers[4] - move[4]) > SAME_Z_MM):
+            rows = np.frombuffer(numbers).reshape(-1, 7)
+            length = np.hypot(*(rows[:, 2:4] - rows[:, :2]).T)
+            rows, length = rows[length > 0], length[length > 0]
+            area_mm2 = rows[:, 5] * (pi / 4 * filament_mm**2) / length
+            yield Layer(float(numbers[4]), rows[:, :2], rows[:, 2:4], area_mm2, rows[:, 6])
+            numbers = array("d")
+        numbers.extend(move)
+        if len(numbers) > MOST_MOVES * 7:
             raise FileError(f"has more than {MOST_MOVES} extrusions at one height; no pad has", str(path))
-    if rows:
-        yield _layer(rows, filament_mm2)
-
-
-def _layer(numbers: array, filament_mm2: float) -> Layer:
-    rows = np.frombuffer(numbers).reshape(-1, 7)
-    length = np.hypot(*(rows[:, 2:4] - rows[:, :2]).T)
-    rows, length = rows[length > 0], length[length > 0]
-    return Layer(float(numbers[4]), rows[:, :2], rows[:, 2:4], rows[:, 5] * filament_mm2 / length, rows[:, 6])
 
 
 def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
@@ -187,8 +181,9 @@ def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
                     for start, stop in pairwise(chords):
                         yield *start, *stop, at["Z"], fed / (len(chords) - 1), height
                 else:
-                    told = f"line {count} is an arc by its radius; must be one by its middle (I, J), or lines"
-                    raise FileError(told, str(path))
+                    raise FileError(
+                        f"line {count} is an arc by its radius; must be one by its middle (I, J), or lines", str(path)
+                    )
 
 
 def _words(line: bytes, count: int, path: Path) -> dict[str, float]:

@@ -215,10 +215,7 @@ def printer_toml(spec: Spec, found: Calibration, name: str) -> str:
     material = replace(spec.material, youngs_modulus_gpa=round(found.modulus_gpa, 6), source=told)
     lines = []
     for table, part in (("printer", printer), ("spread", spread), ("material", material)):
-        lines += [f"[{table}]", *(f"{key} = {_toml(value)}" for key, value in asdict(part).items()), ""]
+        # JSON's words for what a spec has are TOML's too.
+        rows = (f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in asdict(part).items())
+        lines += [f"[{table}]", *rows, ""]
     return "\n".join(lines)
-
-
-def _toml(value: object) -> str:
-    # JSON's words for what a spec has are TOML's too.
-    return json.dumps(value, ensure_ascii=False)
