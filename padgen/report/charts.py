@@ -94,11 +94,8 @@ def ladder(axis: Any, plan: "Plan") -> None:
     axis.axvline(band[0], color=PALE, linestyle=":", label="band asked for")
     axis.axvline(band[1], color=PALE, linestyle=":")
     hz_axis(axis, 0.93 * min(*low, band[0]), 1.07 * max(*high, band[1]))
-    every = -(-len(plan.channels) // MOST_TICKS)
-    axis.set_yticks(
-        [c.index for c in plan.channels][::every],
-        [f"{c.index}:  {c.resonance_hz:.1f} Hz" for c in plan.channels][::every],
-    )
+    named = plan.channels[:: -(-len(plan.channels) // MOST_TICKS)]
+    axis.set_yticks([c.index for c in named], [f"{c.index}:  {c.resonance_hz:.1f} Hz" for c in named])
     axis.set(xlabel="frequency, Hz", ylabel="channel", ylim=(-0.6, len(plan.channels) - 0.4))
 
 
@@ -148,15 +145,10 @@ def draw_responses(plan: "Plan") -> Any:
     bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")
     hz_axis(bottom, low, high)
     top.grid(axis="x")
-    top.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8)
+    beside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "fontsize": 8}
+    top.legend(**beside)
     turns = " (one at a time)" if scheme.takes_turns else ""
-    bottom.legend(
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.0),
-        fontsize=8,
-        title=f"{scheme.name}, all on{turns}",
-        alignment="left",
-    )
+    bottom.legend(title=f"{scheme.name}, all on{turns}", alignment="left", **beside)
     return figure
 
 
@@ -239,12 +231,11 @@ def print_map(axis: Any, plan: "Plan") -> None:
     fills = shade.to_rgba(np.array(plan.prints.coil_shares))
     axis.add_collection(PolyCollection(cells, facecolors=fills, edgecolors=PALE, linewidths=0.4, gid="cells"))
     colours = colours_of(len(plan.channels))
-    bosses = all_shapes(plan, ("boss",))["boss"]
-    for index, colour in enumerate(colours[: len(plan.channels) if len(plan.channels) <= MOST_NAMED else 0]):
+    for index, colour in enumerate(colours if len(plan.channels) <= MOST_NAMED else ()):
         axis.plot([], [], "o", color=colour, label=f"channel {index}")
     axis.add_collection(
         PolyCollection(
-            bosses,
+            all_shapes(plan, ("boss",))["boss"],
             facecolors=colours[[t.channel for t in plan.taxels]],
             edgecolors="white",
             linewidths=0.5,

@@ -36,6 +36,7 @@ FILLS = {
     "recess": "#ffffff",
     "window": "#ffffff",
     "behind": "#f6f2ea",
+    "beam behind": "#f6ddaa",
     "inside": "#7d786c",
     "socket": "#55666f",
     "hole": "#55524b",
@@ -104,14 +105,12 @@ class Sheet:
         for end in ends:
             self.axis.plot(*[(end, end), (start, at)][turn], color=PALE, linewidth=0.5)
         arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 6}
-        places = [(end, at)[turn] for end in ends]
-        self.axis.annotate("", *places, arrowprops=arrow)
+        self.axis.annotate("", *[(end, at)[turn] for end in ends], arrowprops=arrow)
         if text:
             side = {"rotation": 90, "ha": "right"} if tall else {"va": "bottom"}
             gap = 0.04 * self.mm * (-1 if tall else 1)
             bare = {"color": "white", "pad": 0.6}  # hides the lines that other dimensions begin with
-            place = [sum(ends) / 2, at + gap][turn]
-            self.words(place, text, bbox=bare, **side)
+            self.words([sum(ends) / 2, at + gap][turn], text, bbox=bare, **side)
 
     def column(self, x: float, to_right: bool, notes: Sequence[Note]) -> None:
         """Write notes below each other at `x`, each with a line to the place that it is about."""
@@ -245,8 +244,10 @@ def draw_pad(plan: "Plan") -> Any:
     sheet.dimension((-x, x), -y - 2 * step, -y, number(2 * x))
     sheet.dimension((-y, y), -x - step, -x, number(2 * y), tall=True)
     holes = f", holes {number(pad.hole_diameter_mm)}" if pad.hole_diameter_mm else ""
-    told = f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes};"
-    told += f" washers {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
+    told = (
+        f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes}; washers"
+        f" {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
+    )
     sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), told, ha="left", va="top")
     return sheet.figure
 
@@ -300,17 +301,20 @@ def draw_section(plan: "Plan") -> Any:
     outer, bore, edge = washer.outer_diameter_mm / 2, washer.inner_diameter_mm / 2, plate.boss_edge_mm
     profile = [(half, plate.thickness_mm), (half, peak - edge), (half - edge, peak)]
     profile += [(-across, z) for across, z in reversed(profile)]
-    sheet.part("behind", [rectangle(0, length, 0, thick)], linewidth=0.4)
-    sheet.part("beam behind", [side], facecolor="#f6ddaa", linewidth=0.4)
-    sheet.part("frame", [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)])
-    sheet.part("beam", [rectangle(*ends, 0, thin) for ends in cuts] or [side])
-    sheet.part("plate", [rectangle(block[0], block[1], 0, block[4]) for block in blocks])
-    sheet.part("recess", [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)])
-    sheet.part("boss", [np.array([(x + across, z) for across, z in profile])])
-    sheet.part("washer", [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)])
-    sheet.part("coil", [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)])
-    if core:
-        sheet.part("core", [rectangle(coil_x - core, coil_x + core, bottom, top)])
+    parts = {
+        "behind": [rectangle(0, length, 0, thick)],
+        "beam behind": [side],
+        "frame": [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)],
+        "beam": [rectangle(*ends, 0, thin) for ends in cuts] or [side],
+        "plate": [rectangle(block[0], block[1], 0, block[4]) for block in blocks],
+        "recess": [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)],
+        "boss": [np.array([(x + across, z) for across, z in profile])],
+        "washer": [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)],
+        "coil": [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)],
+        **({"core": [rectangle(coil_x - core, coil_x + core, bottom, top)]} if core else {}),
+    }
+    for name, cut in parts.items():
+        sheet.part(name, cut, **({"linewidth": 0.4} if "behind" in name else {}))
 
     steel, size = x + (bore + outer) / 2, f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
     spring = sum(cuts[0]) / 2 if cuts else (float(along.min()) + blocks[0][0]) / 2
@@ -456,15 +460,14 @@ def draw_exploded(plan: "Plan") -> Any:
     points = np.concatenate([shape for _, shape, _ in faces])
     area = Outline(*np.stack([points.min(0), points.max(0)]).T.ravel())
     sheet = Sheet(title_of(plan, "what lies above what"), area, (0.3, 2.9, 0.3, 0.6), (9.0, 8.0))
-    colours = [tuple(shade * v for v in to_rgb(FILLS[part])) for part, _, shade in faces]
     many = len(bosses) > MANY
-    style: dict[str, Any] = {
-        "facecolors": colours,
-        "edgecolors": INK,
-        "linewidths": 0.25 if many else 0.4,
-        "rasterized": many,
-    }
-    stack = PolyCollection([shape for _, shape, _ in faces], **style)
+    stack = PolyCollection(
+        [shape for _, shape, _ in faces],
+        facecolors=[tuple(shade * v for v in to_rgb(FILLS[part])) for part, _, shade in faces],
+        edgecolors=INK,
+        linewidths=0.25 if many else 0.4,
+        rasterized=many,
+    )
     sheet.axis.add_collection(stack, autolim=False)
     sheet.column(area.x1 + 0.35 * sheet.mm, True, notes)
     return sheet.figure
@@ -492,8 +495,8 @@ def draw_wiring(plan: "Plan") -> Any:
                 sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
     told = (
         "bold: amplifier output, and channel of the WAV file counted from 1; row by row from the corner with the groove"
+        + "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
     )
-    told += "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
     sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), told, ha="left", va="top")
     return sheet.figure
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import versions
-from padgen.core.errors import FileError, Finding, InfeasibleError, PadgenError, number
+from padgen.core.errors import FileError, InfeasibleError, PadgenError, number
 from padgen.core.files import json_line, read_bounded, reason, write_synced
 from padgen.core.units import G_PER_CM3, GRAM, MM
 from padgen.driver.formats.csv import drive_rows
@@ -125,7 +125,10 @@ def page_data(
         "ladder": [slot_hz(plan, channel.resonance_hz) for channel in plan.channels],
         "prints": _prints(plan, live),
         "drive": {"columns": COLUMNS, "rows": [astuple(row) for row in drive_rows(plan)]},
-        "findings": [_finding(f) for f in (*plan.findings, *(report.findings if report else ()))],
+        "findings": [
+            {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
+            for finding in (*plan.findings, *(report.findings if report else ()))
+        ],
         "checked": {key: value for key, value in figures.items() if isinstance(value, (int, float, list))},
         "study": study,
         "left_out": [asdict(entry) for entry in plan.left_out],
@@ -330,26 +333,18 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
     return {**told, "edges_db": edges.tolist(), "counts": counts, "counted": [STAGE_WORDS[0], STAGE_WORDS[-1]]}
 
 
-def _finding(finding: Finding) -> dict[str, str]:
-    return {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
-
-
 def _manual(plan: Plan) -> dict[str, Any]:
     """Return what assembling this pad needs: the tray's heights, screws, slicer settings."""
+    tray, why = None, ""
     try:
         tray = plan_tray(plan)
-        heights: dict[str, Any] | None = {
-            name: getattr(tray, name)
-            for name in ("floor_mm", "socket_top_mm", "coil_top_mm", "height_mm", "gap_mm", "wires")
-        }
-        screw = tray.screw._asdict() if tray.screw else None
-        why = ""
     except InfeasibleError as error:
-        heights, screw, why = None, None, str(error)
+        why = str(error)
+    heights = ("floor_mm", "socket_top_mm", "coil_top_mm", "height_mm", "gap_mm", "wires")
     return {
-        "tray": heights,
+        "tray": {name: getattr(tray, name) for name in heights} if tray else None,
         "no_tray": why,
-        "screw": screw,
+        "screw": tray.screw._asdict() if tray and tray.screw else None,
         "washer": plan.spec.washer.name,
         "coil": plan.spec.coil.name,
         "glue_mg": plan.spec.taxel.glue_mg,

@@ -1,7 +1,7 @@
 """Describe plans, builds and findings to people: as text, and as HTML for notebooks."""
 
 from collections.abc import Callable, Iterable, Sequence
-from math import isfinite
+from math import isfinite, log
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
@@ -33,8 +33,10 @@ __all__ = [
 
 def summary_text(plan: "Plan") -> str:
     """Return the verdict on a plan, the pad in a line, a table of its channels, and the power that it takes."""
-    lines = [verdict_line(plan), pad_line(plan), "", _summary_table(plan.channels), "", *_power_lines(plan)]
-    return "\n".join(lines)
+    rows = _channels_table(plan.channels, SUMMARY).split("\n")
+    if len(plan.channels) > SHOWN_CHANNELS:  # those in the middle are left out
+        rows[2 + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
+    return "\n".join([verdict_line(plan), pad_line(plan), "", *rows, "", *_power_lines(plan)])
 
 
 def verdict_level(plan: "Plan") -> str:
@@ -99,15 +101,6 @@ def pad_line(plan: "Plan") -> str:
 
 EVEN = 1.2
 """Largest ratio of distances of neighbouring rows or columns that is called even."""
-
-
-def _summary_table(channels: "Sequence[Channel]") -> str:
-    """Return the table of the channels, those in the middle of many left out."""
-    if len(channels) <= SHOWN_CHANNELS:
-        return _channels_table(channels, SUMMARY)
-    lines = _channels_table(channels, SUMMARY).split("\n")
-    lines[2 + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
-    return "\n".join(lines)
 
 
 def _channels_table(channels: "Sequence[Channel]", names: Sequence[str], narrow: bool = False) -> str:
@@ -250,8 +243,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
         lines.append(
             f"the coils around make an OFF taxel vibrate at worst {quieter(plan.reuse.leak_db)} than when it is ON"
         )
-    return [
-        *lines,
+    lines += [
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; largest level of channel 0:"
@@ -260,17 +252,12 @@ def _drive_lines(plan: "Plan") -> list[str]:
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
         + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
         + f" {', '.join(boards) or 'none'}",
-        *_force_line(plan.channels),
     ]
-
-
-def _force_line(channels: "Sequence[Channel]") -> list[str]:
-    """Return a line on the errors of pulls and of currents, which go with the root of the pull."""
-    errors = [c.force_error for c in channels if c.force_constant_n_per_a2 > 0]
-    if not errors:
-        return []
-    worst = max(errors)
-    return [f"the coil's pull on a washer is known to ± {worst:.1%}, and so each current to ± {worst / 2:.1%}"]
+    if errors := [c.force_error for c in plan.channels if c.force_constant_n_per_a2 > 0]:
+        # Currents go with the root of the pull.
+        pull, current = max(errors), max(errors) / 2
+        lines.append(f"the coil's pull on a washer is known to ± {pull:.1%}, and so each current to ± {current:.1%}")
+    return lines
 
 
 def _selectivity_lines(plan: "Plan") -> list[str]:
@@ -316,9 +303,7 @@ SHOWN_MATRIX = 4
 def findings_text(findings: Iterable[Finding]) -> str:
     """Return findings as lines of text, the most severe first."""
     ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
-    if not ordered:
-        return "all checks hold"
-    return "\n".join(_finding_line(f) for f in ordered)
+    return "\n".join(map(_finding_line, ordered)) or "all checks hold"
 
 
 def _finding_line(f: Finding) -> str:
@@ -349,14 +334,12 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     serious = [f for f in ordered if f.level != "note"]
     # The verdict has the selectivity that prints keep, and all of these effects are part of it.
     parts = [f for f in serious if f.level == "warning" and f.code.startswith(COUNTED_IN_PRINTS)]
-    shown = [f for f in serious if f not in parts]
-    lines = [_finding_line(f) for f in shown]
+    lines = [_finding_line(f) for f in serious if f not in parts]
     more = (
         (len(parts), "further warning", " on what prints keep"),
         (len(ordered) - len(serious), "note", ""),
     )
-    told = [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]
-    if told:
+    if told := [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]:
         lines.append(f"--verbose shows {', '.join(told)}, and all details.")
     return "\n".join(lines)
 
@@ -496,12 +479,13 @@ def figures_text(figures: dict[str, Any]) -> str:
         if value is not None:
             text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
             parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
-    if figures.get("part", "pad") != "pad":
-        parts.append(f"taken as the {figures['part']}")
-    if "compared_with" in figures:
-        parts.append(f"compared with {figures['compared_with']}")
-    if "limits_of" in figures:
-        parts.append(f"limits of printer {figures['limits_of']} (--spec takes those of a spec)")
+    for key, told in (
+        ("part", "taken as the {}"),
+        ("compared_with", "compared with {}"),
+        ("limits_of", "limits of printer {} (--spec takes those of a spec)"),
+    ):
+        if key in figures and (key, figures[key]) != ("part", "pad"):
+            parts.append(told.format(figures[key]))
     return ", ".join(parts)
 
 
@@ -543,8 +527,6 @@ def plan_html(plan: "Plan") -> str:
 
 def _ladder_svg(plan: "Plan") -> str:
     """Return an SVG picture of the resonances as lines on a logarithmic axis, each within its slot."""
-    from math import log
-
     slots = [slot_hz(plan, channel.resonance_hz) for channel in plan.channels]
     low, high = max(slots[0][0], plan.channels[0].resonance_hz / 10), slots[-1][1]
 
@@ -553,13 +535,12 @@ def _ladder_svg(plan: "Plan") -> str:
 
     marks = []
     for channel, (first, last) in zip(plan.channels, slots, strict=True):
-        x, width = at(first), round(at(last) - at(first), 1)
-        marks.append(f'<rect x="{x}" y="6" width="{width}" height="20" fill="#1f5fa8" fill-opacity="0.25"/>')
-        line = at(channel.resonance_hz)
-        marks.append(f'<line x1="{line}" x2="{line}" y1="4" y2="28" stroke="#1f5fa8" stroke-width="2"/>')
-        marks.append(
-            f'<text x="{line}" y="42" font-size="10" text-anchor="middle">{channel.resonance_hz:.0f} Hz</text>'
-        )
+        x, width, line = at(first), round(at(last) - at(first), 1), at(channel.resonance_hz)
+        marks += [
+            f'<rect x="{x}" y="6" width="{width}" height="20" fill="#1f5fa8" fill-opacity="0.25"/>',
+            f'<line x1="{line}" x2="{line}" y1="4" y2="28" stroke="#1f5fa8" stroke-width="2"/>',
+            f'<text x="{line}" y="42" font-size="10" text-anchor="middle">{channel.resonance_hz:.0f} Hz</text>',
+        ]
     label = f"resonances of {len(plan.channels)} channels"
     return (
         f'<svg role="img" aria-label="{label}" width="{LADDER_PX}" height="{LADDER_HEIGHT_PX}"'

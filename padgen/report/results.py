@@ -1,6 +1,5 @@
 """Describe drive files, measured prints, sweeps and the cache as text for people, and as plain data."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -48,16 +47,21 @@ def driven_text(
     plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
     """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
+    from padgen.driver.frames import map_text, taxel_grid
+
     heard, name = driven.heard, plan.name
-    done = f"the drive of {name} is written"
+    done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
-        done = f"heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
-    lines = [held_line(done[0].upper() + done[1:], driven.findings), serious_text(driven.findings, verbose)]
-    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames, MOST_PICTURES if verbose else 1))
+        done = f"Heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
+    lines = [held_line(done, driven.findings), serious_text(driven.findings, verbose)]
+    if frames is not None:
+        lines.append(_frames_line(plan, frames, MOST_PICTURES if verbose else 1))
+    elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
+        lines.append(f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n")
     if driven.report is not None:
         lines.append(_wave_text(plan, driven.report))
-    if driven.heard is not None:
-        lines.append(heard_text(plan, driven.heard))
+    if heard is not None:
+        lines.append(heard_text(plan, heard))
     lines += [f"note: {plain(note)}" for note in notes]
     lines.append(f"written to {plain(str(driven.folder))}: {', '.join(driven.files)}")
     if driven.stale:
@@ -81,12 +85,9 @@ def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _map_text(plan: "Plan") -> str:
-    from padgen.driver.frames import map_text, taxel_grid
-
-    if max(taxel_grid(plan).shape) > MOST_MAPPED:
-        return ""
-    return f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
+def counted(count: int, word: str) -> str:
+    """Return a number with its word, in the plural where it is not 1."""
+    return f"{count} {word}{'s' * (count != 1)}"
 
 
 def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
@@ -95,7 +96,7 @@ def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
     # Dark frames at the beginning show nothing.
     first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
     shown = frames[first : first + most]
-    told = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
+    told = counted(len(frames), "frame")
     if len(shown) < len(frames):
         told = f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
     return f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}"
@@ -137,14 +138,13 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
                 "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
             )
         )
-    states = "1 state" if len(heard.spans) == 1 else f"{len(heard.spans)} states"
-    text = f"heard in {states} of the file{', with the pull growing as the gap closes' * heard.with_gap}:\n" + table(
-        ("ch", "planned Hz", "wanted µm", "ON dB of it", "OFF dB at most"), rows
+    gap, leak = ", with the pull growing as the gap closes" * heard.with_gap, plan.reuse.leak_db
+    leaked = "" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less"
+    return (
+        f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
+        + table(("ch", "planned Hz", "wanted µm", "ON dB of it", "OFF dB at most"), rows)
+        + f"\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out{leaked})"
     )
-    text += "\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out"
-    leak = plan.reuse.leak_db
-    text += ")" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less)"
-    return text
 
 
 def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
@@ -270,9 +270,8 @@ MOST_ROWS = 12
 def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> str:
     """Return the counts of a sweep's variants, a table of the best, and where the results are."""
     overview = result.overview
-    lines = [
-        f"{sweep.settings.name}: {_variants(result.total)}, {counts_text(result)}, in {seconds_text(result.seconds)}"
-    ]
+    total = counted(result.total, "variant")
+    lines = [f"{sweep.settings.name}: {total}, {counts_text(result)}, in {seconds_text(result.seconds)}"]
     if result.kept:
         lines.append(f"{result.kept} of them were finished before and not made again")
     if overview.with_errors:
@@ -281,7 +280,7 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
     if result.refused > len(overview.refused):
         lines.append(f"… and {result.refused - len(overview.refused)} more refused, in the index")
     if overview.rows:
-        lines += ["", _front_line(overview), table(*_front_rows(sweep, overview))]
+        lines += ["", _front_text(sweep, overview)]
     lines += ["", f"written to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}"]
     return "\n".join(line.rstrip() for line in "\n".join(lines).splitlines())
 
@@ -292,25 +291,16 @@ def counts_text(event: "Event | SweepResult") -> str:
     return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
 
 
-def _variants(count: int) -> str:
-    return "1 variant" if count == 1 else f"{count} variants"
-
-
-def _front_line(overview: "Overview") -> str:
-    from padgen.batch.index import OBJECTIVES
-
-    weighed = ", ".join(OBJECTIVES[name].word for name in overview.objectives)
-    told = f"Pareto front over {weighed}: {_variants(len(overview.rows))} that no other beats"
-    told += "; every variant has error findings" * overview.of_faulty
-    return told + "; those best in one of these:" if len(overview.rows) > MOST_ROWS else f"{told}:"
-
-
-def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[list[str]]]:
-    """Return headings and rows of the front: varied fields, objectives reached, and the objectives it is best in."""
+def _front_text(sweep: "Sweep", overview: "Overview") -> str:
+    """Return the Pareto front as a table: varied fields, objectives reached, and those that a variant is best in."""
     from padgen.batch.index import OBJECTIVES
 
     axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
-    best: dict[int, list[str]] = {row: [] for row in range(len(overview.rows)) if len(overview.rows) <= MOST_ROWS}
+    weighed, count = ", ".join(OBJECTIVES[name].word for name in objectives), len(overview.rows)
+    head = f"Pareto front over {weighed}: {counted(count, 'variant')} that no other beats"
+    head += "; every variant has error findings" * overview.of_faulty
+    head += "; those best in one of these" * (count > MOST_ROWS)
+    best: dict[int, list[str]] = {row: [] for row in range(count) if count <= MOST_ROWS}
     for objective, row in overview.best().items():
         best.setdefault(row, []).append(OBJECTIVES[objective].word)
     varied = [overview.header.index(name) for name in ("number", *axes)]
@@ -320,14 +310,11 @@ def _front_rows(sweep: "Sweep", overview: "Overview") -> tuple[list[str], list[l
         for row in sorted(best)
         for told in (", ".join(best[row]),)
     ]
-    return ["variant", *_short_names(axes), *(OBJECTIVES[name].heading for name in objectives), "best in"], cells
-
-
-def _short_names(names: Sequence[str]) -> list[str]:
-    """Shorten dotted names to their last parts where these differ."""
-    last = [name.rsplit(".", 1)[-1] for name in names]
-    count = Counter(last)
-    return [short if count[short] == 1 else name for short, name in zip(last, names, strict=True)]
+    # Dotted names are shortened to their last parts where these differ.
+    last = [name.rsplit(".", 1)[-1] for name in axes]
+    short = [end if last.count(end) == 1 else name for end, name in zip(last, axes, strict=True)]
+    headings = ["variant", *short, *(OBJECTIVES[name].heading for name in objectives), "best in"]
+    return f"{head}:\n{table(headings, cells)}"
 
 
 def _cell(text: str) -> str:
@@ -367,18 +354,14 @@ def sweep_table(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> 
 
 def cache_text(held: "CacheInfo", dropped: bool = False) -> str:
     """Describe the content of the cache, or the content that was dropped from it."""
+    entries = "1 entry" if held.entries == 1 else f"{held.entries} entries"
     if dropped:
-        return f"{plain(held.folder)}: {_entries(held.entries)} dropped, {_megabytes(held.bytes)}"
-    size = f"{_megabytes(held.bytes)} of {_megabytes(held.limit_bytes)}"
-    lines = [f"{plain(held.folder)}: {_entries(held.entries)}, {size}"]
+        return f"{plain(held.folder)}: {entries} dropped, {_megabytes(held.bytes)}"
+    lines = [f"{plain(held.folder)}: {entries}, {_megabytes(held.bytes)} of {_megabytes(held.limit_bytes)}"]
     if held.kinds:
         rows = [(kind, str(entries), _megabytes(size)) for kind, (entries, size) in held.kinds.items()]
         lines.append(table(("kind", "entries", "size"), rows))
     return "\n".join(lines)
-
-
-def _entries(count: int) -> str:
-    return "1 entry" if count == 1 else f"{count} entries"
 
 
 def _megabytes(size: int) -> str:
