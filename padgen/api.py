@@ -189,14 +189,12 @@ def check(
         return replace(laid, figures={**laid.figures, "compared_with": source})
     from padgen.solid.parts import check_foreign, read_mesh
 
-    part = read_mesh(Path(mesh))
-    if spec is None:
-        progress("checking")
-        return check_foreign(part, make_spec(SMALLEST_SPEC), None)
-    compared, source = plan_to_compare(spec, Path(mesh), progress)
+    part, plan = read_mesh(Path(mesh)), None
+    if spec is not None:
+        plan, source = plan_to_compare(spec, Path(mesh), progress)
     progress("checking")
-    report = check_foreign(part, compared.spec, compared)
-    return replace(report, figures={**report.figures, "compared_with": source})
+    report = check_foreign(part, plan.spec if plan else make_spec(SMALLEST_SPEC), plan)
+    return replace(report, figures={**report.figures, "compared_with": source}) if plan else report
 
 
 def drive(

@@ -5,7 +5,7 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from padgen.cli.common import add_shared, add_spec, asked_of, code_of, folder_of, progress_line, refuse, show
+from padgen.cli.common import add_shared, add_spec, code_of, folder_of, plan_of, progress_line, refuse, show
 from padgen.core.errors import plain
 
 __all__ = ["add"]
@@ -48,7 +48,6 @@ def add(commands: Any) -> None:
 
 def _plan(options: argparse.Namespace) -> int:
     from padgen.core.files import YIELD_FILE, OutputFolder, json_text
-    from padgen.make.planning import plan_for
     from padgen.planner import plan_to_json
 
     refuse(
@@ -61,7 +60,7 @@ def _plan(options: argparse.Namespace) -> int:
     )
     explanation = printed = None
     with progress_line() as progress:
-        plan = plan_for(*asked_of(options, recorded=False), progress)
+        plan = plan_of(options, progress, recorded=False)
         if options.explain:
             from padgen.planner.explain import explain_plan
 
@@ -87,21 +86,17 @@ def _plan(options: argparse.Namespace) -> int:
         present = {key: asdict(part) for key, part in parts.items() if part}
         print(json_text({**json.loads(text), **present}) if present else text, end="")
     else:
-        _print_plan(plan, explanation, printed, options.verbose)
+        from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
+
+        show(summary_text(plan))
+        if options.verbose:
+            show(plan_text(plan))
+        show(serious_text(plan.findings, options.verbose))
+        if explanation:
+            show(f"\n{explanation_text(explanation)}")
+        if printed:
+            show(f"\n{yield_text(printed)}")
         show(f"\nwritten: {plain(str(folder / 'plan.json'))}{''.join(f'  {name}' for name in out.names[1:])}")
         if stale:
             show(f"the other files in {plain(str(folder))} are of an earlier plan; padgen build makes them anew")
     return code_of(plan.findings)
-
-
-def _print_plan(plan: Any, explanation: Any, printed: Any, verbose: bool) -> None:
-    from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
-
-    show(summary_text(plan))
-    if verbose:
-        show(plan_text(plan))
-    show(serious_text(plan.findings, verbose))
-    if explanation:
-        show(f"\n{explanation_text(explanation)}")
-    if printed:
-        show(f"\n{yield_text(printed)}")

@@ -211,16 +211,18 @@ class Pad:
                 figures = {**figures, "parts": {name: own.figures for name, own in reports.items()}}
             for name, own in reports.items():
                 findings += [replace(each, where=f"{name}: {each.where}") for each in own.findings]
-            out.write("plan.json", plan_to_json(plan))
-            out.write("drive.csv", drive_csv(plan))
-            out.write("drive.json", drive_json(plan))
-            out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g))
-            out.write("checks.json", json_text({"figures": figures, "findings": findings}))
-            if profile := profile_text(plan):
-                out.write(PROFILE_FILE, profile)
-            out.write(OTHER_SLICERS_FILE, other_slicers_text(plan))
-            if page:
-                out.write("report.html", self.report().html)
+            for name, text in (
+                ("plan.json", plan_to_json(plan)),
+                ("drive.csv", drive_csv(plan)),
+                ("drive.json", drive_json(plan)),
+                ("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g)),
+                ("checks.json", json_text({"figures": figures, "findings": findings})),
+                (PROFILE_FILE, profile_text(plan)),
+                (OTHER_SLICERS_FILE, other_slicers_text(plan)),
+                ("report.html", self.report().html if page else ""),
+            ):
+                if text:
+                    out.write(name, text)
             # Formats that the thread has not begun are written here, from the end.
             for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
                 if each.cancel():

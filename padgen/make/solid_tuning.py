@@ -293,8 +293,6 @@ def _from_plain(entry: Any) -> Solved | None:
     except (KeyError, OverflowError, TypeError, ValueError):
         return None
     shapes = (frequency.shape, motion.shape, rest.shape)
-    if shapes != ((MODES,), (MODES, 6), (6, 6)) or not frequency.min() > 0:
-        return None
-    if not all(np.isfinite(v).all() for v in (frequency, motion, rest, error)):
-        return None
-    return Solved(TaxelModes(frequency, motion, rest), error, setting)
+    is_sound = shapes == ((MODES,), (MODES, 6), (6, 6)) and frequency.min() > 0
+    is_sound = is_sound and all(np.isfinite(v).all() for v in (frequency, motion, rest, error))
+    return Solved(TaxelModes(frequency, motion, rest), error, setting) if is_sound else None
