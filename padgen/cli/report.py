@@ -3,14 +3,10 @@
 import argparse
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from padgen.cli.common import add_model, add_output, answer, code_of, folder_of, plan_of, progress_line
 from padgen.core.errors import LONGEST, PadgenError, SpecError, plain
-
-if TYPE_CHECKING:
-    from padgen.make.pad import Pad
-    from padgen.planner.plan import Plan
 
 __all__ = ["add"]
 
@@ -60,7 +56,7 @@ def _report(options: argparse.Namespace) -> int:
     return code_of(findings)
 
 
-def _recorded(folder: Path) -> "Plan":
+def _recorded(folder: Path) -> Any:
     """Return the plan in a folder: planned anew where that gives the same plan, since a file holds ten digits."""
     from padgen.core.files import differs
     from padgen.make.planning import plan_for
@@ -76,7 +72,7 @@ def _recorded(folder: Path) -> "Plan":
     return plan
 
 
-def _built(plan: "Plan", folder: Path) -> "Pad | None":
+def _built(plan: Any, folder: Path) -> Any:
     """Return the pad if `folder` has an unchanged build of this very plan, else None."""
     from padgen.core.files import built_files, differs, is_unchanged
     from padgen.make.pad import Pad

@@ -151,8 +151,7 @@ def _fit(part: Spectrum | Record, channel: Channel, near_hz: float | None) -> Re
         )
     if square is None:
         return fit_decay(part.rate_hz, moved, near_hz, exact, part.clipped)
-    ring_s = channel.ring_up_ms * MS
-    return fit_driven(part.rate_hz, square, moved, near_hz, part.power, ring_s, part.clipped, exact)
+    return fit_driven(part.rate_hz, square, moved, near_hz, part.power, channel.ring_up_ms * MS, part.clipped, exact)
 
 
 def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tuple[str, float | None]]:
@@ -279,8 +278,8 @@ def _rough_hz(part: Row | Spectrum | Record) -> float:
         return part.resonance_hz
     if isinstance(part, Spectrum):
         return float(part.frequency_hz[int((np.abs(part.response) * part.frequency_hz).argmax())])
-    square = None if np.ptp(part.displacement) == 0 else part.squared_current_a2
-    return rough_hz(part.rate_hz, part.displacement, square)
+    is_still = np.ptp(part.displacement) == 0
+    return rough_hz(part.rate_hz, part.displacement, None if is_still else part.squared_current_a2)
 
 
 MOST_PANELS, COLUMNS = 12, 3

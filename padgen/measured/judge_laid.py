@@ -155,8 +155,7 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
     widths = area / steps[:, None, None]
     width = widths[:, :, between].mean(2)
     is_laid = width > LAID_SHARE * beam.width_mm
-    whole = area.sum(0)
-    broken = whole < LAID_SHARE * beam.width_mm * steps[0]
+    broken = area.sum(0) < LAID_SHARE * beam.width_mm * steps[0]
     thin = (widths < LAID_SHARE * beam.width_mm) & is_laid[:, :, None]
     middle = (np.cumsum(steps) - steps / 2)[:, None, None]
     area = area[:, :, between] + 1e-12
@@ -171,8 +170,10 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
 def _plate_mm3(plan: Plan, channel: Channel) -> float:
     """Return the planned volume of plate and boss, less the recess, in mm³."""
     plate = plan.plate
-    blocks = plan.arrangement(channel).blocks
-    volume = sum(float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm) for b in blocks)
+    volume = sum(
+        float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm)
+        for b in plan.arrangement(channel).blocks
+    )
     wide, edge = plate.boss_diameter_mm, plate.boss_edge_mm
     boss = wide**2 * (plate.boss_top_mm - plate.thickness_mm) - edge**2 * (2 * wide - 4 * edge / 3)
     return volume + pi / 4 * (
@@ -286,8 +287,8 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
             most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
             foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
             told = f"in the {what} are laid {most} mm {word} than planned"
-            causes = *foot, "xy_size_compensation", "wall_generator", "nozzle"
-            yield from _told("warning", "laid.width", names, of, told, wrong, *causes)
+            sides = "xy_size_compensation", "wall_generator", "nozzle"
+            yield from _told("warning", "laid.width", names, of, told, wrong, *foot, *sides)
 
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:

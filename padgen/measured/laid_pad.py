@@ -347,8 +347,7 @@ class PadMaps:
         self.plan = plan
         self.places = taxel_places(plan)
         self.maps = [TaxelMap(plan, channel) for channel in plan.channels]
-        sizes = [m.owner.size for m in self.maps]
-        self.first = np.cumsum([0, *sizes[:-1]])
+        self.first = np.cumsum([0, *(m.owner.size for m in self.maps[:-1])])
         self.low = np.array([m.low for m in self.maps])
         self.shape = np.array([m.shape for m in self.maps])
         self.pixel_mm = np.array([m.pixel_mm for m in self.maps])
@@ -499,8 +498,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     layer_mm = plan.spec.printer.layer_mm
     for each in chain([layer], reading):
         step = each.top_mm - bottom - top
-        is_whole = top > whole - max(last, layer_mm) - 0.05
-        if step <= 0 and is_whole:
+        if step <= 0 and top > whole - max(last, layer_mm) - 0.05:
             break  # what comes after the pad
         if step <= 0:
             raise FileError(
@@ -577,8 +575,7 @@ def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> 
     points, line = cut(layer, COARSE_MM)
     points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
     pieces = np.bincount(line, minlength=len(layer.start))
-    is_taxel = maps.found(points)[0] >= 0
-    laid = (layer.volume_mm3 / pieces)[line][is_taxel].sum() / step_mm
+    laid = (layer.volume_mm3 / pieces)[line][maps.found(points)[0] >= 0].sum() / step_mm
     planned = sum(float(m.solid.sum()) * m.pixel_mm**2 for m in (maps.maps[c] for c in maps.channel))
     return float(laid / planned)
 

@@ -77,8 +77,7 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
     if len({tuple(fit.resonance_hz for fit in fits) for fits in prints}) < len(prints):
         raise SolverError("the same measurement was given as two prints; give each print once")
     channel = np.array([taxel.channel for taxel in plan.taxels])[np.concatenate(index)]
-    scatter = _scatter(plan, prints, index, channel)
-    lower = np.linalg.cholesky(scatter)
+    lower = np.linalg.cholesky(_scatter(plan, prints, index, channel))
     start = np.array([plan.spec.printer.z_offset_mm, plan.spec.printer.width_offset_mm, 0.0])
     terms = start.copy()
     thinnest, narrowest = (

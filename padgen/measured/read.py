@@ -186,8 +186,10 @@ def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) 
     for path in files:
         own = _taxels_of(path, plan)
         if not own:
-            end = _nearest(path.stem, ids)
-            raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", str(path))
+            raise FileError(
+                f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{_nearest(path.stem, ids)}",
+                str(path),
+            )
         data = read_bounded(path, left, "a measurement" if len(files) == 1 else "a folder of measurements")
         left -= len(data)
         parts, told = _read(data, path, own, plan, excitation, True)
@@ -407,8 +409,9 @@ class _Sheet:
             values = np.full(shape, np.nan)
         if values.shape != shape or not np.abs(values).max() <= LARGEST:
             rows = ((line, self.cells(line, raw)) for line, raw in self.lines)
-            named = ([self.number(line, *pair) for pair in zip(self.names, row, strict=True)] for line, row in rows)
-            values = np.array(list(named))
+            values = np.array(
+                [[self.number(n, *pair) for pair in zip(self.names, row, strict=True)] for n, row in rows]
+            )
         return values
 
 
@@ -584,8 +587,7 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
                 )
             if "deg" in parts:
                 response = response * np.exp(1j * np.radians(parts["deg"]))
-        frequency = sheet.factor * values[:, axis]
-        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", frequency, np.asarray(response), *told))
+        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", sheet.factor * values[:, axis], response, *told))
     return found
 
 

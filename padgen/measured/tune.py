@@ -186,7 +186,6 @@ def retuned(
     channels, grouped = printed_channels(plan, tuning), sorted(coils_of(plan).items())
     loads = [coil_load(one_coil_spec(plan), [channels[i] for i in index], plan.scheme) for _, index in grouped]
     coils = tuple(map(RetunedCoil, before, after, _low_db(plan, tuning, after), loads))
-    lows = [coil.after_low_db for coil in coils if coil.after_low_db is not None]
     result = Retuned(
         name=plan.name,
         drive=plan.selectivity.drive,
@@ -194,7 +193,7 @@ def retuned(
         planned_db=plan.selectivity.placed_all_states_db,
         before_db=worst_db(before),
         after_db=worst_db(after),
-        after_low_db=min(lows, default=None),
+        after_low_db=min((coil.after_low_db for coil in coils if coil.after_low_db is not None), default=None),
         schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in in_order()),
         tuning=tuning,
         coils=coils,
@@ -206,8 +205,8 @@ def retuned(
 
 
 def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
-    cubic = scheme_named(plan.spec, name).has_pair_spurs and name != plan.selectivity.drive
-    if cubic and len(plan.sets[0]) > MOST_WITH_SPURS:
+    many = name != plan.selectivity.drive and len(plan.sets[0]) > MOST_WITH_SPURS
+    if many and scheme_named(plan.spec, name).has_pair_spurs:
         return None
     return worst_db(predicted(plan, tuning, tones_at(plan, tuning), scheme_name=name))
 
@@ -234,8 +233,7 @@ def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[fl
         drive = Channels(tones.hz[index, None], q[index], tones.line_a2[index, None])
         off = off_energy(truth, scheme, drivers=drive).max(0)
         own = relative_energy(tones.hz[index, None], hz[index], q[index])
-        on = (own * (tones.line_a2[index, None] / truth.line) ** 2).min(0)
-        db = 10 * np.log10(on / off)
+        db = 10 * np.log10((own * (drive.line / truth.line) ** 2).min(0) / off)
         # The draws count the taxels' working modes only. Their loss in dB is taken off the figure with all modes.
         result.append(figures.all_states_db - float(db[0] - np.quantile(db, LOW_QUANTILE)))
     return result
@@ -379,7 +377,7 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
 
 def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
     """Search the shares (n,) by which to lower the taxels of a coil, so that it keeps `need` dB."""
-    known = [tuning.taxels[i] for i in index]
+    known = (tuning.taxels[i] for i in index)
     hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]
     mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])
 
@@ -504,8 +502,7 @@ def _close(
 def _trim_text(trim: Trim) -> str:
     """Return a clause that says how to mend a coil."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
-        more = f"{1 - LOWEST_TRIM:.0%}"
-        return f"to part them enough one would have to be lowered by more than {more}: print them again"
+        return f"to part them enough one would have to be lowered by more than {1 - LOWEST_TRIM:.0%}: print them again"
     steps = " and ".join(
         f"lower {step.id} to {step.to_hz:.1f} Hz ({float(f'{step.add_mg:.2g}'):g} mg of weight, or beams filed"
         f" {float(f'{step.file_width_mm:.2g}'):g} mm narrower)"
@@ -617,8 +614,7 @@ def _unmeasured(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
 
 
 def _named(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    return ", ".join(names[:MOST_NAMED]) + f" and {len(names) - MOST_NAMED} more" * (len(names) > MOST_NAMED)
 
 
 # Files

@@ -114,10 +114,10 @@ def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = No
 
 def planned_tuning(plan: Plan) -> Tuning:
     """Return the tuning of a print that came out exactly as planned."""
-    own = ((taxel.id, plan.channels[taxel.channel]) for taxel in plan.taxels)
+    named = ((taxel.id, plan.channels[taxel.channel]) for taxel in plan.taxels)
     taxels = (
         TunedTaxel(name, c.resonance_hz, 0.0, c.q, 0.0, planned_response_um_per_a2(c), 0.0, False, False)
-        for name, c in own
+        for name, c in named
     )
     return Tuning(plan.name, tuple(taxels))
 

@@ -6,7 +6,7 @@ Everything is drawn from the plan, in two dimensions. Parts have their names as 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain, groupby
 from math import cos, pi, sin
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,11 +14,8 @@ from padgen.core.display import COLOURS, INK, PALE
 from padgen.core.errors import InfeasibleError, number
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
-from padgen.planner.plan import TURNS
+from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath, Segment
-
-if TYPE_CHECKING:
-    from padgen.planner.plan import Channel, Plan
 
 __all__ = ["draw_exploded", "draw_pad", "draw_section", "draw_wiring", "title_of"]
 
@@ -46,7 +43,7 @@ CIRCLE = np.linspace(0, 2 * pi, 48, endpoint=False)
 Points = np.ndarray
 
 
-def title_of(plan: "Plan", words: str) -> str:
+def title_of(plan: Plan, words: str) -> str:
     """Return a picture's title: the pad's name, in which a dollar sign begins no formula, and what is shown."""
     return plan.name.replace("$", r"\$") + f": {words}"
 
@@ -164,7 +161,7 @@ def beam_outline(path: BeamPath, fillet_mm: float) -> Points:
     return np.array(ends[0] + ends[1][::-1], float)
 
 
-def taxel_shapes(plan: "Plan", channel: "Channel") -> dict[str, list[Points]]:
+def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
     """Return the outlines of a taxel's parts from above, by name, in its own axes."""
     arrangement, plate = plan.arrangement(channel), plan.plate
     length, width = (float(v) for v in arrangement.window_mm)
@@ -180,7 +177,7 @@ def taxel_shapes(plan: "Plan", channel: "Channel") -> dict[str, list[Points]]:
     }
 
 
-def all_shapes(plan: "Plan", names: Sequence[str]) -> dict[str, list[Points]]:
+def all_shapes(plan: Plan, names: Sequence[str]) -> dict[str, list[Points]]:
     """Return the outlines of these parts of all taxels, in the pad's axes."""
     own = [
         {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
@@ -196,7 +193,7 @@ def all_shapes(plan: "Plan", names: Sequence[str]) -> dict[str, list[Points]]:
     }
 
 
-def border(plan: "Plan", grow: float = 1.0) -> Points:
+def border(plan: Plan, grow: float = 1.0) -> Points:
     """Return the corners (4, 2) of the pad, or with `grow` 0 of its active area."""
     pad = plan.spec.pad
     x, y = (side / 2 + grow * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
@@ -204,7 +201,7 @@ def border(plan: "Plan", grow: float = 1.0) -> Points:
 
 
 def both_sides(
-    plan: "Plan", title: str, sides: tuple[str, str], most: tuple[float, float] = (9.5, 7.6)
+    plan: Plan, title: str, sides: tuple[str, str], most: tuple[float, float] = (9.5, 7.6)
 ) -> tuple[Sheet, list[Callable[[Points], Points]]]:
     """Return a sheet with the pad's outline from the touch side and, turned over about its y axis, from below.
 
@@ -228,7 +225,7 @@ def both_sides(
     return sheet, views
 
 
-def draw_pad(plan: "Plan") -> Any:
+def draw_pad(plan: Plan) -> Any:
     """Draw the printed pad from the touch side and from below, with its dimensions."""
     pad, (x, y), (inner_x, inner_y) = plan.spec.pad, border(plan)[2], border(plan, 0)[2]
     sides = ("touch side: bosses to feel", "underside: beams, recesses and washers")
@@ -256,7 +253,7 @@ MANY = 128
 """More taxels than these are drawn with thinner lines, and in an SVG as an image, which is smaller."""
 
 
-def draw_section(plan: "Plan") -> Any:
+def draw_section(plan: Plan) -> Any:
     """Draw the taxel of the lowest channel from the touch side and, below, cut along its beam, to one scale."""
     channel, spec, plate, washer = plan.channels[0], plan.spec, plan.plate, plan.spec.washer
     coil, thick, own, arrangement = (
@@ -392,7 +389,7 @@ def projected(places: Points, z: float) -> Points:
     return np.stack([right, z * cos(UP) + away * sin(UP)], -1)
 
 
-def draw_exploded(plan: "Plan") -> Any:
+def draw_exploded(plan: Plan) -> Any:
     """Draw the parts above each other in the order in which they are put together, in parallel projection."""
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
@@ -473,7 +470,7 @@ def draw_exploded(plan: "Plan") -> Any:
     return sheet.figure
 
 
-def draw_wiring(plan: "Plan") -> Any:
+def draw_wiring(plan: Plan) -> Any:
     """Draw which coil is fed by which amplifier output, from the touch side and from below."""
     coils, diameter = plan.coils, plan.spec.coil.outer_diameter_mm
     # So large that a number of three digits fits into the circle of its coil.

@@ -17,7 +17,7 @@ from hashlib import sha256
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from padgen.core.files import json_line, read_bounded, reason, write_synced
 from padgen.core.units import G_PER_CM3, GRAM, MM
 from padgen.driver.formats.csv import drive_rows
 from padgen.driver.frames import taxel_grid
+from padgen.make.pad import Pad
 from padgen.planner.channels import heard_modes
 from padgen.planner.drive_rows import COLUMNS
 from padgen.planner.drive_scheme import placed_channels
@@ -41,9 +42,6 @@ from padgen.report.plans import pad_line, slot_hz, verdict_level, verdict_line
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.scene import ScenePart, scene_parts
-
-if TYPE_CHECKING:
-    from padgen.make.pad import Pad
 
 __all__ = ["REPORT_FILE", "Page", "page_data", "page_html", "scene_data", "study_of"]
 
@@ -64,7 +62,7 @@ class Page:
     """The report of a plan, or of its built pad; notebooks show it, ``.save(path)`` writes the file."""
 
     plan: Plan
-    pad: "Pad | None" = None
+    pad: Pad | None = None
     study: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -91,7 +89,7 @@ class Page:
 
 
 def page_data(
-    plan: Plan, pad: "Pad | None" = None, *, live: bool = False, study: dict[str, Any] | None = None
+    plan: Plan, pad: Pad | None = None, *, live: bool = False, study: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return all that the page shows of a plan, as plain data.
 
@@ -139,7 +137,7 @@ def page_data(
     }
 
 
-def scene_data(plan: Plan, pad: "Pad | None" = None) -> dict[str, Any]:
+def scene_data(plan: Plan, pad: Pad | None = None) -> dict[str, Any]:
     """Return the part of the page's data that needs the meshes of a plan's parts: the shapes, and what is weighed."""
     parts = scene_parts(plan, pad.solid if pad else None)
     volumes_mm3 = {
