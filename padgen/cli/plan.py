@@ -2,7 +2,6 @@
 
 import argparse
 import json
-from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import add_shared, add_spec, code_of, folder_of, plan_of, progress_line, refuse, show
@@ -75,16 +74,15 @@ def _plan(options: argparse.Namespace) -> int:
     with OutputFolder(folder) as out:
         out.write("plan.json", text)
         if printed:
-            out.write(YIELD_FILE, json_text(asdict(printed)))
+            out.write(YIELD_FILE, json_text(printed))
         if options.plot:
             from padgen.core.display import plot_bytes
 
             out.write(PLOT_FILE, plot_bytes(plan.plot(), "svg"))
         stale = out.commit()
     if options.json:
-        parts = {"explain": explanation, "yield": printed}
-        present = {key: asdict(part) for key, part in parts.items() if part}
-        print(json_text({**json.loads(text), **present}) if present else text, end="")
+        more = {key: part for key, part in (("explain", explanation), ("yield", printed)) if part}
+        print(json_text(json.loads(text) | more), end="")
     else:
         from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
 

@@ -178,8 +178,7 @@ class TaxelSolver:
                 missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in known}
                 if missing:
                     self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
-                    found = self._computed(plan, list(missing.values()))
-                    known |= dict(zip(missing, found, strict=True))
+                    known |= dict(zip(missing, self._computed(plan, list(missing.values())), strict=True))
                 for key in missing:
                     cache.store(KIND, key, _to_plain(known[key]))
         return [known[key] for key in keys]
@@ -216,8 +215,7 @@ class TaxelSolver:
             for channel, setting in tasks:
                 path = Path(folder) / f"taxel-{channel.index}.step"
                 write_taxel_step(plan, channel, path)
-                taxel = solid_taxel(plan, channel, path)
-                jobs.append(self._runner.submit(solve_step, taxel, self.tolerance, setting))
+                jobs.append(self._runner.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, setting))
             return [_modes_of(job.result(), channel) for job, (channel, _) in zip(jobs, tasks, strict=True)]
 
 

@@ -245,12 +245,10 @@ class TaxelMap:
         x, y = x[:, None], y[None, :]
         length, width = (float(v) for v in arrangement.window_mm)
         frame = (x < 0) | (x > length) | (np.abs(y) > width / 2)
-        plate = np.zeros(self.shape, bool)
-        for block in arrangement.blocks:
-            x0, x1, y0, y1 = (float(v) for v in block[:4])
-            plate |= (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        corners = np.array([block[:4] for block in arrangement.blocks], float)
+        inside = [(x > x0) & (x < x1) & (y > y0) & (y < y1) for x0, x1, y0, y1 in corners]
+        plate = np.logical_or.reduce(inside)
         bodies, along = [frame, plate & ~frame], []
-        self.node = np.full(self.shape, -1.0, np.float32)
         self.beams: list[slice] = []
         weights: list[float] = []
         count, rest = 0, ~frame & ~plate
@@ -274,9 +272,8 @@ class TaxelMap:
         nearest = [distance(~body, self.pixel_mm, return_indices=True) if body.any() else far for body in bodies]
         away, places = np.stack([n[0] for n in nearest]), np.stack([n[1] for n in nearest])
         self.owner = (away.argmin(0) + 1).astype(np.int8)
-        for k, node in enumerate(along):
-            here = self.owner == BEAM + k
-            self.node[here] = node[here]
+        own_beam = [self.owner == BEAM + k for k in range(len(along))]
+        self.node = np.select(own_beam, along, -1.0).astype(np.float32)
         solid = np.logical_or.reduce(bodies)
         washer_x, sizes = float(arrangement.washer_x_mm), plan.plate
         radius = np.hypot(x - washer_x, y)

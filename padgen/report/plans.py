@@ -180,22 +180,17 @@ def plan_text(plan: "Plan") -> str:
     pitch = number(coils.pitch_mm)
     if coils.pitch_x_mm != coils.pitch_y_mm:
         pitch = f"{number(coils.pitch_x_mm)} x {number(coils.pitch_y_mm)}"
-    head = (
+    lines = [
         f"{plan.name}: {len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm,"
         f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
-        + (": one coil those of even number, the next those of odd number" if coils.sets > 1 else "")
-    )
-    bound = (
+        + ": one coil those of even number, the next those of odd number"
+        * (coils.sets > 1),
         f"channels that a coil could have in this band: {capacity.paper} by the paper's bound"
         f" ({capacity.paper_unrounded:.2f} before rounding; each resonance {number(capacity.ratio)} times the one"
         f" below); {capacity.exact_one_hot} by the exact response with one channel on;"
         f" {_count_text(capacity.exact, capacity.searched_to)} in all on/off states, driven {figures.drive};"
         f" {capacity.prints} if {plan.spec.print_share:.0%} of prints are to keep what is asked (a print changes the"
-        f" ratio of two neighbours by ± {plan.prints.ratio_spread:.1%}). It has {count}, limited by {capacity.limit}."
-    )
-    lines = [
-        head,
-        bound,
+        f" ratio of two neighbours by ± {plan.prints.ratio_spread:.1%}). It has {count}, limited by {capacity.limit}.",
         "",
         _channels_table(plan.channels, MOTION, narrow=True),
         "",
@@ -210,8 +205,7 @@ def plan_text(plan: "Plan") -> str:
             for o in plan.layouts
         )
         lines.append(f"runners-up: {others}")
-    lines.append(left_out_line(plan.left_out))
-    return "\n".join([*lines, _settings_line(plan.printing)])
+    return "\n".join([*lines, left_out_line(plan.left_out), _settings_line(plan.printing)])
 
 
 def _settings_line(printing: dict[str, str]) -> str:
@@ -350,14 +344,15 @@ COUNTED_IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
 
 def explanation_text(explanation: "Explanation") -> str:
     """Return the limits that bind, a table of changes and their gains, and capacities by scheme and level law."""
-    held = explanation.channels
-    keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
-    lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
-    lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
+    keep = "channel per coil keeps" if explanation.channels == 1 else "channels per coil keep"
     shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
-    lines.append(f"prints in which a re-tuned taxel keeps what was asked: {shares}")
     stages = "; ".join(f"{stage} {n}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
-    lines.append(f"channels that a coil could have in this band if prints are to keep what was asked: {stages}")
+    lines = [
+        f"{explanation.channels} {keep} what was asked (driven {explanation.drive}); one more is stopped by",
+        *(f"  - {limit}" for limit in explanation.limits or ["nothing that was tried"]),
+        f"prints in which a re-tuned taxel keeps what was asked: {shares}",
+        f"channels that a coil could have in this band if prints are to keep what was asked: {stages}",
+    ]
     if explanation.changes:
         rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
         rows += [
@@ -371,18 +366,14 @@ def explanation_text(explanation: "Explanation") -> str:
             )
             for change in explanation.changes
         ]
-        lines += [
-            "",
-            "what one change buys:",
-            table(EXPLAINED, rows, left=2),
-        ]
+        lines += ["", "what one change buys:", table(EXPLAINED, rows, left=2)]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
-    lines += ["", "most channels in the band by level law, with one channel on and in all on/off states:"]
-    return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
+    told = "most channels in the band by level law, with one channel on and in all on/off states:"
+    return "\n".join([*lines, "", told, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 EXPLAINED = (
@@ -403,23 +394,17 @@ def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
 
 def yield_text(result: "PrintYield") -> str:
     """Return tables of the yields before and after re-tuning, and of the gain without each spread."""
-    lines = [f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}"]
-    if result.pads < result.pads_asked:
-        lines[0] += f"; {result.pads_asked} would have been too much work"
-    rows = []
-    for name, outcome in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned)):
-        decibels = (outcome.q05_db, outcome.median_db, outcome.q95_db, outcome.reached_by_90_percent_db)
-        of = outcome.taxels, outcome.pads
-        shares = (f"{100 * s.share:.2f} % ({100 * s.low:.2f} … {100 * s.high:.2f})" for s in of)
-        rows.append((name, *shares, *map(_decibels, decibels)))
-    lines += [
-        "",
-        table(
-            ("", "good taxels (95 % sure)", "good pads (95 % sure)", "5 % dB", "median dB", "95 % dB", "90 % reach dB"),
-            rows,
-        ),
-        "",
+    fewer = f"; {result.pads_asked} would have been too much work" * (result.pads < result.pads_asked)
+    columns = "", "good taxels (95 % sure)", "good pads (95 % sure)", "5 % dB", "median dB", "95 % dB", "90 % reach dB"
+    rows = [
+        (
+            name,
+            *(f"{100 * s.share:.2f} % ({100 * s.low:.2f} … {100 * s.high:.2f})" for s in (own.taxels, own.pads)),
+            *map(_decibels, (own.q05_db, own.median_db, own.q95_db, own.reached_by_90_percent_db)),
+        )
+        for name, own in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned))
     ]
+    gains = "points gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB"
     costs = [
         (
             cost.spread.replace("_", " "),
@@ -429,11 +414,15 @@ def yield_text(result: "PrintYield") -> str:
         )
         for cost in result.costs
     ]
-    gains = ("points gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB")
-    lines.append(table(gains, costs))
+    lines = [
+        f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}{fewer}",
+        "",
+        table(columns, rows),
+        "",
+        table(gains, costs),
+    ]
     told = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
-    named = [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]
-    if named:
+    if named := [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]:
         lines.append(f"costliest spread, {', '.join(named)}")
     if result.nominal_db is not None and result.nominal_db < result.asked_db:
         lines.append(
