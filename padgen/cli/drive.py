@@ -215,8 +215,12 @@ def _excite(options: argparse.Namespace) -> int:
     from padgen.report.results import excitation_text
 
     names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
-    files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"]}
-    table = {**files, **{name: getattr(played, name) for name in names}, "findings": findings}
+    table = {
+        "folder": str(folder),
+        "files": ["excitation.wav", "excitation.json"],
+        **{name: getattr(played, name) for name in names},
+        "findings": findings,
+    }
     answer(options, table, excitation_text(played, folder, findings))
     return code_of(findings)
 

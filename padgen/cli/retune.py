@@ -198,8 +198,8 @@ def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
         except SolverError as error:
             if isinstance(error, EngineMissingError):
                 raise
-            last = attempt + 1 == options.tries
-            _say(options, f"{name}: {error.message}; {'it is left out' if last else 'once more'}")
+            again = "once more" if attempt + 1 < options.tries else "it is left out"
+            _say(options, f"{name}: {error.message}; {again}")
             continue
         for fit in fits:
             _say(

@@ -205,10 +205,9 @@ class Pad:
             work = [(PAD_FORMATS.get(name), job) for name in formats for job in jobs]
             written = [writer.submit(maker.write, out, job) for maker, job in work]
             report = self.check()
-            figures, findings = report.figures, [*plan.findings, *report.findings]
             plastic_g = {name: own.figures["plastic_g"] for name, own in reports.items()}
-            if reports:
-                figures = {**figures, "parts": {name: own.figures for name, own in reports.items()}}
+            of_parts = {"parts": {name: own.figures for name, own in reports.items()}} if reports else {}
+            figures, findings = report.figures | of_parts, [*plan.findings, *report.findings]
             for name, own in reports.items():
                 findings += [replace(each, where=f"{name}: {each.where}") for each in own.findings]
             for name, text in (

@@ -80,10 +80,8 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
     lower = np.linalg.cholesky(_scatter(plan, prints, index, channel))
     start = np.array([plan.spec.printer.z_offset_mm, plan.spec.printer.width_offset_mm, 0.0])
     terms = start.copy()
-    thinnest, narrowest = (
-        min(sides) for sides in zip(*((c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels), strict=True)
-    )
-    farthest = np.array([thinnest / 2, narrowest / 2, 3.0])
+    smallest = np.min([(c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels], axis=0)
+    farthest = np.append(smallest / 2, 3.0)
     for k in range(STEPS):
         value, slope = _model(plan, terms)
         weighed = np.linalg.solve(lower, slope[channel])

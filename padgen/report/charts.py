@@ -180,9 +180,8 @@ def draw_selectivity(plan: Plan) -> Any:
     for axis, own, db in zip(axes, plan.sets, tables, strict=True):
         shown = np.ma.masked_array(db, np.eye(len(own), dtype=bool))
         image = axis.imshow(shown, cmap="cividis", vmin=0.0, vmax=min(largest, 60.0))
-        few = len(own) <= MOST_WRITTEN
         for (row, column), value in np.ndenumerate(db):
-            if few:
+            if len(own) <= MOST_WRITTEN:
                 dark = row != column and image.norm(value) < 0.55
                 words = "ON" if row == column else f"{value:.0f}" if len(own) > 4 else f"{value:.1f}"
                 axis.text(column, row, words, ha="center", va="center", fontsize=8, color="white" if dark else INK)

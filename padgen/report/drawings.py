@@ -414,16 +414,16 @@ def draw_exploded(plan: Plan) -> Any:
         layers.append(("tray", "1 tray", "printed: sockets that set the gap", [Prism("tray", edges, 0.0, z), *sockets]))
         z += step / 2
     top = z + coil.length_mm
-    windings = [prisms("coil", [at], coil.outer_diameter_mm, z, top) for at in grid]
-    cores = [prisms("core", [at], coil.core_diameter_mm, top) for at in grid]
-    told = f"{len(grid)} coil{'s' * (len(grid) > 1)}"
-    layers.append(("coil", told, "an amplifier output each", list(chain(*chain(*zip(windings, cores, strict=True))))))
+    windings = prisms("coil", grid, coil.outer_diameter_mm, z, top)
+    cores = prisms("core", grid, coil.core_diameter_mm, top)
+    coils = [*chain(*zip(windings, cores, strict=True))]
+    layers.append(("coil", f"{len(grid)} coil{'s' * (len(grid) > 1)}", "an amplifier output each", coils))
     z = top + step
     top = z + washer.thickness_mm
     rings = prisms("washer", bosses, washer.outer_diameter_mm, z, top)
     rings += prisms("hole", bosses, washer.inner_diameter_mm, top)
-    told = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
-    layers.append(("washer", told, "glued into the plates from below", rings))
+    name = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
+    layers.append(("washer", name, "glued into the plates from below", rings))
     z = top + step
     top, height = z + spec.pad.frame_thickness_mm, z + plate.thickness_mm
     shapes = all_shapes(plan, ("window", "plate"))
@@ -438,8 +438,7 @@ def draw_exploded(plan: Plan) -> Any:
         shanks = prisms("shank", corners, 0.9 * spec.pad.hole_diameter_mm, low, high)
         heads = prisms("screw", corners, tray.screw.head_mm, high, high + tray.screw.head_mm / 2)
         name = "4 screws, 4 nuts" if tray.screw.nut else "4 screws"
-        told = f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long"
-        layers.append(("screw", name, told, shanks + heads))
+        layers.append(("screw", name, f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long", shanks + heads))
 
     faces, notes = [], []
     for meant, name, sentence, solids in layers:

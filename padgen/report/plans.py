@@ -485,7 +485,9 @@ LADDER_PX, LADDER_HEIGHT_PX = 560, 46
 
 def slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
     """Return the ends in Hz of the slot that a resonance needs for itself: the paper's Δy/4Q to either side."""
-    half = plan.spec.delta_y / (4 * plan.spec.q_min)
+    from padgen.physics.ladder import slot_half_width
+
+    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     return resonance_hz * max(1 - half, 0.0), resonance_hz * (1 + half)
 
 

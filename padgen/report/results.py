@@ -47,7 +47,7 @@ def driven_text(
     plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
     """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
-    from padgen.driver.frames import map_text, taxel_grid
+    from padgen.driver.frames import frames_text, map_text, taxel_grid
 
     heard, name = driven.heard, plan.name
     done = f"The drive of {name} is written"
@@ -55,7 +55,15 @@ def driven_text(
         done = f"Heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
     lines = [held_line(done, driven.findings), serious_text(driven.findings, verbose)]
     if frames is not None:
-        lines.append(_frames_line(plan, frames, MOST_PICTURES if verbose else 1))
+        # Dark frames at the beginning show nothing.
+        first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
+        shown = frames[first : first + (MOST_PICTURES if verbose else 1)]
+        told = counted(len(frames), "frame")
+        if len(shown) < len(frames):
+            told = (
+                f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
+            )
+        lines.append(f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}")
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
         lines.append(f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n")
     if driven.report is not None:
@@ -88,18 +96,6 @@ def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
 def counted(count: int, word: str) -> str:
     """Return a number with its word, in the plural where it is not 1."""
     return f"{count} {word}{'s' * (count != 1)}"
-
-
-def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
-    from padgen.driver.frames import frames_text
-
-    # Dark frames at the beginning show nothing.
-    first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
-    shown = frames[first : first + most]
-    told = counted(len(frames), "frame")
-    if len(shown) < len(frames):
-        told = f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
-    return f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}"
 
 
 def _wave_text(plan: "Plan", report: "WaveReport") -> str:
