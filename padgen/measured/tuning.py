@@ -184,7 +184,7 @@ def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
         A figure is outside its bounds, which are named.
     """
     for tuned, taxel in zip(tuning.taxels, plan.taxels, strict=True):
-        for name, value, (low, high), why in _bounded(tuned, plan.channels[taxel.channel]):
+        for name, value, low, high, why in _bounded(tuned, plan.channels[taxel.channel]):
             # The bounds are widened, since files round to ten digits.
             if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
                 raise FileError(
@@ -192,25 +192,21 @@ def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
                 )
 
 
-_Bounded = tuple[str, float, tuple[float, float], str]
+def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[tuple[str, float, float, float, str]]:
+    """Yield the name, value, bounds and their reason of each figure of a taxel.
 
-
-def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[_Bounded]:
-    """Yield the name, value, bounds and their reason of each figure of a taxel."""
-    planned = channel.resonance_hz
-    around = planned / FARTHEST, planned * FARTHEST
-    yield "resonance_hz", tuned.resonance_hz, around, f" Hz (planned: {number(planned)} Hz)"
-    yield "q", tuned.q, (LEAST_Q, LARGEST_Q), ""
-    usual = planned_response_um_per_a2(channel, tuned.resonance_hz, tuned.q) or 1.0
-    if tuned.response_um_per_a2 != 0:
-        bounds = usual / FARTHEST_RESPONSE, usual * FARTHEST_RESPONSE
-        yield "response_um_per_a2", tuned.response_um_per_a2, bounds, " (or 0, where no current moves it)"
-    for name, value, of in (
-        ("resonance_error_hz", tuned.resonance_error_hz, tuned.resonance_hz),
-        ("q_error", tuned.q_error, tuned.q),
-        ("response_error", tuned.response_error, tuned.response_um_per_a2 or usual),
-    ):
-        yield name, value, (0.0, of * LARGEST_ERROR), ""
+    The response's bounds are worked out once resonance and Q are known to be within theirs.
+    """
+    hz, q, response, planned = tuned.resonance_hz, tuned.q, tuned.response_um_per_a2, channel.resonance_hz
+    yield "resonance_hz", hz, planned / FARTHEST, planned * FARTHEST, f" Hz (planned: {number(planned)} Hz)"
+    yield "q", q, LEAST_Q, LARGEST_Q, ""
+    usual = planned_response_um_per_a2(channel, hz, q) or 1.0
+    if response != 0:
+        why = " (or 0, where no current moves it)"
+        yield "response_um_per_a2", response, usual / FARTHEST_RESPONSE, usual * FARTHEST_RESPONSE, why
+    yield "resonance_error_hz", tuned.resonance_error_hz, 0.0, hz * LARGEST_ERROR, ""
+    yield "q_error", tuned.q_error, 0.0, q * LARGEST_ERROR, ""
+    yield "response_error", tuned.response_error, 0.0, (response or usual) * LARGEST_ERROR, ""
 
 
 # Prediction
