@@ -11,7 +11,7 @@ from padgen.core.errors import SpecError
 from padgen.make.pad import Pad, parse_parts
 from padgen.make.planning import Progress, plan_for, plan_to_compare, spec_of
 from padgen.planner.plan import Plan
-from padgen.spec import Spec, make_spec
+from padgen.spec import Spec, make_spec, template_paths
 
 if TYPE_CHECKING:
     from padgen.batch.sweep import SweepTable
@@ -51,8 +51,6 @@ def template_names() -> tuple[str, ...]:
     >>> "paper-32" in template_names()
     True
     """
-    from padgen.spec import template_paths
-
     return tuple(template_paths())
 
 
@@ -263,8 +261,7 @@ def drive(
     if isinstance(tuning, (str, Path)):
         tuning = read_tuning(tuning, plan)
     levels = levels_of(plan, state, frames, text, pattern)
-    held = state is not None
-    return Drive(plan, levels, seconds, held, loop, rate_hz, signal, carrier_hz, tuning, progress)
+    return Drive(plan, levels, seconds, state is not None, loop, rate_hz, signal, carrier_hz, tuning, progress)
 
 
 def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":

@@ -236,9 +236,8 @@ def _inputs(
     spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...], report: bool
 ) -> dict[str, Any]:
     """Return all inputs on which the bytes of a build depend."""
-    text = json.dumps(asdict(spec), sort_keys=True)
     return {
-        "spec": file_hash(text.encode()),
+        "spec": file_hash(json.dumps(asdict(spec), sort_keys=True).encode()),
         "formats": list(formats),
         "instances": instances,
         "parts": list(parts),

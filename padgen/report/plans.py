@@ -149,8 +149,8 @@ def _power_lines(plan: "Plan") -> list[str]:
         f" idle: {count * load.idle_w:.2g} W."
     ]
     if prints.print_db is not None:
-        figures = prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db
-        told = "; ".join(f"{stage} {db:.1f}" for stage, db in zip(STAGES, figures, strict=True) if db is not None)
+        stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
+        told = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)
         lines.append(
             f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
             f" (± {prints.error_db:.1g}, by {prints.pads} prints in the computer)."

@@ -2,7 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from padgen.core.display import seconds_text, span_text, table
 from padgen.core.errors import Finding, number, plain
@@ -10,10 +13,6 @@ from padgen.physics.selectivity import Scheme
 from padgen.report.plans import findings_text, held_line, serious_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy as np
-
     from padgen.batch.definition import Sweep
     from padgen.batch.index import Overview
     from padgen.batch.sweep import Event, SweepResult
@@ -44,7 +43,7 @@ MOST_PICTURES = 4
 
 
 def driven_text(
-    plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
+    plan: "Plan", driven: "Driven", frames: np.ndarray | None, notes: Sequence[str], verbose: bool = False
 ) -> str:
     """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
     from padgen.driver.frames import frames_text, map_text, taxel_grid
@@ -118,8 +117,6 @@ def _wave_text(plan: "Plan", report: "WaveReport") -> str:
 
 def heard_text(plan: "Plan", heard: "Heard") -> str:
     """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
-    import numpy as np
-
     on, off = heard.on, heard.off
     rows = []
     for channel in plan.channels:
@@ -143,7 +140,7 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
     )
 
 
-def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
+def excitation_text(played: "Excitation", folder: Path, findings: "Sequence[Finding]") -> str:
     """Describe an excitation file, and what to do with it."""
     low, high = played.band_hz
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
