@@ -241,9 +241,8 @@ def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
     spread = float(np.median([channels[part.id].print_spread for part in measured.taxels]))
     part = measured.taxels[0]
     rough, planned = roughs[0], channels[part.id].resonance_hz
-    shown = f"the largest response of {part.id} is at {number(rough)} Hz, planned is {number(planned)} Hz"
-    if isinstance(part, Row):
-        shown = f"{part.id} is at {number(rough)} Hz, planned is {number(planned)} Hz"
+    peak = part.id if isinstance(part, Row) else f"the largest response of {part.id}"
+    shown = f"{peak} is at {number(rough)} Hz, planned is {number(planned)} Hz"
     is_time = isinstance(part, Record)
     for factor, *wrong in WRONG_UNITS:
         if abs(log(ratio / factor)) < log(3):

@@ -1,6 +1,6 @@
 """Describe drive files, measured prints, sweeps and the cache as text for people, and as plain data."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -177,47 +177,32 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
     groups: dict[Any, list[dict[str, Any]]] = {}
     for taxel in figures["taxels"]:
         groups.setdefault(taxel["id"] if verbose else taxel["channel"], []).append(taxel)
-    headings = (
-        "taxel" if verbose else "ch",
-        "planned Hz",
-        "as laid Hz",
-        "off %",
-        "beam layers",
-        "thick mm",
-        "first mm wide",
-        "above mm wide",
-        "plate mg",
-        "recess mm",
-        "room mm",
-        "gap mm",
-    )
-    return "\n".join([*lines, "", table(headings, [_row(str(name), group) for name, group in groups.items()]), ""])
+    headings = ("taxel" if verbose else "ch", "planned Hz", *(heading for heading, _, _ in LAID))
+    rows = []
+    for name, taxels in groups.items():
+        row = [str(name), f"{taxels[0]['planned_hz']:.1f}"]
+        for _, digits, values_of in LAID:
+            values = [value for taxel in taxels for value in values_of(taxel)]
+            missing = "-" if not values or None in values else ""
+            row.append(" … ".join(filter(None, (span_text(values, f".{digits}f"), missing))))
+        rows.append(row)
+    return "\n".join([*lines, "", table(headings, rows), ""])
 
 
-def _row(name: str, taxels: list[dict[str, Any]]) -> tuple[str, ...]:
-    beams = [beam for taxel in taxels for beam in taxel["beams"]]
-    hz = [taxel["resonance_hz"] for taxel in taxels]
-    planned = taxels[0]["planned_hz"]
-    return (
-        name,
-        f"{planned:.1f}",
-        _span(hz, 1),
-        _span([None if f is None else 100 * (f / planned - 1) for f in hz], 1),
-        _span([beam["layers"] for beam in beams], 0),
-        _span([beam["thickness_mm"] for beam in beams], 2),
-        _span([width for beam in beams for width in beam["width_mm"][:1]], 3),
-        _span([width for beam in beams for width in beam["width_mm"][1:]], 3),
-        _span([taxel["plate_mg"] for taxel in taxels], 1),
-        _span([taxel["recess_depth_mm"] for taxel in taxels], 2),
-        _span([taxel["recess_room_mm"] for taxel in taxels], 2),
-        _span([taxel["gap_mm"] for taxel in taxels], 2),
-    )
-
-
-def _span(values: list[float | None], digits: int) -> str:
-    """Return the smallest and the largest value as text, and a dash if some are missing."""
-    missing = "-" if not values or None in values else ""
-    return " … ".join(filter(None, (span_text(values, f".{digits}f"), missing)))
+LAID: "tuple[tuple[str, int, Callable[[dict[str, Any]], list[float | None]]], ...]" = (
+    ("as laid Hz", 1, lambda t: [t["resonance_hz"]]),
+    ("off %", 1, lambda t: [None if t["resonance_hz"] is None else 100 * (t["resonance_hz"] / t["planned_hz"] - 1)]),
+    ("beam layers", 0, lambda t: [beam["layers"] for beam in t["beams"]]),
+    ("thick mm", 2, lambda t: [beam["thickness_mm"] for beam in t["beams"]]),
+    ("first mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][:1]]),
+    ("above mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][1:]]),
+    ("plate mg", 1, lambda t: [t["plate_mg"]]),
+    ("recess mm", 2, lambda t: [t["recess_depth_mm"]]),
+    ("room mm", 2, lambda t: [t["recess_room_mm"]]),
+    ("gap mm", 2, lambda t: [t["gap_mm"]]),
+)
+"""Columns of a pad as laid: heading, digits, and the values of a taxel; the smallest and the largest are shown, and a
+dash where some are missing."""
 
 
 SHOWN_TAXELS, MOST_TAXELS = 12, 40
