@@ -725,15 +725,14 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[tuple[str, DriveRow], ...]:
     spec, channels = plan.spec, printed_channels(plan, tuning)
     scheme = plan.scheme
     carrier = carrier_hz(spec, scheme, max(taxel.resonance_hz for taxel in tuning.taxels))
-    rows: dict[int, tuple[str, DriveRow]] = {}
+    rows: dict[int, DriveRow] = {}
     constant = []
     for (row, column), index in sorted(coils_of(plan).items()):
         own = [channels[i] for i in index]
-        for i, found in zip(index, coil_rows(spec, scheme, own, carrier), strict=True):
-            rows[i] = plan.taxels[i].id, found
+        rows |= zip(index, coil_rows(spec, scheme, own, carrier), strict=True)
         if scheme.has_constant and carrier is None:
             constant.append((f"r{row}c{column}", bias_row(spec, scheme, own)))
-    return (*(rows[i] for i in range(len(plan.taxels))), *constant)
+    return (*((taxel.id, rows[i]) for i, taxel in enumerate(plan.taxels)), *constant)
 
 
 def tuned_drive_csv(plan: Plan, tuning: Tuning) -> str:

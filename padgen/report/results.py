@@ -1,18 +1,20 @@
-"""Describe drive files, measured prints, sweeps and the cache as text for people, and as plain data."""
+"""Describe drive files, measured prints, sweeps and the cache as text for people, and as plain data.
+
+This loads without numpy, which `padgen cache` does not need.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from padgen.core.display import seconds_text, span_text, table
 from padgen.core.errors import Finding, number, plain
-from padgen.physics.selectivity import Scheme
 from padgen.report.plans import findings_text, held_line, serious_text
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from padgen.batch.definition import Sweep
     from padgen.batch.index import Overview
     from padgen.batch.sweep import Event, SweepResult
@@ -43,7 +45,7 @@ MOST_PICTURES = 4
 
 
 def driven_text(
-    plan: "Plan", driven: "Driven", frames: np.ndarray | None, notes: Sequence[str], verbose: bool = False
+    plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
     """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
     from padgen.driver.frames import frames_text, map_text, taxel_grid
@@ -98,6 +100,8 @@ def counted(count: int, word: str) -> str:
 
 
 def _wave_text(plan: "Plan", report: "WaveReport") -> str:
+    from padgen.physics.selectivity import Scheme
+
     unit = "V" if report.signal == "voltage" else "A"
     depth = "24 bit" if report.depth == "24" else "32-bit float"
     told = [
@@ -117,6 +121,8 @@ def _wave_text(plan: "Plan", report: "WaveReport") -> str:
 
 def heard_text(plan: "Plan", heard: "Heard") -> str:
     """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
+    import numpy as np
+
     on, off = heard.on, heard.off
     rows = []
     for channel in plan.channels:
