@@ -68,7 +68,7 @@ def driven_text(
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
         lines.append(f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n")
     if driven.report is not None:
-        lines.append(_wave_text(plan, driven.report))
+        lines.append(_wave_text(driven.report))
     if heard is not None:
         lines.append(heard_text(plan, heard))
     lines += [f"note: {plain(note)}" for note in notes]
@@ -99,7 +99,7 @@ def counted(count: int, word: str) -> str:
     return f"{count} {word}{'s' * (count != 1)}"
 
 
-def _wave_text(plan: "Plan", report: "WaveReport") -> str:
+def _wave_text(report: "WaveReport") -> str:
     from padgen.physics.selectivity import Scheme
 
     unit = "V" if report.signal == "voltage" else "A"
