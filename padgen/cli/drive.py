@@ -131,11 +131,9 @@ def _shows(options: argparse.Namespace) -> bool:
 
 def tuning_of(path: str | None, plan: Any) -> Any:
     """Return the tuning in a file, or None without a path."""
-    if path is None:
-        return None
     from padgen.measured.tuning import read_tuning
 
-    return read_tuning(Path(path), plan)
+    return None if path is None else read_tuning(Path(path), plan)
 
 
 def _drive(options: argparse.Namespace) -> int:

@@ -69,10 +69,10 @@ def _plan(options: argparse.Namespace) -> int:
 
             progress(f"printing {options.pads} pads")
             printed = print_yield(plan, options.pads, options.seed)
-    text = plan_to_json(plan)
+    record = plan_to_json(plan)
     folder = folder_of(options, plan.name)
     with OutputFolder(folder) as out:
-        out.write("plan.json", text)
+        out.write("plan.json", record)
         if printed:
             out.write(YIELD_FILE, json_text(printed))
         if options.plot:
@@ -82,19 +82,20 @@ def _plan(options: argparse.Namespace) -> int:
         stale = out.commit()
     if options.json:
         more = {key: part for key, part in (("explain", explanation), ("yield", printed)) if part}
-        print(json_text(json.loads(text) | more), end="")
+        print(json_text(json.loads(record) | more), end="")
     else:
         from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
 
-        show(summary_text(plan))
-        if options.verbose:
-            show(plan_text(plan))
-        show(serious_text(plan.findings, options.verbose))
-        if explanation:
-            show(f"\n{explanation_text(explanation)}")
-        if printed:
-            show(f"\n{yield_text(printed)}")
-        show(f"\nwritten: {plain(str(folder / 'plan.json'))}{''.join(f'  {name}' for name in out.names[1:])}")
-        if stale:
-            show(f"the other files in {plain(str(folder))} are of an earlier plan; padgen build makes them anew")
+        place, others = plain(str(folder)), "".join(f"  {name}" for name in out.names[1:])
+        for text in (
+            summary_text(plan),
+            plan_text(plan) if options.verbose else None,
+            serious_text(plan.findings, options.verbose),
+            f"\n{explanation_text(explanation)}" if explanation else None,
+            f"\n{yield_text(printed)}" if printed else None,
+            f"\nwritten: {plain(str(folder / 'plan.json'))}{others}",
+            f"the other files in {place} are of an earlier plan; padgen build makes them anew" if stale else None,
+        ):
+            if text is not None:
+                show(text)
     return code_of(plan.findings)

@@ -75,8 +75,7 @@ def _study(options: argparse.Namespace) -> int:
     if options.json:
         print((folder / files[1]).read_text(encoding="utf-8"), end="")
     else:
-        show(text(study))
-        show(f"\nwritten to {plain(str(folder))}: {'  '.join(files)}")
+        show(f"{text(study)}\n\nwritten to {plain(str(folder))}: {'  '.join(files)}")
     if study.missing:
         # Printed after the summary, since finished results are kept.
         print(f"padgen: stopped: {len(study.missing)} were not run; the files say which", file=sys.stderr)

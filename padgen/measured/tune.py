@@ -254,8 +254,8 @@ def estimated(
     rest = sorted(set(range(count)) - set(known))
     if not rest or not known:
         return tuning
-    kinds = [taxel.channel for taxel in plan.taxels] + list(coupon)
-    planned = np.array([plan.channels[c].resonance_hz for c in kinds])
+    channel_of = np.array([*(taxel.channel for taxel in plan.taxels), *coupon])
+    planned = np.array([c.resonance_hz for c in plan.channels])[channel_of]
     known_hz, error_hz = np.array([(f.resonance_hz, f.resonance_error_hz) for f in (*fits, *coupon.values())]).T
     # The covariance of ln f of the pad's taxels, followed by the coupon's, includes the printer's biases and the
     # model's own error, since measured taxels reveal both.
@@ -265,7 +265,6 @@ def estimated(
         modulus=hypot(spreads.modulus, bias.modulus_bias),
         common_z_mm=hypot(spreads.common_z_mm, bias.z_bias_mm),
     )
-    channel_of = np.concatenate([design.channel, [*coupon]]).astype(int)
     model = np.array([c.model_error for c in plan.channels])[channel_of]
     spread_of_prints = covariance(design, spreads, channel_of[count:])
     spread_of_prints += np.where(channel_of[:, None] == channel_of, model[:, None] * model, 0.0)
