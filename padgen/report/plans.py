@@ -228,16 +228,15 @@ def _drive_lines(plan: "Plan") -> list[str]:
         boards = boards_in_time(drive_at(plan, CONTROLLER_RATES_HZ))
     except SpecError:  # a drive that the firmware does not play
         boards = []
-    figures, load = plan.selectivity, plan.load
-    lines = [f"drive: {figures.drive}, {figures.why}"]
-    if figures.one_hot_db is not None:
-        lines += _selectivity_lines(plan)
+    figures, load, leak_db = plan.selectivity, plan.load, plan.reuse.leak_db
     frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
-    if plan.reuse.leak_db is not None:
-        lines.append(
-            f"the coils around make an OFF taxel vibrate at worst {quieter(plan.reuse.leak_db)} than when it is ON"
-        )
-    lines += [
+    error = max((c.force_error for c in plan.channels if c.force_constant_n_per_a2 > 0), default=None)
+    lines = [
+        f"drive: {figures.drive}, {figures.why}",
+        *([] if figures.one_hot_db is None else _selectivity_lines(plan)),
+        ""
+        if leak_db is None
+        else f"the coils around make an OFF taxel vibrate at worst {quieter(leak_db)} than when it is ON",
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; largest level of channel 0:"
@@ -246,12 +245,12 @@ def _drive_lines(plan: "Plan") -> list[str]:
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
         + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
         + f" {', '.join(boards) or 'none'}",
-    ]
-    if errors := [c.force_error for c in plan.channels if c.force_constant_n_per_a2 > 0]:
         # Currents go with the root of the pull.
-        pull, current = max(errors), max(errors) / 2
-        lines.append(f"the coil's pull on a washer is known to ± {pull:.1%}, and so each current to ± {current:.1%}")
-    return lines
+        ""
+        if error is None
+        else f"the coil's pull on a washer is known to ± {error:.1%}, and so each current to ± {error / 2:.1%}",
+    ]
+    return [line for line in lines if line]
 
 
 def _selectivity_lines(plan: "Plan") -> list[str]:

@@ -54,7 +54,7 @@ def driven_text(
     done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
         done = f"Heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
-    lines = [held_line(done, driven.findings), serious_text(driven.findings, verbose)]
+    picture, place = "", plain(str(driven.folder))
     if frames is not None:
         # Dark frames at the beginning show nothing.
         first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
@@ -64,19 +64,19 @@ def driven_text(
             told = (
                 f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
             )
-        lines.append(f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}")
+        picture = f"{told}, seen from the touch side (# ON, + between, . OFF):\n{frames_text(plan, shown)}"
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
-        lines.append(f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n")
-    if driven.report is not None:
-        lines.append(_wave_text(driven.report))
-    if heard is not None:
-        lines.append(heard_text(plan, heard))
-    lines += [f"note: {plain(note)}" for note in notes]
-    lines.append(f"written to {plain(str(driven.folder))}: {', '.join(driven.files)}")
-    if driven.stale:
-        lines.append(
-            f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew"
-        )
+        picture = f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
+    lines = [
+        held_line(done, driven.findings),
+        serious_text(driven.findings, verbose),
+        picture,
+        "" if driven.report is None else _wave_text(driven.report),
+        "" if heard is None else heard_text(plan, heard),
+        *(f"note: {plain(note)}" for note in notes),
+        f"written to {place}: {', '.join(driven.files)}",
+        f"the other files in {place} are of an earlier plan; padgen build makes them anew" if driven.stale else "",
+    ]
     return "\n".join(line for line in lines if line)
 
 
@@ -242,9 +242,13 @@ def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose:
             f" {result.before_db:.1f} dB with the planned tones (planned {number(round(result.planned_db or 0, 1))} dB,"
             f" asked {result.asked_db:.1f} dB)"
         )
-    more = len(measured) - len(rows)
-    told = [held_line(done, result.findings), serious_text(result.findings, verbose), table(head, rows)]
-    return "\n".join([line for line in told if line] + [f"… and {more} more, in retune.json"] * (more > 0))
+    lines = [
+        held_line(done, result.findings),
+        serious_text(result.findings, verbose),
+        table(head, rows),
+        f"… and {len(measured) - len(rows)} more, in retune.json" if len(measured) > len(rows) else "",
+    ]
+    return "\n".join(line for line in lines if line)
 
 
 MOST_ROWS = 12
@@ -254,19 +258,18 @@ MOST_ROWS = 12
 def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> str:
     """Return the counts of a sweep's variants, a table of the best, and where the results are."""
     overview = result.overview
-    total = counted(result.total, "variant")
-    lines = [f"{sweep.settings.name}: {total}, {counts_text(result)}, in {seconds_text(result.seconds)}"]
-    if result.kept:
-        lines.append(f"{result.kept} of them were finished before and not made again")
-    if overview.with_errors:
-        lines.append(f"{overview.with_errors} of those made have error findings, in the column findings of the index")
-    lines += [f"refused: {name}: {sentence}" for name, sentence in overview.refused]
-    if result.refused > len(overview.refused):
-        lines.append(f"… and {result.refused - len(overview.refused)} more refused, in the index")
-    if overview.rows:
-        lines += ["", _front_text(sweep, overview)]
-    lines += ["", f"written to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}"]
-    return "\n".join(line.rstrip() for line in "\n".join(lines).splitlines())
+    total, faulty = counted(result.total, "variant"), overview.with_errors
+    more = result.refused - len(overview.refused)
+    lines = [
+        f"{sweep.settings.name}: {total}, {counts_text(result)}, in {seconds_text(result.seconds)}",
+        f"{result.kept} of them were finished before and not made again" if result.kept else "",
+        f"{faulty} of those made have error findings, in the column findings of the index" if faulty else "",
+        *(f"refused: {name}: {sentence}" for name, sentence in overview.refused),
+        f"… and {more} more refused, in the index" if more > 0 else "",
+        f"\n{_front_text(sweep, overview)}" if overview.rows else "",
+        f"\nwritten to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}",
+    ]
+    return "\n".join(line.rstrip() for text in lines if text for line in text.split("\n"))
 
 
 def counts_text(event: "Event | SweepResult") -> str:
