@@ -279,13 +279,15 @@ def _serial(options: argparse.Namespace) -> int:
             told=lambda shown: progress(f"frame {shown} of {len(repeated)}"),
         )
     count = "1 frame" if played.frames == 1 else f"{played.frames} frames"
-    told = f"showed {count} in {played.seconds:.1f} s on {plain(options.port)}"
-    if played.resent:
-        told += f"; {played.resent} messages were lost on the line and sent again"
-    if played.given < 1:
-        told += f"; coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
+    told = (
+        f"showed {count} in {played.seconds:.1f} s on {plain(options.port)}",
+        f"{played.resent} messages were lost on the line and sent again" if played.resent else "",
+        f"coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
+        if played.given < 1
+        else "",
+    )
     figures = {name: getattr(played, name) for name in ("frames", "resent", "seconds", "given")}
-    answer(options, {"port": options.port, **figures, "notes": notes}, told, *notes)
+    answer(options, {"port": options.port, **figures, "notes": notes}, "; ".join(filter(None, told)), *notes)
     return DONE
 
 

@@ -257,15 +257,11 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     figures = plan.selectivity
     states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db
     law = "equal sensation" if isinstance(figures.level_law, str) else f"levels fall as 1/f^{figures.level_law:g}"
-    worst = figures.worst_state
+    worst, kept, optimum, lost = figures.worst_state, figures.kept_db, figures.optimum_db, figures.snapping_db or 0.0
     if len(worst) > SHOWN_BITS:
         worst = f"{worst[:10]}…{worst[-10:]} of {len(worst)}"
-    lines = [
-        f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" of a coil (worst state: {worst}); asked (delta_y): {figures.asked_db:.1f} dB",
-    ]
-    if paper is not None and isfinite(paper):  # the formula has no value for two equal resonances
-        lines.append(f"with one channel on: exact {one_hot:.1f} dB, the paper's formula {paper:.1f} dB")
+    cost = "" if figures.modes_cost_db is None else f" (of which the modes cost {figures.modes_cost_db:.1f} dB)"
+    tables: list[str] = []
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
             names = [str(channel.index) for channel in own]
@@ -273,19 +269,25 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
                 (name, *("" if k == name else f"{value:.1f}" for k, value in zip(names, row, strict=True)))
                 for name, row in zip(names, matrix, strict=True)
             ]
-            lines += [
+            tables += [
                 "dB by which an OFF taxel (row) is quieter than ON, at the tone of (column):",
                 table(["", *names], rows),
             ]
-    kept = figures.kept_db
-    if kept is not None and kept < states - SHOWN_DB:
-        cost = "" if figures.modes_cost_db is None else f" (of which the modes cost {figures.modes_cost_db:.1f} dB)"
-        lines.append(f"counting unequal pulls, other modes and stretching: {kept:.1f} dB in all states{cost}")
-    if figures.optimum_db is not None:
-        lines.append(f"with equal masses the optimised resonances would reach {figures.optimum_db:.2f} dB")
-    if (figures.snapping_db or 0.0) >= SHOWN_DB:
-        lines.append(f"selectivity lost to the printer's resolution: {figures.snapping_db:.2f} dB")
-    return lines
+    lines = [
+        f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
+        f" of a coil (worst state: {worst}); asked (delta_y): {figures.asked_db:.1f} dB",
+        # The formula has no value for two equal resonances.
+        f"with one channel on: exact {one_hot:.1f} dB, the paper's formula {paper:.1f} dB"
+        if paper is not None and isfinite(paper)
+        else "",
+        *tables,
+        f"counting unequal pulls, other modes and stretching: {kept:.1f} dB in all states{cost}"
+        if kept is not None and kept < states - SHOWN_DB
+        else "",
+        "" if optimum is None else f"with equal masses the optimised resonances would reach {optimum:.2f} dB",
+        f"selectivity lost to the printer's resolution: {lost:.2f} dB" if lost >= SHOWN_DB else "",
+    ]
+    return [line for line in lines if line]
 
 
 SHOWN_DB = 0.05

@@ -166,10 +166,8 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
     """Return the verdict on a G-code, the settings to change, and a table of each channel (`verbose`: each taxel)."""
     figures = report.figures
     count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
-    verdict = "would print as planned"
-    if any(count.values()):
-        told = (f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
-        verdict = f"would not print as planned ({', '.join(told)})"
+    faults = ", ".join(f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
+    verdict = f"would not print as planned ({faults})" if faults else "would print as planned"
     x, y = figures["centre_mm"]
     turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
     lines = [
@@ -177,7 +175,7 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
         f"by {plain(figures['slicer'])}: {figures['layers']} layers, {number(figures['height_mm'])} mm high, the pad's"
         f" centre at ({number(x)}, {number(y)}) mm{turned}; compared with {figures['compared_with']}",
     ]
-    if figures["settings_to_change"] and any(count.values()):
+    if figures["settings_to_change"] and faults:
         changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])
         lines.append(f"in the slicer set: {', '.join(changes)}")
     groups: dict[Any, list[dict[str, Any]]] = {}
