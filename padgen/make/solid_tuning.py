@@ -229,9 +229,9 @@ def _modes_of(answer: "Answer", channel: Channel) -> Solved:
     """
     error = answer.error
     if isinstance(error, SolverError) and not isinstance(error, EngineMissingError):
-        lost = answer.kind == "failed"
-        hint = 'the finite elements have no answer: {}; model = "beam" plans without them'
-        raise SolverError(hint.format(error.message) if lost else error.message, f"channel {channel.index}") from error
+        lost = f'the finite elements have no answer: {error.message}; model = "beam" plans without them'
+        told = lost if answer.kind == "failed" else error.message
+        raise SolverError(told, f"channel {channel.index}") from error
     if error:
         raise error
     found: Solved = answer.value

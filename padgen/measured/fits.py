@@ -27,11 +27,11 @@ TABLE_RESPONSE_SHARE = 0.1
 SLOWEST = 5.0
 """Largest planned resonance over the sampling rate. A print's resonance, at least a tenth of it, is then still seen."""
 SHARED_PEAK = 0.05
-"""Least peak of a taxel in a record of its whole coil, over the largest."""
+"""Least height of a peak in a record of a whole coil, over the largest one's, that counts as a taxel's."""
 CLEAR = 4.0
-"""Least difference of two ways to name the peaks in such a record, in variances of the print's spread."""
+"""Least difference in squared sigmas of the two best ways to give such peaks to taxels; below it, none is taken."""
 ALONE_SPREAD = 0.05
-"""Relative one sigma of a resonance from what the print's others have in common."""
+"""Relative one sigma of a resonance, once the factor by which all of a print are off the plan is taken out."""
 MOST_NAMED = 5
 
 
@@ -268,7 +268,7 @@ WRONG_UNITS = (
         "the times look 1000 times too small, or the sampling rate too large; they must be in s",
     ),
 )
-"""Ratios of measured to planned frequencies that tell of a wrong unit, of frequencies and of times."""
+"""Ratios of measured to planned resonances that tell of a wrong unit, with the words for frequencies and for times."""
 
 
 def _rough_hz(part: Row | Spectrum | Record) -> float:
