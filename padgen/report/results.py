@@ -267,7 +267,7 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
         f"\n{_front_text(sweep, overview)}" if overview.rows else "",
         f"\nwritten to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}",
     ]
-    return "\n".join(line.rstrip() for text in lines if text for line in text.split("\n"))
+    return "\n".join(line.rstrip() for text in lines if text for line in text.splitlines())
 
 
 def counts_text(event: "Event | SweepResult") -> str:
