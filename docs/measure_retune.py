@@ -30,7 +30,6 @@ from padgen.measured.tuning import (
     TunedTaxel,
     Tuning,
     levels_um,
-    planned_tones,
     planned_tuning,
     predicted,
     simulate_print,
@@ -72,7 +71,7 @@ def yields(prints: int) -> list[str]:
         dbs = []
         for seed in range(prints):
             truth = simulate_print(plan, seed, spreads)
-            before = predicted(plan, truth, planned_tones(plan), planned_um)
+            before = predicted(plan, truth, tones_at(plan, planned_tuning(plan)), planned_um)
             dbs.append((worst_db(before), worst_db(predicted(plan, truth, tones_at(plan, truth)))))
         before_db, after_db = np.array(dbs, float).T
         after, here = result.retuned, np.quantile(after_db, [0.05, 0.5, 0.95])

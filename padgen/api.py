@@ -11,7 +11,7 @@ from padgen.core.errors import SpecError
 from padgen.make.pad import Pad, parse_parts
 from padgen.make.planning import Progress, plan_for, plan_to_compare, spec_of
 from padgen.planner.plan import Plan
-from padgen.spec import Spec, make_spec
+from padgen.spec import Spec, make_spec, template_paths
 
 if TYPE_CHECKING:
     from padgen.batch.sweep import SweepTable
@@ -51,8 +51,6 @@ def template_names() -> tuple[str, ...]:
     >>> "paper-32" in template_names()
     True
     """
-    from padgen.spec import template_paths
-
     return tuple(template_paths())
 
 
@@ -189,14 +187,12 @@ def check(
         return replace(laid, figures={**laid.figures, "compared_with": source})
     from padgen.solid.parts import check_foreign, read_mesh
 
-    part = read_mesh(Path(mesh))
-    if spec is None:
-        progress("checking")
-        return check_foreign(part, make_spec(SMALLEST_SPEC), None)
-    compared, source = plan_to_compare(spec, Path(mesh), progress)
+    part, plan = read_mesh(Path(mesh)), None
+    if spec is not None:
+        plan, source = plan_to_compare(spec, Path(mesh), progress)
     progress("checking")
-    report = check_foreign(part, compared.spec, compared)
-    return replace(report, figures={**report.figures, "compared_with": source})
+    report = check_foreign(part, plan.spec if plan else make_spec(SMALLEST_SPEC), plan)
+    return replace(report, figures={**report.figures, "compared_with": source}) if plan else report
 
 
 def drive(
@@ -265,8 +261,7 @@ def drive(
     if isinstance(tuning, (str, Path)):
         tuning = read_tuning(tuning, plan)
     levels = levels_of(plan, state, frames, text, pattern)
-    held = state is not None
-    return Drive(plan, levels, seconds, held, loop, rate_hz, signal, carrier_hz, tuning, progress)
+    return Drive(plan, levels, seconds, state is not None, loop, rate_hz, signal, carrier_hz, tuning, progress)
 
 
 def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
@@ -316,12 +311,13 @@ def retune(
     FileError, SpecError, SolverError
         The measurements cannot be read, or show no resonance.
     """
+    from padgen.measured.fits import fit_measured
     from padgen.measured.read import read_measured
-    from padgen.measured.tune import fitted_and_retuned
+    from padgen.measured.tune import retuned_with_coupon
 
     paths = [Path(each) for each in ([measured] if isinstance(measured, str | Path) else measured)]
-    found = read_measured(paths, plan, excitation, sensor)
-    return fitted_and_retuned(plan, found, nearest, estimate_rest, None if coupon is None else str(coupon))
+    fits = fit_measured(read_measured(paths, plan, excitation, sensor), plan, nearest)
+    return retuned_with_coupon(plan, fits, nearest, estimate_rest, coupon)
 
 
 def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":

@@ -135,8 +135,9 @@ def test_what_was_measured_is_never_simulated_over(work, capsys):
     assert (work / "o/measured.csv").read_text() == told
 
 
-def test_every_command_lists_what_it_wrote(work):
-    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) in (0, 1)
+def test_every_command_lists_what_it_wrote(work, capsys):
+    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o", "--verbose"]) in (0, 1)
+    assert len(re.findall(r"^ *r\dc\dk\d ", capsys.readouterr().out, re.M)) == 32  # all taxels have a line
     assert cli.run(["drive", "paper-32", "--formats", "csv,c", "-o", "o"]) == 0
     assert cli.run(["drive", "paper-32", "--excite", "chirp", "--rate", "8000", "-o", "o"]) == 0
     listed = json.loads((work / "o/manifest.json").read_text())["files"]

@@ -34,7 +34,6 @@ from padgen.measured.tuning import (
     SIMULATED,
     levels_um,
     planned_response_um_per_a2,
-    planned_tones,
     planned_tuning,
     played,
     predicted,
@@ -128,7 +127,7 @@ def codes(result):
 def test_a_print_as_planned_keeps_what_the_plan_says(scheme, reuse):
     plan = plan_of(scheme=scheme, reuse=reuse)
     tuning = planned_tuning(plan)
-    figures = predicted(plan, tuning, planned_tones(plan))
+    figures = predicted(plan, tuning, tones_at(plan, planned_tuning(plan)))
     assert len(figures) == 4
     assert worst_db(figures) == pytest.approx(plan.selectivity.placed_all_states_db, abs=1e-4)
     one_hot = min(coil.one_hot_db for coil in figures)
@@ -584,7 +583,7 @@ def test_filing_follows_the_beam_model():
 def test_good_coils_get_no_advice():
     plan = plan_of()
     tuning = planned_tuning(plan)
-    assert trims(plan, tuning, predicted(plan, tuning, planned_tones(plan))) == ()
+    assert trims(plan, tuning, predicted(plan, tuning, tones_at(plan, planned_tuning(plan)))) == ()
     assert not retuned(plan, fits_of(tuning)).findings
 
 

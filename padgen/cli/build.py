@@ -1,7 +1,6 @@
 """The commands ``padgen build`` and ``padgen check``."""
 
 import argparse
-from dataclasses import asdict
 from typing import Any
 
 from padgen.cli.common import (
@@ -77,16 +76,15 @@ def _build(options: argparse.Namespace) -> int:
     from padgen.report.plans import built_text
 
     following = f"next: print it, then padgen drive {plain(options.spec)} --state all --hear"
-    table = {**asdict(built), "folder": str(built.folder)}
-    answer(options, table, built_text(built, options.verbose), following)
+    answer(options, built, built_text(built, options.verbose), following)
     return code_of(built.findings)
 
 
 def _check(options: argparse.Namespace) -> int:
     from padgen.api import check
 
-    neither = "needs either a mesh or --gcode FILE; padgen check --help tells more"
-    refuse(((options.mesh is None) == (options.gcode is None), "padgen check", neither))
+    both = (options.mesh is None) == (options.gcode is None)
+    refuse((both, "padgen check", "needs either a mesh or --gcode FILE; padgen check --help tells more"))
     with progress_line() as progress:
         report = check(
             options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress
@@ -99,5 +97,5 @@ def _check(options: argparse.Namespace) -> int:
         texts = [laid_text(report, options.gcode, options.verbose), serious]
     else:
         texts = [held_line(f"{options.mesh} is read", report.findings), serious, figures_text(report.figures)]
-    answer(options, asdict(report), *texts)
+    answer(options, report, *texts)
     return code_of(report.findings)

@@ -22,7 +22,7 @@ __all__ = [
     "asked_of",
     "code_of",
     "folder_of",
-    "print_json",
+    "plan_of",
     "progress_line",
     "refuse",
     "show",
@@ -99,6 +99,13 @@ def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, f
     return recorded_spec(spec, folder_of(options, spec.name)) if recorded and options.model is None else spec, None
 
 
+def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -> Any:
+    """Return the plan that the command line asks for; `recorded` is that of `asked_of`."""
+    from padgen.make.planning import plan_for
+
+    return plan_for(*asked_of(options, recorded), progress)
+
+
 def folder_of(options: argparse.Namespace, name: str) -> Path:
     """Return the folder of the results: that of ``--output``, else ``out/NAME``."""
     given = getattr(options, "output", None)
@@ -121,17 +128,12 @@ def show(text: str, stream: Any = None) -> None:
         print(wrapped, file=stream)
 
 
-def print_json(table: Any) -> None:
-    """Print plain data or dataclasses as one JSON object."""
-    from padgen.core.files import json_text
-
-    print(json_text(table), end="")
-
-
 def answer(options: argparse.Namespace, table: Any, *texts: str) -> None:
-    """Print a command's answer: with ``--json`` the table, else the texts for people."""
+    """Print a command's answer: with ``--json`` the table (plain data or dataclasses), else the texts for people."""
     if options.json:
-        print_json(table)
+        from padgen.core.files import json_text
+
+        print(json_text(table), end="")
         return
     for text in filter(None, texts):
         show(text)

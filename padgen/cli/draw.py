@@ -4,17 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import (
-    DONE,
-    add_model,
-    add_output,
-    add_spec,
-    asked_of,
-    folder_of,
-    print_json,
-    progress_line,
-    show,
-)
+from padgen.cli.common import DONE, add_model, add_output, add_spec, answer, folder_of, plan_of, progress_line
 from padgen.core.errors import plain
 from padgen.core.registry import names_in
 
@@ -46,11 +36,10 @@ def _draw(options: argparse.Namespace) -> int:
     kinds = names_in(options.format, KINDS, "--format")
     from padgen.core.display import plot_bytes
     from padgen.core.files import OutputFolder
-    from padgen.make.planning import plan_for
     from padgen.report.charts import picture
 
     with progress_line() as progress:
-        plan = plan_for(*asked_of(options), progress)
+        plan = plan_of(options, progress)
         folder = Path(options.output or folder_of(options, plan.name) / "pictures")
         with OutputFolder(folder) as out:
             for name in names:
@@ -59,8 +48,6 @@ def _draw(options: argparse.Namespace) -> int:
                 for kind in kinds:
                     out.write(f"{name}.{kind}", plot_bytes(figure, kind))
             out.commit()
-    if options.json:
-        print_json({"name": plan.name, "folder": str(folder), "files": list(out.names)})
-    else:
-        show(f"written to {plain(str(folder))}: {'  '.join(out.names)}")
+    table = {"name": plan.name, "folder": str(folder), "files": out.names}
+    answer(options, table, f"written to {plain(str(folder))}: {'  '.join(out.names)}")
     return DONE

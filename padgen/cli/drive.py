@@ -10,16 +10,16 @@ from padgen.cli.common import (
     add_shared,
     add_spec,
     answer,
-    asked_of,
     code_of,
     folder_of,
+    plan_of,
     progress_line,
     refuse,
 )
 from padgen.core.errors import number, plain
 from padgen.core.registry import FORMATS
 
-__all__ = ["add_drive", "add_play", "plan_of", "tuning_of"]
+__all__ = ["add_drive", "add_play", "tuning_of"]
 
 DEFAULT_TABLES, DEFAULT_WAVES = "csv,json", "csv,json,wav"
 MOST_REPEATS = 10_000
@@ -108,13 +108,6 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def plan_of(options: argparse.Namespace, progress: Any) -> Any:
-    """Return the plan of SPEC, by the same model as a build."""
-    from padgen.make.planning import plan_for
-
-    return plan_for(*asked_of(options), progress)
-
-
 def _frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, ...]]:
     """Return the levels of the asked frames (None if none are asked for), and notes about them."""
     seconds = 1.0 if options.seconds is None else options.seconds
@@ -127,7 +120,7 @@ def _frames_of(options: argparse.Namespace, plan: Any) -> tuple[Any, tuple[str, 
     from padgen.driver.drive_folder import levels_of
 
     note = "taxels are played in the plan's order, coil by coil; what was felt instead goes to --wiring as played,felt"
-    notes = (note,) if options.pattern == "each" else ()
+    notes = (note,) * (options.pattern == "each")
     return levels_of(plan, options.state, text=options.text, pattern=options.pattern), notes
 
 
@@ -138,11 +131,9 @@ def _shows(options: argparse.Namespace) -> bool:
 
 def tuning_of(path: str | None, plan: Any) -> Any:
     """Return the tuning in a file, or None without a path."""
-    if path is None:
-        return None
     from padgen.measured.tuning import read_tuning
 
-    return read_tuning(Path(path), plan)
+    return None if path is None else read_tuning(Path(path), plan)
 
 
 def _drive(options: argparse.Namespace) -> int:
@@ -169,17 +160,16 @@ def _drive(options: argparse.Namespace) -> int:
         plan = plan_of(options, progress)
         frames, notes = _frames_of(options, plan)
         formats = None if options.formats is None else parse_formats(options.formats)
-        tuning, held = tuning_of(options.tuning, plan), options.state is not None
         shown = Drive(
             plan,
             frames,
             options.seconds,
-            held,
+            options.state is not None,
             options.loop,
             options.rate,
             options.signal,
             options.carrier,
-            tuning,
+            tuning_of(options.tuning, plan),
             progress,
         )
         folder = folder_of(options, plan.name)
@@ -223,8 +213,12 @@ def _excite(options: argparse.Namespace) -> int:
     from padgen.report.results import excitation_text
 
     names = ("kind", "rate_hz", "band_hz", "sweep_s", "together", "level_share", "copper_loss_w")
-    files = {"folder": str(folder), "files": ["excitation.wav", "excitation.json"]}
-    table = {**files, **{name: getattr(played, name) for name in names}, "findings": findings}
+    table = {
+        "folder": str(folder),
+        "files": ["excitation.wav", "excitation.json"],
+        **{name: getattr(played, name) for name in names},
+        "findings": findings,
+    }
     answer(options, table, excitation_text(played, folder, findings))
     return code_of(findings)
 
@@ -275,23 +269,25 @@ def _serial(options: argparse.Namespace) -> int:
         plan = plan_of(options, progress)
         frames, notes = _frames_of(options, plan)
         repeated = np.concatenate([frames] * options.repeat)
-        tuning = tuning_of(options.tuning, plan)
         played = play_frames(
             options.port,
             plan,
             repeated,
             options.seconds,
-            tuning=tuning,
+            tuning=tuning_of(options.tuning, plan),
             baud=options.baud,
             told=lambda shown: progress(f"frame {shown} of {len(repeated)}"),
         )
-    figures = {"frames": played.frames, "resent": played.resent, "seconds": played.seconds, "given": played.given}
-    lost = f"; {played.resent} messages were lost on the line and sent again" if played.resent else ""
-    warm = f"; coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
-    lost += warm if played.given < 1 else ""
-    frames_shown = "1 frame" if played.frames == 1 else f"{played.frames} frames"
-    told = f"showed {frames_shown} in {played.seconds:.1f} s on {plain(options.port)}{lost}"
-    answer(options, {"port": options.port, **figures, "notes": list(notes)}, told, *notes)
+    count = "1 frame" if played.frames == 1 else f"{played.frames} frames"
+    told = (
+        f"showed {count} in {played.seconds:.1f} s on {plain(options.port)}",
+        f"{played.resent} messages were lost on the line and sent again" if played.resent else "",
+        f"coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
+        if played.given < 1
+        else "",
+    )
+    figures = {name: getattr(played, name) for name in ("frames", "resent", "seconds", "given")}
+    answer(options, {"port": options.port, **figures, "notes": notes}, "; ".join(filter(None, told)), *notes)
     return DONE
 
 

@@ -5,8 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import DONE
-from padgen.core.errors import SpecError
+from padgen.cli.common import DONE, refuse
 
 __all__ = ["add"]
 
@@ -32,8 +31,7 @@ def add(commands: Any) -> None:
 
 
 def _explore(options: argparse.Namespace) -> int:
-    if not 0 <= options.port <= 65_535:
-        raise SpecError(f"must be 0 … 65535, got {options.port}", "--port")
+    refuse((not 0 <= options.port <= 65_535, "--port", f"must be 0 … 65535, got {options.port}"))
     from padgen.report.live import serve
 
     def ready(address: str) -> None:

@@ -2,10 +2,9 @@
 
 import argparse
 import json
-from dataclasses import asdict
 from typing import Any
 
-from padgen.cli.common import add_shared, add_spec, asked_of, code_of, folder_of, progress_line, refuse, show
+from padgen.cli.common import add_shared, add_spec, code_of, folder_of, plan_of, progress_line, refuse, show
 from padgen.core.errors import plain
 
 __all__ = ["add"]
@@ -48,7 +47,6 @@ def add(commands: Any) -> None:
 
 def _plan(options: argparse.Namespace) -> int:
     from padgen.core.files import YIELD_FILE, OutputFolder, json_text
-    from padgen.make.planning import plan_for
     from padgen.planner import plan_to_json
 
     refuse(
@@ -61,7 +59,7 @@ def _plan(options: argparse.Namespace) -> int:
     )
     explanation = printed = None
     with progress_line() as progress:
-        plan = plan_for(*asked_of(options, recorded=False), progress)
+        plan = plan_of(options, progress, recorded=False)
         if options.explain:
             from padgen.planner.explain import explain_plan
 
@@ -71,37 +69,33 @@ def _plan(options: argparse.Namespace) -> int:
 
             progress(f"printing {options.pads} pads")
             printed = print_yield(plan, options.pads, options.seed)
-    text = plan_to_json(plan)
+    record = plan_to_json(plan)
     folder = folder_of(options, plan.name)
     with OutputFolder(folder) as out:
-        out.write("plan.json", text)
+        out.write("plan.json", record)
         if printed:
-            out.write(YIELD_FILE, json_text(asdict(printed)))
+            out.write(YIELD_FILE, json_text(printed))
         if options.plot:
             from padgen.core.display import plot_bytes
 
             out.write(PLOT_FILE, plot_bytes(plan.plot(), "svg"))
         stale = out.commit()
     if options.json:
-        parts = {"explain": explanation, "yield": printed}
-        present = {key: asdict(part) for key, part in parts.items() if part}
-        print(json_text({**json.loads(text), **present}) if present else text, end="")
+        more = {key: part for key, part in (("explain", explanation), ("yield", printed)) if part}
+        print(json_text(json.loads(record) | more), end="")
     else:
-        _print_plan(plan, explanation, printed, options.verbose)
-        show(f"\nwritten: {plain(str(folder / 'plan.json'))}{''.join(f'  {name}' for name in out.names[1:])}")
-        if stale:
-            show(f"the other files in {plain(str(folder))} are of an earlier plan; padgen build makes them anew")
+        from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
+
+        place, others = plain(str(folder)), "".join(f"  {name}" for name in out.names[1:])
+        for text in (
+            summary_text(plan),
+            plan_text(plan) if options.verbose else None,
+            serious_text(plan.findings, options.verbose),
+            f"\n{explanation_text(explanation)}" if explanation else None,
+            f"\n{yield_text(printed)}" if printed else None,
+            f"\nwritten: {plain(str(folder / 'plan.json'))}{others}",
+            f"the other files in {place} are of an earlier plan; padgen build makes them anew" if stale else None,
+        ):
+            if text is not None:
+                show(text)
     return code_of(plan.findings)
-
-
-def _print_plan(plan: Any, explanation: Any, printed: Any, verbose: bool) -> None:
-    from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
-
-    show(summary_text(plan))
-    if verbose:
-        show(plan_text(plan))
-    show(serious_text(plan.findings, verbose))
-    if explanation:
-        show(f"\n{explanation_text(explanation)}")
-    if printed:
-        show(f"\n{yield_text(printed)}")

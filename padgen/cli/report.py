@@ -3,14 +3,10 @@
 import argparse
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from padgen.cli.common import add_model, add_output, asked_of, code_of, folder_of, print_json, progress_line, show
+from padgen.cli.common import add_model, add_output, answer, code_of, folder_of, plan_of, progress_line
 from padgen.core.errors import LONGEST, PadgenError, SpecError, plain
-
-if TYPE_CHECKING:
-    from padgen.make.pad import Pad
-    from padgen.planner.plan import Plan
 
 __all__ = ["add"]
 
@@ -31,7 +27,6 @@ def add(commands: Any) -> None:
 
 def _report(options: argparse.Namespace) -> int:
     from padgen.core.files import OutputFolder
-    from padgen.make.planning import plan_for
     from padgen.planner import plan_to_json
 
     given = Path(options.spec)
@@ -39,9 +34,10 @@ def _report(options: argparse.Namespace) -> int:
         if given.is_dir():
             plan, source = _recorded(given), given
         else:
-            plan = plan_for(*asked_of(options), progress)
+            plan = plan_of(options, progress)
             source = folder_of(options, plan.name)
         from padgen.report.page import REPORT_FILE, Page, study_of
+        from padgen.report.plans import verdict_line
 
         pad = _built(plan, source)
         progress("drawing the page")
@@ -52,18 +48,15 @@ def _report(options: argparse.Namespace) -> int:
             out.write(REPORT_FILE, page)
             out.commit()
     findings = (*plan.findings, *(pad.check().findings if pad else ()))
-    if options.json:
-        print_json({"file": str(folder / REPORT_FILE), "built": pad is not None, "bytes": len(page.encode())})
-    else:
-        from padgen.report.plans import verdict_line
-
-        show(plain(verdict_line(plan), LONGEST))
-        shown = "the built pad" if pad else "the pad as planned; padgen build --report shows it as built"
-        show(f"written: {plain(str(folder / REPORT_FILE))}, {len(page.encode()) / 1e6:.2f} MB, with {shown}")
+    file, count = str(folder / REPORT_FILE), len(page.encode())
+    shown = "the built pad" if pad else "the pad as planned; padgen build --report shows it as built"
+    written = f"written: {plain(file)}, {count / 1e6:.2f} MB, with {shown}"
+    table = {"file": file, "built": pad is not None, "bytes": count}
+    answer(options, table, plain(verdict_line(plan), LONGEST), written)
     return code_of(findings)
 
 
-def _recorded(folder: Path) -> "Plan":
+def _recorded(folder: Path) -> Any:
     """Return the plan in a folder: planned anew where that gives the same plan, since a file holds ten digits."""
     from padgen.core.files import differs
     from padgen.make.planning import plan_for
@@ -79,14 +72,12 @@ def _recorded(folder: Path) -> "Plan":
     return plan
 
 
-def _built(plan: "Plan", folder: Path) -> "Pad | None":
+def _built(plan: Any, folder: Path) -> Any:
     """Return the pad if `folder` has an unchanged build of this very plan, else None."""
     from padgen.core.files import built_files, differs, is_unchanged
     from padgen.make.pad import Pad
     from padgen.planner import plan_to_json
 
-    if "checks.json" not in built_files(folder) or not is_unchanged(folder, "plan.json"):
-        return None
-    if not is_unchanged(folder, "checks.json") or differs(folder, "plan.json", plan_to_json(plan)):
-        return None
-    return Pad(plan.spec, given=plan)
+    names = ("plan.json", "checks.json")
+    is_whole = names[1] in built_files(folder) and all(is_unchanged(folder, name) for name in names)
+    return Pad(plan.spec, given=plan) if is_whole and not differs(folder, names[0], plan_to_json(plan)) else None

@@ -11,15 +11,15 @@ from padgen.cli.common import (
     add_shared,
     add_spec,
     answer,
-    asked_of,
     code_of,
     folder_of,
+    plan_of,
     progress_line,
     refuse,
     show,
 )
-from padgen.cli.drive import plan_of, tuning_of
-from padgen.core.errors import EngineMissingError, FileError, SolverError, plain
+from padgen.cli.drive import tuning_of
+from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, plain
 
 __all__ = ["add_bench", "add_calibrate", "add_retune"]
 
@@ -161,13 +161,13 @@ def _bench(options: argparse.Namespace) -> int:
         plan = plan_of(options, progress)
     folder, tuning = folder_of(options, plan.name), tuning_of(options.tuning, plan)
     session = bench(plan, folder, options.device, options.record, options.rate, options.port, options.baud, tuning)
-    if session.sink:
-        told = (
+    if session.sink and session.by_hand and not _asks():
+        raise SpecError(
             f"{session.sink.name} has {session.sink.channels} output channels for"
             f" {plan.coils.rows * plan.coils.columns} coils; run this in a terminal, which asks to connect one coil"
-            " after the other to output 1"
+            " after the other to output 1",
+            "--device",
         )
-        refuse((session.by_hand and not _asks(), "--device", told))
     names = session.names(options.coils)
     left = [name for name in names if not session.is_kept(name)]
     if len(left) < len(names):
@@ -198,8 +198,8 @@ def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
         except SolverError as error:
             if isinstance(error, EngineMissingError):
                 raise
-            last = attempt + 1 == options.tries
-            _say(options, f"{name}: {error.message}; {'it is left out' if last else 'once more'}")
+            again = "once more" if attempt + 1 < options.tries else "it is left out"
+            _say(options, f"{name}: {error.message}; {again}")
             continue
         for fit in fits:
             _say(
@@ -266,12 +266,10 @@ def _calibrate(options: argparse.Namespace) -> int:
     refuse((path.suffix != ".toml", "--output", f"must be a file of the kind my-printer.toml, got {options.output!r}"))
     from padgen.api import calibrate
     from padgen.core.files import OutputFolder
-    from padgen.make.planning import plan_for
     from padgen.measured.printer_fit import printer_toml
 
-    spec, tolerance = asked_of(options, recorded=False)
     with progress_line() as progress:
-        plan = plan_for(spec, tolerance, progress)
+        plan = plan_of(options, progress, recorded=False)
         progress("fitting")
         found = calibrate(plan, options.measured)
     with OutputFolder(path.parent) as out:

@@ -83,7 +83,7 @@ def _cache(options: argparse.Namespace) -> int:
     held = cache.clear() if dropped else cache.info()
     from dataclasses import asdict
 
-    from padgen.report.sweeps import cache_text
+    from padgen.report.results import cache_text
 
     kinds = {kind: {"entries": entries, "bytes": size} for kind, (entries, size) in held.kinds.items()}
     answer(options, {**asdict(held), "kinds": kinds, "cleared": dropped}, cache_text(held, dropped))

@@ -75,8 +75,7 @@ def _study(options: argparse.Namespace) -> int:
     if options.json:
         print((folder / files[1]).read_text(encoding="utf-8"), end="")
     else:
-        show(text(study))
-        show(f"\nwritten to {plain(str(folder))}: {'  '.join(files)}")
+        show(f"{text(study)}\n\nwritten to {plain(str(folder))}: {'  '.join(files)}")
     if study.missing:
         # Printed after the summary, since finished results are kept.
         print(f"padgen: stopped: {len(study.missing)} were not run; the files say which", file=sys.stderr)
@@ -145,14 +144,16 @@ def _sweep(options: argparse.Namespace) -> int:
     use_cache(options)
     from padgen.batch.definition import load_sweep
     from padgen.batch.index import write_pareto
-    from padgen.batch.sweep import run_sweep
+    from padgen.batch.sweep import connect, run_sweep
     from padgen.core.runner import uninterrupted
-    from padgen.report.sweeps import sweep_table, sweep_text
+    from padgen.report.results import sweep_table, sweep_text
 
     _end_as_by_ctrl_c()
     sweep = load_sweep(options.sweep)
     folder = folder_of(options, sweep.settings.name)
-    with _executor(options.scheduler) as executor, _event_printer(options, sweep) as tell:
+    # Without a Dask cluster, this machine's processes work.
+    cluster = nullcontext() if options.scheduler is None else connect(options.scheduler)
+    with cluster as executor, _event_printer(options, sweep) as tell:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
     with uninterrupted() if result.interrupted else nullcontext():
         files, note = write_pareto(folder, sweep.settings.name, result.overview)
@@ -164,19 +165,10 @@ def _sweep(options: argparse.Namespace) -> int:
             answer(options, None, sweep_text(*told), f"note: {note}" if note else "", again)
     if result.stopped:
         # Printed after the summary, since finished variants are kept.
-        again = "the same command" if options.resume else "the same command without --no-resume"
-        print(f"padgen: {plain(result.stopped)}; {again} goes on where it stopped", file=sys.stderr)
+        without = "" if options.resume else " without --no-resume"
+        print(f"padgen: {plain(result.stopped)}; the same command{without} goes on where it stopped", file=sys.stderr)
         return BAD_INPUT
     return CHECK_FAILED if result.failed else DONE
-
-
-def _executor(address: str | None) -> Any:
-    """Return the executor of the Dask cluster at `address`, or None without one: this machine's processes then work."""
-    if address is None:
-        return nullcontext()
-    from padgen.batch.sweep import connect
-
-    return connect(address)
 
 
 @contextmanager
@@ -194,7 +186,7 @@ def _event_printer(options: argparse.Namespace, sweep: Any) -> Iterator[Callable
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
     from padgen.core.display import seconds_text
-    from padgen.report.sweeps import counts_text
+    from padgen.report.results import counts_text
 
     columns = (BarColumn(), MofNCompleteColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True, highlight=False), transient=True) as bar:

@@ -205,22 +205,23 @@ class Pad:
             work = [(PAD_FORMATS.get(name), job) for name in formats for job in jobs]
             written = [writer.submit(maker.write, out, job) for maker, job in work]
             report = self.check()
-            figures, findings = report.figures, [*plan.findings, *report.findings]
             plastic_g = {name: own.figures["plastic_g"] for name, own in reports.items()}
-            if reports:
-                figures = {**figures, "parts": {name: own.figures for name, own in reports.items()}}
+            of_parts = {"parts": {name: own.figures for name, own in reports.items()}} if reports else {}
+            figures, findings = report.figures | of_parts, [*plan.findings, *report.findings]
             for name, own in reports.items():
                 findings += [replace(each, where=f"{name}: {each.where}") for each in own.findings]
-            out.write("plan.json", plan_to_json(plan))
-            out.write("drive.csv", drive_csv(plan))
-            out.write("drive.json", drive_json(plan))
-            out.write("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g))
-            out.write("checks.json", json_text({"figures": figures, "findings": findings}))
-            if profile := profile_text(plan):
-                out.write(PROFILE_FILE, profile)
-            out.write(OTHER_SLICERS_FILE, other_slicers_text(plan))
-            if page:
-                out.write("report.html", self.report().html)
+            for name, text in (
+                ("plan.json", plan_to_json(plan)),
+                ("drive.csv", drive_csv(plan)),
+                ("drive.json", drive_json(plan)),
+                ("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g)),
+                ("checks.json", json_text({"figures": figures, "findings": findings})),
+                (PROFILE_FILE, profile_text(plan)),
+                (OTHER_SLICERS_FILE, other_slicers_text(plan)),
+                ("report.html", self.report().html if page else ""),
+            ):
+                if text:
+                    out.write(name, text)
             # Formats that the thread has not begun are written here, from the end.
             for each, (maker, job) in reversed(list(zip(written, work, strict=True))):
                 if each.cancel():
@@ -235,9 +236,8 @@ def _inputs(
     spec: Spec, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...], report: bool
 ) -> dict[str, Any]:
     """Return all inputs on which the bytes of a build depend."""
-    text = json.dumps(asdict(spec), sort_keys=True)
     return {
-        "spec": file_hash(text.encode()),
+        "spec": file_hash(json.dumps(asdict(spec), sort_keys=True).encode()),
         "formats": list(formats),
         "instances": instances,
         "parts": list(parts),

@@ -74,9 +74,8 @@ def parse_tolerance(text: str) -> float:
         It is no number, or not above 0 and at most 1.
     """
     plain = text.strip()
-    share = plain.endswith("%")
     try:
-        value = float(plain.removesuffix("%")) / (100 if share else 1)
+        value = float(plain.removesuffix("%")) / (100 if plain.endswith("%") else 1)
     except ValueError:
         raise SpecError(f"must be a relative error such as 1% or 0.01, got {text!r}", "--tolerance") from None
     if not 0 < value <= 1:

@@ -178,8 +178,7 @@ class TaxelSolver:
                 missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in known}
                 if missing:
                     self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
-                    found = self._computed(plan, list(missing.values()))
-                    known |= dict(zip(missing, found, strict=True))
+                    known |= dict(zip(missing, self._computed(plan, list(missing.values())), strict=True))
                 for key in missing:
                     cache.store(KIND, key, _to_plain(known[key]))
         return [known[key] for key in keys]
@@ -216,8 +215,7 @@ class TaxelSolver:
             for channel, setting in tasks:
                 path = Path(folder) / f"taxel-{channel.index}.step"
                 write_taxel_step(plan, channel, path)
-                taxel = solid_taxel(plan, channel, path)
-                jobs.append(self._runner.submit(solve_step, taxel, self.tolerance, setting))
+                jobs.append(self._runner.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, setting))
             return [_modes_of(job.result(), channel) for job, (channel, _) in zip(jobs, tasks, strict=True)]
 
 
@@ -231,9 +229,9 @@ def _modes_of(answer: "Answer", channel: Channel) -> Solved:
     """
     error = answer.error
     if isinstance(error, SolverError) and not isinstance(error, EngineMissingError):
-        lost = answer.kind == "failed"
-        hint = 'the finite elements have no answer: {}; model = "beam" plans without them'
-        raise SolverError(hint.format(error.message) if lost else error.message, f"channel {channel.index}") from error
+        lost = f'the finite elements have no answer: {error.message}; model = "beam" plans without them'
+        told = lost if answer.kind == "failed" else error.message
+        raise SolverError(told, f"channel {channel.index}") from error
     if error:
         raise error
     found: Solved = answer.value
@@ -293,8 +291,6 @@ def _from_plain(entry: Any) -> Solved | None:
     except (KeyError, OverflowError, TypeError, ValueError):
         return None
     shapes = (frequency.shape, motion.shape, rest.shape)
-    if shapes != ((MODES,), (MODES, 6), (6, 6)) or not frequency.min() > 0:
-        return None
-    if not all(np.isfinite(v).all() for v in (frequency, motion, rest, error)):
-        return None
-    return Solved(TaxelModes(frequency, motion, rest), error, setting)
+    is_sound = shapes == ((MODES,), (MODES, 6), (6, 6)) and frequency.min() > 0
+    is_sound = is_sound and all(np.isfinite(v).all() for v in (frequency, motion, rest, error))
+    return Solved(TaxelModes(frequency, motion, rest), error, setting) if is_sound else None

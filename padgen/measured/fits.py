@@ -27,12 +27,11 @@ TABLE_RESPONSE_SHARE = 0.1
 SLOWEST = 5.0
 """Largest planned resonance over the sampling rate. A print's resonance, at least a tenth of it, is then still seen."""
 SHARED_PEAK = 0.05
-"""Least peak of a taxel in a record of its whole coil, over the largest."""
+"""Least height of a peak in a record of a whole coil, over the largest one's, that counts as a taxel's."""
 CLEAR = 4.0
-"""Least difference of two ways to name the peaks in such a record, in variances of the print's spread."""
+"""Least difference in squared sigmas of the two best ways to give such peaks to taxels; below it, none is taken."""
 ALONE_SPREAD = 0.05
-"""Relative one sigma of a resonance from what the print's others have in common."""
-KILO_HZ = 1e-3
+"""Relative one sigma of a resonance, once the factor by which all of a print are off the plan is taken out."""
 MOST_NAMED = 5
 
 
@@ -123,29 +122,36 @@ def fitted(
                 fits[taxel] = _from_fit(taxel, fit, part)
                 curves.append(Curve(taxel, fit.seen, ""))
         except SolverError as error:
+            assert not isinstance(part, Row)  # a table states its resonances
             refused.append((part, error.message))  # the error itself would keep the fit's arrays alive
-            curves.append(Curve(part.id, _seen(part), error.message))
+            if isinstance(part, Spectrum):
+                seen = Seen(part.frequency_hz, part.response, None)
+            else:
+                seen = looked_at(part.rate_hz, part.displacement, part.squared_current_a2)
+            curves.append(Curve(part.id, seen, error.message))
     ordered = tuple(fits[taxel.id] for taxel in plan.taxels if taxel.id in fits)
-    return ordered, tuple(curves), _refusal(refused) if refused else None
-
-
-def _refusal(refused: list[tuple[Row | Spectrum | Record, str]]) -> FileError:
-    part, cause = refused[0]
-    more = [other.id for other, _ in refused[1:]]
-    named = ", ".join(more[:MOST_NAMED]) + (" …" if len(more) > MOST_NAMED else "")
-    rest = f" ({len(more)} more cannot be fitted: {named})" if more else ""
-    return FileError(cause + rest, part.where)
+    if not refused:
+        return ordered, tuple(curves), None
+    (part, cause), *others = refused
+    named = ", ".join(other.id for other, _ in others[:MOST_NAMED]) + " …" * (len(others) > MOST_NAMED)
+    rest = f" ({len(others)} more cannot be fitted: {named})" if others else ""
+    return ordered, tuple(curves), FileError(cause + rest, part.where)
 
 
 def _fit(part: Spectrum | Record, channel: Channel, near_hz: float | None) -> ResonanceFit:
     if isinstance(part, Spectrum):
         return fit_spectrum(part.frequency_hz, part.response, near_hz, part.power)
-    _refuse_rate(part, channel)
     square, moved, exact = part.squared_current_a2, part.displacement, bool(part.shared)
+    # Too short, or sampled too slowly, to show the resonance of any print of the plan.
+    planned, seconds = channel.resonance_hz, len(moved) / part.rate_hz
+    if seconds * planned < 1 or part.rate_hz < planned / SLOWEST:
+        raise SolverError(
+            f"lasts {number(seconds)} s at {number(part.rate_hz)} samples a second, in which {number(planned)} Hz, as"
+            " planned, cannot be seen: is the sampling rate right?"
+        )
     if square is None:
         return fit_decay(part.rate_hz, moved, near_hz, exact, part.clipped)
-    ring_s = channel.ring_up_ms * MS
-    return fit_driven(part.rate_hz, square, moved, near_hz, part.power, ring_s, part.clipped, exact)
+    return fit_driven(part.rate_hz, square, moved, near_hz, part.power, channel.ring_up_ms * MS, part.clipped, exact)
 
 
 def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tuple[str, float | None]]:
@@ -183,33 +189,22 @@ def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tup
     return ways[0][1]
 
 
-def _seen(part: Row | Spectrum | Record) -> Seen:
-    """Return what can be drawn of data that could not be fitted."""
-    if isinstance(part, Spectrum):
-        return Seen(part.frequency_hz, part.response, None)
-    assert isinstance(part, Record)
-    return looked_at(part.rate_hz, part.displacement, part.squared_current_a2)
-
-
-def _refuse_rate(part: Record, channel: Channel) -> None:
-    """Refuse a record that is too short, or sampled too slowly, to show the resonance of any print of the plan."""
-    planned, seconds = channel.resonance_hz, len(part.displacement) / part.rate_hz
-    if seconds * planned < 1 or part.rate_hz < planned / SLOWEST:
-        raise SolverError(
-            f"lasts {number(seconds)} s at {number(part.rate_hz)} samples a second, in which {number(planned)} Hz, as"
-            " planned, cannot be seen: is the sampling rate right?"
-        )
-
-
 def _from_row(row: Row, channel: Channel) -> TaxelFit:
-    q = channel.q if row.q is None else row.q
-    q_error = q * (PLANNED_Q_SHARE if row.q is None else TABLE_Q_SHARE)
-    error = row.resonance_error_hz
-    error = TABLE_HZ_SHARE * row.resonance_hz / q if error is None else error
-    response = row.response_um_per_a2
-    response_error = None if response is None else TABLE_RESPONSE_SHARE * response
-    measured = row.q is not None
-    return TaxelFit(row.id, row.resonance_hz, error, q, q_error, response, response_error, measured, True, None, ())
+    error, response = row.resonance_error_hz, row.response_um_per_a2
+    q, q_share = (channel.q, PLANNED_Q_SHARE) if row.q is None else (row.q, TABLE_Q_SHARE)
+    return TaxelFit(
+        row.id,
+        row.resonance_hz,
+        TABLE_HZ_SHARE * row.resonance_hz / q if error is None else error,
+        q,
+        q * q_share,
+        response,
+        None if response is None else TABLE_RESPONSE_SHARE * response,
+        q_measured=row.q is not None,
+        agree=True,
+        snr_db=None,
+        methods=(),
+    )
 
 
 def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | Record) -> TaxelFit:
@@ -236,7 +231,7 @@ def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | Record) -> TaxelFi
 
 def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
     """Refuse frequencies that are nearly all a thousand times, a thousandth or half of the plan's."""
-    roughs = [_rough_hz(part, channels[part.id]) for part in measured.taxels]
+    roughs = [_rough_hz(part) for part in measured.taxels]
     ratios = np.array(
         [rough / channels[part.id].resonance_hz for rough, part in zip(roughs, measured.taxels, strict=True) if rough]
     )
@@ -246,13 +241,13 @@ def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
     spread = float(np.median([channels[part.id].print_spread for part in measured.taxels]))
     part = measured.taxels[0]
     rough, planned = roughs[0], channels[part.id].resonance_hz
-    shown = f"the largest response of {part.id} is at {number(rough)} Hz, planned is {number(planned)} Hz"
-    if isinstance(part, Row):
-        shown = f"{part.id} is at {number(rough)} Hz, planned is {number(planned)} Hz"
-    for factor, wrong in ((KILO_HZ, _KILO[_axis(part)]), (1 / KILO_HZ, _MILLI[_axis(part)])):
+    peak = part.id if isinstance(part, Row) else f"the largest response of {part.id}"
+    shown = f"{peak} is at {number(rough)} Hz, planned is {number(planned)} Hz"
+    is_time = isinstance(part, Record)
+    for factor, *wrong in WRONG_UNITS:
         if abs(log(ratio / factor)) < log(3):
-            raise FileError(f"{shown}: {wrong}", measured.where)
-    if _axis(part) != "time" and abs(log(2 * ratio)) < 0.2 and log(1 / ratio) > 2 * spread:
+            raise FileError(f"{shown}: {wrong[is_time]}", measured.where)
+    if not is_time and abs(log(2 * ratio)) < 0.2 and log(1 / ratio) > 2 * spread:
         raise FileError(
             f"{shown}, half of it as for nearly all taxels: these look like frequencies of the current, half"
             " of those of the motion; say '# frequency: drive' in the first line, or '# frequency: motion' if they are"
@@ -261,28 +256,29 @@ def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
         )
 
 
-_KILO = {
-    "frequency": "the frequencies look like kHz; multiply them by 1000",
-    "time": "the times look like ms, or the sampling rate is wrong by 1000; they must be in s",
-}
-_MILLI = {
-    "frequency": "the frequencies look like mHz; divide them by 1000",
-    "time": "the times look 1000 times too small, or the sampling rate too large; they must be in s",
-}
+WRONG_UNITS = (
+    (
+        1e-3,
+        "the frequencies look like kHz; multiply them by 1000",
+        "the times look like ms, or the sampling rate is wrong by 1000; they must be in s",
+    ),
+    (
+        1e3,
+        "the frequencies look like mHz; divide them by 1000",
+        "the times look 1000 times too small, or the sampling rate too large; they must be in s",
+    ),
+)
+"""Ratios of measured to planned resonances that tell of a wrong unit, with the words for frequencies and for times."""
 
 
-def _axis(part: Row | Spectrum | Record) -> str:
-    return "time" if isinstance(part, Record) else "frequency"
-
-
-def _rough_hz(part: Row | Spectrum | Record, channel: Channel) -> float:
+def _rough_hz(part: Row | Spectrum | Record) -> float:
     """Return the frequency in Hz of the largest response, 0 where there is none."""
     if isinstance(part, Row):
         return part.resonance_hz
     if isinstance(part, Spectrum):
         return float(part.frequency_hz[int((np.abs(part.response) * part.frequency_hz).argmax())])
-    square = None if np.ptp(part.displacement) == 0 else part.squared_current_a2
-    return rough_hz(part.rate_hz, part.displacement, square)
+    is_still = np.ptp(part.displacement) == 0
+    return rough_hz(part.rate_hz, part.displacement, None if is_still else part.squared_current_a2)
 
 
 MOST_PANELS, COLUMNS = 12, 3

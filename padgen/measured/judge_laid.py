@@ -110,8 +110,7 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
     first, *others = laid.all_steps_mm.round(4).tolist()
     usual = max(others, key=others.count, default=first)
     # As far as comments do not state them, as laid.
-    laid_as = {"layer_height": f"{number(usual)} mm", "first_layer_height": f"{number(first)} mm"}
-    has = laid_as | stated
+    has = {"layer_height": f"{number(usual)} mm", "first_layer_height": f"{number(first)} mm"} | stated
     wrong = _wrong(plan.printing, has)
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
@@ -156,8 +155,7 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
     widths = area / steps[:, None, None]
     width = widths[:, :, between].mean(2)
     is_laid = width > LAID_SHARE * beam.width_mm
-    whole = area.sum(0)
-    broken = whole < LAID_SHARE * beam.width_mm * steps[0]
+    broken = area.sum(0) < LAID_SHARE * beam.width_mm * steps[0]
     thin = (widths < LAID_SHARE * beam.width_mm) & is_laid[:, :, None]
     middle = (np.cumsum(steps) - steps / 2)[:, None, None]
     area = area[:, :, between] + 1e-12
@@ -172,8 +170,10 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
 def _plate_mm3(plan: Plan, channel: Channel) -> float:
     """Return the planned volume of plate and boss, less the recess, in mm³."""
     plate = plan.plate
-    blocks = plan.arrangement(channel).blocks
-    volume = sum(float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm) for b in blocks)
+    volume = sum(
+        float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm)
+        for b in plan.arrangement(channel).blocks
+    )
     wide, edge = plate.boss_diameter_mm, plate.boss_edge_mm
     boss = wide**2 * (plate.boss_top_mm - plate.thickness_mm) - edge**2 * (2 * wide - 4 * edge / 3)
     return volume + pi / 4 * (
@@ -277,9 +277,9 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
     for (planned, layers, thick, count), names in sorted(off.items()):
         told = (
             f"are laid {number(thick)} mm thick in {count} layer{'s' * (count > 1)}, planned are {number(planned)} mm"
+            f" in {layers}"
         )
-        causes = "layer_height", "first_layer_height"
-        yield from _told("error", "laid.layers", names, of, f"{told} in {layers}", wrong, *causes)
+        yield from _told("error", "laid.layers", names, of, told, wrong, "layer_height", "first_layer_height")
     for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
         misses = [((b.width_mm[part, i] - beam.width_mm)[b.is_laid[part, i]], name) for beam, name, b, i in whole]
         for sign, word in ((-1, "narrower"), (1, "wider")):
@@ -287,8 +287,8 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
             most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
             foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
             told = f"in the {what} are laid {most} mm {word} than planned"
-            causes = *foot, "xy_size_compensation", "wall_generator", "nozzle"
-            yield from _told("warning", "laid.width", names, of, told, wrong, *causes)
+            sides = "xy_size_compensation", "wall_generator", "nozzle"
+            yield from _told("warning", "laid.width", names, of, told, wrong, *foot, *sides)
 
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:
@@ -296,13 +296,13 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     ids, washer, plate = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate
     of, depth, closed = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm < CLOSED_MM
     narrow = ~closed & (laid.gap_mm < NARROW_SHARE * plate.gap_mm)
+    beside = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
     for which, level, word in ((closed, "error", "closed"), (narrow, "warning", "narrow")):
         told = (
             f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads,"
             f" planned are {number(plate.gap_mm)} mm"
         )
-        causes = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
-        yield from _told(level, "laid.gap", ids[which], of, told, wrong, *causes)
+        yield from _told(level, "laid.gap", ids[which], of, told, wrong, *beside)
     hangs, deep = laid.recess_mm < depth - DEPTH_MM, laid.recess_mm > depth + DEPTH_MM
     told = (
         f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"

@@ -9,8 +9,7 @@ Every extrusion is cut into short pieces. Each piece is looked up in a map of it
 which tells its body, its place along a beam, and the nearest station of a gap with its distance. The work grows with
 the length of the extrusions.
 
-A map is a fine grid over its sub-cell in its own axes; `PadMaps` looks up points
-of all taxels at once.
+A map is a fine grid over its sub-cell in its own axes; `PadMaps` looks up points of all taxels at once.
 """
 
 import re
@@ -127,23 +126,18 @@ def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
     FileError
         A move cannot be read, or a layer has more extrusions than any pad.
     """
-    filament_mm2, rows = pi / 4 * filament_mm**2, array("d")
-    for row in _extrusions(path):
-        if rows and abs(rows[4] - row[4]) > SAME_Z_MM:
-            yield _layer(rows, filament_mm2)
-            rows = array("d")
-        rows.extend(row)
-        if len(rows) > MOST_MOVES * len(row):
+    numbers = array("d")
+    for move in chain(_extrusions(path), [()]):  # after the last move, its layer ends
+        if numbers and (not move or abs(numbers[4] - move[4]) > SAME_Z_MM):
+            rows = np.frombuffer(numbers).reshape(-1, 7)
+            length = np.hypot(*(rows[:, 2:4] - rows[:, :2]).T)
+            rows, length = rows[length > 0], length[length > 0]
+            area_mm2 = rows[:, 5] * (pi / 4 * filament_mm**2) / length
+            yield Layer(float(numbers[4]), rows[:, :2], rows[:, 2:4], area_mm2, rows[:, 6])
+            numbers = array("d")
+        numbers.extend(move)
+        if len(numbers) > MOST_MOVES * 7:
             raise FileError(f"has more than {MOST_MOVES} extrusions at one height; no pad has", str(path))
-    if rows:
-        yield _layer(rows, filament_mm2)
-
-
-def _layer(numbers: array, filament_mm2: float) -> Layer:
-    rows = np.frombuffer(numbers).reshape(-1, 7)
-    length = np.hypot(*(rows[:, 2:4] - rows[:, :2]).T)
-    rows, length = rows[length > 0], length[length > 0]
-    return Layer(float(numbers[4]), rows[:, :2], rows[:, 2:4], rows[:, 5] * filament_mm2 / length, rows[:, 6])
 
 
 def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
@@ -187,8 +181,9 @@ def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
                     for start, stop in pairwise(chords):
                         yield *start, *stop, at["Z"], fed / (len(chords) - 1), height
                 else:
-                    told = f"line {count} is an arc by its radius; must be one by its middle (I, J), or lines"
-                    raise FileError(told, str(path))
+                    raise FileError(
+                        f"line {count} is an arc by its radius; must be one by its middle (I, J), or lines", str(path)
+                    )
 
 
 def _words(line: bytes, count: int, path: Path) -> dict[str, float]:
@@ -250,12 +245,10 @@ class TaxelMap:
         x, y = x[:, None], y[None, :]
         length, width = (float(v) for v in arrangement.window_mm)
         frame = (x < 0) | (x > length) | (np.abs(y) > width / 2)
-        plate = np.zeros(self.shape, bool)
-        for block in arrangement.blocks:
-            x0, x1, y0, y1 = (float(v) for v in block[:4])
-            plate |= (x > x0) & (x < x1) & (y > y0) & (y < y1)
+        corners = np.array([block[:4] for block in arrangement.blocks], float)
+        inside = [(x > x0) & (x < x1) & (y > y0) & (y < y1) for x0, x1, y0, y1 in corners]
+        plate = np.logical_or.reduce(inside)
         bodies, along = [frame, plate & ~frame], []
-        self.node = np.full(self.shape, -1.0, np.float32)
         self.beams: list[slice] = []
         weights: list[float] = []
         count, rest = 0, ~frame & ~plate
@@ -279,9 +272,8 @@ class TaxelMap:
         nearest = [distance(~body, self.pixel_mm, return_indices=True) if body.any() else far for body in bodies]
         away, places = np.stack([n[0] for n in nearest]), np.stack([n[1] for n in nearest])
         self.owner = (away.argmin(0) + 1).astype(np.int8)
-        for k, node in enumerate(along):
-            here = self.owner == BEAM + k
-            self.node[here] = node[here]
+        own_beam = [self.owner == BEAM + k for k in range(len(along))]
+        self.node = np.select(own_beam, along, -1.0).astype(np.float32)
         solid = np.logical_or.reduce(bodies)
         washer_x, sizes = float(arrangement.washer_x_mm), plan.plate
         radius = np.hypot(x - washer_x, y)
@@ -352,8 +344,7 @@ class PadMaps:
         self.plan = plan
         self.places = taxel_places(plan)
         self.maps = [TaxelMap(plan, channel) for channel in plan.channels]
-        sizes = [m.owner.size for m in self.maps]
-        self.first = np.cumsum([0, *sizes[:-1]])
+        self.first = np.cumsum([0, *(m.owner.size for m in self.maps[:-1])])
         self.low = np.array([m.low for m in self.maps])
         self.shape = np.array([m.shape for m in self.maps])
         self.pixel_mm = np.array([m.pixel_mm for m in self.maps])
@@ -504,8 +495,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     layer_mm = plan.spec.printer.layer_mm
     for each in chain([layer], reading):
         step = each.top_mm - bottom - top
-        is_whole = top > whole - max(last, layer_mm) - 0.05
-        if step <= 0 and is_whole:
+        if step <= 0 and top > whole - max(last, layer_mm) - 0.05:
             break  # what comes after the pad
         if step <= 0:
             raise FileError(
@@ -582,8 +572,7 @@ def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> 
     points, line = cut(layer, COARSE_MM)
     points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
     pieces = np.bincount(line, minlength=len(layer.start))
-    is_taxel = maps.found(points)[0] >= 0
-    laid = (layer.volume_mm3 / pieces)[line][is_taxel].sum() / step_mm
+    laid = (layer.volume_mm3 / pieces)[line][maps.found(points)[0] >= 0].sum() / step_mm
     planned = sum(float(m.solid.sum()) * m.pixel_mm**2 for m in (maps.maps[c] for c in maps.channel))
     return float(laid / planned)
 

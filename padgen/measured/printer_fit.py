@@ -77,14 +77,11 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
     if len({tuple(fit.resonance_hz for fit in fits) for fits in prints}) < len(prints):
         raise SolverError("the same measurement was given as two prints; give each print once")
     channel = np.array([taxel.channel for taxel in plan.taxels])[np.concatenate(index)]
-    scatter = _scatter(plan, prints, index, channel)
-    lower = np.linalg.cholesky(scatter)
+    lower = np.linalg.cholesky(_scatter(plan, prints, index, channel))
     start = np.array([plan.spec.printer.z_offset_mm, plan.spec.printer.width_offset_mm, 0.0])
     terms = start.copy()
-    thinnest, narrowest = (
-        min(sides) for sides in zip(*((c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels), strict=True)
-    )
-    farthest = np.array([thinnest / 2, narrowest / 2, 3.0])
+    smallest = np.min([(c.beam.thickness_mm, c.beam.width_mm) for c in plan.channels], axis=0)
+    farthest = np.append(smallest / 2, 3.0)
     for k in range(STEPS):
         value, slope = _model(plan, terms)
         weighed = np.linalg.solve(lower, slope[channel])
@@ -215,10 +212,7 @@ def printer_toml(spec: Spec, found: Calibration, name: str) -> str:
     material = replace(spec.material, youngs_modulus_gpa=round(found.modulus_gpa, 6), source=told)
     lines = []
     for table, part in (("printer", printer), ("spread", spread), ("material", material)):
-        lines += [f"[{table}]", *(f"{key} = {_toml(value)}" for key, value in asdict(part).items()), ""]
+        # JSON's words for what a spec has are TOML's too.
+        rows = (f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in asdict(part).items())
+        lines += [f"[{table}]", *rows, ""]
     return "\n".join(lines)
-
-
-def _toml(value: object) -> str:
-    # JSON's words for what a spec has are TOML's too.
-    return json.dumps(value, ensure_ascii=False)

@@ -137,15 +137,19 @@ def read_measured(
             raise FileError(f"cannot be read ({reason(error)})", str(each)) from error
         if not is_there:
             raise FileError("there is no such file or folder", str(each))
-    alone = paths[0]
-    named = len(paths) == 1 and _taxels_of(alone, plan)
-    if len(paths) > 1 or is_folder or named:
-        where = str(alone if len(paths) == 1 else alone.parent)
-        found, stated = _read_named(_files(alone) if is_folder else paths, plan, excitation, where)
+    alone, several = paths[0], len(paths) > 1
+    where = str(alone.parent if several else alone)
+    if is_folder:
+        try:
+            entries = sorted(alone.iterdir())
+        except OSError as error:
+            raise FileError(f"cannot be read ({error.strerror})", str(alone)) from error
+        paths = [p for p in entries if p.suffix.lower() in (".csv", ".wav", ".wave") and not p.name.startswith(".")]
+    if several or is_folder or _taxels_of(alone, plan):
+        found, stated = _read_named(paths, plan, excitation, where)
     else:
-        where, ids = str(alone), tuple(taxel.id for taxel in plan.taxels)
         data = read_bounded(alone, LARGEST_FILE, "a measurement")
-        found, stated = _read(data, alone, ids, plan, excitation, False)
+        found, stated = _read(data, alone, tuple(taxel.id for taxel in plan.taxels), plan, excitation, False)
     if sensor is not None:
         power = SENSORS.index(sensor)
         found = [p if isinstance(p, Row) or p.power is not None else replace(p, power=power) for p in found]
@@ -154,7 +158,6 @@ def read_measured(
 
 def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Measured:
     """Read a measurement from the text of a CSV file; see `read_measured`."""
-
     found, stated = _csv(text, where, tuple(taxel.id for taxel in plan.taxels), plan, False)
     return _ordered(found, stated, where, plan)
 
@@ -183,8 +186,10 @@ def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) 
     for path in files:
         own = _taxels_of(path, plan)
         if not own:
-            end = _nearest(path.stem, ids)
-            raise FileError(f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{end}", str(path))
+            raise FileError(
+                f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{_nearest(path.stem, ids)}",
+                str(path),
+            )
         data = read_bounded(path, left, "a measurement" if len(files) == 1 else "a folder of measurements")
         left -= len(data)
         parts, told = _read(data, path, own, plan, excitation, True)
@@ -200,14 +205,6 @@ def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) 
     if not found:
         raise FileError(f"holds no CSV or WAV file named after a taxel, such as {ids[0]}.csv", where)
     return list(found.values()), all(stated)
-
-
-def _files(folder: Path) -> list[Path]:
-    try:
-        entries = sorted(folder.iterdir())
-    except OSError as error:
-        raise FileError(f"cannot be read ({error.strerror})", str(folder)) from error
-    return [p for p in entries if p.suffix.lower() in (".csv", ".wav", ".wave") and not p.name.startswith(".")]
 
 
 def _ordered(found: list[Part], stated: bool, where: str, plan: Plan) -> Measured:
@@ -235,8 +232,7 @@ def _lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> i
 def _squared_current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, where: str) -> np.ndarray:
     """Return the coil's i², from its 'current' or its 'voltage'; the sentence about silence begins with `what`."""
     if np.ptp(column**2) < SMALLEST:
-        told = f"{what} is {number(float(abs(column[0])))} throughout; leave it out for a free decay"
-        raise FileError(told, where)
+        raise FileError(f"{what} is {number(float(abs(column[0])))} throughout; leave it out for a free decay", where)
     if kind == "voltage":
         coil = plan.spec.coil
         column = current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
@@ -384,8 +380,10 @@ class _Sheet:
         """Return the cells of a line, as many as headings."""
         cells = _cells(raw)
         if len(cells) != len(self.names):
-            told = f"line {line} has {len(cells)} columns, the headings {len(self.names)}; is the file cut off there?"
-            raise FileError(told, self.where)
+            raise FileError(
+                f"line {line} has {len(cells)} columns, the headings {len(self.names)}; is the file cut off there?",
+                self.where,
+            )
         return cells
 
     def number(self, line: int, name: str, cell: str) -> float:
@@ -411,8 +409,9 @@ class _Sheet:
             values = np.full(shape, np.nan)
         if values.shape != shape or not np.abs(values).max() <= LARGEST:
             rows = ((line, self.cells(line, raw)) for line, raw in self.lines)
-            named = ([self.number(line, *pair) for pair in zip(self.names, row, strict=True)] for line, row in rows)
-            values = np.array(list(named))
+            values = np.array(
+                [[self.number(n, *pair) for pair in zip(self.names, row, strict=True)] for n, row in rows]
+            )
         return values
 
 
@@ -432,13 +431,25 @@ def _csv(text: str, where: str, ids: tuple[str, ...], plan: Plan, alone: bool) -
     )
 
 
+def _refuse(where: str, *cases: tuple[bool, str]) -> None:
+    """Refuse the file `where` by the first of these cases that holds: a condition, and the sentence about it."""
+    for wrong, sentence in cases:
+        if wrong:
+            raise FileError(sentence, where)
+
+
 def _sheet(text: str, where: str, alone: str) -> _Sheet:
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    if len(text) > MOST_CHARACTERS:
-        told = f"{len(text) / 1e6:.0f} million characters, at most {MOST_CHARACTERS / 1e6:.0f} million are read"
-        raise FileError(f"has {told}; shorter records would do, or a WAV", where)
-    if (count := text.count("\n")) > MOST_LINES:
-        raise FileError(f"has {count} lines, at most {MOST_LINES} are read; shorter records would do, or a WAV", where)
+    count, shorter = text.count("\n"), "shorter records would do, or a WAV"
+    _refuse(
+        where,
+        (
+            len(text) > MOST_CHARACTERS,
+            f"has {len(text) / 1e6:.0f} million characters, at most {MOST_CHARACTERS / 1e6:.0f} million are read;"
+            f" {shorter}",
+        ),
+        (count > MOST_LINES, f"has {count} lines, at most {MOST_LINES} are read; {shorter}"),
+    )
     notes: dict[str, str] = {}
     lines = []
     for line, raw in enumerate(text.split("\n"), start=1):
@@ -452,21 +463,23 @@ def _sheet(text: str, where: str, alone: str) -> _Sheet:
         raise FileError("is empty; the first line must be the headings", where)
     (_, heading), *body = lines
     names = tuple(_cells(heading))
-    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
-        if sign in heading and "," not in heading:
-            told = f"its columns are separated by {name}, they must be by commas (and decimals by points)"
-            raise FileError(told, where)
-    if all(re.fullmatch(r"[-+.\de]+", name) for name in names):
-        raise FileError(f"has no headings: the first line is {heading[:40]!r}; it must name the columns", where)
-    if not body:
-        raise FileError("has headings, but no lines of numbers below them", where)
-    if notes.get("frequency", MOTION) not in (DRIVE, MOTION):
-        raise FileError(f"'# frequency:' must be {DRIVE} or {MOTION}, got {notes['frequency']!r}", where)
     if alone:
         names = tuple(re.sub(r"^response(?=$|_)", alone, name) for name in names)
-    name, count = Counter(names).most_common(1)[0]
-    if count > 1:
-        raise FileError(f"has {count} columns named {name!r}; keep one", where)
+    most_common, count = Counter(names).most_common(1)[0]
+    separated, by_commas = "its columns are separated by", "they must be by commas (and decimals by points)"
+    frequency = notes.get("frequency", MOTION)
+    _refuse(
+        where,
+        (";" in heading and "," not in heading, f"{separated} semicolons, {by_commas}"),
+        ("\t" in heading and "," not in heading, f"{separated} tabs, {by_commas}"),
+        (
+            all(re.fullmatch(r"[-+.\de]+", name) for name in names),
+            f"has no headings: the first line is {heading[:40]!r}; it must name the columns",
+        ),
+        (not body, "has headings, but no lines of numbers below them"),
+        (frequency not in (DRIVE, MOTION), f"'# frequency:' must be {DRIVE} or {MOTION}, got {frequency!r}"),
+        (count > 1, f"has {count} columns named {most_common!r}; keep one"),
+    )
     return _Sheet(where, notes, names, body)
 
 
@@ -477,24 +490,30 @@ def _cells(line: str) -> list[str]:
 def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
     """Return whether the responses are absolute, with a unit of `UNITS`, and the power that the file states."""
     unit, sensor = sheet.notes.get("unit", RELATIVE), sheet.notes.get("sensor")
-    if unit not in (*UNITS[axis], RELATIVE):
-        raise FileError(f"'# unit:' must be {', '.join(UNITS[axis])} or {RELATIVE}, got {unit!r}", sheet.where)
-    if sensor not in (*SENSORS, None):
-        raise FileError(f"'# sensor:' must be {', '.join(SENSORS)}, got {sensor!r}", sheet.where)
+    _refuse(
+        sheet.where,
+        (
+            unit not in (*UNITS[axis], RELATIVE),
+            f"'# unit:' must be {', '.join(UNITS[axis])} or {RELATIVE}, got {unit!r}",
+        ),
+        (sensor not in (*SENSORS, None), f"'# sensor:' must be {', '.join(SENSORS)}, got {sensor!r}"),
+    )
     if unit != RELATIVE:
         return True, UNITS[axis].index(unit)
     return False, None if sensor is None else SENSORS.index(sensor)
 
 
 def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
-    for name in sheet.names:
-        if name not in TABLE:
-            known = f"{', '.join(TABLE[:2])} and, where known, {', '.join(TABLE[2:])}"
-            raise FileError(f"a table has no column {name!r}; its columns are {known}", sheet.where)
-    if "resonance_hz" not in sheet.names:
-        raise FileError("a table must have a column 'resonance_hz', in Hz", sheet.where)
-    if ("level_um" in sheet.names) != ("line_a2" in sheet.names):
-        raise FileError("'level_um' and 'line_a2' (of the line of i² that made it) must stand together", sheet.where)
+    known = f"{', '.join(TABLE[:2])} and, where known, {', '.join(TABLE[2:])}"
+    _refuse(
+        sheet.where,
+        *((name not in TABLE, f"a table has no column {name!r}; its columns are {known}") for name in sheet.names),
+        ("resonance_hz" not in sheet.names, "a table must have a column 'resonance_hz', in Hz"),
+        (
+            ("level_um" in sheet.names) != ("line_a2" in sheet.names),
+            "'level_um' and 'line_a2' (of the line of i² that made it) must stand together",
+        ),
+    )
     rows: dict[str, Row] = {}
     for line, raw in sheet.lines:
         cells = dict(zip(sheet.names, sheet.cells(line, raw), strict=True))
@@ -504,10 +523,14 @@ def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         if taxel in rows:
             raise FileError(f"line {line} is a second line of {taxel}; keep one", sheet.where)
         values = {name: _positive(sheet, line, name, cell) for name, cell in cells.items() if cell}
-        if "resonance_hz" not in values:
-            raise FileError(f"line {line}, column 'resonance_hz' is empty; leave out the line", sheet.where)
-        if ("level_um" in values) != ("line_a2" in values):
-            raise FileError(f"line {line} has one of 'level_um' and 'line_a2'; give both or none", sheet.where)
+        _refuse(
+            sheet.where,
+            ("resonance_hz" not in values, f"line {line}, column 'resonance_hz' is empty; leave out the line"),
+            (
+                ("level_um" in values) != ("line_a2" in values),
+                f"line {line} has one of 'level_um' and 'line_a2'; give both or none",
+            ),
+        )
         rows[taxel] = Row(
             taxel,
             f"{sheet.where}, line {line}",
@@ -516,7 +539,17 @@ def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
             values.get("q"),
             values["level_um"] / values["line_a2"] if "level_um" in values else None,
         )
-    _refuse_swapped(sheet, rows, plan)
+    # Swapped columns: Q reads like the planned resonances, and resonances do not.
+    planned = {taxel.id: plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels}
+    both = [(row.resonance_hz / planned[row.id], row.q / planned[row.id]) for row in rows.values() if row.q]
+    off, swapped = np.median(np.abs(np.log(both or [(1.0, 1.0)])), axis=0)
+    if off > np.log(1.5) and swapped < np.log(1.5):
+        first = next(row for row in rows.values() if row.q)
+        raise FileError(
+            f"columns 'q' and 'resonance_hz' look swapped: {first.id} has a q of {number(float(first.q or 0))} and a"
+            f" resonance of {number(first.resonance_hz)} Hz, planned is {number(planned[first.id])} Hz; swap them back",
+            sheet.where,
+        )
     return list(rows.values())
 
 
@@ -528,20 +561,6 @@ def _positive(sheet: _Sheet, line: int, name: str, cell: str) -> float:
             sheet.where,
         )
     return value
-
-
-def _refuse_swapped(sheet: _Sheet, rows: dict[str, Row], plan: Plan) -> None:
-    """Refuse a table whose Q reads like the planned resonances and whose resonances do not."""
-    planned = {taxel.id: plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels}
-    both = [(row.resonance_hz / planned[row.id], row.q / planned[row.id]) for row in rows.values() if row.q]
-    off, swapped = np.median(np.abs(np.log(both or [(1.0, 1.0)])), axis=0)
-    if off > np.log(1.5) and swapped < np.log(1.5):
-        first = next(row for row in rows.values() if row.q)
-        raise FileError(
-            f"columns 'q' and 'resonance_hz' look swapped: {first.id} has a q of {number(float(first.q or 0))} and a"
-            f" resonance of {number(first.resonance_hz)} Hz, planned is {number(planned[first.id])} Hz; swap them back",
-            sheet.where,
-        )
 
 
 def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
@@ -568,8 +587,7 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
                 )
             if "deg" in parts:
                 response = response * np.exp(1j * np.radians(parts["deg"]))
-        frequency = sheet.factor * values[:, axis]
-        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", frequency, np.asarray(response), *told))
+        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", sheet.factor * values[:, axis], response, *told))
     return found
 
 
@@ -582,8 +600,10 @@ def _taxel_columns(sheet: _Sheet, ids: tuple[str, ...], plan: Plan, own: tuple[s
         if name in own:
             continue
         if taxel not in ids or (suffix or "mag") not in set().union(*forms) or name.endswith("_"):
-            told = f"column {name!r} is no taxel of {plan.name!r} and none of {', '.join(own)}"
-            raise FileError(f"{told}{_nearest(taxel, ids)}", sheet.where)
+            raise FileError(
+                f"column {name!r} is no taxel of {plan.name!r} and none of {', '.join(own)}{_nearest(taxel, ids)}",
+                sheet.where,
+            )
         found.setdefault(taxel, {})[suffix or "mag"] = at
     if not found:
         raise FileError(f"has no taxel's column, such as {ids[0]!r}", sheet.where)
@@ -621,7 +641,21 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     if len(drives) > 1:
         raise FileError("has both 'current_a' and 'voltage_v'; leave one out, best the voltage", sheet.where)
     told, values, squared = _unit(sheet, "time_s"), sheet.numbers(), None
-    rate = _rate_hz(sheet, values)
+    if len(values) < 2:
+        raise FileError("has one line of numbers; a record needs at least 32", sheet.where)
+    axis = sheet.names.index("time_s")
+    _refuse_not_rising(sheet, values, 0, axis, "s")
+    time, steps = values[:, axis], np.diff(values[:, axis])
+    step = float(np.median(steps))
+    off = np.abs(steps - step) > UNEVEN * step + 4e-10 * np.abs(time[1:])
+    if off.any():
+        at = int(np.argmax(off))
+        raise FileError(
+            f"line {sheet.lines[at + 1][0]}, column 'time_s' must go in even steps of {number(step)} s, got a step of"
+            f" {number(float(steps[at]))} s; resample it, or cut the record there",
+            sheet.where,
+        )
+    rate = float((len(time) - 1) / (time[-1] - time[0]))
     factor = _lowering(rate, len(values), tuple(columns), plan)
     values, rate = values[: len(values) // factor * factor].reshape(-1, factor, values.shape[1]).mean(1), rate / factor
     for name in drives:
@@ -631,21 +665,3 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         Record(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *told)
         for taxel, parts in columns.items()
     ]
-
-
-def _rate_hz(sheet: _Sheet, values: np.ndarray) -> float:
-    axis = sheet.names.index("time_s")
-    if len(values) < 2:
-        raise FileError("has one line of numbers; a record needs at least 32", sheet.where)
-    _refuse_not_rising(sheet, values, 0, axis, "s")
-    time = values[:, axis]
-    step = float(np.median(np.diff(time)))
-    off = np.abs(np.diff(time) - step) > UNEVEN * step + 4e-10 * np.abs(time[1:])
-    if off.any():
-        at = int(np.argmax(off)) + 1
-        raise FileError(
-            f"line {sheet.lines[at][0]}, column 'time_s' must go in even steps of {number(step)} s, got a step of"
-            f" {number(float(time[at] - time[at - 1]))} s; resample it, or cut the record there",
-            sheet.where,
-        )
-    return float((len(time) - 1) / (time[-1] - time[0]))

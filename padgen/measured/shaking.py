@@ -92,9 +92,7 @@ def chirp_current_a(
     amplitude = np.sqrt(2 * line_a2(frequency))
     step = 1e-4
     bend = (np.log(line_a2(frequency * (1 + step))) - np.log(line_a2(frequency * (1 - step)))) / (4 * step) * rate
-    up, up_slope = _fade(time, min(FADE_PERIODS / low, seconds / 10))
-    down, down_slope = _fade(seconds - time, min(FADE_PERIODS / high, seconds / 10))
-    fade, fade_slope = up * down, up_slope * down - up * down_slope
+    fade, fade_slope = _fade(time, seconds, low, high)
     sine, cosine = np.sin(half_phase), np.cos(half_phase)
     slope = (fade_slope + fade * bend) * sine + fade * cosine * np.pi * frequency
     return np.where(inside, amplitude * fade * sine, 0.0), np.where(inside, amplitude * slope, 0.0)
@@ -120,12 +118,7 @@ def noise_current_a(
     swing = np.fft.irfft(spectrum, samples)
     swing_slope = np.fft.irfft(2j * np.pi * frequency * spectrum, samples)
     force = swing - swing.min() * (1 + MARGIN)
-    time = np.arange(samples) / rate_hz
-    length = samples / rate_hz
-    fade_s = min(FADE_PERIODS / band_hz[0], length / 10)
-    up, up_slope = _fade(time, fade_s)
-    down, down_slope = _fade(length - time, fade_s)
-    fade, fade_slope = up * down, up_slope * down - up * down_slope
+    fade, fade_slope = _fade(np.arange(samples) / rate_hz, samples / rate_hz, band_hz[0], band_hz[0])
     current = np.sqrt(force * fade)
     bend = force * fade_slope + swing_slope * fade
     return current, np.divide(bend, 2 * current, out=np.zeros(samples), where=current > 1e-9 * current.max())
@@ -143,7 +136,13 @@ def _smooth_phases(amplitude: np.ndarray, samples: int, seed: int) -> np.ndarray
     return best
 
 
-def _fade(time: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a smooth step from 0 to 1 over `seconds`, and its slope per second."""
-    share = np.clip(time / seconds, 0.0, 1.0)
-    return share**3 * (10 - 15 * share + 6 * share**2), 30 * share**2 * (1 - share) ** 2 / seconds
+def _fade(time: np.ndarray, seconds: float, first_hz: float, last_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a factor that rises smoothly from 0 to 1 and back to 0 after `seconds`, and its slope per second.
+
+    It rises in `FADE_PERIODS` of `first_hz` and falls in as many of `last_hz`, at most in a tenth of the time each.
+    """
+    long = np.array([[FADE_PERIODS / first_hz], [FADE_PERIODS / last_hz]]).clip(max=seconds / 10)
+    share = np.clip(np.stack([time, seconds - time]) / long, 0.0, 1.0)
+    up, down = share**3 * (10 - 15 * share + 6 * share**2)
+    up_slope, down_slope = 30 * share**2 * (1 - share) ** 2 / long
+    return up * down, up_slope * down - up * down_slope

@@ -31,7 +31,7 @@ from padgen.core.errors import LEVELS, FileError, Finding, at_most, number
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
 from padgen.core.units import GRAM, MG
 from padgen.measured.fits import TaxelFit, fit_measured, fitted, tuning_picture
-from padgen.measured.read import Measured, read_measured, read_measured_text
+from padgen.measured.read import read_measured, read_measured_text
 from padgen.measured.tuning import (
     PULL_SPREAD,
     Q_SPREAD,
@@ -41,7 +41,6 @@ from padgen.measured.tuning import (
     levels_um,
     one_coil_spec,
     planned_response_um_per_a2,
-    planned_tones,
     planned_tuning,
     predicted,
     printed_channels,
@@ -66,11 +65,11 @@ __all__ = [
     "Trim",
     "TrimStep",
     "estimated",
-    "fitted_and_retuned",
     "judge_print",
     "measured_rows",
     "needed_db",
     "retuned",
+    "retuned_with_coupon",
     "trims",
     "tuned_drive_csv",
     "tuned_rows",
@@ -81,6 +80,8 @@ __all__ = [
 DRAWS = 200
 """Number of random prints, within the errors of the measurement, on which the new tones are tried."""
 LOW_QUANTILE = 0.05
+JITTER = 1e-12
+"""Variance of ln f that is added to the measurement's own, so that errors of 0 leave the equations solvable."""
 MOST_WITH_SPURS = 64
 """Most channels for which spurs (n³ of them) are counted for a drive scheme that is not the plan's."""
 
@@ -130,13 +131,12 @@ def tuning_of(plan: Plan, fits: Sequence[TaxelFit]) -> Tuning:
     for taxel, planned in zip(plan.taxels, planned_tuning(plan).taxels, strict=True):
         channel, fit = plan.channels[taxel.channel], by_id.get(taxel.id)
         if fit is None:
-            spread = np.hypot(Q_SPREAD, PULL_SPREAD) * planned.response_um_per_a2
             taxels.append(
                 replace(
                     planned,
                     resonance_error_hz=channel.print_spread * planned.resonance_hz,
                     q_error=Q_SPREAD * planned.q,
-                    response_error=float(spread),
+                    response_error=float(np.hypot(Q_SPREAD, PULL_SPREAD) * planned.response_um_per_a2),
                 )
             )
             continue
@@ -181,14 +181,11 @@ def retuned(
         tuning = estimated(plan, tuning, fits, coupon)
     refuse_tuning(tuning, plan, "what was measured")
     planned_um = levels_um(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
-    tones = tones_at(plan, tuning)
-    before = predicted(plan, tuning, planned_tones(plan), planned_um)
-    after = predicted(plan, tuning, tones)
-    coils = tuple(
-        RetunedCoil(*figures)
-        for figures in zip(before, after, _low_db(plan, tuning, after), _loads(plan, tuning), strict=True)
-    )
-    lows = [coil.after_low_db for coil in coils if coil.after_low_db is not None]
+    before = predicted(plan, tuning, tones_at(plan, planned_tuning(plan)), planned_um)
+    after = predicted(plan, tuning, tones_at(plan, tuning))
+    channels, grouped = printed_channels(plan, tuning), sorted(coils_of(plan).items())
+    loads = [coil_load(one_coil_spec(plan), [channels[i] for i in index], plan.scheme) for _, index in grouped]
+    coils = tuple(map(RetunedCoil, before, after, _low_db(plan, tuning, after), loads))
     result = Retuned(
         name=plan.name,
         drive=plan.selectivity.drive,
@@ -196,29 +193,22 @@ def retuned(
         planned_db=plan.selectivity.placed_all_states_db,
         before_db=worst_db(before),
         after_db=worst_db(after),
-        after_low_db=min(lows, default=None),
+        after_low_db=min((coil.after_low_db for coil in coils if coil.after_low_db is not None), default=None),
         schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in in_order()),
         tuning=tuning,
         coils=coils,
         trims=trims(plan, tuning, after),
         findings=(),
     )
-    found = judge_print(plan, tuning, fits, after, [c.load for c in coils], result.schemes_db, result.trims)
+    found = judge_print(plan, tuning, fits, after, loads, result.schemes_db, result.trims)
     return replace(result, findings=tuple(sorted(found, key=lambda f: -LEVELS.index(f.level))))
 
 
 def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
-    cubic = scheme_named(plan.spec, name).has_pair_spurs and name != plan.selectivity.drive
-    if cubic and len(plan.sets[0]) > MOST_WITH_SPURS:
+    many = name != plan.selectivity.drive and len(plan.sets[0]) > MOST_WITH_SPURS
+    if many and scheme_named(plan.spec, name).has_pair_spurs:
         return None
     return worst_db(predicted(plan, tuning, tones_at(plan, tuning), scheme_name=name))
-
-
-def _loads(plan: Plan, tuning: Tuning) -> tuple[CoilLoad, ...]:
-    spec, channels = one_coil_spec(plan), printed_channels(plan, tuning)
-    return tuple(
-        coil_load(spec, [channels[i] for i in index], plan.scheme) for _, index in sorted(coils_of(plan).items())
-    )
 
 
 def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
@@ -243,14 +233,10 @@ def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[fl
         drive = Channels(tones.hz[index, None], q[index], tones.line_a2[index, None])
         off = off_energy(truth, scheme, drivers=drive).max(0)
         own = relative_energy(tones.hz[index, None], hz[index], q[index])
-        on = (own * (tones.line_a2[index, None] / truth.line) ** 2).min(0)
-        db = 10 * np.log10(on / off)
+        db = 10 * np.log10((own * (drive.line / truth.line) ** 2).min(0) / off)
         # The draws count the taxels' working modes only. Their loss in dB is taken off the figure with all modes.
         result.append(figures.all_states_db - float(db[0] - np.quantile(db, LOW_QUANTILE)))
     return result
-
-
-JITTER = 1e-12
 
 
 def estimated(
@@ -268,13 +254,21 @@ def estimated(
     rest = sorted(set(range(count)) - set(known))
     if not rest or not known:
         return tuning
-    kinds = [taxel.channel for taxel in plan.taxels] + list(coupon)
-    planned = np.array([plan.channels[c].resonance_hz for c in kinds])
-    measured = [*fits, *coupon.values()]
-    known_hz = np.array([fit.resonance_hz for fit in measured])
-    noise = np.array([fit.resonance_error_hz for fit in measured]) / known_hz
-    spread_of_prints = _covariance(plan, np.array(list(coupon), int))
-    among = spread_of_prints[np.ix_(known, known)] + np.diag(noise**2 + JITTER)
+    channel_of = np.array([*(taxel.channel for taxel in plan.taxels), *coupon])
+    planned = np.array([c.resonance_hz for c in plan.channels])[channel_of]
+    known_hz, error_hz = np.array([(f.resonance_hz, f.resonance_error_hz) for f in (*fits, *coupon.values())]).T
+    # The covariance of ln f of the pad's taxels, followed by the coupon's, includes the printer's biases and the
+    # model's own error, since measured taxels reveal both.
+    design, spreads, bias = design_of(plan, None), spreads_of(plan.spec), plan.spec.spread
+    spreads = replace(
+        spreads,
+        modulus=hypot(spreads.modulus, bias.modulus_bias),
+        common_z_mm=hypot(spreads.common_z_mm, bias.z_bias_mm),
+    )
+    model = np.array([c.model_error for c in plan.channels])[channel_of]
+    spread_of_prints = covariance(design, spreads, channel_of[count:])
+    spread_of_prints += np.where(channel_of[:, None] == channel_of, model[:, None] * model, 0.0)
+    among = spread_of_prints[np.ix_(known, known)] + np.diag((error_hz / known_hz) ** 2 + JITTER)
     across = spread_of_prints[np.ix_(rest, known)]
     gain = np.linalg.solve(among, across.T).T
     mean = gain @ np.log(known_hz / planned[known])
@@ -293,22 +287,6 @@ def estimated(
             response_error=float(np.hypot(share, 2 * sigma)) * response,
         )
     return replace(tuning, taxels=tuple(taxels))
-
-
-def _covariance(plan: Plan, coupon: np.ndarray) -> np.ndarray:
-    """Return the covariance of ln f of the pad's taxels, followed by a coupon's channels (k,).
-
-    It includes the printer's biases and the model's own error, since measured taxels reveal both.
-    """
-    design, spreads, bias = design_of(plan, None), spreads_of(plan.spec), plan.spec.spread
-    spreads = replace(
-        spreads,
-        modulus=hypot(spreads.modulus, bias.modulus_bias),
-        common_z_mm=hypot(spreads.common_z_mm, bias.z_bias_mm),
-    )
-    channel = np.concatenate([design.channel, coupon])
-    model = np.array([c.model_error for c in plan.channels])[channel]
-    return covariance(design, spreads, coupon) + np.where(channel[:, None] == channel, model[:, None] * model, 0.0)
 
 
 # Trims
@@ -398,7 +376,7 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
 
 def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
     """Search the shares (n,) by which to lower the taxels of a coil, so that it keeps `need` dB."""
-    known = [tuning.taxels[i] for i in index]
+    known = (tuning.taxels[i] for i in index)
     hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]
     mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])
 
@@ -472,8 +450,7 @@ def judge_print(
     `after` and `loads` are each coil's figures and load with the new tones, row by row; `schemes_db` is what every
     drive scheme would keep; `trimmed` is the trim advice.
     """
-    lost = [taxel.id for taxel in tuning.taxels if taxel.response_um_per_a2 <= 0]
-    if lost:
+    if lost := [taxel.id for taxel in tuning.taxels if taxel.response_um_per_a2 <= 0]:
         told = "not moved by any current of the coil: the tables cannot drive it"
         yield Finding("error", "retune.pull", _named(lost), told)
     yield from _close(plan, tuning, after, schemes_db, trimmed)
@@ -525,8 +502,7 @@ def _close(
 def _trim_text(trim: Trim) -> str:
     """Return a clause that says how to mend a coil."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
-        more = f"{1 - LOWEST_TRIM:.0%}"
-        return f"to part them enough one would have to be lowered by more than {more}: print them again"
+        return f"to part them enough one would have to be lowered by more than {1 - LOWEST_TRIM:.0%}: print them again"
     steps = " and ".join(
         f"lower {step.id} to {step.to_hz:.1f} Hz ({float(f'{step.add_mg:.2g}'):g} mg of weight, or beams filed"
         f" {float(f'{step.file_width_mm:.2g}'):g} mm narrower)"
@@ -565,8 +541,7 @@ def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
     """Find taxels that came out unlike the plan, or that are not known well enough."""
     planned = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
     measured = [taxel for taxel in tuning.taxels if taxel.measured]
-    low = [taxel for taxel in measured if taxel.q < LOW_Q * planned[taxel.id].q]
-    if low:
+    if low := [taxel for taxel in measured if taxel.q < LOW_Q * planned[taxel.id].q]:
         worst = min(low, key=lambda taxel: taxel.q)
         yield Finding(
             "warning",
@@ -577,8 +552,7 @@ def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
             " plans for it",
         )
     pairs = [pair for index in coils_of(plan).values() for pair in pairwise(tuning.taxels[i] for i in index)]
-    swapped = [f"{one.id} above {other.id}" for one, other in pairs if one.resonance_hz > other.resonance_hz]
-    if swapped:
+    if swapped := [f"{one.id} above {other.id}" for one, other in pairs if one.resonance_hz > other.resonance_hz]:
         yield Finding(
             "note",
             "retune.order",
@@ -587,8 +561,7 @@ def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
             " the measurement has not taken one for the other",
         )
     off = {taxel.id: abs(log(taxel.resonance_hz / planned[taxel.id].resonance_hz)) for taxel in measured}
-    far = [taxel for taxel in measured if off[taxel.id] > SIGMAS * max(planned[taxel.id].print_spread, 0.02)]
-    if far:
+    if far := [taxel for taxel in measured if off[taxel.id] > SIGMAS * max(planned[taxel.id].print_spread, 0.02)]:
         worst = max(far, key=lambda taxel: off[taxel.id])
         yield Finding(
             "warning",
@@ -597,8 +570,7 @@ def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
             f"{worst.id} is at {number(worst.resonance_hz)} Hz, planned: {number(planned[worst.id].resonance_hz)} Hz,"
             " farther than printing explains: another mode, another taxel or another unit may have been measured",
         )
-    coarse = [t for t in measured if t.resonance_error_hz > COARSE * t.resonance_hz / (2 * t.q)]
-    if coarse:
+    if coarse := [t for t in measured if t.resonance_error_hz > COARSE * t.resonance_hz / (2 * t.q)]:
         worst = max(coarse, key=lambda t: t.resonance_error_hz * t.q / t.resonance_hz)
         yield Finding(
             "warning",
@@ -611,8 +583,7 @@ def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
 
 
 def _of_fits(fits: Sequence[TaxelFit]) -> Iterator[Finding]:
-    split = [fit for fit in fits if not fit.agree]
-    if split:
+    if split := [fit for fit in fits if not fit.agree]:
         told = ", ".join(f"{m.method} {number(m.resonance_hz)} Hz" for m in split[0].methods)
         yield Finding(
             "warning",
@@ -622,26 +593,28 @@ def _of_fits(fits: Sequence[TaxelFit]) -> Iterator[Finding]:
             " one, a disturbed record, or a voltage taken for a current (--excitation voltage); look at its data",
         )
     for sensor in ("velocity", "acceleration"):
-        own = [fit.id for fit in fits if fit.sensor == sensor]
-        if own:
+        if own := [fit.id for fit in fits if fit.sensor == sensor]:
             told = f"the data are taken to be of {sensor}, as stated or by their slope over frequency"
             yield Finding("note", "retune.sensor", _named(own), told)
 
 
 def _unmeasured(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
-    missing = {taxel.id: taxel for taxel in tuning.taxels if not taxel.measured}
-    if missing:
-        planned = ((missing[t.id], plan.channels[t.channel]) for t in plan.taxels if t.id in missing)
-        moved = any(taxel.resonance_hz != channel.resonance_hz for taxel, channel in planned)
-        error = max(taxel.resonance_error_hz / taxel.resonance_hz for taxel in missing.values())
+    pairs = zip(tuning.taxels, plan.taxels, strict=True)
+    if missing := [(taxel, plan.channels[own.channel]) for taxel, own in pairs if not taxel.measured]:
+        moved = any(taxel.resonance_hz != channel.resonance_hz for taxel, channel in missing)
+        error = max(taxel.resonance_error_hz / taxel.resonance_hz for taxel, _ in missing)
         what = "get the tones that the measured ones make likely" if moved else "keep the plan's tones"
-        told = f"{len(missing)} of {len(tuning.taxels)} taxels were not measured and {what}, good to {error:.1%}"
-        yield Finding("warning", "retune.unmeasured", _named(list(missing)), f"{told} (one sigma)")
+        yield Finding(
+            "warning",
+            "retune.unmeasured",
+            _named([taxel.id for taxel, _ in missing]),
+            f"{len(missing)} of {len(tuning.taxels)} taxels were not measured and {what}, good to {error:.1%} (one"
+            " sigma)",
+        )
 
 
 def _named(names: Sequence[str]) -> str:
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    return ", ".join(names[:MOST_NAMED]) + f" and {len(names) - MOST_NAMED} more" * (len(names) > MOST_NAMED)
 
 
 # Files
@@ -700,19 +673,19 @@ def write_retuned(
     fits, curves, refused = fitted(found, plan, nearest)
     drawn = {PICTURE: tuning_picture(curves)} if curves else {}
     if refused is not None:
-        if drawn:
-            with OutputFolder(folder) as out:
-                out.write(PICTURE, drawn[PICTURE])
-                out.commit()
-            raise FileError(f"{refused.message}; its data are drawn in {folder / PICTURE}", refused.where)
-        raise refused
+        with OutputFolder(folder) as out:
+            out.write(PICTURE, drawn[PICTURE])
+            out.commit()
+        raise FileError(f"{refused.message}; its data are drawn in {folder / PICTURE}", refused.where)
     progress("re-tuning")
-    result = _retuned(plan, fits, nearest, estimate_rest, coupon)
+    result = retuned_with_coupon(plan, fits, nearest, estimate_rest, coupon)
+    table = {**asdict(result), "taxels": measured_rows(plan, result.tuning), "fits": fits}
+    del table["tuning"]  # has a file of its own
     files: dict[str, str | bytes] = {
         "plan.json": plan_to_json(plan),
         "tuning.json": tuning_to_json(result.tuning),
         "drive-tuned.csv": tuned_drive_csv(plan, result.tuning),
-        "retune.json": json_text(_table(plan, result, fits)),
+        "retune.json": json_text(table),
     }
     if simulated is not None:
         files |= {MEASURED: simulated[1], PRINTED: tuning_to_json(simulated[0])}
@@ -724,34 +697,24 @@ def write_retuned(
     return RetunedFolder(folder, tuple(files), result)
 
 
-def fitted_and_retuned(
-    plan: Plan, found: Measured, nearest: bool = False, estimate_rest: bool = False, coupon: str | None = None
+def retuned_with_coupon(
+    plan: Plan, fits: Sequence[TaxelFit], nearest: bool, estimate_rest: bool, coupon: str | Path | None
 ) -> Retuned:
-    """Fit the measurement `found` of a print and re-tune its plan; parameters and errors are `write_retuned`'s."""
-    return _retuned(plan, fit_measured(found, plan, nearest), nearest, estimate_rest, coupon)
+    """Re-tune `plan` to the print of `fits` as `retuned` does, with the file of its measured coupon where there is one.
 
+    `nearest` is that of `fit_measured`.
 
-def _retuned(plan: Plan, fits: tuple[TaxelFit, ...], nearest: bool, estimate_rest: bool, coupon: str | None) -> Retuned:
-    return retuned(plan, fits, estimate_rest or coupon is not None, _coupon_fits(plan, coupon, nearest))
-
-
-def _coupon_fits(plan: Plan, coupon: str | None, nearest: bool) -> dict[int, TaxelFit] | None:
-    """Read and fit the measurement of the plan's coupon; return the fits by channel."""
+    Raises
+    ------
+    FileError
+        The coupon's file cannot be read, or shows no resonance; or as in `retuned`.
+    """
     if coupon is None:
-        return None
+        return retuned(plan, fits, estimate_rest)
     strip = coupon_plan(plan)
-    by_id = {fit.id: fit for fit in fit_measured(read_measured(Path(coupon), strip), strip, nearest)}
-    return {taxel.channel: by_id[taxel.id] for taxel in strip.taxels if taxel.id in by_id}
-
-
-def _table(plan: Plan, result: Retuned, fits: tuple[TaxelFit, ...]) -> dict[str, Any]:
-    """Return all results as plain data, but the tuning, which has a file of its own."""
-    table = {key: value for key, value in asdict(result).items() if key != "tuning"}
-    return {
-        **table,
-        "taxels": measured_rows(plan, result.tuning),
-        "fits": [*map(asdict, fits)],
-    }
+    channel = {taxel.id: taxel.channel for taxel in strip.taxels}
+    of_coupon = fit_measured(read_measured(Path(coupon), strip), strip, nearest)
+    return retuned(plan, fits, True, {channel[fit.id]: fit for fit in of_coupon})
 
 
 def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[tuple[str, DriveRow], ...]:
@@ -762,15 +725,14 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[tuple[str, DriveRow], ...]:
     spec, channels = plan.spec, printed_channels(plan, tuning)
     scheme = plan.scheme
     carrier = carrier_hz(spec, scheme, max(taxel.resonance_hz for taxel in tuning.taxels))
-    rows: dict[int, tuple[str, DriveRow]] = {}
+    rows: dict[int, DriveRow] = {}
     constant = []
     for (row, column), index in sorted(coils_of(plan).items()):
         own = [channels[i] for i in index]
-        for i, found in zip(index, coil_rows(spec, scheme, own, carrier), strict=True):
-            rows[i] = plan.taxels[i].id, found
+        rows |= zip(index, coil_rows(spec, scheme, own, carrier), strict=True)
         if scheme.has_constant and carrier is None:
             constant.append((f"r{row}c{column}", bias_row(spec, scheme, own)))
-    return (*(rows[i] for i in range(len(plan.taxels))), *constant)
+    return (*((taxel.id, rows[i]) for i, taxel in enumerate(plan.taxels)), *constant)
 
 
 def tuned_drive_csv(plan: Plan, tuning: Tuning) -> str:

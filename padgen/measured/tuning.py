@@ -44,7 +44,6 @@ __all__ = [
     "levels_um",
     "one_coil_spec",
     "planned_response_um_per_a2",
-    "planned_tones",
     "planned_tuning",
     "played",
     "predicted",
@@ -115,11 +114,11 @@ def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = No
 
 def planned_tuning(plan: Plan) -> Tuning:
     """Return the tuning of a print that came out exactly as planned."""
-    taxels = []
-    for taxel in plan.taxels:
-        channel = plan.channels[taxel.channel]
-        response = planned_response_um_per_a2(channel)
-        taxels.append(TunedTaxel(taxel.id, channel.resonance_hz, 0.0, channel.q, 0.0, response, 0.0, False, False))
+    named = ((taxel.id, plan.channels[taxel.channel]) for taxel in plan.taxels)
+    taxels = (
+        TunedTaxel(name, c.resonance_hz, 0.0, c.q, 0.0, planned_response_um_per_a2(c), 0.0, False, False)
+        for name, c in named
+    )
     return Tuning(plan.name, tuple(taxels))
 
 
@@ -185,7 +184,7 @@ def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
         A figure is outside its bounds, which are named.
     """
     for tuned, taxel in zip(tuning.taxels, plan.taxels, strict=True):
-        for name, value, (low, high), why in _bounded(tuned, plan.channels[taxel.channel]):
+        for name, value, low, high, why in _bounded(tuned, plan.channels[taxel.channel]):
             # The bounds are widened, since files round to ten digits.
             if not low * (1 - 1e-9) <= value <= high * (1 + 1e-9):
                 raise FileError(
@@ -193,25 +192,21 @@ def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
                 )
 
 
-_Bounded = tuple[str, float, tuple[float, float], str]
+def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[tuple[str, float, float, float, str]]:
+    """Yield the name, value, bounds and their reason of each figure of a taxel.
 
-
-def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[_Bounded]:
-    """Yield the name, value, bounds and their reason of each figure of a taxel."""
-    planned = channel.resonance_hz
-    around = planned / FARTHEST, planned * FARTHEST
-    yield "resonance_hz", tuned.resonance_hz, around, f" Hz (planned: {number(planned)} Hz)"
-    yield "q", tuned.q, (LEAST_Q, LARGEST_Q), ""
-    usual = planned_response_um_per_a2(channel, tuned.resonance_hz, tuned.q) or 1.0
-    if tuned.response_um_per_a2 != 0:
-        bounds = usual / FARTHEST_RESPONSE, usual * FARTHEST_RESPONSE
-        yield "response_um_per_a2", tuned.response_um_per_a2, bounds, " (or 0, where no current moves it)"
-    for name, value, of in (
-        ("resonance_error_hz", tuned.resonance_error_hz, tuned.resonance_hz),
-        ("q_error", tuned.q_error, tuned.q),
-        ("response_error", tuned.response_error, tuned.response_um_per_a2 or usual),
-    ):
-        yield name, value, (0.0, of * LARGEST_ERROR), ""
+    The response's bounds are worked out once resonance and Q are known to be within theirs.
+    """
+    hz, q, response, planned = tuned.resonance_hz, tuned.q, tuned.response_um_per_a2, channel.resonance_hz
+    yield "resonance_hz", hz, planned / FARTHEST, planned * FARTHEST, f" Hz (planned: {number(planned)} Hz)"
+    yield "q", q, LEAST_Q, LARGEST_Q, ""
+    usual = planned_response_um_per_a2(channel, hz, q) or 1.0
+    if response != 0:
+        why = " (or 0, where no current moves it)"
+        yield "response_um_per_a2", response, usual / FARTHEST_RESPONSE, usual * FARTHEST_RESPONSE, why
+    yield "resonance_error_hz", tuned.resonance_error_hz, 0.0, hz * LARGEST_ERROR, ""
+    yield "q_error", tuned.q_error, 0.0, q * LARGEST_ERROR, ""
+    yield "response_error", tuned.response_error, 0.0, (response or usual) * LARGEST_ERROR, ""
 
 
 # Prediction
@@ -275,13 +270,7 @@ def tones_at(plan: Plan, tuning: Tuning) -> Tones:
     """
     hz = _of(tuning, "resonance_hz")
     response = _of(tuning, "response_um_per_a2")
-    line = np.divide(levels_um(plan, hz), response, out=np.zeros(len(hz)), where=response > 0)
-    return Tones(hz, line)
-
-
-def planned_tones(plan: Plan) -> Tones:
-    """Return the tones of the plan, on the planned resonances."""
-    return tones_at(plan, planned_tuning(plan))
+    return Tones(hz, np.divide(levels_um(plan, hz), response, out=np.zeros(len(hz)), where=response > 0))
 
 
 def one_coil_spec(plan: Plan) -> Spec:
@@ -296,40 +285,38 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
     Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse. The response
     gives the pull. The effects of the mean pull are those of the coil below the taxel.
     """
-    level, spec = levels_um(plan, _of(tuning, "resonance_hz")), one_coil_spec(plan)
-    moved = [
-        _printed(plan.channels[taxel.channel], tuned.resonance_hz, tuned.q, tuned.response_um_per_a2, float(um))
-        for taxel, tuned, um in zip(plan.taxels, tuning.taxels, level, strict=True)
-    ]
+    levels, spec = levels_um(plan, _of(tuning, "resonance_hz")).tolist(), one_coil_spec(plan)
+    moved = []
+    for taxel, tuned, level_um in zip(plan.taxels, tuning.taxels, levels, strict=True):
+        channel, hz, q = plan.channels[taxel.channel], tuned.resonance_hz, tuned.q
+        x = hz / channel.resonance_hz
+        stiffness = channel.stiffness_n_per_m * x**2
+        tau_ms = float(ring_up_time(hz, q)) / MS
+        force_mn, force_constant = level_um * UM * stiffness / q / MN, tuned.response_um_per_a2 * UM * stiffness / q
+        moved.append(
+            replace(
+                channel,
+                resonance_hz=hz,
+                q=q,
+                stiffness_n_per_m=stiffness,
+                ring_up_ms=tau_ms,
+                ring_down_ms=channel.ring_down_ms * tau_ms / channel.ring_up_ms,
+                level_um=level_um,
+                modes_hz=tuple(mode * x for mode in channel.modes_hz),
+                rest_motion=tuple(motion / x**2 for motion in channel.rest_motion),
+                second_mode_hz=channel.second_mode_hz * x,
+                sag_um=channel.sag_um / x**2,
+                root_stress_mpa=channel.root_stress_mpa * level_um / channel.level_um,
+                force_mn=force_mn,
+                force_constant_n_per_a2=force_constant,
+                line_a2=wanted_line_a2(force_mn, force_constant),
+            )
+        )
     for index in coils_of(plan).values():
         own = driven(spec, [moved[i] for i in index], plan.scheme)
         for i, channel in zip(index, own, strict=True):
             moved[i] = channel
     return tuple(moved)
-
-
-def _printed(channel: Channel, hz: float, q: float, response_um_per_a2: float, level_um: float) -> Channel:
-    x = hz / channel.resonance_hz
-    stiffness = channel.stiffness_n_per_m * x**2
-    tau_ms = float(ring_up_time(hz, q)) / MS
-    force_mn, force_constant = level_um * UM * stiffness / q / MN, response_um_per_a2 * UM * stiffness / q
-    return replace(
-        channel,
-        resonance_hz=hz,
-        q=q,
-        stiffness_n_per_m=stiffness,
-        ring_up_ms=tau_ms,
-        ring_down_ms=channel.ring_down_ms * tau_ms / channel.ring_up_ms,
-        level_um=level_um,
-        modes_hz=tuple(mode * x for mode in channel.modes_hz),
-        rest_motion=tuple(motion / x**2 for motion in channel.rest_motion),
-        second_mode_hz=channel.second_mode_hz * x,
-        sag_um=channel.sag_um / x**2,
-        root_stress_mpa=channel.root_stress_mpa * level_um / channel.level_um,
-        force_mn=force_mn,
-        force_constant_n_per_a2=force_constant,
-        line_a2=wanted_line_a2(force_mn, force_constant),
-    )
 
 
 def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> Played:
@@ -355,10 +342,9 @@ def predicted(
     """
     scheme = scheme_named(plan.spec, scheme_name or plan.selectivity.drive)
     channels, spec = printed_channels(plan, tuning), one_coil_spec(plan)
-    response = _of(tuning, "response_um_per_a2")
-    response = np.maximum(response, UNPULLED * (response.max() or 1.0))
-    wanted = levels_um(plan, _of(tuning, "resonance_hz")) if wanted_um is None else wanted_um
-    truth = Channels(_of(tuning, "resonance_hz"), _of(tuning, "q"), wanted / response)
+    hz, response = _of(tuning, "resonance_hz"), _of(tuning, "response_um_per_a2")
+    wanted = levels_um(plan, hz) if wanted_um is None else wanted_um
+    truth = Channels(hz, _of(tuning, "q"), wanted / np.maximum(response, UNPULLED * (response.max() or 1.0)))
     found = []
     for place, index in sorted(coils_of(plan).items()):
         own = np.array(index)
@@ -445,9 +431,8 @@ def simulated_measurement(plan: Plan, truth: Tuning, seed: int, kind: str = "spe
     if kind not in SIMULATED:
         raise SpecError(f"must be one of {', '.join(SIMULATED)}, got {kind!r}", "--kind")
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 101)))
-    response = _responses(plan, truth)
-    noise = 10 ** (-snr_db / 20)
-    return {"spectrum": _spectrum, "chirp": _chirp, "pluck": _pluck}[kind](plan, truth, response, rng, noise)
+    measure = {"spectrum": _spectrum, "chirp": _chirp, "pluck": _pluck}[kind]
+    return measure(plan, truth, _responses(plan, truth), rng, 10 ** (-snr_db / 20))
 
 
 Response = Callable[[int, np.ndarray], np.ndarray]
@@ -472,34 +457,30 @@ def _responses(plan: Plan, truth: Tuning) -> Response:
 
 def _spectrum(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
     frequency = _frequencies(plan, truth)
-    columns, names = [frequency], ["frequency_hz"]
+    columns = {"frequency_hz": frequency}
     for i, taxel in enumerate(truth.taxels):
         clean = response(i, frequency)
         sigma = noise * np.abs(clean).max() / np.sqrt(2)
         noisy = clean + sigma * (rng.standard_normal(len(clean)) + 1j * rng.standard_normal(len(clean)))
-        columns += [noisy.real, noisy.imag]
-        names += [f"{taxel.id}_re", f"{taxel.id}_im"]
-    return _csv(names, columns, "# unit: um_per_a2\n")
+        columns |= {f"{taxel.id}_re": noisy.real, f"{taxel.id}_im": noisy.imag}
+    return _csv(columns, "# unit: um_per_a2\n")
 
 
 def _frequencies(plan: Plan, truth: Tuning) -> np.ndarray:
     """Return the frequencies of a spectrum in Hz: even in octaves, or close around each resonance where Q is high."""
     low, high = _band_hz(plan, truth)
-    q = np.array([taxel.q for taxel in truth.taxels])
+    q = _of(truth, "q")
     even = int(np.ceil(np.log(high / low) * q.max() * POINTS_PER_BANDWIDTH))
     if even <= MOST_EVEN:
         return np.geomspace(low, high, max(even, 200))
-    hz = np.array([taxel.resonance_hz for taxel in truth.taxels])
     offsets = np.linspace(-REACH_BANDWIDTHS, REACH_BANDWIDTHS, 2 * REACH_BANDWIDTHS * POINTS_PER_BANDWIDTH + 1)
-    zoomed = hz[:, None] * (1 + offsets / q[:, None])
-    coarse = np.geomspace(low, high, 200)
-    return np.unique(np.concatenate([coarse, zoomed.ravel()]).clip(low, high))
+    zoomed = _of(truth, "resonance_hz")[:, None] * (1 + offsets / q[:, None])
+    return np.unique(np.concatenate([np.geomspace(low, high, 200), zoomed.ravel()]).clip(low, high))
 
 
 def _band_hz(plan: Plan, truth: Tuning) -> tuple[float, float]:
     """Return the measured band in Hz, widened where the print came out far off the plan."""
-    low, high = measuring_band_hz(plan)
-    hz = [taxel.resonance_hz for taxel in truth.taxels]
+    hz, (low, high) = _of(truth, "resonance_hz").tolist(), measuring_band_hz(plan)
     return min(low, min(hz) / 2), max(high, max(hz) * 2)
 
 
@@ -520,45 +501,31 @@ def _chirp(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generat
     size = 2 * len(time)
     force = np.fft.rfft(current**2, size)
     frequency = np.fft.rfftfreq(size, 1 / rate)
-    return _series(truth, time, current, lambda i: np.fft.irfft(force * response(i, frequency), size), rng, noise)
+    columns = {"time_s": time, "current_a": current}
+    for i, taxel in enumerate(truth.taxels):
+        moved = np.fft.irfft(force * response(i, frequency), size)[: len(time)]
+        columns[taxel.id] = _noisy(moved, rng, noise)
+    return _csv(columns, "# unit: um\n")
 
 
 def _pluck(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
-    hz = np.array([taxel.resonance_hz for taxel in truth.taxels])
-    q = np.array([taxel.q for taxel in truth.taxels])
+    hz, q = _of(truth, "resonance_hz"), _of(truth, "q")
     rate = float(np.ceil(RATE_OVER_HIGHEST * hz.max()))
     seconds = min(max(float((3 * q / (np.pi * hz)).max()), 5 / float(hz.min())), MOST_NUMBERS / rate / (1 + len(hz)))
     time = np.arange(int(seconds * rate)) / rate
-    phase = rng.uniform(-0.5, 0.5, len(hz))
-
-    def decay(i: int) -> np.ndarray:
-        damped = hz[i] * np.sqrt(1 - min(1 / (4 * q[i] ** 2), 0.99))
-        return np.asarray(np.exp(-np.pi * hz[i] / q[i] * time) * np.cos(2 * np.pi * damped * time + phase[i]))
-
-    return _series(truth, time, None, decay, rng, noise)
-
-
-def _series(
-    truth: Tuning,
-    time: np.ndarray,
-    current: np.ndarray | None,
-    motion: Callable[[int], np.ndarray],
-    rng: np.random.Generator,
-    noise: float,
-) -> str:
-    names, columns = ["time_s"], [time]
-    if current is not None:
-        names.append("current_a")
-        columns.append(current)
-    for i, taxel in enumerate(truth.taxels):
-        clean = motion(i)[: len(time)]
-        names.append(taxel.id)
-        columns.append(clean + noise * np.abs(clean).max() * rng.standard_normal(len(time)))
-    return _csv(names, columns, "" if current is None else "# unit: um\n")
+    phases, columns = rng.uniform(-0.5, 0.5, len(hz)), {"time_s": time}
+    for taxel, phase in zip(truth.taxels, phases, strict=True):
+        damped = taxel.resonance_hz * np.sqrt(1 - min(1 / (4 * taxel.q**2), 0.99))
+        decay = np.exp(-np.pi * taxel.resonance_hz / taxel.q * time) * np.cos(2 * np.pi * damped * time + phase)
+        columns[taxel.id] = _noisy(decay, rng, noise)
+    return _csv(columns, "")
 
 
-def _csv(names: Sequence[str], columns: Sequence[np.ndarray], head: str) -> str:
-    text = io.StringIO()
-    text.write(head + ",".join(names) + "\n")
-    np.savetxt(text, np.stack(columns, 1), fmt=["%.10g"] + ["%.6g"] * (len(columns) - 1), delimiter=",")
+def _noisy(clean: np.ndarray, rng: np.random.Generator, noise: float) -> np.ndarray:
+    return np.asarray(clean + noise * np.abs(clean).max() * rng.standard_normal(len(clean)))
+
+
+def _csv(columns: dict[str, np.ndarray], head: str) -> str:
+    text, forms = io.StringIO(), ["%.10g"] + ["%.6g"] * (len(columns) - 1)
+    np.savetxt(text, np.stack([*columns.values()], 1), forms, ",", header=head + ",".join(columns), comments="")
     return text.getvalue()

@@ -3,7 +3,7 @@
 `PICTURES` names these and the drawings: `padgen draw` writes them, `Plan.plot` shows them.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from padgen.physics.selectivity import line_energy, own_lines, pair_lines, tone_
 from padgen.planner.channels import coil_modes
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import coil_axis_mm
+from padgen.planner.plan import Plan
 from padgen.report.drawings import all_shapes, border, draw_exploded, draw_pad, draw_section, draw_wiring, title_of
-
-if TYPE_CHECKING:
-    from padgen.planner.plan import Plan
 
 __all__ = ["PICTURES", "draw_ladder", "draw_overview", "draw_prints", "draw_responses", "draw_selectivity", "picture"]
 
@@ -32,7 +30,7 @@ def colours_of(count: int) -> Any:
     return matplotlib.colormaps["viridis"](np.linspace(0, 0.85, count))
 
 
-def new_figure(plan: "Plan", words: str, width_in: float, height_in: float) -> Any:
+def new_figure(plan: Plan, words: str, width_in: float, height_in: float) -> Any:
     """Return an empty figure with its title."""
     from matplotlib.figure import Figure
 
@@ -57,7 +55,7 @@ WIDE = 5.0
 """Bands that reach over more than this ratio have 1, 2 and 5 of each decade marked."""
 
 
-def draw_ladder(plan: "Plan") -> Any:
+def draw_ladder(plan: Plan) -> Any:
     """Draw each channel's resonance, what prints scatter it by, and the slot that no other resonance may come into."""
     height = min(1.7 + 0.3 * len(plan.channels), 9.0)
     figure = new_figure(plan, "resonances of the channels, and the slots that keep them apart", 9.0, height)
@@ -66,7 +64,7 @@ def draw_ladder(plan: "Plan") -> Any:
     return figure
 
 
-def ladder(axis: Any, plan: "Plan") -> None:
+def ladder(axis: Any, plan: Plan) -> None:
     """Draw the ladder of resonances into an axis, the sets of channels in colours of their own."""
     half, several = slot_half_width(plan.spec.q_min, plan.spec.delta_y), len(plan.sets) > 1
     low = [c.resonance_hz * max(1 - max(half, c.print_spread), 0.05) for c in plan.channels]
@@ -94,18 +92,15 @@ def ladder(axis: Any, plan: "Plan") -> None:
     axis.axvline(band[0], color=PALE, linestyle=":", label="band asked for")
     axis.axvline(band[1], color=PALE, linestyle=":")
     hz_axis(axis, 0.93 * min(*low, band[0]), 1.07 * max(*high, band[1]))
-    every = -(-len(plan.channels) // MOST_TICKS)
-    axis.set_yticks(
-        [c.index for c in plan.channels][::every],
-        [f"{c.index}:  {c.resonance_hz:.1f} Hz" for c in plan.channels][::every],
-    )
+    named = plan.channels[:: -(-len(plan.channels) // MOST_TICKS)]
+    axis.set_yticks([c.index for c in named], [f"{c.index}:  {c.resonance_hz:.1f} Hz" for c in named])
     axis.set(xlabel="frequency, Hz", ylabel="channel", ylim=(-0.6, len(plan.channels) - 0.4))
 
 
 MOST_TICKS = 30
 
 
-def draw_responses(plan: "Plan") -> Any:
+def draw_responses(plan: Plan) -> Any:
     """Draw how the taxels of one coil answer each frequency, and the lines of its current's square, all channels on.
 
     Above, a curve is a taxel's motion, in dB of its ON level, if the line that drives it moved in frequency. A mark is
@@ -148,15 +143,10 @@ def draw_responses(plan: "Plan") -> Any:
     bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")
     hz_axis(bottom, low, high)
     top.grid(axis="x")
-    top.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize=8)
+    beside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "fontsize": 8}
+    top.legend(**beside)
     turns = " (one at a time)" if scheme.takes_turns else ""
-    bottom.legend(
-        loc="upper left",
-        bbox_to_anchor=(1.01, 1.0),
-        fontsize=8,
-        title=f"{scheme.name}, all on{turns}",
-        alignment="left",
-    )
+    bottom.legend(title=f"{scheme.name}, all on{turns}", alignment="left", **beside)
     return figure
 
 
@@ -174,7 +164,7 @@ def _heard(which: Any, part: Any, modes: Any) -> Any:
     return np.stack([row.ravel() for row in rows])
 
 
-def draw_selectivity(plan: "Plan") -> Any:
+def draw_selectivity(plan: Plan) -> Any:
     """Draw for each set of channels by how much an OFF taxel (row) is quieter than ON at the tone of another."""
     from matplotlib.patches import Rectangle
 
@@ -190,9 +180,8 @@ def draw_selectivity(plan: "Plan") -> Any:
     for axis, own, db in zip(axes, plan.sets, tables, strict=True):
         shown = np.ma.masked_array(db, np.eye(len(own), dtype=bool))
         image = axis.imshow(shown, cmap="cividis", vmin=0.0, vmax=min(largest, 60.0))
-        few = len(own) <= MOST_WRITTEN
         for (row, column), value in np.ndenumerate(db):
-            if few:
+            if len(own) <= MOST_WRITTEN:
                 dark = row != column and image.norm(value) < 0.55
                 words = "ON" if row == column else f"{value:.0f}" if len(own) > 4 else f"{value:.1f}"
                 axis.text(column, row, words, ha="center", va="center", fontsize=8, color="white" if dark else INK)
@@ -214,7 +203,7 @@ def draw_selectivity(plan: "Plan") -> Any:
 MOST_WRITTEN = 16
 
 
-def draw_prints(plan: "Plan") -> Any:
+def draw_prints(plan: Plan) -> Any:
     """Draw the pad from the touch side, each coil's cell in the colour of the share of prints in which it is good."""
     figure = new_figure(plan, "which coils' prints suffer", 6.8, 5.9)
     print_map(figure.subplots(), plan)
@@ -222,7 +211,7 @@ def draw_prints(plan: "Plan") -> Any:
     return figure
 
 
-def print_map(axis: Any, plan: "Plan") -> None:
+def print_map(axis: Any, plan: Plan) -> None:
     """Draw the share of re-tuned prints in which each coil keeps the asked selectivity, and the bosses by channel."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import PolyCollection
@@ -239,12 +228,11 @@ def print_map(axis: Any, plan: "Plan") -> None:
     fills = shade.to_rgba(np.array(plan.prints.coil_shares))
     axis.add_collection(PolyCollection(cells, facecolors=fills, edgecolors=PALE, linewidths=0.4, gid="cells"))
     colours = colours_of(len(plan.channels))
-    bosses = all_shapes(plan, ("boss",))["boss"]
-    for index, colour in enumerate(colours[: len(plan.channels) if len(plan.channels) <= MOST_NAMED else 0]):
+    for index, colour in enumerate(colours if len(plan.channels) <= MOST_NAMED else ()):
         axis.plot([], [], "o", color=colour, label=f"channel {index}")
     axis.add_collection(
         PolyCollection(
-            bosses,
+            all_shapes(plan, ("boss",))["boss"],
             facecolors=colours[[t.channel for t in plan.taxels]],
             edgecolors="white",
             linewidths=0.5,
@@ -264,7 +252,7 @@ def print_map(axis: Any, plan: "Plan") -> None:
 MOST_LABELLED = 64
 
 
-def draw_overview(plan: "Plan") -> Any:
+def draw_overview(plan: Plan) -> Any:
     """Draw the pad with the prints that each coil survives, and beside it the ladder of resonances."""
     figure = new_figure(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.15, 1))
@@ -287,7 +275,7 @@ PICTURES = {
 }
 
 
-def picture(plan: "Plan", name: str) -> Any:
+def picture(plan: Plan, name: str) -> Any:
     """Draw one of `PICTURES` from a plan alone, without a display or a CAD kernel.
 
     Returns

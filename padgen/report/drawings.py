@@ -6,7 +6,7 @@ Everything is drawn from the plan, in two dimensions. Parts have their names as 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain, groupby
 from math import cos, pi, sin
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,11 +14,8 @@ from padgen.core.display import COLOURS, INK, PALE
 from padgen.core.errors import InfeasibleError, number
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
-from padgen.planner.plan import TURNS
+from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath, Segment
-
-if TYPE_CHECKING:
-    from padgen.planner.plan import Channel, Plan
 
 __all__ = ["draw_exploded", "draw_pad", "draw_section", "draw_wiring", "title_of"]
 
@@ -36,6 +33,7 @@ FILLS = {
     "recess": "#ffffff",
     "window": "#ffffff",
     "behind": "#f6f2ea",
+    "beam behind": "#f6ddaa",
     "inside": "#7d786c",
     "socket": "#55666f",
     "hole": "#55524b",
@@ -45,7 +43,7 @@ CIRCLE = np.linspace(0, 2 * pi, 48, endpoint=False)
 Points = np.ndarray
 
 
-def title_of(plan: "Plan", words: str) -> str:
+def title_of(plan: Plan, words: str) -> str:
     """Return a picture's title: the pad's name, in which a dollar sign begins no formula, and what is shown."""
     return plan.name.replace("$", r"\$") + f": {words}"
 
@@ -104,14 +102,12 @@ class Sheet:
         for end in ends:
             self.axis.plot(*[(end, end), (start, at)][turn], color=PALE, linewidth=0.5)
         arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 6}
-        places = [(end, at)[turn] for end in ends]
-        self.axis.annotate("", *places, arrowprops=arrow)
+        self.axis.annotate("", *[(end, at)[turn] for end in ends], arrowprops=arrow)
         if text:
             side = {"rotation": 90, "ha": "right"} if tall else {"va": "bottom"}
             gap = 0.04 * self.mm * (-1 if tall else 1)
             bare = {"color": "white", "pad": 0.6}  # hides the lines that other dimensions begin with
-            place = [sum(ends) / 2, at + gap][turn]
-            self.words(place, text, bbox=bare, **side)
+            self.words([sum(ends) / 2, at + gap][turn], text, bbox=bare, **side)
 
     def column(self, x: float, to_right: bool, notes: Sequence[Note]) -> None:
         """Write notes below each other at `x`, each with a line to the place that it is about."""
@@ -165,7 +161,7 @@ def beam_outline(path: BeamPath, fillet_mm: float) -> Points:
     return np.array(ends[0] + ends[1][::-1], float)
 
 
-def taxel_shapes(plan: "Plan", channel: "Channel") -> dict[str, list[Points]]:
+def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
     """Return the outlines of a taxel's parts from above, by name, in its own axes."""
     arrangement, plate = plan.arrangement(channel), plan.plate
     length, width = (float(v) for v in arrangement.window_mm)
@@ -181,7 +177,7 @@ def taxel_shapes(plan: "Plan", channel: "Channel") -> dict[str, list[Points]]:
     }
 
 
-def all_shapes(plan: "Plan", names: Sequence[str]) -> dict[str, list[Points]]:
+def all_shapes(plan: Plan, names: Sequence[str]) -> dict[str, list[Points]]:
     """Return the outlines of these parts of all taxels, in the pad's axes."""
     own = [
         {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
@@ -197,7 +193,7 @@ def all_shapes(plan: "Plan", names: Sequence[str]) -> dict[str, list[Points]]:
     }
 
 
-def border(plan: "Plan", grow: float = 1.0) -> Points:
+def border(plan: Plan, grow: float = 1.0) -> Points:
     """Return the corners (4, 2) of the pad, or with `grow` 0 of its active area."""
     pad = plan.spec.pad
     x, y = (side / 2 + grow * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
@@ -205,7 +201,7 @@ def border(plan: "Plan", grow: float = 1.0) -> Points:
 
 
 def both_sides(
-    plan: "Plan", title: str, sides: tuple[str, str], most: tuple[float, float] = (9.5, 7.6)
+    plan: Plan, title: str, sides: tuple[str, str], most: tuple[float, float] = (9.5, 7.6)
 ) -> tuple[Sheet, list[Callable[[Points], Points]]]:
     """Return a sheet with the pad's outline from the touch side and, turned over about its y axis, from below.
 
@@ -229,7 +225,7 @@ def both_sides(
     return sheet, views
 
 
-def draw_pad(plan: "Plan") -> Any:
+def draw_pad(plan: Plan) -> Any:
     """Draw the printed pad from the touch side and from below, with its dimensions."""
     pad, (x, y), (inner_x, inner_y) = plan.spec.pad, border(plan)[2], border(plan, 0)[2]
     sides = ("touch side: bosses to feel", "underside: beams, recesses and washers")
@@ -245,8 +241,10 @@ def draw_pad(plan: "Plan") -> Any:
     sheet.dimension((-x, x), -y - 2 * step, -y, number(2 * x))
     sheet.dimension((-y, y), -x - step, -x, number(2 * y), tall=True)
     holes = f", holes {number(pad.hole_diameter_mm)}" if pad.hole_diameter_mm else ""
-    told = f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes};"
-    told += f" washers {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
+    told = (
+        f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes}; washers"
+        f" {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
+    )
     sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), told, ha="left", va="top")
     return sheet.figure
 
@@ -255,7 +253,7 @@ MANY = 128
 """More taxels than these are drawn with thinner lines, and in an SVG as an image, which is smaller."""
 
 
-def draw_section(plan: "Plan") -> Any:
+def draw_section(plan: Plan) -> Any:
     """Draw the taxel of the lowest channel from the touch side and, below, cut along its beam, to one scale."""
     channel, spec, plate, washer = plan.channels[0], plan.spec, plan.plate, plan.spec.washer
     coil, thick, own, arrangement = (
@@ -300,17 +298,20 @@ def draw_section(plan: "Plan") -> Any:
     outer, bore, edge = washer.outer_diameter_mm / 2, washer.inner_diameter_mm / 2, plate.boss_edge_mm
     profile = [(half, plate.thickness_mm), (half, peak - edge), (half - edge, peak)]
     profile += [(-across, z) for across, z in reversed(profile)]
-    sheet.part("behind", [rectangle(0, length, 0, thick)], linewidth=0.4)
-    sheet.part("beam behind", [side], facecolor="#f6ddaa", linewidth=0.4)
-    sheet.part("frame", [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)])
-    sheet.part("beam", [rectangle(*ends, 0, thin) for ends in cuts] or [side])
-    sheet.part("plate", [rectangle(block[0], block[1], 0, block[4]) for block in blocks])
-    sheet.part("recess", [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)])
-    sheet.part("boss", [np.array([(x + across, z) for across, z in profile])])
-    sheet.part("washer", [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)])
-    sheet.part("coil", [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)])
-    if core:
-        sheet.part("core", [rectangle(coil_x - core, coil_x + core, bottom, top)])
+    parts = {
+        "behind": [rectangle(0, length, 0, thick)],
+        "beam behind": [side],
+        "frame": [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)],
+        "beam": [rectangle(*ends, 0, thin) for ends in cuts] or [side],
+        "plate": [rectangle(block[0], block[1], 0, block[4]) for block in blocks],
+        "recess": [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)],
+        "boss": [np.array([(x + across, z) for across, z in profile])],
+        "washer": [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)],
+        "coil": [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)],
+        **({"core": [rectangle(coil_x - core, coil_x + core, bottom, top)]} if core else {}),
+    }
+    for name, cut in parts.items():
+        sheet.part(name, cut, **({"linewidth": 0.4} if "behind" in name else {}))
 
     steel, size = x + (bore + outer) / 2, f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
     spring = sum(cuts[0]) / 2 if cuts else (float(along.min()) + blocks[0][0]) / 2
@@ -388,7 +389,7 @@ def projected(places: Points, z: float) -> Points:
     return np.stack([right, z * cos(UP) + away * sin(UP)], -1)
 
 
-def draw_exploded(plan: "Plan") -> Any:
+def draw_exploded(plan: Plan) -> Any:
     """Draw the parts above each other in the order in which they are put together, in parallel projection."""
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
@@ -413,16 +414,16 @@ def draw_exploded(plan: "Plan") -> Any:
         layers.append(("tray", "1 tray", "printed: sockets that set the gap", [Prism("tray", edges, 0.0, z), *sockets]))
         z += step / 2
     top = z + coil.length_mm
-    windings = [prisms("coil", [at], coil.outer_diameter_mm, z, top) for at in grid]
-    cores = [prisms("core", [at], coil.core_diameter_mm, top) for at in grid]
-    told = f"{len(grid)} coil{'s' * (len(grid) > 1)}"
-    layers.append(("coil", told, "an amplifier output each", list(chain(*chain(*zip(windings, cores, strict=True))))))
+    windings = prisms("coil", grid, coil.outer_diameter_mm, z, top)
+    cores = prisms("core", grid, coil.core_diameter_mm, top)
+    coils = [*chain(*zip(windings, cores, strict=True))]
+    layers.append(("coil", f"{len(grid)} coil{'s' * (len(grid) > 1)}", "an amplifier output each", coils))
     z = top + step
     top = z + washer.thickness_mm
     rings = prisms("washer", bosses, washer.outer_diameter_mm, z, top)
     rings += prisms("hole", bosses, washer.inner_diameter_mm, top)
-    told = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
-    layers.append(("washer", told, "glued into the plates from below", rings))
+    name = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
+    layers.append(("washer", name, "glued into the plates from below", rings))
     z = top + step
     top, height = z + spec.pad.frame_thickness_mm, z + plate.thickness_mm
     shapes = all_shapes(plan, ("window", "plate"))
@@ -437,8 +438,7 @@ def draw_exploded(plan: "Plan") -> Any:
         shanks = prisms("shank", corners, 0.9 * spec.pad.hole_diameter_mm, low, high)
         heads = prisms("screw", corners, tray.screw.head_mm, high, high + tray.screw.head_mm / 2)
         name = "4 screws, 4 nuts" if tray.screw.nut else "4 screws"
-        told = f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long"
-        layers.append(("screw", name, told, shanks + heads))
+        layers.append(("screw", name, f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long", shanks + heads))
 
     faces, notes = [], []
     for meant, name, sentence, solids in layers:
@@ -456,21 +456,20 @@ def draw_exploded(plan: "Plan") -> Any:
     points = np.concatenate([shape for _, shape, _ in faces])
     area = Outline(*np.stack([points.min(0), points.max(0)]).T.ravel())
     sheet = Sheet(title_of(plan, "what lies above what"), area, (0.3, 2.9, 0.3, 0.6), (9.0, 8.0))
-    colours = [tuple(shade * v for v in to_rgb(FILLS[part])) for part, _, shade in faces]
     many = len(bosses) > MANY
-    style: dict[str, Any] = {
-        "facecolors": colours,
-        "edgecolors": INK,
-        "linewidths": 0.25 if many else 0.4,
-        "rasterized": many,
-    }
-    stack = PolyCollection([shape for _, shape, _ in faces], **style)
+    stack = PolyCollection(
+        [shape for _, shape, _ in faces],
+        facecolors=[tuple(shade * v for v in to_rgb(FILLS[part])) for part, _, shade in faces],
+        edgecolors=INK,
+        linewidths=0.25 if many else 0.4,
+        rasterized=many,
+    )
     sheet.axis.add_collection(stack, autolim=False)
     sheet.column(area.x1 + 0.35 * sheet.mm, True, notes)
     return sheet.figure
 
 
-def draw_wiring(plan: "Plan") -> Any:
+def draw_wiring(plan: Plan) -> Any:
     """Draw which coil is fed by which amplifier output, from the touch side and from below."""
     coils, diameter = plan.coils, plan.spec.coil.outer_diameter_mm
     # So large that a number of three digits fits into the circle of its coil.
@@ -492,8 +491,8 @@ def draw_wiring(plan: "Plan") -> Any:
                 sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
     told = (
         "bold: amplifier output, and channel of the WAV file counted from 1; row by row from the corner with the groove"
+        + "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
     )
-    told += "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
     sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), told, ha="left", va="top")
     return sheet.figure
 

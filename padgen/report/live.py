@@ -145,39 +145,39 @@ class Live:
         """Return the web application (ASGI) that answers at this port of this machine."""
         from starlette.applications import Starlette
         from starlette.concurrency import run_in_threadpool
+        from starlette.exceptions import HTTPException
         from starlette.requests import Request
-        from starlette.responses import HTMLResponse, PlainTextResponse, Response
+        from starlette.responses import HTMLResponse, Response
         from starlette.routing import Route
 
         hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
 
-        def refusal(request: Request) -> str:
+        def check(request: Request) -> None:
+            """Refuse a request that does not come from this page."""
             host, origin = request.headers.get("host", ""), request.headers.get("origin")
             token = request.headers.get(TOKEN_HEADER) or request.query_params.get("token", "")
             if host not in hosts or (origin is not None and origin.removeprefix("http://") not in hosts):
-                return "this address is served to its own page only"
+                raise HTTPException(403, "this address is served to its own page only", HEADERS)
             if not secrets.compare_digest(token.encode(), self.token.encode()):
-                return "the token is wrong; open the address that padgen explore printed"
-            return ""
+                raise HTTPException(403, "the token is wrong; open the address that padgen explore printed", HEADERS)
 
         def page(make: Callable[[], str]) -> Any:
             async def answer(request: Request) -> Response:
-                if told := refusal(request):
-                    return PlainTextResponse(told, 403, HEADERS)
-                html = await run_in_threadpool(make)
-                return HTMLResponse(html, 200, HEADERS) if html else PlainTextResponse("not built yet", 404, HEADERS)
+                check(request)
+                if html := await run_in_threadpool(make):
+                    return HTMLResponse(html, 200, HEADERS)
+                raise HTTPException(404, "not built yet", HEADERS)
 
             return answer
 
         def call(function: Callable[[Mapping[str, Any]], dict[str, Any]]) -> Any:
             async def answer(request: Request) -> Response:
-                if told := refusal(request):
-                    return PlainTextResponse(told, 403, HEADERS)
+                check(request)
                 body = bytearray()
                 async for part in request.stream():
                     body += part
                     if len(body) > LARGEST_BODY:
-                        return PlainTextResponse(f"at most {LARGEST_BODY} bytes are read", 413, HEADERS)
+                        raise HTTPException(413, f"at most {LARGEST_BODY} bytes are read", HEADERS)
                 try:
                     data = await run_in_threadpool(function, json.loads(bytes(body) or b"{}"))
                 except (PadgenError, ValueError, RecursionError, MemoryError) as error:

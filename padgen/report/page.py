@@ -17,17 +17,18 @@ from hashlib import sha256
 from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import versions
-from padgen.core.errors import FileError, Finding, InfeasibleError, PadgenError, number
+from padgen.core.errors import FileError, InfeasibleError, PadgenError, number
 from padgen.core.files import json_line, read_bounded, reason, write_synced
 from padgen.core.units import G_PER_CM3, GRAM, MM
 from padgen.driver.formats.csv import drive_rows
 from padgen.driver.frames import taxel_grid
+from padgen.make.pad import Pad
 from padgen.planner.channels import heard_modes
 from padgen.planner.drive_rows import COLUMNS
 from padgen.planner.drive_scheme import placed_channels
@@ -41,9 +42,6 @@ from padgen.report.plans import pad_line, slot_hz, verdict_level, verdict_line
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.scene import ScenePart, scene_parts
-
-if TYPE_CHECKING:
-    from padgen.make.pad import Pad
 
 __all__ = ["REPORT_FILE", "Page", "page_data", "page_html", "scene_data", "study_of"]
 
@@ -64,7 +62,7 @@ class Page:
     """The report of a plan, or of its built pad; notebooks show it, ``.save(path)`` writes the file."""
 
     plan: Plan
-    pad: "Pad | None" = None
+    pad: Pad | None = None
     study: dict[str, Any] | None = None
 
     def __repr__(self) -> str:
@@ -91,7 +89,7 @@ class Page:
 
 
 def page_data(
-    plan: Plan, pad: "Pad | None" = None, *, live: bool = False, study: dict[str, Any] | None = None
+    plan: Plan, pad: Pad | None = None, *, live: bool = False, study: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return all that the page shows of a plan, as plain data.
 
@@ -125,7 +123,10 @@ def page_data(
         "ladder": [slot_hz(plan, channel.resonance_hz) for channel in plan.channels],
         "prints": _prints(plan, live),
         "drive": {"columns": COLUMNS, "rows": [astuple(row) for row in drive_rows(plan)]},
-        "findings": [_finding(f) for f in (*plan.findings, *(report.findings if report else ()))],
+        "findings": [
+            {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
+            for finding in (*plan.findings, *(report.findings if report else ()))
+        ],
         "checked": {key: value for key, value in figures.items() if isinstance(value, (int, float, list))},
         "study": study,
         "left_out": [asdict(entry) for entry in plan.left_out],
@@ -136,7 +137,7 @@ def page_data(
     }
 
 
-def scene_data(plan: Plan, pad: "Pad | None" = None) -> dict[str, Any]:
+def scene_data(plan: Plan, pad: Pad | None = None) -> dict[str, Any]:
     """Return the part of the page's data that needs the meshes of a plan's parts: the shapes, and what is weighed."""
     parts = scene_parts(plan, pad.solid if pad else None)
     volumes_mm3 = {
@@ -330,26 +331,18 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
     return {**told, "edges_db": edges.tolist(), "counts": counts, "counted": [STAGE_WORDS[0], STAGE_WORDS[-1]]}
 
 
-def _finding(finding: Finding) -> dict[str, str]:
-    return {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
-
-
 def _manual(plan: Plan) -> dict[str, Any]:
     """Return what assembling this pad needs: the tray's heights, screws, slicer settings."""
+    tray, why = None, ""
     try:
         tray = plan_tray(plan)
-        heights: dict[str, Any] | None = {
-            name: getattr(tray, name)
-            for name in ("floor_mm", "socket_top_mm", "coil_top_mm", "height_mm", "gap_mm", "wires")
-        }
-        screw = tray.screw._asdict() if tray.screw else None
-        why = ""
     except InfeasibleError as error:
-        heights, screw, why = None, None, str(error)
+        why = str(error)
+    heights = ("floor_mm", "socket_top_mm", "coil_top_mm", "height_mm", "gap_mm", "wires")
     return {
-        "tray": heights,
+        "tray": {name: getattr(tray, name) for name in heights} if tray else None,
         "no_tray": why,
-        "screw": screw,
+        "screw": tray.screw._asdict() if tray and tray.screw else None,
         "washer": plan.spec.washer.name,
         "coil": plan.spec.coil.name,
         "glue_mg": plan.spec.taxel.glue_mg,

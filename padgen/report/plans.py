@@ -1,7 +1,7 @@
 """Describe plans, builds and findings to people: as text, and as HTML for notebooks."""
 
 from collections.abc import Callable, Iterable, Sequence
-from math import isfinite
+from math import isfinite, log
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
@@ -33,8 +33,10 @@ __all__ = [
 
 def summary_text(plan: "Plan") -> str:
     """Return the verdict on a plan, the pad in a line, a table of its channels, and the power that it takes."""
-    lines = [verdict_line(plan), pad_line(plan), "", _summary_table(plan.channels), "", *_power_lines(plan)]
-    return "\n".join(lines)
+    rows = _channels_table(plan.channels, SUMMARY).split("\n")
+    if len(plan.channels) > SHOWN_CHANNELS:  # those in the middle are left out
+        rows[2 + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
+    return "\n".join([verdict_line(plan), pad_line(plan), "", *rows, "", *_power_lines(plan)])
 
 
 def verdict_level(plan: "Plan") -> str:
@@ -101,15 +103,6 @@ EVEN = 1.2
 """Largest ratio of distances of neighbouring rows or columns that is called even."""
 
 
-def _summary_table(channels: "Sequence[Channel]") -> str:
-    """Return the table of the channels, those in the middle of many left out."""
-    if len(channels) <= SHOWN_CHANNELS:
-        return _channels_table(channels, SUMMARY)
-    lines = _channels_table(channels, SUMMARY).split("\n")
-    lines[2 + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
-    return "\n".join(lines)
-
-
 def _channels_table(channels: "Sequence[Channel]", names: Sequence[str], narrow: bool = False) -> str:
     """Return a table of the channels with the columns of these names, headings in two lines where `narrow`."""
     headings = [name.replace(" ", "\n", 1) if narrow else name for name in names]
@@ -156,8 +149,8 @@ def _power_lines(plan: "Plan") -> list[str]:
         f" idle: {count * load.idle_w:.2g} W."
     ]
     if prints.print_db is not None:
-        figures = prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db
-        told = "; ".join(f"{stage} {db:.1f}" for stage, db in zip(STAGES, figures, strict=True) if db is not None)
+        stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
+        told = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)
         lines.append(
             f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
@@ -188,23 +181,18 @@ def plan_text(plan: "Plan") -> str:
     pitch = number(coils.pitch_mm)
     if coils.pitch_x_mm != coils.pitch_y_mm:
         pitch = f"{number(coils.pitch_x_mm)} x {number(coils.pitch_y_mm)}"
-    head = (
+    lines = [
         f"{plan.name}: {len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm,"
         f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
-        + (": one coil has those of even number, the next those of odd number" if coils.sets > 1 else "")
-    )
-    bound = (
+        + ": one coil has those of even number, the next those of odd number"
+        * (coils.sets > 1),
         f"channels that a coil could have in this band: {capacity.paper} by the paper's bound"
         f" ({capacity.paper_unrounded:.2f} before rounding; each resonance {number(capacity.ratio)} times the one"
         f" below); {capacity.exact_one_hot} by the exact response with one channel on;"
         f" {_count_text(capacity.exact, capacity.searched_to)} in all on/off states, driven {figures.drive};"
         f" {capacity.prints} if {plan.spec.print_share:.0%} of prints are to keep what is asked (a print changes the"
         f" ratio of two neighbours by ± {plan.prints.ratio_spread:.1%}). It has {count}; what keeps it from"
-        f" more: {capacity.limit}."
-    )
-    lines = [
-        head,
-        bound,
+        f" more: {capacity.limit}.",
         "",
         _channels_table(plan.channels, MOTION, narrow=True),
         "",
@@ -219,8 +207,7 @@ def plan_text(plan: "Plan") -> str:
             for o in plan.layouts
         )
         lines.append(f"runners-up: {others}")
-    lines.append(left_out_line(plan.left_out))
-    return "\n".join([*lines, _settings_line(plan.printing)])
+    return "\n".join([*lines, left_out_line(plan.left_out), _settings_line(plan.printing)])
 
 
 def _settings_line(printing: dict[str, str]) -> str:
@@ -243,18 +230,16 @@ def _drive_lines(plan: "Plan") -> list[str]:
         boards = boards_in_time(drive_at(plan, CONTROLLER_RATES_HZ))
     except SpecError:  # a drive that the firmware does not play
         boards = []
-    figures, load = plan.selectivity, plan.load
-    lines = [f"drive: {figures.drive}, {figures.why}"]
-    if figures.one_hot_db is not None:
-        lines += _selectivity_lines(plan)
+    figures, load, leak_db = plan.selectivity, plan.load, plan.reuse.leak_db
     frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
-    if plan.reuse.leak_db is not None:
-        lines.append(
-            "driven by the table, all in step, the coils around make an OFF taxel vibrate at worst"
-            f" {quieter(plan.reuse.leak_db)} than when it is ON"
-        )
-    return [
-        *lines,
+    error = max((c.force_error for c in plan.channels if c.force_constant_n_per_a2 > 0), default=None)
+    lines = [
+        f"drive: {figures.drive}, {figures.why}",
+        *([] if figures.one_hot_db is None else _selectivity_lines(plan)),
+        ""
+        if leak_db is None
+        else "driven by the table, all in step, the coils around make an OFF taxel vibrate at worst"
+        f" {quieter(leak_db)} than when it is ON",
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; {load.reachable_by}"
@@ -263,32 +248,24 @@ def _drive_lines(plan: "Plan") -> list[str]:
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
         + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
         + f" {', '.join(boards) or 'none'}",
-        *_force_line(plan.channels),
+        # Currents go with the root of the pull.
+        ""
+        if error is None
+        else f"the coil's pull on a washer is known to ± {error:.1%}, and so each current to ± {error / 2:.1%}",
     ]
-
-
-def _force_line(channels: "Sequence[Channel]") -> list[str]:
-    """Return a line on the errors of pulls and of currents, which go with the root of the pull."""
-    errors = [c.force_error for c in channels if c.force_constant_n_per_a2 > 0]
-    if not errors:
-        return []
-    worst = max(errors)
-    return [f"the coil's pull on a washer is known to ± {worst:.1%}, and so each current to ± {worst / 2:.1%}"]
+    return [line for line in lines if line]
 
 
 def _selectivity_lines(plan: "Plan") -> list[str]:
     figures = plan.selectivity
     states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db
     law = "equal sensation" if isinstance(figures.level_law, str) else f"levels fall as 1/f^{figures.level_law:g}"
-    worst = figures.worst_state
+    worst, kept, optimum, lost = figures.worst_state, figures.kept_db, figures.optimum_db, figures.snapping_db or 0.0
     if len(worst) > SHOWN_BITS:
         worst = f"{worst[:10]}…{worst[-10:]} of {len(worst)}"
-    lines = [
-        f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" of a coil (worst state: {worst}); asked (delta_y): {figures.asked_db:.1f} dB",
-    ]
-    if paper is not None and isfinite(paper):  # the formula has no value for two equal resonances
-        lines.append(f"with one channel on: exact {one_hot:.1f} dB, the paper's formula {paper:.1f} dB")
+    dear = (figures.modes_cost_db or 0.0) >= SHOWN_DB
+    cost = f" (of which the modes cost {figures.modes_cost_db:.1f} dB)" if dear else ""
+    tables: list[str] = []
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
             names = [str(channel.index) for channel in own]
@@ -296,20 +273,25 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
                 (name, *("" if k == name else f"{value:.1f}" for k, value in zip(names, row, strict=True)))
                 for name, row in zip(names, matrix, strict=True)
             ]
-            lines += [
+            tables += [
                 "dB by which an OFF taxel (row) is quieter than ON, at the tone of (column):",
                 table(["", *names], rows),
             ]
-    kept = figures.kept_db
-    if kept is not None and kept < states - SHOWN_DB:
-        dear = (figures.modes_cost_db or 0.0) >= SHOWN_DB
-        cost = f" (of which the modes cost {figures.modes_cost_db:.1f} dB)" if dear else ""
-        lines.append(f"counting unequal pulls, other modes and stretching: {kept:.1f} dB in all states{cost}")
-    if figures.optimum_db is not None:
-        lines.append(f"with equal masses the optimised resonances would reach {figures.optimum_db:.2f} dB")
-    if (figures.snapping_db or 0.0) >= SHOWN_DB:
-        lines.append(f"selectivity lost to the printer's resolution: {figures.snapping_db:.2f} dB")
-    return lines
+    lines = [
+        f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
+        f" of a coil (worst state: {worst}); asked (delta_y): {figures.asked_db:.1f} dB",
+        # The formula has no value for two equal resonances.
+        f"with one channel on: exact {one_hot:.1f} dB, the paper's formula {paper:.1f} dB"
+        if paper is not None and isfinite(paper)
+        else "",
+        *tables,
+        f"counting unequal pulls, other modes and stretching: {kept:.1f} dB in all states{cost}"
+        if kept is not None and kept < states - SHOWN_DB
+        else "",
+        "" if optimum is None else f"with equal masses the optimised resonances would reach {optimum:.2f} dB",
+        f"selectivity lost to the printer's resolution: {lost:.2f} dB" if lost >= SHOWN_DB else "",
+    ]
+    return [line for line in lines if line]
 
 
 SHOWN_DB = 0.05
@@ -320,9 +302,7 @@ SHOWN_MATRIX = 4
 def findings_text(findings: Iterable[Finding]) -> str:
     """Return findings as lines of text, the most severe first."""
     ordered = sorted(findings, key=lambda f: -LEVELS.index(f.level))
-    if not ordered:
-        return "all checks hold"
-    return "\n".join(_finding_line(f) for f in ordered)
+    return "\n".join(map(_finding_line, ordered)) or "all checks hold"
 
 
 def _finding_line(f: Finding) -> str:
@@ -353,14 +333,12 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     serious = [f for f in ordered if f.level != "note"]
     # The verdict has the selectivity that prints keep, and all of these effects are part of it.
     parts = [f for f in serious if f.level == "warning" and f.code.startswith(COUNTED_IN_PRINTS)]
-    shown = [f for f in serious if f not in parts]
-    lines = [_finding_line(f) for f in shown]
+    lines = [_finding_line(f) for f in serious if f not in parts]
     more = (
         (len(parts), "further warning", " on what prints keep"),
         (len(ordered) - len(serious), "note", ""),
     )
-    told = [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]
-    if told:
+    if told := [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]:
         lines.append(f"--verbose shows {', '.join(told)}, and all details.")
     return "\n".join(lines)
 
@@ -371,14 +349,15 @@ COUNTED_IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
 
 def explanation_text(explanation: "Explanation") -> str:
     """Return the limits that bind, a table of changes and their gains, and capacities by scheme and level law."""
-    held = explanation.channels
-    keep = "channel per coil keeps" if held == 1 else "channels per coil keep"
-    lines = [f"{held} {keep} what was asked (driven {explanation.drive}); one more is stopped by"]
-    lines += [f"  - {limit}" for limit in explanation.limits] or ["  - nothing that was tried"]
+    keep = "channel per coil keeps" if explanation.channels == 1 else "channels per coil keep"
     shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
-    lines.append(f"prints in which a re-tuned taxel keeps what was asked: {shares}")
     stages = "; ".join(f"{stage} {n}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
-    lines.append(f"channels that a coil could have in this band if prints are to keep what was asked: {stages}")
+    lines = [
+        f"{explanation.channels} {keep} what was asked (driven {explanation.drive}); one more is stopped by",
+        *(f"  - {limit}" for limit in explanation.limits or ["nothing that was tried"]),
+        f"prints in which a re-tuned taxel keeps what was asked: {shares}",
+        f"channels that a coil could have in this band if prints are to keep what was asked: {stages}",
+    ]
     if explanation.changes:
         rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
         rows += [
@@ -392,18 +371,14 @@ def explanation_text(explanation: "Explanation") -> str:
             )
             for change in explanation.changes
         ]
-        lines += [
-            "",
-            "what one change buys:",
-            table(EXPLAINED, rows, left=2),
-        ]
+        lines += ["", "what one change buys:", table(EXPLAINED, rows, left=2)]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
-    lines += ["", "most channels in the band by level law: with one channel on, in all on/off states:"]
-    return "\n".join([*lines, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
+    told = "most channels in the band by level law: with one channel on, in all on/off states:"
+    return "\n".join([*lines, "", told, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 EXPLAINED = (
@@ -424,31 +399,25 @@ def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
 
 def yield_text(result: "PrintYield") -> str:
     """Return tables of the yields before and after re-tuning, and of the gain without each spread."""
-    lines = [f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}"]
-    if result.pads < result.pads_asked:
-        lines[0] += f"; {result.pads_asked} would have been too much work"
-    rows = []
-    for name, outcome in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned)):
-        decibels = (outcome.q05_db, outcome.median_db, outcome.q95_db, outcome.reached_by_90_percent_db)
-        of = outcome.taxels, outcome.pads
-        shares = (f"{100 * s.share:.2f} % ({100 * s.low:.2f} … {100 * s.high:.2f})" for s in of)
-        rows.append((name, *shares, *map(_decibels, decibels)))
-    lines += [
+    fewer = f"; {result.pads_asked} would have been too much work" * (result.pads < result.pads_asked)
+    columns = (
         "",
-        table(
-            (
-                "",
-                "good taxels (95 % sure)",
-                "good pads (95 % sure)",
-                "5 % below dB",
-                "median dB",
-                "95 % below dB",
-                "90 % reach dB",
-            ),
-            rows,
-        ),
-        "",
+        "good taxels (95 % sure)",
+        "good pads (95 % sure)",
+        "5 % below dB",
+        "median dB",
+        "95 % below dB",
+        "90 % reach dB",
+    )
+    rows = [
+        (
+            name,
+            *(f"{100 * s.share:.2f} % ({100 * s.low:.2f} … {100 * s.high:.2f})" for s in (own.taxels, own.pads)),
+            *map(_decibels, (own.q05_db, own.median_db, own.q95_db, own.reached_by_90_percent_db)),
+        )
+        for name, own in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned))
     ]
+    gains = "% good gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB"
     costs = [
         (
             cost.spread.replace("_", " "),
@@ -458,11 +427,15 @@ def yield_text(result: "PrintYield") -> str:
         )
         for cost in result.costs
     ]
-    gains = ("% good gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB")
-    lines.append(table(gains, costs))
+    lines = [
+        f"{result.pads} pads printed in the computer (seed {result.seed}): {result.criterion}{fewer}",
+        "",
+        table(columns, rows),
+        "",
+        table(gains, costs),
+    ]
     told = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
-    named = [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]
-    if named:
+    if named := [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]:
         lines.append(f"costliest spread, {', '.join(named)}")
     if result.nominal_db is not None and result.nominal_db < result.asked_db:
         lines.append(
@@ -508,12 +481,13 @@ def figures_text(figures: dict[str, Any]) -> str:
         if value is not None:
             text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
             parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
-    if figures.get("part", "pad") != "pad":
-        parts.append(f"taken as the {figures['part']}")
-    if "compared_with" in figures:
-        parts.append(f"compared with {figures['compared_with']}")
-    if "limits_of" in figures:
-        parts.append(f"limits of printer {figures['limits_of']} (--spec takes those of a spec)")
+    for key, told in (
+        ("part", "taken as the {}"),
+        ("compared_with", "compared with {}"),
+        ("limits_of", "limits of printer {} (--spec takes those of a spec)"),
+    ):
+        if key in figures and (key, figures[key]) != ("part", "pad"):
+            parts.append(told.format(figures[key]))
     return ", ".join(parts)
 
 
@@ -524,7 +498,9 @@ LADDER_PX, LADDER_HEIGHT_PX = 560, 46
 
 def slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
     """Return the ends in Hz of the slot that a resonance needs for itself: the paper's Δy/4Q to either side."""
-    half = plan.spec.delta_y / (4 * plan.spec.q_min)
+    from padgen.physics.ladder import slot_half_width
+
+    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     return resonance_hz * max(1 - half, 0.0), resonance_hz * (1 + half)
 
 
@@ -555,8 +531,6 @@ def plan_html(plan: "Plan") -> str:
 
 def _ladder_svg(plan: "Plan") -> str:
     """Return an SVG picture of the resonances as lines on a logarithmic axis, each within its slot."""
-    from math import log
-
     slots = [slot_hz(plan, channel.resonance_hz) for channel in plan.channels]
     low, high = max(slots[0][0], plan.channels[0].resonance_hz / 10), slots[-1][1]
 
@@ -565,13 +539,12 @@ def _ladder_svg(plan: "Plan") -> str:
 
     marks = []
     for channel, (first, last) in zip(plan.channels, slots, strict=True):
-        x, width = at(first), round(at(last) - at(first), 1)
-        marks.append(f'<rect x="{x}" y="6" width="{width}" height="20" fill="#1f5fa8" fill-opacity="0.25"/>')
-        line = at(channel.resonance_hz)
-        marks.append(f'<line x1="{line}" x2="{line}" y1="4" y2="28" stroke="#1f5fa8" stroke-width="2"/>')
-        marks.append(
-            f'<text x="{line}" y="42" font-size="10" text-anchor="middle">{channel.resonance_hz:.0f} Hz</text>'
-        )
+        x, width, line = at(first), round(at(last) - at(first), 1), at(channel.resonance_hz)
+        marks += [
+            f'<rect x="{x}" y="6" width="{width}" height="20" fill="#1f5fa8" fill-opacity="0.25"/>',
+            f'<line x1="{line}" x2="{line}" y1="4" y2="28" stroke="#1f5fa8" stroke-width="2"/>',
+            f'<text x="{line}" y="42" font-size="10" text-anchor="middle">{channel.resonance_hz:.0f} Hz</text>',
+        ]
     label = f"resonances of {len(plan.channels)} channels"
     return (
         f'<svg role="img" aria-label="{label}" width="{LADDER_PX}" height="{LADDER_HEIGHT_PX}"'

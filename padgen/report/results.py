@@ -1,19 +1,24 @@
-"""Describe drive files, measured prints and G-code as text for people, and as plain data."""
+"""Describe drive files, measured prints, G-code, sweeps and the cache, as text for people and as plain data.
 
-from collections.abc import Sequence
+This loads without numpy, which `padgen cache` does not need.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.display import span_text, table
+from padgen.core.display import seconds_text, span_text, table
 from padgen.core.errors import Finding, number, plain
-from padgen.physics.selectivity import Scheme
 from padgen.report.plans import findings_text, held_line, serious_text
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import numpy as np
 
+    from padgen.batch.definition import Sweep
+    from padgen.batch.index import Overview
+    from padgen.batch.sweep import Event, SweepResult
+    from padgen.core.cache import CacheInfo
     from padgen.driver.drive_folder import Driven
     from padgen.driver.ear import Heard
     from padgen.driver.excitation import Excitation
@@ -22,11 +27,15 @@ if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
 __all__ = [
+    "cache_text",
+    "counts_text",
     "driven_table",
     "driven_text",
     "excitation_text",
     "laid_text",
     "retuned_text",
+    "sweep_table",
+    "sweep_text",
 ]
 
 MOST_MAPPED = 16
@@ -39,22 +48,37 @@ def driven_text(
     plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
     """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
+    from padgen.driver.frames import frames_text, map_text, taxel_grid
+
     heard, name = driven.heard, plan.name
-    done = f"the drive of {name} is written"
+    done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
-        done = f"heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
-    lines = [held_line(done[0].upper() + done[1:], driven.findings), serious_text(driven.findings, verbose)]
-    lines.append(_map_text(plan) if frames is None else _frames_line(plan, frames, MOST_PICTURES if verbose else 1))
-    if driven.report is not None:
-        lines.append(_wave_text(plan, driven.report))
-    if driven.heard is not None:
-        lines.append(heard_text(plan, driven.heard))
-    lines += [f"note: {plain(note)}" for note in notes]
-    lines.append(f"written to {plain(str(driven.folder))}: {', '.join(driven.files)}")
-    if driven.stale:
-        lines.append(
-            f"the other files in {plain(str(driven.folder))} are of an earlier plan; padgen build makes them anew"
+        done = f"Heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
+    picture, place = "", plain(str(driven.folder))
+    if frames is not None:
+        # Dark frames at the beginning show nothing.
+        first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
+        shown = frames[first : first + (MOST_PICTURES if verbose else 1)]
+        told = counted(len(frames), "frame")
+        if len(shown) < len(frames):
+            told = (
+                f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
+            )
+        picture = (
+            f"{told}, seen from the touch side (# ON, + between, . OFF, blank: no taxel):\n{frames_text(plan, shown)}"
         )
+    elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
+        picture = f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
+    lines = [
+        held_line(done, driven.findings),
+        serious_text(driven.findings, verbose),
+        picture,
+        "" if driven.report is None else _wave_text(driven.report),
+        "" if heard is None else heard_text(plan, heard),
+        *(f"note: {plain(note)}" for note in notes),
+        f"written to {place}: {', '.join(driven.files)}",
+        f"the other files in {place} are of an earlier plan; padgen build makes them anew" if driven.stale else "",
+    ]
     return "\n".join(line for line in lines if line)
 
 
@@ -72,27 +96,14 @@ def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _map_text(plan: "Plan") -> str:
-    from padgen.driver.frames import map_text, taxel_grid
-
-    if max(taxel_grid(plan).shape) > MOST_MAPPED:
-        return ""
-    return f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
+def counted(count: int, word: str) -> str:
+    """Return a number with its word, in the plural where it is not 1."""
+    return f"{count} {word}{'s' * (count != 1)}"
 
 
-def _frames_line(plan: "Plan", frames: "np.ndarray", most: int) -> str:
-    from padgen.driver.frames import frames_text
+def _wave_text(report: "WaveReport") -> str:
+    from padgen.physics.selectivity import Scheme
 
-    # Dark frames at the beginning show nothing.
-    first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
-    shown = frames[first : first + most]
-    told = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
-    if len(shown) < len(frames):
-        told = f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
-    return f"{told}, seen from the touch side (# ON, + between, . OFF, blank: no taxel):\n{frames_text(plan, shown)}"
-
-
-def _wave_text(plan: "Plan", report: "WaveReport") -> str:
     unit = "V" if report.signal == "voltage" else "A"
     depth = "24 bit" if report.depth == "24" else "32-bit float"
     told = [
@@ -128,17 +139,16 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
                 "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
             )
         )
-    states = "1 state" if len(heard.spans) == 1 else f"{len(heard.spans)} states"
-    text = f"heard in {states} of the file{', with the pull growing as the gap closes' * heard.with_gap}:\n" + table(
-        ("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows
+    gap, leak = ", with the pull growing as the gap closes" * heard.with_gap, plan.reuse.leak_db
+    leaked = "" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less"
+    return (
+        f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
+        + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
+        + f"\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out{leaked})"
     )
-    text += "\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out"
-    leak = plan.reuse.leak_db
-    text += ")" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less)"
-    return text
 
 
-def excitation_text(played: "Excitation", folder: "Path", findings: "Sequence[Finding]") -> str:
+def excitation_text(played: "Excitation", folder: Path, findings: "Sequence[Finding]") -> str:
     """Describe an excitation file, and what to do with it."""
     low, high = played.band_hz
     how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
@@ -158,10 +168,8 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
     """Return the verdict on a G-code, the settings to change, and a table of each channel (`verbose`: each taxel)."""
     figures = report.figures
     count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
-    verdict = "would print as planned"
-    if any(count.values()):
-        told = (f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
-        verdict = f"would not print as planned ({', '.join(told)})"
+    faults = ", ".join(f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
+    verdict = f"would not print as planned ({faults})" if faults else "would print as planned"
     x, y = figures["centre_mm"]
     turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
     lines = [
@@ -169,56 +177,41 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
         f"by {plain(figures['slicer'])}: {figures['layers']} layers, {number(figures['height_mm'])} mm high, the pad's"
         f" centre at ({number(x)}, {number(y)}) mm{turned}; compared with {figures['compared_with']}",
     ]
-    if figures["settings_to_change"] and any(count.values()):
+    if figures["settings_to_change"] and faults:
         changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])
         lines.append(f"in the slicer set: {', '.join(changes)}")
     groups: dict[Any, list[dict[str, Any]]] = {}
     for taxel in figures["taxels"]:
         groups.setdefault(taxel["id"] if verbose else taxel["channel"], []).append(taxel)
-    headings = (
-        "taxel" if verbose else "ch",
-        "planned Hz",
-        "as laid Hz",
-        "off %",
-        "beam layers",
-        "thick mm",
-        "first mm wide",
-        "above mm wide",
-        "plate mg",
-        "recess mm",
-        "room mm",
-        "gap mm",
-    )
-    return "\n".join([*lines, "", table(headings, [_row(str(name), group) for name, group in groups.items()]), ""])
+    headings = ("taxel" if verbose else "ch", "planned Hz", *(heading for heading, _, _ in LAID))
+    rows = []
+    for name, taxels in groups.items():
+        row = [str(name), f"{taxels[0]['planned_hz']:.1f}"]
+        for _, digits, values_of in LAID:
+            values = [value for taxel in taxels for value in values_of(taxel)]
+            missing = "-" if not values or None in values else ""
+            row.append(" … ".join(filter(None, (span_text(values, f".{digits}f"), missing))))
+        rows.append(row)
+    return "\n".join([*lines, "", table(headings, rows), ""])
 
 
-def _row(name: str, taxels: list[dict[str, Any]]) -> tuple[str, ...]:
-    beams = [beam for taxel in taxels for beam in taxel["beams"]]
-    hz = [taxel["resonance_hz"] for taxel in taxels]
-    planned = taxels[0]["planned_hz"]
-    return (
-        name,
-        f"{planned:.1f}",
-        _span(hz, 1),
-        _span([None if f is None else 100 * (f / planned - 1) for f in hz], 1),
-        _span([beam["layers"] for beam in beams], 0),
-        _span([beam["thickness_mm"] for beam in beams], 2),
-        _span([width for beam in beams for width in beam["width_mm"][:1]], 3),
-        _span([width for beam in beams for width in beam["width_mm"][1:]], 3),
-        _span([taxel["plate_mg"] for taxel in taxels], 1),
-        _span([taxel["recess_depth_mm"] for taxel in taxels], 2),
-        _span([taxel["recess_room_mm"] for taxel in taxels], 2),
-        _span([taxel["gap_mm"] for taxel in taxels], 2),
-    )
+LAID: "tuple[tuple[str, int, Callable[[dict[str, Any]], list[float | None]]], ...]" = (
+    ("as laid Hz", 1, lambda t: [t["resonance_hz"]]),
+    ("off %", 1, lambda t: [None if t["resonance_hz"] is None else 100 * (t["resonance_hz"] / t["planned_hz"] - 1)]),
+    ("beam layers", 0, lambda t: [beam["layers"] for beam in t["beams"]]),
+    ("thick mm", 2, lambda t: [beam["thickness_mm"] for beam in t["beams"]]),
+    ("first mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][:1]]),
+    ("above mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][1:]]),
+    ("plate mg", 1, lambda t: [t["plate_mg"]]),
+    ("recess mm", 2, lambda t: [t["recess_depth_mm"]]),
+    ("room mm", 2, lambda t: [t["recess_room_mm"]]),
+    ("gap mm", 2, lambda t: [t["gap_mm"]]),
+)
+"""Columns of a pad as laid: heading, digits, and the values of a taxel; the smallest and the largest are shown, and a
+dash where some are missing."""
 
 
-def _span(values: list[float | None], digits: int) -> str:
-    """Return the smallest and the largest value as text, and a dash if some are missing."""
-    missing = "-" if not values or None in values else ""
-    return " … ".join(filter(None, (span_text(values, f".{digits}f"), missing)))
-
-
-SHOWN_ROWS, MOST_ROWS = 12, 40
+SHOWN_TAXELS, MOST_TAXELS = 12, 40
 """Most taxels in the table, and with ``--verbose``."""
 
 
@@ -238,7 +231,7 @@ def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose:
             f"{row['current_ma_peak']:.3g}",
             f"{row['voltage_v_peak']:.3g}",
         )
-        for row in measured[: MOST_ROWS if verbose else SHOWN_ROWS]
+        for row in measured[: MOST_TAXELS if verbose else SHOWN_TAXELS]
     ]
     head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
     done = f"{len(measured)} of {len(taxels)} taxels are re-tuned"
@@ -253,6 +246,114 @@ def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose:
             f" {result.before_db:.1f} dB with the planned tones (planned {number(round(result.planned_db or 0, 1))} dB,"
             f" asked {result.asked_db:.1f} dB)"
         )
-    more = len(measured) - len(rows)
-    told = [held_line(done, result.findings), serious_text(result.findings, verbose), table(head, rows)]
-    return "\n".join([line for line in told if line] + [f"… and {more} more, in retune.json"] * (more > 0))
+    lines = [
+        held_line(done, result.findings),
+        serious_text(result.findings, verbose),
+        table(head, rows),
+        f"… and {len(measured) - len(rows)} more, in retune.json" if len(measured) > len(rows) else "",
+    ]
+    return "\n".join(line for line in lines if line)
+
+
+MOST_ROWS = 12
+"""Most variants of a Pareto front that are all shown; of a longer front only the best in each objective are."""
+
+
+def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> str:
+    """Return the counts of a sweep's variants, a table of the best, and where the results are."""
+    overview = result.overview
+    total, faulty = counted(result.total, "variant"), overview.with_errors
+    more = result.refused - len(overview.refused)
+    lines = [
+        f"{sweep.settings.name}: {total}, {counts_text(result)}, in {seconds_text(result.seconds)}",
+        f"{result.kept} of them were finished before and not made again" if result.kept else "",
+        f"{faulty} of those made have error findings, in the column findings of the index" if faulty else "",
+        *(f"refused: {name}: {sentence}" for name, sentence in overview.refused),
+        f"… and {more} more refused, in the index" if more > 0 else "",
+        f"\n{_front_text(sweep, overview)}" if overview.rows else "",
+        f"\nwritten to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}",
+    ]
+    return "\n".join(line.rstrip() for text in lines if text for line in text.splitlines())
+
+
+def counts_text(event: "Event | SweepResult") -> str:
+    """Return the counts of variants done and failed, and of those refused and left if there are any."""
+    counts = [f"{event.done} done", f"{event.refused} refused" * bool(event.refused), f"{event.failed} failed"]
+    return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
+
+
+def _front_text(sweep: "Sweep", overview: "Overview") -> str:
+    """Return the Pareto front as a table: varied fields, objectives reached, and those that a variant is best in."""
+    from padgen.batch.index import OBJECTIVES
+
+    axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
+    weighed, count = ", ".join(OBJECTIVES[name].word for name in objectives), len(overview.rows)
+    head = f"Pareto front over {weighed}: {counted(count, 'variant')} that no other beats"
+    head += "; every variant has error findings" * overview.of_faulty
+    head += "; those best in one of these" * (count > MOST_ROWS)
+    best: dict[int, list[str]] = {row: [] for row in range(count) if count <= MOST_ROWS}
+    for objective, row in overview.best().items():
+        best.setdefault(row, []).append(OBJECTIVES[objective].word)
+    varied = [overview.header.index(name) for name in ("number", *axes)]
+    reached = [overview.header.index(name) for name in objectives]
+    cells = [
+        [*(_cell(overview.rows[row][i]) for i in varied), *(_cell(overview.rows[row][i] or "-") for i in reached), told]
+        for row in sorted(best)
+        for told in (", ".join(best[row]),)
+    ]
+    # Dotted names are shortened to their last parts where these differ.
+    last = [name.rsplit(".", 1)[-1] for name in axes]
+    short = [end if last.count(end) == 1 else name for end, name in zip(last, axes, strict=True)]
+    headings = ["variant", *short, *(OBJECTIVES[name].heading for name in objectives), "best in"]
+    return f"{head}:\n{table(headings, cells)}"
+
+
+def _cell(text: str) -> str:
+    try:
+        return number(float(text)) if "." in text or "e" in text else text
+    except ValueError:
+        return text
+
+
+def sweep_table(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> dict[str, Any]:
+    """Return the summary of a sweep as plain data: the last line of ``--json``."""
+    overview = result.overview
+    at = {name: overview.header.index(name) for name in ("number", "name")} if overview.rows else {}
+    counts = {key: getattr(result, key) for key in ("total", "done", "refused", "failed", "kept", "left", "seconds")}
+    return {
+        "kind": "summary",
+        "name": sweep.settings.name,
+        "stage": sweep.settings.stage,
+        "folder": str(result.folder),
+        "files": ["index.csv", *files],
+        **counts,
+        "stopped": result.stopped,
+        "interrupted": result.interrupted,
+        "with_errors": overview.with_errors,
+        "objectives": list(overview.objectives),
+        "front": [int(row[at["number"]]) for row in overview.rows],
+        "best": {
+            objective: {
+                "number": int(overview.rows[row][at["number"]]),
+                "name": overview.rows[row][at["name"]],
+                "value": float(overview.values[row, overview.objectives.index(objective)]),
+            }
+            for objective, row in overview.best().items()
+        },
+    }
+
+
+def cache_text(held: "CacheInfo", dropped: bool = False) -> str:
+    """Describe the content of the cache, or the content that was dropped from it."""
+    entries = "1 entry" if held.entries == 1 else f"{held.entries} entries"
+    if dropped:
+        return f"{plain(held.folder)}: {entries} dropped, {_megabytes(held.bytes)}"
+    lines = [f"{plain(held.folder)}: {entries}, {_megabytes(held.bytes)} of {_megabytes(held.limit_bytes)}"]
+    if held.kinds:
+        rows = [(kind, str(entries), _megabytes(size)) for kind, (entries, size) in held.kinds.items()]
+        lines.append(table(("kind", "entries", "size"), rows))
+    return "\n".join(lines)
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= 1e5 else f"{size / 1e3:.1f} kB"
