@@ -305,18 +305,13 @@ def drive_at(
     if carrier_hz is None:
         carrier_hz = planned_carrier_hz(plan.spec, plan.scheme, highest)
 
-    def made(rate: int) -> PadDrive:
-        return make_drive(plan, rate, tuning=tuning, carrier_hz=carrier_hz, bandwidth_hz=plan.spec.drive.bandwidth_hz)
-
-    if rate_hz is not None:
-        return made(rate_hz)
     least = SAMPLES_OF_HIGHEST * highest
     if carrier_hz is not None:
         # One that no rate carries is refused with the bounds of the highest.
         least = max(least, min(2 * (carrier_hz + CARRIER_OVER_RESONANCE * highest), max(*rates_hz, least)))
     enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
-    for rate in enough:
-        drive = made(rate)
+    for rate in enough if rate_hz is None else [rate_hz]:
+        drive = make_drive(plan, rate, tuning, carrier_hz, plan.spec.drive.bandwidth_hz)
         if drive.alias_db is None or drive.alias_db <= ALIAS_DB:
             break
     return drive
@@ -380,23 +375,21 @@ def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) 
     SpecError
         No frame, a level that is not in 0 … 1, or frames too short for their transitions.
     """
-    checked = np.atleast_2d(np.asarray(frames, float))
-    if checked.ndim != 2 or checked.shape[1] != len(plan.taxels) or not len(checked):
+    shape, frames = np.shape(frames), np.atleast_2d(np.asarray(frames, float))
+    if frames.ndim != 2 or frames.shape[1] != len(plan.taxels) or not len(frames):
         raise SpecError(
-            f"must be one or more rows of {len(plan.taxels)} levels, got {' x '.join(map(str, np.shape(frames)))}",
-            "frames",
+            f"must be one or more rows of {len(plan.taxels)} levels, got {' x '.join(map(str, shape))}", "frames"
         )
-    bad = np.argwhere(~((checked >= 0) & (checked <= 1)))
+    bad = np.argwhere(~((frames >= 0) & (frames <= 1)))
     if len(bad):
         frame, taxel = bad[0]
         raise SpecError(
-            f"levels must be in 0 … 1, got {number(float(checked[frame, taxel]))} for {plan.taxels[taxel].id} in frame"
+            f"levels must be in 0 … 1, got {number(float(frames[frame, taxel]))} for {plan.taxels[taxel].id} in frame"
             f" {frame}",
             "frames",
         )
     if seconds_each is not None and not (np.isfinite(seconds_each) and seconds_each > 0):
         raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
-    frames = checked
     if plan.scheme.takes_turns:
         return _in_turns(plan, frames, seconds_each)
     ramp, length = ramp_s(plan), seconds_each or frame_s(plan)
@@ -476,14 +469,6 @@ class _Stretch(NamedTuple):
     key: int
 
 
-class _Ramp(NamedTuple):
-    """Shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
-
-    before: np.ndarray
-    after: np.ndarray
-    slope: np.ndarray
-
-
 def volts(drive: PadDrive, timeline: Timeline, signal: str = "voltage") -> Iterator[np.ndarray]:
     """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
     return (block.samples for block in blocks(drive, timeline, signal))
@@ -509,14 +494,14 @@ def blocks(
     groups = list(_groups(drive, timeline, signal))
     form = _FORMS[drive.scheme.kind.CURRENT]
     for key, (first, last) in enumerate(pairwise(edges(drive, timeline))):
-        stretch = _Stretch(first, last, key)
-        if periods and np.array_equal(*timeline.levels[stretch.key : stretch.key + 2]):
-            stretch = stretch._replace(stop=min(stretch.stop, stretch.start + drive.period_samples))
-        for start in range(stretch.start, stretch.stop, size):
-            stop = min(start + size, stretch.stop)
+        end = last
+        if periods and np.array_equal(*timeline.levels[key : key + 2]):
+            end = min(last, first + drive.period_samples)
+        for start in range(first, end, size):
+            stop = min(start + size, end)
             samples, square = np.zeros((stop - start, coils)), np.zeros(coils)
             for group in groups:
-                part = form(drive, timeline, group, _Stretch(start, stop, stretch.key))
+                part = form(drive, timeline, group, _Stretch(start, stop, key))
                 if part is None:
                     continue
                 value, square[group.coils] = part
@@ -556,12 +541,13 @@ def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
     return [*edge[:-1].tolist(), sample_count(drive, timeline)]
 
 
-def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> _Ramp:
+def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
     begin, end = timeline.time_s[where.key], timeline.time_s[where.key + 1]
     share = (np.arange(where.start, where.stop) / drive.rate_hz - begin) / (end - begin)
     share = np.clip(share, 0.0, 1.0)[:, None]
     # 1 − b(s) is b(1 − s), which keeps its digits where it is small: its root is taken.
-    return _Ramp(blend(1 - share), blend(share), blend_slope(share) / (end - begin))
+    return blend(1 - share), blend(share), blend_slope(share) / (end - begin)
 
 
 def _sums(
@@ -603,12 +589,12 @@ def _blended(
     before, after = _levels(timeline, group, where.key)
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
-    ramp = _ramp(drive, timeline, where)
+    falling, rising, steepness = _ramp(drive, timeline, where)
     value, slope = np.zeros((1, 1)), np.zeros((1, 1))
-    for levels, own, share, sign in ((before, constant[0], ramp.before, -1), (after, constant[1], ramp.after, 1)):
+    for levels, own, share, sign in ((before, constant[0], falling, -1), (after, constant[1], rising, 1)):
         if levels.any() or np.any(own):
             part, part_slope = _sums(drive, group, where, levels * group.weight, own)
-            slope = slope + (part_slope * share + part * (sign * group.tau_s * ramp.slope))
+            slope = slope + (part_slope * share + part * (sign * group.tau_s * steepness))
             value = value + part * share
     return value, slope
 
@@ -643,9 +629,9 @@ def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
         # i² rises with the blend b as a whole, so that both it and its root are smooth.
         levels = _levels(timeline, group, where.key)[fed.index(True)]
         value, slope = _sums(drive, group, where, levels * group.weight, group.bias)
-        ramp = _ramp(drive, timeline, where)
-        root = np.sqrt(ramp.after if fed[1] else ramp.before)
-        root_slope = (1 if fed[1] else -1) * group.tau_s * ramp.slope / (2 * np.maximum(root, SMALLEST))
+        falling, rising, steepness = _ramp(drive, timeline, where)
+        root = np.sqrt(rising if fed[1] else falling)
+        root_slope = (1 if fed[1] else -1) * group.tau_s * steepness / (2 * np.maximum(root, SMALLEST))
         value, slope = value * root, slope * root + value * root_slope
     return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
@@ -662,13 +648,13 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
         return None
     steady = before == after
     value, slope = _sums(drive, group, where, np.sqrt(before) * steady * group.weight)
-    ramp = _ramp(drive, timeline, where)
+    falling, rising, steepness = _ramp(drive, timeline, where)
     for j in np.flatnonzero((~steady).any(0)):
         one = (before != after) & (np.arange(before.shape[1]) == j)
         tone, tone_slope = _sums(drive, group, where, one * group.weight)
         low, high = before[:, j], after[:, j]
-        envelope = np.sqrt(low * ramp.before + high * ramp.after)
-        envelope_slope = group.tau_s * ramp.slope * (high - low) / (2 * np.maximum(envelope, SMALLEST))
+        envelope = np.sqrt(low * falling + high * rising)
+        envelope_slope = group.tau_s * steepness * (high - low) / (2 * np.maximum(envelope, SMALLEST))
         value, slope = value + tone * envelope, slope + tone_slope * envelope + tone * envelope_slope
     square = np.einsum("sm,sm->m", value, value) / group.gain**2
     return value + slope, square
