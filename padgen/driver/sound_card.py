@@ -364,9 +364,6 @@ class Bench:
             told(f"{name}: the firmware plays its sweep")
             excite(self.port, plan, coil, tuning=self.tuning, baud=self.baud)
 
-        def heard_for(done: float) -> None:
-            told(f"{name}: {done:.1f} s of {max(done, seconds):.1f} s")
-
         heard = recorded(
             self.source,
             self.rate_hz,
@@ -376,7 +373,7 @@ class Bench:
             outputs,
             min(coil, outputs - 1),
             by_firmware if sink is None else None,
-            heard_for,
+            lambda done: told(f"{name}: {done:.1f} s of {max(done, seconds):.1f} s"),
         )
         told(f"{name}: fitting")
         path = self.folder / RECORDED / TRIED / f"{name}.wav"

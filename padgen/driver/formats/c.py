@@ -168,10 +168,16 @@ def _defines(plan: Plan, drive: PadDrive, kinds: int, channels: int) -> str:
     step = 2 * ramp if turns else ramp
     frame = max(round(frame_s(plan) * rate), step * slots)
     watchdog = max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)
+    scheme = drive.scheme
+    alike = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
+    if (made := (scheme.kind.CURRENT, turns)) not in alike:
+        raise SpecError(
+            f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE
+        )
     lines = {
-        **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
+        **{f"PADGEN_{_upper(name)}": number for name, number in SCHEME_NUMBERS.items()},
         "PADGEN_HEADER": HEADER,
-        "PADGEN_SCHEME": f"PADGEN_{_upper(_played_as(drive.scheme))}",
+        "PADGEN_SCHEME": f"PADGEN_{_upper(alike[made])}",
         "PADGEN_TAKES_TURNS": int(turns),
         "PADGEN_RATE_HZ": f"{rate}u",
         "PADGEN_PERIOD_SAMPLES": f"{drive.period_samples}u",
@@ -236,15 +242,6 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
         "PADGEN_SQUARE_BOTH": _float(both),
         "PADGEN_SQUARE_BEFORE": _float(before),
     }
-
-
-def _played_as(scheme: Scheme) -> str:
-    """Return the scheme of the firmware that makes the same current."""
-    made = scheme.kind.CURRENT, scheme.takes_turns
-    played = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
-    if made in played:
-        return played[made]
-    raise SpecError(f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE)
 
 
 def _upper(scheme: str) -> str:
