@@ -21,7 +21,7 @@ from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
-from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, ramp_s, steady, timeline
+from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, drive_at, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
@@ -251,21 +251,20 @@ class Drive:
             raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
-        job = DriveJob(self.plan, self, self.progress, depth, hear, gap)
-        job.progress("choosing phases")
-        job.drive = job.drive_at(RATES_HZ)
-        if self.frames is not None:
-            job.timeline = _timeline(job.drive, self, self.frames)
-            for each in written.values():
-                getattr(each, "refuse", lambda job: None)(job)
-        job.progress("judging limits")
+        self.progress("choosing phases")
+        drive = drive_at(self.plan, RATES_HZ, self.rate_hz, self.tuning, self.carrier_hz)
+        shown = None if self.frames is None else _timeline(drive, self, self.frames)
+        job = DriveJob(self.plan, self, self.progress, drive, shown, depth, hear, gap)
+        for each in written.values() if shown else ():
+            getattr(each, "refuse", lambda job: None)(job)
+        self.progress("judging limits")
         # What a host will send is not known, nor what is made of tables alone.
         played = [each for each in written.values() if each.MADE_OF != "host"]
         where = min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF), default=None)
-        if where and job.timeline is not None:
-            job.shown = judge_limits(where.FILE, self.plan, job.drive, job.timeline, self.tuning)
+        if where and shown:
+            job.shown = judge_limits(where.FILE, self.plan, drive, shown, self.tuning)
         elif where and len(played) == len(written):
-            job.findings += judge_limits(where.FILE, self.plan, job.drive, tuning=self.tuning)
+            job.findings += judge_limits(where.FILE, self.plan, drive, tuning=self.tuning)
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))
             for each in written.values():

@@ -416,7 +416,7 @@ class _Alike:
         return felt
 
     def found(self) -> tuple[np.ndarray, ...]:
-        """Levels, own lines, peaks (h, n), course (t, n), wanted levels (n,), all in m; who was pulled in (n,)."""
+        """Return levels, own lines, peaks (h, n), course (t, n), wanted levels (n,) in m; who was pulled in (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in

@@ -71,8 +71,6 @@ def _images(path: Path, check: Check) -> Iterator[np.ndarray]:
         raise FileError(f"is none of the files that hold frames: {', '.join(SUFFIXES)}", str(path))
     frames = 0
     try:
-        if path.exists() and not path.is_file():
-            raise FileError("is not a file", str(path))
         for frames, image in enumerate(reader(path, check), start=1):
             _refuse_levels(image, frames, path)
             yield image

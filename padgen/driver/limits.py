@@ -189,7 +189,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
     if not len(coil.taxels):
         return np.zeros(len(levels))
     if drive.scheme.is_root:
-        return constant_a2(drive, coil, levels)
+        return constant_a2(coil, levels)
     if drive.scheme.is_biased:
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
         tones = levels * current_lines_a(drive.scheme, coil.line_a2)
@@ -198,6 +198,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
 
 
 def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
+    """Return the most that a host may ask of a coil."""
     level = np.ones(len(coil.line_a2))
     if drive.scheme.is_root:
         return _Asked(level, _largest_constant_a2(drive, coil) if len(level) else 0.0)
@@ -458,20 +459,15 @@ def _exceeded(plan: Plan, load: Load, tuning: Tuning | None) -> Iterator[tuple[s
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
     """Name the level at which the same is within all limits, as a clause: it was tried."""
-    spec = plan.spec
-    level = spec.drive.level_um
     for _ in range(TRIES):
         # All currents go with the root of the level.
-        text = at_most(level * min(share for *_, share in _exceeded(plan, load, tuning)))
-        level = float(text)
-        if level < SMALLEST_LEVEL_UM:
+        part = min(share for *_, share in _exceeded(plan, load, tuning))
+        text = at_most(plan.spec.drive.level_um * part)
+        if float(text) < SMALLEST_LEVEL_UM:
             break
-        lower = replace(plan, spec=replace(spec, drive=replace(spec.drive, level_um=level)))
-        other = make_drive(
-            lower, drive.rate_hz, tuning, carrier_hz=drive.carrier_hz, bandwidth_hz=spec.drive.bandwidth_hz
-        )
-        plan, load = lower, load_of(lower, other, shown)
-        if not any(judge_load("", lower, load, tuning)):
+        plan = replace(plan, spec=replace(plan.spec, drive=replace(plan.spec.drive, level_um=float(text))))
+        load = load_of(plan, make_drive(plan, drive.rate_hz, tuning, drive.carrier_hz), shown)
+        if not any(judge_load("", plan, load, tuning)):
             return f"; drive.level_um of {text} would fit it"
     return "; no lower drive.level_um that was tried would fit it"
 

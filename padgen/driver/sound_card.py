@@ -140,7 +140,7 @@ def play_wave(
 
 
 def _stream(stream: Any, wave: Wave, loops: int) -> int:
-    """Write the file to a stream that is open; how many blocks came too late."""
+    """Write the file to a stream that is open; return how many blocks came too late."""
     size = max(round(BLOCK_S * wave.rate_hz), 1)
     fade = max(round(FADE_S * wave.rate_hz), 1)
     total, done, missed = wave.count * loops, 0, 0

@@ -28,7 +28,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import pairwise, product
-from math import ceil, floor, isfinite
+from math import ceil, floor
 from typing import NamedTuple
 
 import numpy as np
@@ -112,9 +112,9 @@ class PadDrive:
     """The coils of a pad, row by row, and what feeds them: all of one scheme and on one comb.
 
     `rate_hz` is that of the samples; a period is a whole number of them. `resistance_ohm`, `inductance_h`
-    are each coil's, `level_um` the ON amplitude that was asked of the lowest channel. With a `carrier_hz` (spur-free
-    only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers that pass no constant. `alias_db` is what the
-    voltage has above the amplifier's band over its largest line, the worst of all coils; None but for spur-free.
+    are each coil's. With a `carrier_hz` (spur-free only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers
+    that pass no constant. `alias_db` is what the voltage has above the amplifier's band over its largest line, the
+    worst of all coils; None but for spur-free.
     """
 
     scheme: Scheme
@@ -124,7 +124,6 @@ class PadDrive:
     inductance_h: float
     voltage_limit_v: float
     coils: tuple[CoilDrive, ...]
-    level_um: float
     carrier_hz: float | None
     alias_db: float | None
 
@@ -157,7 +156,7 @@ def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
     return CoilLines(coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad))
 
 
-def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
+def constant_a2(coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
     """Return the constant part (s,) of i² of a spur-free coil with its channels at `levels` (s, n)."""
     lines = np.atleast_2d(levels) * coil.line_a2
     states, which = np.unique(lines, axis=0, return_inverse=True)
@@ -165,17 +164,10 @@ def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndar
     return np.asarray((least + states @ coil.margin)[which.reshape(-1)])
 
 
-def make_drive(
-    plan: Plan,
-    rate_hz: int,
-    tuning: Tuning | None = None,
-    carrier_hz: float | None = None,
-    bandwidth_hz: float | None = None,
-) -> PadDrive:
+def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_hz: float | None = None) -> PadDrive:
     """Make the drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
 
-    The comb's period is the shortest that moves no line far off its resonance; `bandwidth_hz` is the amplifier's (None:
-    half the rate); a carrier is moved onto the comb.
+    The comb's period is the shortest that moves no line far off its resonance; a carrier is moved onto the comb.
 
     Raises
     ------
@@ -201,9 +193,7 @@ def make_drive(
     harmonic = on_comb(resonance, period_s, step)
     if carrier_hz is not None:
         carrier_hz = _carrier_hz(carrier_hz, scheme, rate_hz, period_s, highest_hz)
-    if bandwidth_hz is not None and not (isfinite(bandwidth_hz) and bandwidth_hz > 0):
-        raise SpecError(f"must be above 0 Hz, got {number(bandwidth_hz)} Hz", "bandwidth")
-    band_hz = min(rate_hz / 2, bandwidth_hz or rate_hz / 2)
+    band_hz = min(rate_hz / 2, spec.drive.bandwidth_hz or rate_hz / 2)
     unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
     if unmoved:
         raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
@@ -261,7 +251,6 @@ def make_drive(
         spec.coil.inductance_mh * MH,
         spec.drive.voltage_limit_v,
         tuple(coils),
-        spec.drive.level_um,
         carrier_hz,
         max(alias_db) if scheme.is_root else None,
     )
@@ -311,7 +300,7 @@ def drive_at(
         least = max(least, min(2 * (carrier_hz + CARRIER_OVER_RESONANCE * highest), max(*rates_hz, least)))
     enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
     for rate in enough if rate_hz is None else [rate_hz]:
-        drive = make_drive(plan, rate, tuning, carrier_hz, plan.spec.drive.bandwidth_hz)
+        drive = make_drive(plan, rate, tuning, carrier_hz)
         if drive.alias_db is None or drive.alias_db <= ALIAS_DB:
             break
     return drive
@@ -502,13 +491,8 @@ def blocks(
             samples, square = np.zeros((stop - start, coils)), np.zeros(coils)
             for group in groups:
                 part = form(drive, timeline, group, _Stretch(start, stop, key))
-                if part is None:
-                    continue
-                value, square[group.coils] = part
-                if len(group.coils) == coils:
-                    samples = value
-                else:
-                    samples[:, group.coils] = value
+                if part is not None:
+                    samples[:, group.coils], square[group.coils] = part
             yield Block(start, samples, square)
 
 
@@ -528,7 +512,7 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
         taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
         if drive.scheme.is_root:
             weight, levels = gain * weight, timeline.levels[:, taxels]
-            constant = gain**2 * np.stack([constant_a2(drive, c, levels[:, m]) for m, c in enumerate(own)], 1)
+            constant = gain**2 * np.stack([constant_a2(c, levels[:, m]) for m, c in enumerate(own)], 1)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
         table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
         slope = 2 * np.pi * k / drive.period_s * tau_s
@@ -606,17 +590,14 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     force, slope = _blended(drive, timeline, group, where, constant)
     square = force.sum(0) / group.gain**2
     root = np.sqrt(np.maximum(force, SMALLEST, out=force), out=force)
-    if drive.carrier_hz is not None:
-        harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
-        angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
-        cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
-        turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
-        return np.asarray(root * turn + slope / (2 * root) * cosine), square
-    if group.tau_s:
-        slope = np.divide(slope, root, out=slope)
-        slope *= 0.5
-        root += slope
-    return root, square
+    slope = slope / (2 * root)
+    if drive.carrier_hz is None:
+        return root + slope, square
+    harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
+    angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
+    cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
+    turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
+    return root * turn + slope * cosine, square
 
 
 def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:

@@ -24,7 +24,6 @@ from padgen.core.registry import SCHEMES
 from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
     Amplifier,
-    Board,
     Coil,
     Drive,
     Limits,
@@ -32,7 +31,6 @@ from padgen.spec.model import (
     Model,
     Pad,
     Printer,
-    SoundCard,
     Spec,
     Spread,
     Suspension,
@@ -380,18 +378,28 @@ CATALOGUES = {
     "coil": (Coil, "coils.csv"),
     "amplifier": (Amplifier, "amplifiers.csv"),
 }
-PARTS = {"sound_card": (SoundCard, "sound_cards.csv"), "board": (Board, "boards.csv")}
-"""Catalogues of parts that a spec has no table for."""
+PARTS: dict[str, tuple[str, dict[str, Any]]] = {
+    "sound_card": ("sound_cards.csv", {"channels": int}),
+    "board": ("boards.csv", {"clock_mhz": float}),
+}
+"""Catalogues of parts that a spec has no table for, and which of their columns are numbers.
+
+A sound card, or a board with converters, feeds amplifiers; its coupling is empty where none is stated. The processor of
+a microcontroller board has a floating-point unit.
+"""
 
 
 @cache
 def catalogue(table: str) -> dict[str, dict[str, Any]]:
     """Return the entries of one catalogue by name, with values of their fields' types."""
-    kind, filename = {**CATALOGUES, **PARTS}[table]
-    types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
+    if table in PARTS:
+        filename, types = PARTS[table]
+    else:
+        kind, filename = CATALOGUES[table]
+        types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
     with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
         rows = csv.DictReader(lines)
-        return {row["name"]: {key: types[key](value) for key, value in row.items()} for row in rows}
+        return {row["name"]: {key: types.get(key, str)(value) for key, value in row.items()} for row in rows}
 
 
 LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25

@@ -21,7 +21,7 @@ from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import group_channels, heat_s, judge_limits, least_constants
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
-from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, frame_s, ramp_s
+from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, drive_at, frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
@@ -62,14 +62,15 @@ NO_TAXEL = 0xFFFF
 
 def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the header and the firmware; the worst that a host may send is judged."""
-    drive = job.drive_at(CONTROLLER_RATES_HZ)
-    job.findings += judge_limits(FILE, job.plan, drive, tuning=job.request.tuning)
+    request = job.request
+    drive = drive_at(job.plan, CONTROLLER_RATES_HZ, request.rate_hz, request.tuning, request.carrier_hz)
+    job.findings += judge_limits(FILE, job.plan, drive, tuning=request.tuning)
     if not boards_in_time(drive):
         told = f"takes up to {number(round(sample_mhz(drive)))} MHz of a Cortex-M4's clock at {drive.rate_hz} samples/s"
         job.findings += (
             Finding("warning", "firmware.time", FILE, f"{told}; no board of the catalogue makes them in time"),
         )
-    out.write(FILE, c_header(job.plan, drive, job.request.tuning))
+    out.write(FILE, c_header(job.plan, drive, request.tuning))
     for name, data in firmware_files().items():
         out.write(name, data)
 

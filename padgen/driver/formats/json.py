@@ -79,11 +79,10 @@ def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Itera
 
 
 def drive_json(plan: Plan) -> str:
-    """The table, the recipe of the current, the states of one coil (up to six channels), where the coils
-    lie and which taxel is which.
+    """Write the table as JSON, with the current's recipe, the states of a coil, and where coils and taxels lie.
 
-    A pixel is [row, column] of an image of the pad, from its top left. Places are from the pad's centre, x to the
-    right and y upwards seen from the touch side.
+    States of more than six channels are left out. A pixel is [row, column] of an image of the pad, from its top left.
+    Places are from the pad's centre, x to the right and y upwards seen from the touch side.
     """
     grid = taxel_grid(plan)
     pixels = {int(grid[row, column]): [int(row), int(column)] for row, column in np.argwhere(grid >= 0)}

@@ -230,7 +230,7 @@ def _parts(
     if not len(coil.taxels):
         return
     levels = timeline.levels[:, coil.taxels]
-    constant = constant_a2(drive, coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
+    constant = constant_a2(coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
     for stretch in stretches:
         keys = slice(stretch.key, stretch.key + 2)
         if drive.scheme.is_root:
