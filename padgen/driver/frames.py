@@ -72,7 +72,13 @@ def _images(path: Path, check: Check) -> Iterator[np.ndarray]:
     frames = 0
     try:
         for frames, image in enumerate(reader(path, check), start=1):
-            _refuse_levels(image, frames, path)
+            bad = np.argwhere(~((image >= 0) & (image <= 1)))
+            if len(bad):
+                row, column = bad[0].tolist()
+                value = float(image[row, column])
+                near = "" if np.isnan(value) else f"; {0 if value < 0 else 1} would do"
+                told = f"must be a level in 0 … 1, got {number(value)}{near}"
+                raise FileError(f"{_place(frames, row, column)} {told}", str(path))
             yield image
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
@@ -170,15 +176,6 @@ def _place(frame: int, row: int, column: int) -> str:
     return f"frame {frame}, row {row + 1}, column {column + 1}"
 
 
-def _refuse_levels(values: np.ndarray, frame: int, path: Path) -> None:
-    bad = np.argwhere(~((values >= 0) & (values <= 1)))
-    if len(bad):
-        row, column = (int(k) for k in bad[0])
-        value = float(values[row, column])
-        near = "" if np.isnan(value) else f"; {0 if value < 0 else 1} would do"
-        raise FileError(f"{_place(frame, row, column)} must be a level in 0 … 1, got {number(value)}{near}", str(path))
-
-
 def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -200,7 +197,7 @@ def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
         if scale == 1 and array.dtype.kind in "iu":
             bad = np.argwhere((values != 0) & (values != 1))
             if len(bad):
-                row, column = (int(k) for k in bad[0])
+                row, column = bad[0].tolist()
                 raise FileError(
                     f"{_place(frame, row, column)} must be 0 or 1 in an array of whole numbers that is neither of bytes"
                     f" nor of unsigned 16 bits, got {number(float(values[row, column]))}",

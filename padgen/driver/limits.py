@@ -411,21 +411,21 @@ def judge_load(where: str, plan: Plan, load: Load, tuning: Tuning | None = None)
 def _exceeded(plan: Plan, load: Load, tuning: Tuning | None) -> Iterator[tuple[str, str, float]]:
     """Yield each limit that a load exceeds: its code, a sentence, and the share of the level that would keep it."""
     spec, coil = plan.spec, plan.spec.coil
-
-    def above(code: str, sentence: str, value: float, limit: float, power: int = 1) -> Iterator[tuple[str, str, float]]:
-        """Yield a limit if `value`, which goes with the root of the level for a `power` of 2, exceeds it."""
-        if value > limit * NEAR:
-            yield code, sentence.format(number(value), number(limit)), (limit / value) ** power
-
-    volts = "peaks at {} V, above drive.voltage_limit_v = {} V"
-    yield from above("wave.voltage", volts, load.peak_v, spec.drive.voltage_limit_v, 2)
-    amperes = "peaks at {} A, above amplifier.current_a = {} A"
-    yield from above("wave.current", amperes, load.peak_a, _limit_a(plan), 2)
-    warmest = f"takes {{}} W of copper loss at its warmest, averaged over {number(heat_s(coil))} s, above"
     loss_w, total_w = (coil.resistance_ohm * float(square) for square in (load.warm_a2.max(initial=0.0), load.total_a2))
-    yield from above("coil.heat", f"{warmest} coil.power_limit_w = {{}} W", loss_w, coil.power_limit_w)
-    together = "takes {} W in all coils together, above limits.power_w = {} W"
-    yield from above("limits.power", together, total_w, inf if spec.limits.power_w is None else spec.limits.power_w)
+    limit_v, pad_w = spec.drive.voltage_limit_v, inf if spec.limits.power_w is None else spec.limits.power_w
+    yield from _above(
+        ("wave.voltage", "peaks at {} V, above drive.voltage_limit_v = {} V", load.peak_v, limit_v, 2),
+        ("wave.current", "peaks at {} A, above amplifier.current_a = {} A", load.peak_a, _limit_a(plan), 2),
+        (
+            "coil.heat",
+            f"takes {{}} W of copper loss at its warmest, averaged over {number(heat_s(coil))} s, above"
+            " coil.power_limit_w = {} W",
+            loss_w,
+            coil.power_limit_w,
+            1,
+        ),
+        ("limits.power", "takes {} W in all coils together, above limits.power_w = {} W", total_w, pad_w, 1),
+    )
     channels = printed_channels(plan, tuning or planned_tuning(plan))
     alike = {
         (channel, float(load.square_a2[taxel.coil[0] * plan.coils.columns + taxel.coil[1]]), level)
@@ -451,10 +451,33 @@ def _exceeded(plan: Plan, load: Load, tuning: Tuning | None) -> Iterator[tuple[s
     elif travel_um > third_um:
         told = f"moves a washer by {number(travel_um * UM / MM)} mm, sag and static pull with it; a third of the gap is"
         yield "gap.travel", f"{told} {number(third_um * UM / MM)} mm", 0.7
-    bends = "bends a beam to {} MPa at its root, above material.fatigue_stress_mpa = {} MPa"
-    yield from above("beam.fatigue", bends, stress_mpa, spec.material.fatigue_stress_mpa)
-    shakes = "shakes a finger by {} m/s², weighted by ISO 5349-1, above the {} m/s² that Directive 2002/44/EC allows"
-    yield from above("skin.level", f"{shakes} for eight hours a day", at_hand, HAND_LIMIT_M_PER_S2)
+    yield from _above(
+        (
+            "beam.fatigue",
+            "bends a beam to {} MPa at its root, above material.fatigue_stress_mpa = {} MPa",
+            stress_mpa,
+            spec.material.fatigue_stress_mpa,
+            1,
+        ),
+        (
+            "skin.level",
+            "shakes a finger by {} m/s², weighted by ISO 5349-1, above the {} m/s² that Directive 2002/44/EC allows for"
+            " eight hours a day",
+            at_hand,
+            HAND_LIMIT_M_PER_S2,
+            1,
+        ),
+    )
+
+
+def _above(*limits: tuple[str, str, float, float, int]) -> Iterator[tuple[str, str, float]]:
+    """Yield those of `limits` (code, sentence, value, limit, power) that are exceeded, as `_exceeded` does.
+
+    The level goes with the value's `power`: with the square of volts and amperes.
+    """
+    for code, sentence, value, limit, power in limits:
+        if value > limit * NEAR:
+            yield code, sentence.format(number(value), number(limit)), (limit / value) ** power
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:

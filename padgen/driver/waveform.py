@@ -637,8 +637,7 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
         envelope = np.sqrt(low * falling + high * rising)
         envelope_slope = group.tau_s * steepness * (high - low) / (2 * np.maximum(envelope, SMALLEST))
         value, slope = value + tone * envelope, slope + tone_slope * envelope + tone * envelope_slope
-    square = np.einsum("sm,sm->m", value, value) / group.gain**2
-    return value + slope, square
+    return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
 Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]

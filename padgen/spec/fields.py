@@ -35,8 +35,7 @@ MOST_NUMBERS = 10_000
 
 def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False) -> Any:
     """Declare a number in `unit`, from `low` to `high`; with `above` it must be greater than `low`."""
-    meta = {"unit": unit, "low": low, "high": high, "above": above, "doc": doc}
-    return field(default=default, metadata=meta)
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "above": above, "doc": doc})
 
 
 def numbers(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None) -> Any:

@@ -11,7 +11,7 @@ import json
 import re
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
 from math import floor
@@ -324,9 +324,7 @@ def with_threshold(drive: Drive, folder: Path) -> Drive:
         raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
     hz, um = zip(*_points(text, name), strict=True)
     lists = {"threshold_hz": list(hz), "threshold_um": list(um)}
-    values = {f.name: getattr(drive, f.name) for f in fields(Drive)} | {"threshold_file": None}
-    filled: Drive = build(Drive, lists, "drive", values)
-    return filled
+    return build(Drive, lists, "drive", asdict(replace(drive, threshold_file=None)))
 
 
 def _points(text: str, where: str) -> list[tuple[float, float]]:

@@ -185,7 +185,6 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
         parts = _parts(drive, timeline, coil, stretches, full_scale_v)
         texts.append("[" + ",\n     ".join(f"({s.start_s!r}, {s.length_s!r}, {text!r})" for s, text in parts) + "]")
         known.setdefault(texts[-1], len(known))
-    signals = "".join(f"    {text},\n" for text in known)
     coils = ""
     for text, coil in zip(texts, drive.coils, strict=True):
         ids = " ".join(plan.taxels[index].id for index in coil.taxels) or "no taxel"
@@ -200,7 +199,7 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
         seconds=_figure(timeline.seconds),
         loops=timeline.loops,
         ramp=_figure(ramp_s(plan)),
-        signals=signals,
+        signals="".join(f"    {text},\n" for text in known),
         coil_signals=coils,
     )
 
