@@ -172,9 +172,15 @@ def plan_hash(plan: Plan, tuning: Tuning | None = None) -> bytes:
 
 def encode(message: Message) -> bytes:
     """Return the packet of a message, both zeros with it."""
-    head = HEAD.pack(message.version, message.kind, message.sequence % SEQUENCES)
-    body = head + message.payload
-    return b"\0" + _stuffed(body + TAIL.pack(crc32(body))) + b"\0"
+    body = HEAD.pack(message.version, message.kind, message.sequence % SEQUENCES) + message.payload
+    blocks = []
+    # Every zero is replaced by the distance to the next one, in blocks of at most 254 bytes.
+    for run in (body + TAIL.pack(crc32(body))).split(b"\0"):
+        while len(run) >= LONGEST_BLOCK:
+            blocks.append(b"\xff" + run[:LONGEST_BLOCK])
+            run = run[LONGEST_BLOCK:]
+        blocks.append(bytes([len(run) + 1]) + run)
+    return b"\0" + b"".join(blocks) + b"\0"
 
 
 def decode(stream: bytes) -> tuple[list[Message | None], bytes]:
@@ -205,40 +211,20 @@ def refusal(message: Message) -> Refusal:
 
 
 def _message(packet: bytes) -> Message | None:
-    body = _unstuffed(packet)
-    if body is None or len(body) < HEAD.size + TAIL.size:
-        return None
-    body, check = body[: -TAIL.size], body[-TAIL.size :]
-    if crc32(body) != TAIL.unpack(check)[0]:
-        return None
-    version, kind, sequence = HEAD.unpack_from(body)
-    return Message(kind, sequence, body[HEAD.size :], version)
-
-
-def _stuffed(body: bytes) -> bytes:
-    """Replace every zero by the distance to the next one, in blocks of at most 254 bytes."""
-    blocks = []
-    for run in body.split(b"\0"):
-        while len(run) >= LONGEST_BLOCK:
-            blocks.append(b"\xff" + run[:LONGEST_BLOCK])
-            run = run[LONGEST_BLOCK:]
-        blocks.append(bytes([len(run) + 1]) + run)
-    return b"".join(blocks)
-
-
-def _unstuffed(packet: bytes) -> bytes | None:
-    """Return the body of a packet without its zeros; None where its blocks do not come out even."""
-    body, start = bytearray(), 0
+    """Read a packet without its zeros; None where its blocks do not come out even, or it was changed on its way."""
+    body, start = b"", 0
     while start < len(packet):
         code = packet[start]
         block = packet[start + 1 : start + code]
         if len(block) != code - 1:
             return None
-        body += block
         start += code
-        if code - 1 < LONGEST_BLOCK and start < len(packet):
-            body.append(0)
-    return bytes(body)
+        body += block + b"\0" * (code - 1 < LONGEST_BLOCK and start < len(packet))
+    body, check = body[: -TAIL.size], body[-TAIL.size :]
+    if len(body) < HEAD.size or crc32(body) != TAIL.unpack(check)[0]:
+        return None
+    version, kind, sequence = HEAD.unpack_from(body)
+    return Message(kind, sequence, body[HEAD.size :], version)
 
 
 @dataclass(frozen=True, slots=True)
