@@ -33,15 +33,14 @@ MOST_NUMBERS = 10_000
 """Most entries of a list."""
 
 
-def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False) -> Any:
-    """Declare a number in `unit`, from `low` to `high`; with `above` it must be greater than `low`."""
-    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "above": above, "doc": doc})
+def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str) -> Any:
+    """Declare a number in `unit`, from `low` to `high`."""
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc})
 
 
 def numbers(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None) -> Any:
     """Declare a list of numbers in `unit`, each from `low` to `high`: `count` of them, or else one or more."""
-    meta = {"unit": unit, "low": low, "high": high, "above": False, "doc": doc, "count": count}
-    return field(default=default, metadata=meta)
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc, "count": count})
 
 
 def choice(default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str) -> Any:
@@ -150,13 +149,10 @@ def _refuse(kind: type, meta: Mapping[str, Any], value: Any, where: str) -> None
             raise SpecError(f"must match {pattern}, got {shown(value)}", where)
         if value.partition(".")[0].lower() in meta.get("reserved", ()):
             raise SpecError(f"must not be the name of a device on Windows, got {value!r}", where)
-    elif kind is not bool:
-        low, high, above = meta["low"], meta["high"], meta["above"]
-        if low < value <= high or (value == low and not above):  # not if it is nan
-            return
-        span = f"above {number(low)}" if above else f"at least {number(low)}"
+    elif kind is not bool and not meta["low"] <= value <= meta["high"]:  # nan is outside, too
+        low, high = meta["low"], meta["high"]
         unit = f" {meta['unit']}" if meta["unit"] not in ("", "1") else ""
-        nearest = high if value > high else low
-        # No cure for a list's entry, nor for a bound that itself is not allowed.
-        cures = [] if (above and nearest == low) or where.endswith("]") else [{where: nearest}]
-        raise SpecError(f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}", where, cures)
+        # No cure for a list's entry.
+        cures = [] if where.endswith("]") else [{where: high if value > high else low}]
+        told = f"must be at least {number(low)} and at most {number(high)}{unit}, got {number(value)}{unit}"
+        raise SpecError(told, where, cures)

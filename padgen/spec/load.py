@@ -672,8 +672,7 @@ def _object(kind: Any) -> dict[str, Any]:
 
 def _type(kind: Any, meta: Any) -> dict[str, Any]:
     if kind in (int, float):
-        low = "exclusiveMinimum" if meta["above"] else "minimum"
-        return {"type": "integer" if kind is int else "number", low: meta["low"], "maximum": meta["high"]}
+        return {"type": "integer" if kind is int else "number", "minimum": meta["low"], "maximum": meta["high"]}
     if kind is bool:
         return {"type": "boolean"}
     if kind is str:
