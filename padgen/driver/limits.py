@@ -257,7 +257,7 @@ def _shown_peak(drive: PadDrive, timeline: Timeline, signal: str) -> float:
     finer = int(np.ceil(PER_CYCLE * highest_hz / drive.rate_hz))
     fine = replace(drive, rate_hz=max(finer, 1) * drive.rate_hz)
     played = blocks(fine, timeline, signal=signal, periods=True)
-    return max(float(np.abs(block.samples).max(initial=0.0)) for block in played) * BETWEEN
+    return max(float(np.abs(samples).max(initial=0.0)) for samples, _ in played) * BETWEEN
 
 
 def _any_v(drive: PadDrive, ramp: float) -> float:
@@ -277,7 +277,7 @@ def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
         return _roots_v(drive, coil)
     if drive.scheme.takes_turns:
         return float(np.abs(_tones_v(drive, coil)).max())
-    harmonic = coil_lines(drive, coil).harmonic
+    harmonic, _ = coil_lines(drive, coil)
     above, below = np.zeros(1), np.zeros(1)
     # At each time the worst state has those channels on that push the same way.
     for k, amplitude in zip(harmonic.tolist(), _tones_v(drive, coil).tolist(), strict=True):

@@ -247,8 +247,7 @@ def recorded(
         if sink is None:
             stream = sound.InputStream(device=source.index, channels=1, **settings)
         else:
-            both, channels = (source.index, sink.index), (1, outputs)
-            stream = sound.Stream(device=both, channels=channels, **settings)
+            stream = sound.Stream(device=(source.index, sink.index), channels=(1, outputs), **settings)
         with stream:
             try:
                 if begin is not None:

@@ -59,9 +59,7 @@ __all__ = [
     "HIGHEST_RATE_HZ",
     "RATES_HZ",
     "RATE_OVER_RESONANCE",
-    "Block",
     "CoilDrive",
-    "CoilLines",
     "PadDrive",
     "Timeline",
     "blend",
@@ -138,22 +136,16 @@ class PadDrive:
         return self.scheme.has_constant and self.carrier_hz is None
 
 
-class CoilLines(NamedTuple):
-    """Lines (n,) of a coil at level 1: ``Re amplitude exp(2πi harmonic t / period)``."""
-
-    harmonic: np.ndarray
-    amplitude: np.ndarray
-
-
-def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
+def coil_lines(drive: PadDrive, coil: CoilDrive) -> tuple[np.ndarray, np.ndarray]:
     """Return the lines of a coil's current in A beside its `bias_a`; spur-free of i² in A² beside `constant_a2`.
 
-    They go with the level; where the scheme has no constant, with its root, at half the force's frequency.
+    They are harmonics and complex amplitudes (n,), ``Re amplitude exp(2πi harmonic t / period)`` at level 1. They go
+    with the level; where the scheme has no constant, with its root, at half the force's frequency.
     """
     height = coil.line_a2 if drive.scheme.is_root else current_lines_a(drive.scheme, coil.line_a2)
     if drive.scheme.has_constant:
-        return CoilLines(coil.harmonic, height * np.exp(1j * coil.phase_rad))
-    return CoilLines(coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad))
+        return coil.harmonic, height * np.exp(1j * coil.phase_rad)
+    return coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad)
 
 
 def constant_a2(coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
@@ -421,14 +413,6 @@ SMALLEST = 1e-300
 """A force's square root is taken of no less: at silence its slope is then 0, not 0/0."""
 
 
-class Block(NamedTuple):
-    """Samples (s, coils) from number `start` on, and each coil's sum (coils,) of i² over them in A²."""
-
-    start: int
-    samples: np.ndarray
-    square_a2: np.ndarray
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
     """Coils (m,) with the same frequencies: their taxels (m, n) and what one at level 1 adds to their sum.
@@ -460,7 +444,7 @@ class _Stretch(NamedTuple):
 
 def volts(drive: PadDrive, timeline: Timeline, signal: str = "voltage") -> Iterator[np.ndarray]:
     """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
-    return (block.samples for block in blocks(drive, timeline, signal))
+    return (samples for samples, _ in blocks(drive, timeline, signal))
 
 
 def sample_count(drive: PadDrive, timeline: Timeline) -> int:
@@ -469,14 +453,12 @@ def sample_count(drive: PadDrive, timeline: Timeline) -> int:
 
 
 def blocks(
-    drive: PadDrive,
-    timeline: Timeline,
-    signal: str = "voltage",
-    periods: bool = False,
-) -> Iterator[Block]:
-    """Yield blocks without a gap; `signal` is 'voltage' or 'current'.
+    drive: PadDrive, timeline: Timeline, signal: str = "voltage", periods: bool = False
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield blocks without a gap: samples (s, coils), and each coil's sum (coils,) of i² over them in A².
 
-    `periods`: of levels that stay no more than one period of the comb, which is what all others are.
+    `signal` is 'voltage' or 'current'; `periods`: of levels that stay no more than one period of the comb, which is
+    what all others are.
     """
     coils = len(drive.coils)
     size = max(BLOCK // coils // ROW, 2) * ROW
@@ -493,7 +475,7 @@ def blocks(
                 part = form(drive, timeline, group, _Stretch(start, stop, key))
                 if part is not None:
                     samples[:, group.coils], square[group.coils] = part
-            yield Block(start, samples, square)
+            yield samples, square
 
 
 def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group]:
@@ -507,7 +489,7 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
     for members in alike.values():
         own = [drive.coils[index] for index in members]
         lines = [coil_lines(drive, c) for c in own]
-        k, weight = lines[0].harmonic, gain * np.stack([line.amplitude for line in lines])
+        k, weight = lines[0][0], gain * np.stack([amplitude for _, amplitude in lines])
         bias = np.array([c.bias_a for c in own])
         taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
         if drive.scheme.is_root:

@@ -306,10 +306,10 @@ def _write(
     comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
     try:
         with WavWriter(path, drive.rate_hz, coils, count, depth, comment) as file:
-            for block in blocks(drive, timeline, signal=signal):
-                peak = max(peak, float(block.samples.max()), -float(block.samples.min()))
-                square += block.square_a2
-                samples = block.samples * (1 / scale if peak <= scale * LARGEST_24 else 0.0)
+            for samples, square_a2 in blocks(drive, timeline, signal=signal):
+                peak = max(peak, float(samples.max()), -float(samples.min()))
+                square += square_a2
+                samples *= 1 / scale if peak <= scale * LARGEST_24 else 0.0
                 file.write(samples)
                 if not len(first):
                     first = samples[:CHECKED_BLOCK].copy()
@@ -348,7 +348,7 @@ def wave_json(
     figures["seconds"] = report.seconds
     taxels: dict[int, dict[str, Any]] = {}
     for wav_channel, coil in enumerate(drive.coils):
-        drive_hz = coil_lines(drive, coil).harmonic / drive.period_s
+        drive_hz = coil_lines(drive, coil)[0] / drive.period_s
         for j, index in enumerate(coil.taxels.tolist()):
             taxels[index] = {
                 "id": plan.taxels[index].id,
