@@ -512,12 +512,13 @@ def test_the_sidecar(tmp_path, quads):
     drive = make_drive(plan, 8000)
     times = timeline(plan, some_frames(plan, "grey", 2))
     report = write_wave(tmp_path / "a.wav", drive, times)
-    text = wave_json(plan, drive, times, report, "a.wav")
+    text = wave_json(plan, drive, times, report)
     table = json.loads(text)
     (tmp_path / "b").mkdir()
-    assert text == wave_json(plan, drive, times, write_wave(tmp_path / "b" / "a.wav", drive, times), "a.wav")
+    assert text == wave_json(plan, drive, times, write_wave(tmp_path / "b" / "a.wav", drive, times))
     assert (tmp_path / "a.wav").read_bytes() == (tmp_path / "b" / "a.wav").read_bytes()
     assert table["name"] == plan.name and table["unit"] == "V" and table["full_scale"] == 30
+    assert table["wave"] == "drive.wav"
     assert (table["rate_hz"], table["count"], table["depth"]) == (8000, sample_count(drive, times), "24")
     assert table["seconds"] == pytest.approx(times.seconds, abs=1 / 8000)
     assert [entry["coil"] for entry in table["coils"]] == [[c.row, c.column] for c in drive.coils]

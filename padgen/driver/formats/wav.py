@@ -210,7 +210,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
     path = out.write_by(FILE, put)
     assert job.report is not None
-    sidecar = wave_json(job.plan, drive, timeline, job.report, tuning=request.tuning)
+    sidecar = wave_json(job.plan, drive, timeline, job.report, request.tuning)
     out.write(SIDECAR, sidecar)
     if job.hear:
         job.progress("listening to the file")
@@ -332,14 +332,7 @@ def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
         )
 
 
-def wave_json(
-    plan: Plan,
-    drive: PadDrive,
-    timeline: Timeline,
-    report: WaveReport,
-    name: str = "drive.wav",
-    tuning: Tuning | None = None,
-) -> str:
+def wave_json(plan: Plan, drive: PadDrive, timeline: Timeline, report: WaveReport, tuning: Tuning | None = None) -> str:
     """Describe the WAV file as JSON: scale, coils in the order of its channels, lines, keyframes.
 
     `tuning` is the one that `drive` was made with.
@@ -360,7 +353,7 @@ def wave_json(
             }
     table = {
         "name": plan.name,
-        "wave": name,
+        "wave": FILE,
         "tuned_to": None if tuning is None else tuning_hash(tuning),
         "unit": SIGNALS[report.signal],
         **figures,
