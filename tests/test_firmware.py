@@ -172,7 +172,7 @@ def test_lines_are_those_asked_for_at_any_level(pad: Host, grey: bool):
             band = slice(0, len(spurs) if pad.drive.carrier_hz is None else pad.drive.period_samples // 6)
             assert np.abs(got[own] - wanted).max() <= 1e-5 * scale
             assert np.abs(spurs[band]).max() <= 1e-5 * scale
-            (exact,) = constant_a2(pad.drive, coil, levels[coil.taxels])
+            (exact,) = constant_a2(coil, levels[coil.taxels])
             safe = ((1 + coil.margin) * coil.line_a2 * levels[coil.taxels]).sum()
             assert exact - 1e-5 * scale <= got[0].real <= safe + 1e-5 * scale
             if not grey and len(coil.taxels) <= 8:
@@ -196,7 +196,7 @@ def test_all_on_is_as_cool_as_the_phases_allow(tmp_path_factory: pytest.TempPath
     each = pad.number("PADGEN_RAMP_SAMPLES") + pad.drive.period_samples
     run = pad.run(pad.hello + feed(frame_message(np.ones(44), 0)) + pad.wait(each))
     coil = pad.drive.coils[0]
-    (exact,) = constant_a2(pad.drive, coil, np.ones(11))
+    (exact,) = constant_a2(coil, np.ones(11))
     assert squared(pad, run)[0, 0].real == pytest.approx(exact, rel=1e-4)
     # The strongest line is half of all: no phases take more than a hundredth off the constant.
     assert exact < 0.995 * ((1 + coil.margin) * coil.line_a2).sum()

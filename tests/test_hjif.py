@@ -285,8 +285,8 @@ def test_what_was_written_is_read(small):
 
 
 def test_a_fault_in_writing_is_seen_in_reading(small, monkeypatch):
-    real_effect = hjif._effect
-    monkeypatch.setattr(hjif, "_effect", lambda tick, level, hz: real_effect(tick + 1, level, hz))
+    real_effects = hjif._effects
+    monkeypatch.setattr(hjif, "_effects", lambda course, *which: real_effects((course[0] + 1, course[1]), *which))
     with pytest.raises(FileError, match="did not read back as it was written"):
         hjif_text(small, timeline(small, frames_of(small, 2)))
 

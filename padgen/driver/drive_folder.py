@@ -4,7 +4,7 @@ Tables, waveforms, what a microcontroller or another program needs. Made is what
 file is read back where it can be.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,11 +17,11 @@ from padgen.core.files import OutputFolder, json_text, reason
 from padgen.core.registry import FORMATS, names_in
 from padgen.driver.ear import SETTLED_TAUS, Heard, ear_findings
 from padgen.driver.excitation import Excitation, excitation
-from padgen.driver.formats import DriveFormat, DriveJob, in_order
+from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
-from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, ramp_s, steady, timeline
+from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, drive_at, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
@@ -134,25 +134,6 @@ def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray) -> Timeline
     return steady(frames[0], periods * drive.period_s)
 
 
-def _judged(job: DriveJob, formats: Iterable[DriveFormat]) -> None:
-    """Fill in the drive of a job, its timeline, and the findings on both."""
-    plan, request = job.plan, job.request
-    job.progress("choosing phases")
-    job.drive = job.drive_at(RATES_HZ)
-    if request.frames is not None:
-        job.timeline = _timeline(job.drive, request, request.frames)
-        for each in formats:
-            getattr(each, "refuse", lambda job: None)(job)
-    job.progress("judging limits")
-    # What a host will send is not known, nor what is made of tables alone.
-    played = [each for each in formats if each.MADE_OF != "host"]
-    where = min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF), default=None)
-    if where and job.timeline is not None:
-        job.shown = judge_limits(where.FILE, plan, job.drive, job.timeline, request.tuning)
-    elif where and len(played) == len([*formats]):
-        job.findings += judge_limits(where.FILE, plan, job.drive, tuning=request.tuning)
-
-
 def levels_of(
     plan: Plan, state: str | None, frames: Any = None, text: str | None = None, pattern: str | None = None
 ) -> np.ndarray | None:
@@ -261,22 +242,33 @@ class Drive:
         """Write a folder of files; parameters, result and errors are those of `save`."""
         chosen = formats or ("csv", "json", *(() if self.frames is None else ("wav",)))
         written = in_order(names_in(",".join(chosen), FORMATS.names(), "--formats"))
-        if self.frames is None:
-            for name, drive_format in written.items():
-                if drive_format.MADE_OF == "frames":
-                    raise SpecError(f"{name} needs something to show; add --state or --frames", "--formats")
+        for name, each in written.items():
+            if self.frames is None and each.MADE_OF == "frames":
+                raise SpecError(f"{name} needs something to show; add --state or --frames", "--formats")
         if self.seconds is not None and self.frames is None:
             raise SpecError("is how long a frame lasts; add --state or --frames", "--seconds")
         if hear and "wav" not in written:
             raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
-        job = DriveJob(self.plan, self, self.progress, depth, hear, gap)
-        _judged(job, written.values())
+        self.progress("choosing phases")
+        drive = drive_at(self.plan, RATES_HZ, self.rate_hz, self.tuning, self.carrier_hz)
+        shown = None if self.frames is None else _timeline(drive, self, self.frames)
+        job = DriveJob(self.plan, self, self.progress, drive, shown, depth, hear, gap)
+        for each in written.values() if shown else ():
+            getattr(each, "refuse", lambda job: None)(job)
+        self.progress("judging limits")
+        # What a host will send is not known, nor what is made of tables alone.
+        played = [each for each in written.values() if each.MADE_OF != "host"]
+        where = min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF), default=None)
+        if where and shown:
+            job.shown = judge_limits(where.FILE, self.plan, drive, shown, self.tuning)
+        elif where and len(played) == len(written):
+            job.findings += judge_limits(where.FILE, self.plan, drive, tuning=self.tuning)
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))
-            for drive_format in written.values():
-                drive_format.write(out, job)
+            for each in written.values():
+                each.write(out, job)
             # What was heard of a wave that is written anew does not stay.
             stale = out.commit(remove=["hear.json"] if job.report is not None and job.heard is None else [])
         findings = (*job.findings, *(job.report.findings if job.report else job.shown))

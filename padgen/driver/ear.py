@@ -375,8 +375,7 @@ class _Alike:
     def hear(self, first: int, square_a2: np.ndarray) -> None:
         """Take in i² (coils, s) of all coils from sample `first` on."""
         felt = self._felt(square_a2[self.coil])
-        for h, edges in enumerate(np.clip(self.edges - first, 0, felt.shape[2]).tolist()):
-            begin, start, stop = edges
+        for h, (begin, start, stop) in enumerate(np.clip(self.edges - first, 0, felt.shape[2]).tolist()):
             if stop == begin:
                 continue
             self.peak_m[h] = np.maximum(self.peak_m[h], np.abs(felt[0, :, begin:stop]).max(1))
@@ -417,7 +416,7 @@ class _Alike:
         return felt
 
     def found(self) -> tuple[np.ndarray, ...]:
-        """Levels, own lines, peaks (h, n), course (t, n), wanted levels (n,), all in m; who was pulled in (n,)."""
+        """Return levels, own lines, peaks (h, n), course (t, n), wanted levels (n,) in m; who was pulled in (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in
@@ -434,9 +433,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
     most; None where no taxel is ON, or OFF.
     """
-    tone, most = _tone_db(heard), {}
-    for figure in ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean"):
-        most[figure] = max((coil[figure] for coil in heard.coils), key=abs)
+    tone, of_coils = _tone_db(heard), ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean")
     return {
         "name": heard.name,
         "with_gap": heard.with_gap,
@@ -449,7 +446,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             "tone_high_db": _largest(tone),
             "rise_s": _largest(heard.rise_s),
             "peak_um": float(heard.peak_um.max()),
-            **most,
+            **{figure: max((coil[figure] for coil in heard.coils), key=abs) for figure in of_coils},
             "all_settled": bool(heard.settled.all()),
         },
         "coils": list(heard.coils),

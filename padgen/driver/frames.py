@@ -21,13 +21,12 @@ import csv
 import re
 import unicodedata
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain, groupby, islice, product
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -36,9 +35,6 @@ from padgen.core.files import read_bounded, reason
 from padgen.core.registry import unknown_name
 from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
-
-if TYPE_CHECKING:
-    from PIL import Image
 
 __all__ = [
     "LARGEST_TABLE",
@@ -75,10 +71,14 @@ def _images(path: Path, check: Check) -> Iterator[np.ndarray]:
         raise FileError(f"is none of the files that hold frames: {', '.join(SUFFIXES)}", str(path))
     frames = 0
     try:
-        if path.exists() and not path.is_file():
-            raise FileError("is not a file", str(path))
         for frames, image in enumerate(reader(path, check), start=1):
-            _refuse_levels(image, frames, path)
+            bad = np.argwhere(~((image >= 0) & (image <= 1)))
+            if len(bad):
+                row, column = bad[0].tolist()
+                value = float(image[row, column])
+                near = "" if np.isnan(value) else f"; {0 if value < 0 else 1} would do"
+                told = f"must be a level in 0 … 1, got {number(value)}{near}"
+                raise FileError(f"{_place(frames, row, column)} {told}", str(path))
             yield image
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
@@ -102,7 +102,11 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
                 for k in range(still, getattr(image, "n_frames", 1)):
                     image.seek(k)
                     check(k + 1 - still, image.height, image.width)
-                    yield _grey(image)
+                    if image.mode.startswith("I"):  # 16 bits of grey
+                        yield np.asarray(image).astype(float) / 65535
+                    else:
+                        colours = np.asarray(image.convert("RGBA")).astype(np.int64)
+                        yield (colours[..., :3] @ LUMINANCE) * colours[..., 3] / (255_000 * 255)
     except UnidentifiedImageError as error:
         raise FileError("is not a PNG or GIF picture", str(path)) from error
     except Image.DecompressionBombError as error:
@@ -113,16 +117,9 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
         raise FileError(f"is a damaged picture ({error})", str(path)) from error
 
 
-def _grey(image: "Image.Image") -> np.ndarray:
-    if image.mode.startswith("I"):
-        return np.asarray(np.asarray(image).astype(float) / 65535)
-    colours = np.asarray(image.convert("RGBA")).astype(np.int64)
-    return np.asarray((colours[..., :3] @ LUMINANCE) * colours[..., 3] / (255_000 * 255))
-
-
-def _text(path: Path) -> str:
+def _text(path: Path, most_bytes: int = LARGEST_TEXT, what: str = "a text of frames") -> str:
     try:
-        return read_bounded(path, LARGEST_TEXT, "a text of frames").decode("utf-8-sig")
+        return read_bounded(path, most_bytes, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileError(f"is not text: byte {error.start} is not UTF-8", str(path)) from error
 
@@ -179,15 +176,6 @@ def _place(frame: int, row: int, column: int) -> str:
     return f"frame {frame}, row {row + 1}, column {column + 1}"
 
 
-def _refuse_levels(values: np.ndarray, frame: int, path: Path) -> None:
-    bad = np.argwhere(~((values >= 0) & (values <= 1)))
-    if len(bad):
-        row, column = (int(k) for k in bad[0])
-        value = float(values[row, column])
-        near = "" if np.isnan(value) else f"; {0 if value < 0 else 1} would do"
-        raise FileError(f"{_place(frame, row, column)} must be a level in 0 … 1, got {number(value)}{near}", str(path))
-
-
 def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
@@ -209,7 +197,7 @@ def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
         if scale == 1 and array.dtype.kind in "iu":
             bad = np.argwhere((values != 0) & (values != 1))
             if len(bad):
-                row, column = (int(k) for k in bad[0])
+                row, column = bad[0].tolist()
                 raise FileError(
                     f"{_place(frame, row, column)} must be 0 or 1 in an array of whole numbers that is neither of bytes"
                     f" nor of unsigned 16 bits, got {number(float(values[row, column]))}",
@@ -327,31 +315,28 @@ def _refuse_shape(
 
 
 def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
+    from glob import glob
+
     for given in paths:
         text, path = str(given), Path(given)
         if not text.strip() or "\0" in text:
             raise FileError(f"must name a file, got {text!r}", "frames")
         try:
-            found = [path] if path.is_file() else _several(path)
+            if path.is_file():
+                found, lacks = [path], ""
+            elif path.is_dir():
+                found = [entry for entry in path.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+                lacks = f"holds no frames; {', '.join(SUFFIXES)} files are read"
+            elif any(sign in str(path) for sign in "*?["):
+                found = [Path(name) for name in glob(str(path)) if Path(name).is_file()]  # noqa: PTH207
+                lacks = "no file has such a name"
+            else:
+                found, lacks = [], "is not a file" if path.exists() else "there is no such file"
         except OSError as error:
             raise FileError(f"cannot be read ({reason(error)})", text) from error
+        if not found:
+            raise FileError(lacks, str(path))
         yield from sorted(found, key=_by_value)
-
-
-def _several(path: Path) -> list[Path]:
-    from glob import glob
-
-    text = str(path)
-    if path.is_dir():
-        found = [entry for entry in path.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
-        lacks = f"holds no frames; {', '.join(SUFFIXES)} files are read"
-    else:
-        wild = any(sign in text for sign in "*?[")
-        found = [Path(name) for name in glob(text) if Path(name).is_file()] if wild else []  # noqa: PTH207
-        lacks = "no file has such a name" if wild else "is not a file" if path.exists() else "there is no such file"
-    if not found:
-        raise FileError(lacks, text)
-    return found
 
 
 def _by_value(path: Path) -> tuple[list[tuple[bool, int, str]], str]:
@@ -382,18 +367,12 @@ def state_frame(plan: Plan, text: str) -> np.ndarray:
             )
         states = np.array(list(product((0.0, 1.0), repeat=count)))
     else:
-        words = text.split()
-        if not words:
-            raise SpecError(f"must have {_asked(count)}, got {text!r}", where)
+        words = text.split() or [text]
         if len(words) * len(plan.taxels) > MOST_LEVELS:
             raise SpecError(f"must be at most {MOST_LEVELS // len(plan.taxels)} states, got {len(words)}", where)
         states = np.array([_state(word, count, where) for word in words])
     place = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
     return np.asarray(states[:, [place[taxel.channel] for taxel in plan.taxels]])
-
-
-def _asked(count: int) -> str:
-    return f"{count} digits 0 or 1, or as many levels 0 … 1 between commas, one for each channel of a coil"
 
 
 def _state(word: str, count: int, where: str) -> list[float]:
@@ -404,7 +383,11 @@ def _state(word: str, count: int, where: str) -> list[float]:
     except ValueError:
         levels = []
     if len(levels) != count or "_" in word or not word.isascii():
-        raise SpecError(f"must have {_asked(count)}, got {word_shown}", where)
+        raise SpecError(
+            f"must have {count} digits 0 or 1, or as many levels 0 … 1 between commas, one for each channel of a coil,"
+            f" got {word_shown}",
+            where,
+        )
     for level in levels:
         if not 0 <= level <= 1:
             raise SpecError(f"levels must be in 0 … 1, got {number(level)} in {word_shown}", where)
@@ -592,30 +575,29 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
         felt.setdefault(own, []).append(taxels[got].coil if got else None)
         if got and got != played and taxels[got].coil == own:
             told = (
-                f"was felt as {got} of the same coil: the two resonances are exchanged, or {played} is far off its own"
+                f"was felt as {got} of the same coil: the two resonances are exchanged, or {played} is far off its own;"
+                " measure the print (padgen retune)"
             )
-            findings.append(Finding("warning", "wiring.taxel", played, f"{told}; measure the print (padgen retune)"))
+            findings.append(Finding("warning", "wiring.taxel", played, told))
     moved: dict[Coil, Coil] = {}
     silent = [_coil(own) for own, places in felt.items() if not any(places)]
     if heard and len(silent) == 2 < len(felt):
         told = "are the only silent ones: if both are connected, their plugs are exchanged"
         findings.append(Finding("error", "wiring.swapped", " and ".join(silent), told))
     for own, places in felt.items():
-        counts = Counter(place for place in places if place)
-        if not counts:
-            sense = "heard" if heard else "felt"
+        at, sense = sorted({place for place in places if place}), "heard" if heard else "felt"
+        if not at:
             told = f"nothing was {sense} when it was played: look at its wire, its plug and its amplifier channel"
             findings.append(Finding("error", "wiring.silent", _coil(own), told))
-        elif len(counts) > 1:
-            where = " and ".join(_coil(place) for place in sorted(counts))
-            findings.append(Finding("error", "wiring.mixed", _coil(own), f"was felt at {where}: play its taxels again"))
+        elif len(at) > 1:
+            told = f"was felt at {' and '.join(map(_coil, at))}: play its taxels again"
+            findings.append(Finding("error", "wiring.mixed", _coil(own), told))
         elif None in places:
-            told = (
-                f"{places.count(None)} of its {len(places)} taxels were not felt: are their washers glued in, and free?"
-            )
+            count = f"{places.count(None)} of its {len(places)} taxels"
+            told = f"{count} were not felt: are their washers glued in, and free?"
             findings.append(Finding("warning", "wiring.silent", _coil(own), told))
-        if len(counts) == 1 and own not in counts:
-            moved[own] = next(iter(counts))
+        if len(at) == 1 and own != at[0]:
+            moved[own] = at[0]
     findings += _moved_findings(plan, moved, set(felt))
     if untried := plan.coils.rows * plan.coils.columns - len(felt):
         findings.append(Finding("note", "wiring.untried", "coils", f"{untried} of them are not in the table"))
@@ -641,10 +623,7 @@ def _heard_rows(plan: Plan, path: Path) -> Rows:
 
 
 def _felt_rows(plan: Plan, path: Path) -> Rows:
-    try:
-        lines = read_bounded(path, LARGEST_FELT, "a table of what was felt").decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise FileError(f"is not text: byte {error.start} is not UTF-8", str(path)) from error
+    lines = _text(path, LARGEST_FELT, "a table of what was felt").splitlines()
     rows = [(k, [cell.strip() for cell in row]) for k, row in enumerate(csv.reader(lines), start=1) if any(row)]
     if rows and rows[0][1] == ["played", "felt"]:
         del rows[0]
@@ -673,13 +652,12 @@ def _moved_findings(plan: Plan, moved: dict[Coil, Coil], tried: set[Coil]) -> It
             yield Finding("error", "wiring.order", "coils", f"are all connected {told}")
             return
     for own, at in moved.items():
-        if moved.get(at) == own:
-            if own < at:
-                pair = f"{_coil(own)} and {_coil(at)}"
-                yield Finding("error", "wiring.swapped", pair, "are swapped: exchange their plugs")
-        else:
+        if moved.get(at) != own:
             told = f"its amplifier channel is connected to {_coil(at)}"
             yield Finding("error", "wiring.swapped", _coil(own), told)
+        elif own < at:
+            pair = f"{_coil(own)} and {_coil(at)}"
+            yield Finding("error", "wiring.swapped", pair, "are swapped: exchange their plugs")
 
 
 def _coil(coil: Coil) -> str:

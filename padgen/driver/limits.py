@@ -43,7 +43,7 @@ from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.drive_scheme import pull_in_share
-from padgen.planner.plan import CARRIER_OVER_RESONANCE, Channel, Plan
+from padgen.planner.plan import CARRIER_OVER_RESONANCE, Plan
 from padgen.spec import Coil
 
 __all__ = [
@@ -151,8 +151,8 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     ramp = ramp_s(plan)
     if shown is None:
         asked = [_any(drive, coil) for coil in drive.coils]
-        level, total_a2 = np.ones(len(plan.taxels)), sum(own.square_a2 for own in asked)
         warm = np.array([own.square_a2 for own in asked])
+        level, total_a2 = np.ones(len(plan.taxels)), sum(warm.tolist())
     else:
         squares = np.stack([_squares_a2(drive, coil, shown) for coil in drive.coils])
         level, total_a2 = shown.levels.max(0), float(squares.sum(0).max())
@@ -189,7 +189,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
     if not len(coil.taxels):
         return np.zeros(len(levels))
     if drive.scheme.is_root:
-        return constant_a2(drive, coil, levels)
+        return constant_a2(coil, levels)
     if drive.scheme.is_biased:
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
         tones = levels * current_lines_a(drive.scheme, coil.line_a2)
@@ -198,6 +198,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
 
 
 def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
+    """Return the most that a host may ask of a coil."""
     level = np.ones(len(coil.line_a2))
     if drive.scheme.is_root:
         return _Asked(level, _largest_constant_a2(drive, coil) if len(level) else 0.0)
@@ -256,7 +257,7 @@ def _shown_peak(drive: PadDrive, timeline: Timeline, signal: str) -> float:
     finer = int(np.ceil(PER_CYCLE * highest_hz / drive.rate_hz))
     fine = replace(drive, rate_hz=max(finer, 1) * drive.rate_hz)
     played = blocks(fine, timeline, signal=signal, periods=True)
-    return max(float(np.abs(block.samples).max(initial=0.0)) for block in played) * BETWEEN
+    return max(float(np.abs(samples).max(initial=0.0)) for samples, _ in played) * BETWEEN
 
 
 def _any_v(drive: PadDrive, ramp: float) -> float:
@@ -276,7 +277,7 @@ def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
         return _roots_v(drive, coil)
     if drive.scheme.takes_turns:
         return float(np.abs(_tones_v(drive, coil)).max())
-    harmonic = coil_lines(drive, coil).harmonic
+    harmonic, _ = coil_lines(drive, coil)
     above, below = np.zeros(1), np.zeros(1)
     # At each time the worst state has those channels on that push the same way.
     for k, amplitude in zip(harmonic.tolist(), _tones_v(drive, coil).tolist(), strict=True):
@@ -319,8 +320,7 @@ def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
 
 def _states(count: int) -> np.ndarray:
     """Return all on/off states (2ⁿ, n), the first channel changing fastest."""
-    bits: np.ndarray = (np.arange(1 << count)[:, None] >> np.arange(count)) & 1
-    return bits.astype(float)
+    return np.asarray((np.arange(1 << count)[:, None] >> np.arange(count)) & 1, float)
 
 
 def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
@@ -366,8 +366,7 @@ def _least_constants(
     groups = []
     for start in range(0, len(line), size):
         part = slice(start, start + size)
-        bits = (np.arange(1 << size)[:, None] >> np.arange(len(line[part]))) & 1
-        states = bits * line[part]
+        states = _states(size)[:, : len(line[part])] * line[part]
         least = least_constant(harmonic[part], states, phase[part]) + ROUNDING * states.sum(1)
         groups.append(tuple(least.tolist()))
     all_on = least_constant(harmonic, line[None], phase)[0] + ROUNDING * line.sum() if len(line) else 0.0
@@ -389,7 +388,7 @@ def judge_limits(
     `shown` None: by the worst of all levels and changes that the firmware may be sent.
     """
     load = load_of(plan, drive, shown)
-    found = tuple(judge_load(where, plan, load, tuning, drive.voltage_limit_v))
+    found = tuple(judge_load(where, plan, load, tuning))
     cure = _level_text(plan, drive, shown, tuning, load) if found else ""
     return tuple(replace(finding, message=finding.message + cure) for finding in found)
 
@@ -403,87 +402,95 @@ def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) 
             raise SpecError(f"is not played: it {found[0].message}", plan.name)
 
 
-def judge_load(
-    where: str,
-    plan: Plan,
-    load: Load,
-    tuning: Tuning | None = None,
-    limit_v: float | None = None,
-) -> Iterator[Finding]:
-    """Yield errors about a load; `limit_v` None is the spec's."""
-    limit_v = plan.spec.drive.voltage_limit_v if limit_v is None else limit_v
-    for code, sentence, _ in _exceeded(plan, load, tuning, limit_v):
+def judge_load(where: str, plan: Plan, load: Load, tuning: Tuning | None = None) -> Iterator[Finding]:
+    """Yield errors about a load."""
+    for code, sentence, _ in _exceeded(plan, load, tuning):
         yield Finding("error", code, where, sentence)
 
 
-def _exceeded(plan: Plan, load: Load, tuning: Tuning | None, limit_v: float) -> Iterator[tuple[str, str, float]]:
+def _exceeded(plan: Plan, load: Load, tuning: Tuning | None) -> Iterator[tuple[str, str, float]]:
     """Yield each limit that a load exceeds: its code, a sentence, and the share of the level that would keep it."""
-    spec = plan.spec
-    coil, power_w, limit_a = spec.coil, spec.limits.power_w, _limit_a(plan)
-    if load.peak_v > limit_v * NEAR:
-        told = f"peaks at {number(load.peak_v)} V, above drive.voltage_limit_v = {number(limit_v)} V"
-        yield "wave.voltage", told, (limit_v / load.peak_v) ** 2
-    if load.peak_a > limit_a * NEAR:
-        told = f"peaks at {number(load.peak_a)} A, above amplifier.current_a = {number(limit_a)} A"
-        yield "wave.current", told, (limit_a / load.peak_a) ** 2
+    spec, coil = plan.spec, plan.spec.coil
     loss_w, total_w = (coil.resistance_ohm * float(square) for square in (load.warm_a2.max(initial=0.0), load.total_a2))
-    if loss_w > coil.power_limit_w * NEAR:
-        told = f"takes {number(loss_w)} W of copper loss at its warmest, averaged over {number(heat_s(coil))} s, above"
-        yield "coil.heat", f"{told} coil.power_limit_w = {number(coil.power_limit_w)} W", coil.power_limit_w / loss_w
-    if power_w is not None and total_w > power_w * NEAR:
-        told = f"takes {number(total_w)} W in all coils together, above limits.power_w = {number(power_w)} W"
-        yield "limits.power", told, power_w / total_w
-    seen: dict[tuple[Channel, float, float], tuple[float, ...]] = {}
+    limit_v, pad_w = spec.drive.voltage_limit_v, inf if spec.limits.power_w is None else spec.limits.power_w
+    yield from _above(
+        ("wave.voltage", "peaks at {} V, above drive.voltage_limit_v = {} V", load.peak_v, limit_v, 2),
+        ("wave.current", "peaks at {} A, above amplifier.current_a = {} A", load.peak_a, _limit_a(plan), 2),
+        (
+            "coil.heat",
+            f"takes {{}} W of copper loss at its warmest, averaged over {number(heat_s(coil))} s, above"
+            " coil.power_limit_w = {} W",
+            loss_w,
+            coil.power_limit_w,
+            1,
+        ),
+        ("limits.power", "takes {} W in all coils together, above limits.power_w = {} W", total_w, pad_w, 1),
+    )
     channels = printed_channels(plan, tuning or planned_tuning(plan))
-    for taxel, channel, level in zip(plan.taxels, channels, load.level.tolist(), strict=True):
-        square_a2 = float(load.square_a2[taxel.coil[0] * plan.coils.columns + taxel.coil[1]])
-        if (key := (channel, square_a2, level)) not in seen:
-            gap_um = float(hanging_gap_um(spec, channel.sag_um))
-            slack_um = max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
-            static_um = balanced_deflection(slack_um, gap_um, max(channel.pull_exponent, 0.0)) or 0.0
-            seen[key] = (
+    alike = {
+        (channel, float(load.square_a2[taxel.coil[0] * plan.coils.columns + taxel.coil[1]]), level)
+        for taxel, channel, level in zip(plan.taxels, channels, load.level.tolist(), strict=True)
+    }
+    figures = []
+    for channel, square_a2, level in alike:
+        gap_um = float(hanging_gap_um(spec, channel.sag_um))
+        slack_um = max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
+        static_um = balanced_deflection(slack_um, gap_um, max(channel.pull_exponent, 0.0)) or 0.0
+        figures.append(
+            (
                 pull_in_share(spec, channel, square_a2),
                 channel.sag_um + static_um + level * channel.level_um,
                 level * channel.root_stress_mpa,
                 weighted_acceleration(channel.resonance_hz, level * channel.level_um * UM),
             )
-    share, travel_um, stress_mpa, at_hand = np.max(list(seen.values()), axis=0).tolist()
-    third_um, bears_mpa = coil.gap_mm * MM / UM / 3, spec.material.fatigue_stress_mpa
+        )
+    share, travel_um, stress_mpa, at_hand = np.max(figures, axis=0).tolist()
+    third_um = coil.gap_mm * MM / UM / 3
     if share >= 1:
         yield "coil.pull_in", f"pulls a washer {number(share)} times as strongly as it takes to snap to the coil", 0.7
-    if share < 1 and travel_um > third_um:
+    elif travel_um > third_um:
         told = f"moves a washer by {number(travel_um * UM / MM)} mm, sag and static pull with it; a third of the gap is"
         yield "gap.travel", f"{told} {number(third_um * UM / MM)} mm", 0.7
-    if stress_mpa > bears_mpa * NEAR:
-        told = f"bends a beam to {number(stress_mpa)} MPa at its root, above material.fatigue_stress_mpa ="
-        yield "beam.fatigue", f"{told} {number(bears_mpa)} MPa", bears_mpa / stress_mpa
-    if at_hand > HAND_LIMIT_M_PER_S2 * NEAR:
-        told = (
-            f"shakes a finger by {number(at_hand)} m/s², weighted by ISO 5349-1, above the {HAND_LIMIT_M_PER_S2:g} m/s²"
-        )
-        yield (
+    yield from _above(
+        (
+            "beam.fatigue",
+            "bends a beam to {} MPa at its root, above material.fatigue_stress_mpa = {} MPa",
+            stress_mpa,
+            spec.material.fatigue_stress_mpa,
+            1,
+        ),
+        (
             "skin.level",
-            f"{told} that Directive 2002/44/EC allows for eight hours a day",
-            HAND_LIMIT_M_PER_S2 / at_hand,
-        )
+            "shakes a finger by {} m/s², weighted by ISO 5349-1, above the {} m/s² that Directive 2002/44/EC allows for"
+            " eight hours a day",
+            at_hand,
+            HAND_LIMIT_M_PER_S2,
+            1,
+        ),
+    )
+
+
+def _above(*limits: tuple[str, str, float, float, int]) -> Iterator[tuple[str, str, float]]:
+    """Yield those of `limits` (code, sentence, value, limit, power) that are exceeded, as `_exceeded` does.
+
+    The level goes with the value's `power`: with the square of volts and amperes.
+    """
+    for code, sentence, value, limit, power in limits:
+        if value > limit * NEAR:
+            yield code, sentence.format(number(value), number(limit)), (limit / value) ** power
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
     """Name the level at which the same is within all limits, as a clause: it was tried."""
-    spec = plan.spec
-    level = spec.drive.level_um
     for _ in range(TRIES):
         # All currents go with the root of the level.
-        text = at_most(level * min(share for *_, share in _exceeded(plan, load, tuning, drive.voltage_limit_v)))
-        level = float(text)
-        if level < SMALLEST_LEVEL_UM:
+        part = min(share for *_, share in _exceeded(plan, load, tuning))
+        text = at_most(plan.spec.drive.level_um * part)
+        if float(text) < SMALLEST_LEVEL_UM:
             break
-        lower = replace(plan, spec=replace(spec, drive=replace(spec.drive, level_um=level)))
-        other = make_drive(
-            lower, drive.rate_hz, tuning, carrier_hz=drive.carrier_hz, bandwidth_hz=spec.drive.bandwidth_hz
-        )
-        plan, load = lower, load_of(lower, other, shown)
-        if not any(judge_load("", lower, load, tuning, drive.voltage_limit_v)):
+        plan = replace(plan, spec=replace(plan.spec, drive=replace(plan.spec.drive, level_um=float(text))))
+        load = load_of(plan, make_drive(plan, drive.rate_hz, tuning, drive.carrier_hz), shown)
+        if not any(judge_load("", plan, load, tuning)):
             return f"; drive.level_um of {text} would fit it"
     return "; no lower drive.level_um that was tried would fit it"
 

@@ -172,9 +172,15 @@ def plan_hash(plan: Plan, tuning: Tuning | None = None) -> bytes:
 
 def encode(message: Message) -> bytes:
     """Return the packet of a message, both zeros with it."""
-    head = HEAD.pack(message.version, message.kind, message.sequence % SEQUENCES)
-    body = head + message.payload
-    return b"\0" + _stuffed(body + TAIL.pack(crc32(body))) + b"\0"
+    body = HEAD.pack(message.version, message.kind, message.sequence % SEQUENCES) + message.payload
+    blocks = []
+    # Every zero is replaced by the distance to the next one, in blocks of at most 254 bytes.
+    for run in (body + TAIL.pack(crc32(body))).split(b"\0"):
+        while len(run) >= LONGEST_BLOCK:
+            blocks.append(b"\xff" + run[:LONGEST_BLOCK])
+            run = run[LONGEST_BLOCK:]
+        blocks.append(bytes([len(run) + 1]) + run)
+    return b"\0" + b"".join(blocks) + b"\0"
 
 
 def decode(stream: bytes) -> tuple[list[Message | None], bytes]:
@@ -205,40 +211,20 @@ def refusal(message: Message) -> Refusal:
 
 
 def _message(packet: bytes) -> Message | None:
-    body = _unstuffed(packet)
-    if body is None or len(body) < HEAD.size + TAIL.size:
-        return None
-    body, check = body[: -TAIL.size], body[-TAIL.size :]
-    if crc32(body) != TAIL.unpack(check)[0]:
-        return None
-    version, kind, sequence = HEAD.unpack_from(body)
-    return Message(kind, sequence, body[HEAD.size :], version)
-
-
-def _stuffed(body: bytes) -> bytes:
-    """Replace every zero by the distance to the next one, in blocks of at most 254 bytes."""
-    blocks = []
-    for run in body.split(b"\0"):
-        while len(run) >= LONGEST_BLOCK:
-            blocks.append(b"\xff" + run[:LONGEST_BLOCK])
-            run = run[LONGEST_BLOCK:]
-        blocks.append(bytes([len(run) + 1]) + run)
-    return b"".join(blocks)
-
-
-def _unstuffed(packet: bytes) -> bytes | None:
-    """Return the body of a packet without its zeros; None where its blocks do not come out even."""
-    body, start = bytearray(), 0
+    """Read a packet without its zeros; None where its blocks do not come out even, or it was changed on its way."""
+    body, start = b"", 0
     while start < len(packet):
         code = packet[start]
         block = packet[start + 1 : start + code]
         if len(block) != code - 1:
             return None
-        body += block
         start += code
-        if code - 1 < LONGEST_BLOCK and start < len(packet):
-            body.append(0)
-    return bytes(body)
+        body += block + b"\0" * (code - 1 < LONGEST_BLOCK and start < len(packet))
+    body, check = body[: -TAIL.size], body[-TAIL.size :]
+    if len(body) < HEAD.size or crc32(body) != TAIL.unpack(check)[0]:
+        return None
+    version, kind, sequence = HEAD.unpack_from(body)
+    return Message(kind, sequence, body[HEAD.size :], version)
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,20 +295,14 @@ def play_frames(
             )
         began = time.monotonic()
         link.show_all(frames, each, told)
-        link.fall_silent()
+        with link.closing_in("the last frame"):  # which is reached before all falls silent
+            link.wait_for([State.SILENT, State.HOLDING])
+            link.ask(Kind.SILENCE)
+            link.wait_for([State.SILENT])
         return Played(link.device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
 
 
-def excite(
-    port: str,
-    plan: Plan,
-    coil: int,
-    *,
-    tuning: Tuning | None = None,
-    baud: int = BAUD,
-    reply_s: float = LEAST_REPLY_S,
-    greet_s: float = GREET_S,
-) -> None:
+def excite(port: str, plan: Plan, coil: int, *, tuning: Tuning | None = None, baud: int = BAUD) -> None:
     """Let the device play its sweep on a coil, row by row, and wait for the end.
 
     Raises
@@ -331,7 +311,7 @@ def excite(
         As `play_frames` does.
     """
     what = "the sweep"
-    with _playing(port, plan, tuning, baud, reply_s, greet_s, what) as link, link.closing_in(what):
+    with _playing(port, plan, tuning, baud, LEAST_REPLY_S, GREET_S, what) as link, link.closing_in(what):
         link.ask(Kind.EXCITE, COIL.pack(coil))
         link.wait_for([State.SILENT], 2 * sweep_table(plan).seconds)
 
@@ -341,8 +321,14 @@ def _playing(
     port: str, plan: Plan, tuning: Tuning | None, baud: int, reply_s: float, greet_s: float, what: str
 ) -> "Iterator[_Link]":
     """Open a line and meet its device; whatever error ends the playing, the device is silenced if it can be."""
-    with _opened(port, baud) as line:
-        link = _Link(line, port, reply_s)
+    serial = _serial()
+    try:
+        line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)
+    except (*LINE_ERRORS, ValueError, OverflowError) as error:
+        there = ", ".join(serial_ports()) or "none"
+        raise FileError(f"cannot be opened ({_reason(error)}); serial ports that there are: {there}", port) from error
+    link = _Link(line, port, reply_s)
+    try:
         with link.closing_in(what):
             link.greet(plan, tuning, greet_s)
         try:
@@ -351,6 +337,9 @@ def _playing(
             with suppress(*LINE_ERRORS, FileError):  # the error that is on its way matters more
                 link.ask(Kind.SILENCE)
             raise
+    finally:
+        with suppress(*LINE_ERRORS):
+            line.close()
 
 
 class _Link:
@@ -410,13 +399,6 @@ class _Link:
                     told(k + 1)
                     due = max(due + each_s / parts, time.monotonic() + least_s)
                     self._wait(due)
-
-    def fall_silent(self) -> None:
-        """Silence once the last frame is there, and wait for it."""
-        with self.closing_in("the last frame"):
-            self.wait_for([State.SILENT, State.HOLDING])
-            self.ask(Kind.SILENCE)
-            self.wait_for([State.SILENT])
 
     @contextmanager
     def closing_in(self, what: str) -> Iterator[None]:
@@ -504,24 +486,6 @@ def _answers(answer: Message, message: Message) -> bool:
         damaged = answer.kind == Kind.NAK and refusal(answer).reason == Reason.DAMAGED
         return damaged or (answer.payload[0], answer.sequence) == (message.kind, message.sequence)
     return answer.kind == Kind.GREETING and message.kind == Kind.HELLO and len(answer.payload) >= GREETING.size
-
-
-@contextmanager
-def _opened(port: str, baud: int) -> Iterator[Any]:
-    serial = _serial()
-    try:
-        line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)
-    except (*LINE_ERRORS, ValueError, OverflowError) as error:
-        there = ", ".join(serial_ports()) or "none"
-        raise FileError(
-            f"cannot be opened ({_reason(error)}); serial ports that there are: {there}",
-            port,
-        ) from error
-    try:
-        yield line
-    finally:
-        with suppress(*LINE_ERRORS):
-            line.close()
 
 
 def _serial() -> Any:

@@ -140,7 +140,7 @@ def play_wave(
 
 
 def _stream(stream: Any, wave: Wave, loops: int) -> int:
-    """Write the file to a stream that is open; how many blocks came too late."""
+    """Write the file to a stream that is open; return how many blocks came too late."""
     size = max(round(BLOCK_S * wave.rate_hz), 1)
     fade = max(round(FADE_S * wave.rate_hz), 1)
     total, done, missed = wave.count * loops, 0, 0
@@ -250,8 +250,7 @@ def recorded(
         if sink is None:
             stream = sound.InputStream(device=source.index, channels=1, **settings)
         else:
-            both, channels = (source.index, sink.index), (1, outputs)
-            stream = sound.Stream(device=both, channels=channels, **settings)
+            stream = sound.Stream(device=(source.index, sink.index), channels=(1, outputs), **settings)
         with stream:
             try:
                 if begin is not None:
@@ -367,9 +366,6 @@ class Bench:
             told(f"{name}: the firmware plays its sweep")
             excite(self.port, plan, coil, tuning=self.tuning, baud=self.baud)
 
-        def heard_for(done: float) -> None:
-            told(f"{name}: {done:.1f} s of {max(done, seconds):.1f} s")
-
         heard = recorded(
             self.source,
             self.rate_hz,
@@ -379,7 +375,7 @@ class Bench:
             outputs,
             min(coil, outputs - 1),
             by_firmware if sink is None else None,
-            heard_for,
+            lambda done: told(f"{name}: {done:.1f} s of {max(done, seconds):.1f} s"),
         )
         told(f"{name}: fitting")
         path = self.folder / RECORDED / TRIED / f"{name}.wav"

@@ -28,7 +28,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache, partial
 from itertools import pairwise, product
-from math import ceil, floor, isfinite
+from math import ceil, floor
 from typing import NamedTuple
 
 import numpy as np
@@ -59,9 +59,7 @@ __all__ = [
     "HIGHEST_RATE_HZ",
     "RATES_HZ",
     "RATE_OVER_RESONANCE",
-    "Block",
     "CoilDrive",
-    "CoilLines",
     "PadDrive",
     "Timeline",
     "blend",
@@ -112,9 +110,9 @@ class PadDrive:
     """The coils of a pad, row by row, and what feeds them: all of one scheme and on one comb.
 
     `rate_hz` is that of the samples; a period is a whole number of them. `resistance_ohm`, `inductance_h`
-    are each coil's, `level_um` the ON amplitude that was asked of the lowest channel. With a `carrier_hz` (spur-free
-    only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers that pass no constant. `alias_db` is what the
-    voltage has above the amplifier's band over its largest line, the worst of all coils; None but for spur-free.
+    are each coil's. With a `carrier_hz` (spur-free only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers
+    that pass no constant. `alias_db` is what the voltage has above the amplifier's band over its largest line, the
+    worst of all coils; None but for spur-free.
     """
 
     scheme: Scheme
@@ -124,7 +122,6 @@ class PadDrive:
     inductance_h: float
     voltage_limit_v: float
     coils: tuple[CoilDrive, ...]
-    level_um: float
     carrier_hz: float | None
     alias_db: float | None
 
@@ -139,25 +136,19 @@ class PadDrive:
         return self.scheme.has_constant and self.carrier_hz is None
 
 
-class CoilLines(NamedTuple):
-    """Lines (n,) of a coil at level 1: ``Re amplitude exp(2πi harmonic t / period)``."""
-
-    harmonic: np.ndarray
-    amplitude: np.ndarray
-
-
-def coil_lines(drive: PadDrive, coil: CoilDrive) -> CoilLines:
+def coil_lines(drive: PadDrive, coil: CoilDrive) -> tuple[np.ndarray, np.ndarray]:
     """Return the lines of a coil's current in A beside its `bias_a`; spur-free of i² in A² beside `constant_a2`.
 
-    They go with the level; where the scheme has no constant, with its root, at half the force's frequency.
+    They are harmonics and complex amplitudes (n,), ``Re amplitude exp(2πi harmonic t / period)`` at level 1. They go
+    with the level; where the scheme has no constant, with its root, at half the force's frequency.
     """
     height = coil.line_a2 if drive.scheme.is_root else current_lines_a(drive.scheme, coil.line_a2)
     if drive.scheme.has_constant:
-        return CoilLines(coil.harmonic, height * np.exp(1j * coil.phase_rad))
-    return CoilLines(coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad))
+        return coil.harmonic, height * np.exp(1j * coil.phase_rad)
+    return coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad)
 
 
-def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
+def constant_a2(coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
     """Return the constant part (s,) of i² of a spur-free coil with its channels at `levels` (s, n)."""
     lines = np.atleast_2d(levels) * coil.line_a2
     states, which = np.unique(lines, axis=0, return_inverse=True)
@@ -165,17 +156,10 @@ def constant_a2(drive: PadDrive, coil: CoilDrive, levels: np.ndarray) -> np.ndar
     return np.asarray((least + states @ coil.margin)[which.reshape(-1)])
 
 
-def make_drive(
-    plan: Plan,
-    rate_hz: int,
-    tuning: Tuning | None = None,
-    carrier_hz: float | None = None,
-    bandwidth_hz: float | None = None,
-) -> PadDrive:
+def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_hz: float | None = None) -> PadDrive:
     """Make the drive of `plan`, for the print that `tuning` tells of (None: as planned), sampled at `rate_hz`.
 
-    The comb's period is the shortest that moves no line far off its resonance; `bandwidth_hz` is the amplifier's (None:
-    half the rate); a carrier is moved onto the comb.
+    The comb's period is the shortest that moves no line far off its resonance; a carrier is moved onto the comb.
 
     Raises
     ------
@@ -201,9 +185,7 @@ def make_drive(
     harmonic = on_comb(resonance, period_s, step)
     if carrier_hz is not None:
         carrier_hz = _carrier_hz(carrier_hz, scheme, rate_hz, period_s, highest_hz)
-    if bandwidth_hz is not None and not (isfinite(bandwidth_hz) and bandwidth_hz > 0):
-        raise SpecError(f"must be above 0 Hz, got {number(bandwidth_hz)} Hz", "bandwidth")
-    band_hz = min(rate_hz / 2, bandwidth_hz or rate_hz / 2)
+    band_hz = min(rate_hz / 2, spec.drive.bandwidth_hz or rate_hz / 2)
     unmoved = [taxel.id for taxel in tuning.taxels if not taxel.response_um_per_a2 > 0]
     if unmoved:
         raise SpecError(f"{unmoved[0]} is not pulled by its coil and cannot be driven", plan.name)
@@ -261,7 +243,6 @@ def make_drive(
         spec.coil.inductance_mh * MH,
         spec.drive.voltage_limit_v,
         tuple(coils),
-        spec.drive.level_um,
         carrier_hz,
         max(alias_db) if scheme.is_root else None,
     )
@@ -305,18 +286,13 @@ def drive_at(
     if carrier_hz is None:
         carrier_hz = planned_carrier_hz(plan.spec, plan.scheme, highest)
 
-    def made(rate: int) -> PadDrive:
-        return make_drive(plan, rate, tuning=tuning, carrier_hz=carrier_hz, bandwidth_hz=plan.spec.drive.bandwidth_hz)
-
-    if rate_hz is not None:
-        return made(rate_hz)
     least = SAMPLES_OF_HIGHEST * highest
     if carrier_hz is not None:
         # One that no rate carries is refused with the bounds of the highest.
         least = max(least, min(2 * (carrier_hz + CARRIER_OVER_RESONANCE * highest), max(*rates_hz, least)))
     enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
-    for rate in enough:
-        drive = made(rate)
+    for rate in enough if rate_hz is None else [rate_hz]:
+        drive = make_drive(plan, rate, tuning, carrier_hz)
         if drive.alias_db is None or drive.alias_db <= ALIAS_DB:
             break
     return drive
@@ -380,23 +356,21 @@ def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) 
     SpecError
         No frame, a level that is not in 0 … 1, or frames too short for their transitions.
     """
-    checked = np.atleast_2d(np.asarray(frames, float))
-    if checked.ndim != 2 or checked.shape[1] != len(plan.taxels) or not len(checked):
+    shape, frames = np.shape(frames), np.atleast_2d(np.asarray(frames, float))
+    if frames.ndim != 2 or frames.shape[1] != len(plan.taxels) or not len(frames):
         raise SpecError(
-            f"must be one or more rows of {len(plan.taxels)} levels, got {' x '.join(map(str, np.shape(frames)))}",
-            "frames",
+            f"must be one or more rows of {len(plan.taxels)} levels, got {' x '.join(map(str, shape))}", "frames"
         )
-    bad = np.argwhere(~((checked >= 0) & (checked <= 1)))
+    bad = np.argwhere(~((frames >= 0) & (frames <= 1)))
     if len(bad):
         frame, taxel = bad[0]
         raise SpecError(
-            f"levels must be in 0 … 1, got {number(float(checked[frame, taxel]))} for {plan.taxels[taxel].id} in frame"
+            f"levels must be in 0 … 1, got {number(float(frames[frame, taxel]))} for {plan.taxels[taxel].id} in frame"
             f" {frame}",
             "frames",
         )
     if seconds_each is not None and not (np.isfinite(seconds_each) and seconds_each > 0):
         raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
-    frames = checked
     if plan.scheme.takes_turns:
         return _in_turns(plan, frames, seconds_each)
     ramp, length = ramp_s(plan), seconds_each or frame_s(plan)
@@ -439,14 +413,6 @@ SMALLEST = 1e-300
 """A force's square root is taken of no less: at silence its slope is then 0, not 0/0."""
 
 
-class Block(NamedTuple):
-    """Samples (s, coils) from number `start` on, and each coil's sum (coils,) of i² over them in A²."""
-
-    start: int
-    samples: np.ndarray
-    square_a2: np.ndarray
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
     """Coils (m,) with the same frequencies: their taxels (m, n) and what one at level 1 adds to their sum.
@@ -476,17 +442,9 @@ class _Stretch(NamedTuple):
     key: int
 
 
-class _Ramp(NamedTuple):
-    """Shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
-
-    before: np.ndarray
-    after: np.ndarray
-    slope: np.ndarray
-
-
 def volts(drive: PadDrive, timeline: Timeline, signal: str = "voltage") -> Iterator[np.ndarray]:
     """Yield volts (samples, coils) of all coils, coils as in `drive`, block by block; A for a 'current' signal."""
-    return (block.samples for block in blocks(drive, timeline, signal))
+    return (samples for samples, _ in blocks(drive, timeline, signal))
 
 
 def sample_count(drive: PadDrive, timeline: Timeline) -> int:
@@ -495,36 +453,29 @@ def sample_count(drive: PadDrive, timeline: Timeline) -> int:
 
 
 def blocks(
-    drive: PadDrive,
-    timeline: Timeline,
-    signal: str = "voltage",
-    periods: bool = False,
-) -> Iterator[Block]:
-    """Yield blocks without a gap; `signal` is 'voltage' or 'current'.
+    drive: PadDrive, timeline: Timeline, signal: str = "voltage", periods: bool = False
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield blocks without a gap: samples (s, coils), and each coil's sum (coils,) of i² over them in A².
 
-    `periods`: of levels that stay no more than one period of the comb, which is what all others are.
+    `signal` is 'voltage' or 'current'; `periods`: of levels that stay no more than one period of the comb, which is
+    what all others are.
     """
     coils = len(drive.coils)
     size = max(BLOCK // coils // ROW, 2) * ROW
     groups = list(_groups(drive, timeline, signal))
     form = _FORMS[drive.scheme.kind.CURRENT]
     for key, (first, last) in enumerate(pairwise(edges(drive, timeline))):
-        stretch = _Stretch(first, last, key)
-        if periods and np.array_equal(*timeline.levels[stretch.key : stretch.key + 2]):
-            stretch = stretch._replace(stop=min(stretch.stop, stretch.start + drive.period_samples))
-        for start in range(stretch.start, stretch.stop, size):
-            stop = min(start + size, stretch.stop)
+        end = last
+        if periods and np.array_equal(*timeline.levels[key : key + 2]):
+            end = min(last, first + drive.period_samples)
+        for start in range(first, end, size):
+            stop = min(start + size, end)
             samples, square = np.zeros((stop - start, coils)), np.zeros(coils)
             for group in groups:
-                part = form(drive, timeline, group, _Stretch(start, stop, stretch.key))
-                if part is None:
-                    continue
-                value, square[group.coils] = part
-                if len(group.coils) == coils:
-                    samples = value
-                else:
-                    samples[:, group.coils] = value
-            yield Block(start, samples, square)
+                part = form(drive, timeline, group, _Stretch(start, stop, key))
+                if part is not None:
+                    samples[:, group.coils], square[group.coils] = part
+            yield samples, square
 
 
 def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group]:
@@ -538,12 +489,12 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
     for members in alike.values():
         own = [drive.coils[index] for index in members]
         lines = [coil_lines(drive, c) for c in own]
-        k, weight = lines[0].harmonic, gain * np.stack([line.amplitude for line in lines])
+        k, weight = lines[0][0], gain * np.stack([amplitude for _, amplitude in lines])
         bias = np.array([c.bias_a for c in own])
         taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
         if drive.scheme.is_root:
             weight, levels = gain * weight, timeline.levels[:, taxels]
-            constant = gain**2 * np.stack([constant_a2(drive, c, levels[:, m]) for m, c in enumerate(own)], 1)
+            constant = gain**2 * np.stack([constant_a2(c, levels[:, m]) for m, c in enumerate(own)], 1)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
         table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
         slope = 2 * np.pi * k / drive.period_s * tau_s
@@ -556,12 +507,13 @@ def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
     return [*edge[:-1].tolist(), sample_count(drive, timeline)]
 
 
-def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> _Ramp:
+def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
     begin, end = timeline.time_s[where.key], timeline.time_s[where.key + 1]
     share = (np.arange(where.start, where.stop) / drive.rate_hz - begin) / (end - begin)
     share = np.clip(share, 0.0, 1.0)[:, None]
     # 1 − b(s) is b(1 − s), which keeps its digits where it is small: its root is taken.
-    return _Ramp(blend(1 - share), blend(share), blend_slope(share) / (end - begin))
+    return blend(1 - share), blend(share), blend_slope(share) / (end - begin)
 
 
 def _sums(
@@ -603,12 +555,12 @@ def _blended(
     before, after = _levels(timeline, group, where.key)
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
-    ramp = _ramp(drive, timeline, where)
+    falling, rising, steepness = _ramp(drive, timeline, where)
     value, slope = np.zeros((1, 1)), np.zeros((1, 1))
-    for levels, own, share, sign in ((before, constant[0], ramp.before, -1), (after, constant[1], ramp.after, 1)):
+    for levels, own, share, sign in ((before, constant[0], falling, -1), (after, constant[1], rising, 1)):
         if levels.any() or np.any(own):
             part, part_slope = _sums(drive, group, where, levels * group.weight, own)
-            slope = slope + (part_slope * share + part * (sign * group.tau_s * ramp.slope))
+            slope = slope + (part_slope * share + part * (sign * group.tau_s * steepness))
             value = value + part * share
     return value, slope
 
@@ -620,17 +572,14 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     force, slope = _blended(drive, timeline, group, where, constant)
     square = force.sum(0) / group.gain**2
     root = np.sqrt(np.maximum(force, SMALLEST, out=force), out=force)
-    if drive.carrier_hz is not None:
-        harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
-        angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
-        cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
-        turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
-        return np.asarray(root * turn + slope / (2 * root) * cosine), square
-    if group.tau_s:
-        slope = np.divide(slope, root, out=slope)
-        slope *= 0.5
-        root += slope
-    return root, square
+    slope = slope / (2 * root)
+    if drive.carrier_hz is None:
+        return root + slope, square
+    harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
+    angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
+    cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
+    turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
+    return root * turn + slope * cosine, square
 
 
 def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
@@ -643,9 +592,9 @@ def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
         # i² rises with the blend b as a whole, so that both it and its root are smooth.
         levels = _levels(timeline, group, where.key)[fed.index(True)]
         value, slope = _sums(drive, group, where, levels * group.weight, group.bias)
-        ramp = _ramp(drive, timeline, where)
-        root = np.sqrt(ramp.after if fed[1] else ramp.before)
-        root_slope = (1 if fed[1] else -1) * group.tau_s * ramp.slope / (2 * np.maximum(root, SMALLEST))
+        falling, rising, steepness = _ramp(drive, timeline, where)
+        root = np.sqrt(rising if fed[1] else falling)
+        root_slope = (1 if fed[1] else -1) * group.tau_s * steepness / (2 * np.maximum(root, SMALLEST))
         value, slope = value * root, slope * root + value * root_slope
     return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
@@ -662,16 +611,15 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
         return None
     steady = before == after
     value, slope = _sums(drive, group, where, np.sqrt(before) * steady * group.weight)
-    ramp = _ramp(drive, timeline, where)
+    falling, rising, steepness = _ramp(drive, timeline, where)
     for j in np.flatnonzero((~steady).any(0)):
         one = (before != after) & (np.arange(before.shape[1]) == j)
         tone, tone_slope = _sums(drive, group, where, one * group.weight)
         low, high = before[:, j], after[:, j]
-        envelope = np.sqrt(low * ramp.before + high * ramp.after)
-        envelope_slope = group.tau_s * ramp.slope * (high - low) / (2 * np.maximum(envelope, SMALLEST))
+        envelope = np.sqrt(low * falling + high * rising)
+        envelope_slope = group.tau_s * steepness * (high - low) / (2 * np.maximum(envelope, SMALLEST))
         value, slope = value + tone * envelope, slope + tone_slope * envelope + tone * envelope_slope
-    square = np.einsum("sm,sm->m", value, value) / group.gain**2
-    return value + slope, square
+    return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
 Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]

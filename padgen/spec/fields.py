@@ -3,8 +3,9 @@
 The same metadata checks a TOML file, words the error and makes the JSON schema, so that the three always agree.
 """
 
+import re
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, field, fields
 from typing import Any, Union, get_args, get_origin
 
@@ -32,16 +33,14 @@ MOST_NUMBERS = 10_000
 """Most entries of a list."""
 
 
-def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, above: bool = False) -> Any:
-    """Declare a number in `unit`, from `low` to `high`; with `above` it must be greater than `low`."""
-    meta = {"unit": unit, "low": low, "high": high, "above": above, "doc": doc}
-    return field(default=default, metadata=meta)
+def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str) -> Any:
+    """Declare a number in `unit`, from `low` to `high`."""
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc})
 
 
 def numbers(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None) -> Any:
     """Declare a list of numbers in `unit`, each from `low` to `high`: `count` of them, or else one or more."""
-    meta = {"unit": unit, "low": low, "high": high, "above": False, "doc": doc, "count": count}
-    return field(default=default, metadata=meta)
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc, "count": count})
 
 
 def choice(default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str) -> Any:
@@ -114,68 +113,46 @@ def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = No
 
 def checked(item: "Field[Any]", value: Any, where: str) -> Any:
     """Return the value of a field if it has the field's type and is within its bounds; raises as `build` does."""
-    kind, _ = optional_type(item.type)
-    if kind is bool:
-        return _of_type(bool, value, where, "true or false")
-    if kind is str:
-        return _checked_text(item, _of_type(str, value, where, "text"), where)
-    if kind is int:
-        if isinstance(value, float) and value.is_integer():
+    kind, meta = optional_type(item.type)[0], item.metadata
+    if kind in TYPES:
+        if kind is int and isinstance(value, float) and value.is_integer():
             value = int(value)
-        return _bounded(item, _of_type(int, value, where, "a whole number"), where)
-    if kind is float:
-        return _bounded(item, _of_type((int, float), value, where, "a number"), where)
-    return _checked_numbers(item, kind, value, where)
-
-
-def _of_type(kind: Any, value: Any, where: str, what: str) -> Any:
-    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        raise SpecError(f"must be {what}, got {shown(value)}", where)
-    return value
-
-
-def _checked_text(item: "Field[Any]", value: str, where: str) -> str:
-    known = choices(item.metadata)
-    if known and value not in known:
-        raise unknown_name(value, list(known), "choice", where)
-    if len(value) > LONGEST_TEXT or plain(value) != value:
-        raise SpecError(f"must be a line of at most {LONGEST_TEXT} characters, got {shown(value)}", where)
-    pattern = item.metadata.get("pattern")
-    if pattern:
-        import re
-
-        if not re.fullmatch(pattern, value):
-            raise SpecError(f"must match {pattern}, got {shown(value)}", where)
-    if value.partition(".")[0].lower() in item.metadata.get("reserved", ()):
-        raise SpecError(f"must not be the name of a device on Windows, got {value!r}", where)
-    return value
-
-
-def _bounded(item: "Field[Any]", value: float, where: str) -> float:
-    meta = item.metadata
-    low, high, unit = meta["low"], meta["high"], meta["unit"]
-    too_low = value <= low if meta["above"] else value < low
-    if not too_low and value <= high:  # nan fails here, too
-        return value if optional_type(item.type)[0] is int else float(value)
-    span = f"above {number(low)}" if meta["above"] else f"at least {number(low)}"
-    unit = f" {unit}" if unit not in ("", "1") else ""
-    nearest = high if value > high else low
-    # No cure for a list's entry, nor for a bound that itself is not allowed.
-    cures = [] if (meta["above"] and nearest == low) or where.endswith("]") else [{where: nearest}]
-    raise SpecError(f"must be {span} and at most {number(high)}{unit}, got {number(value)}{unit}", where, cures)
-
-
-def _checked_numbers(item: "Field[Any]", kind: Any, value: Any, where: str) -> tuple[Any, ...]:
-    count, unit = item.metadata["count"], item.metadata["unit"]
-    what = f"a list of {count or 'one or more'} numbers in {unit}"
+        _refuse(kind, meta, value, where)
+        return kind(value)
+    count, (inner, *_) = meta["count"], get_args(kind)
     if not isinstance(value, (list, tuple)) or not value or (count and len(value) != count):
+        what = f"a list of {count or 'one or more'} numbers in {meta['unit']}"
         raise SpecError(f"must be {what}, got {shown(value)}", where)
     if len(value) > MOST_NUMBERS:
         raise SpecError(f"must be at most {MOST_NUMBERS} numbers, got {len(value)}", where)
-    inner = get_args(kind)[0]
-    what = "a whole number" if inner is int else "a number"
-    allowed = int if inner is int else (int, float)
-    return tuple(
-        inner(_bounded(item, _of_type(allowed, entry, f"{where}[{i}]", what), f"{where}[{i}]"))
-        for i, entry in enumerate(value)
-    )
+    for i, entry in enumerate(value):
+        _refuse(inner, meta, entry, f"{where}[{i}]")
+    return tuple(map(inner, value))
+
+
+TYPES = {bool: "true or false", str: "text", int: "a whole number", float: "a number"}
+"""Types of single values, in words."""
+
+
+def _refuse(kind: type, meta: Mapping[str, Any], value: Any, where: str) -> None:
+    """Raise if a single value is not of its `kind`, or not as its field's metadata ask for."""
+    known: Any = (int, float) if kind is float else kind
+    if not isinstance(value, known) or (isinstance(value, bool) and kind is not bool):
+        raise SpecError(f"must be {TYPES[kind]}, got {shown(value)}", where)
+    if kind is str:
+        words, pattern = choices(meta), meta.get("pattern")
+        if words and value not in words:
+            raise unknown_name(value, list(words), "choice", where)
+        if len(value) > LONGEST_TEXT or plain(value) != value:
+            raise SpecError(f"must be a line of at most {LONGEST_TEXT} characters, got {shown(value)}", where)
+        if pattern and not re.fullmatch(pattern, value):
+            raise SpecError(f"must match {pattern}, got {shown(value)}", where)
+        if value.partition(".")[0].lower() in meta.get("reserved", ()):
+            raise SpecError(f"must not be the name of a device on Windows, got {value!r}", where)
+    elif kind is not bool and not meta["low"] <= value <= meta["high"]:  # nan is outside, too
+        low, high = meta["low"], meta["high"]
+        unit = f" {meta['unit']}" if meta["unit"] not in ("", "1") else ""
+        # No cure for a list's entry.
+        cures = [] if where.endswith("]") else [{where: high if value > high else low}]
+        told = f"must be at least {number(low)} and at most {number(high)}{unit}, got {number(value)}{unit}"
+        raise SpecError(told, where, cures)

@@ -8,9 +8,10 @@ check spec files.
 import csv
 import io
 import json
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from copy import deepcopy
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
 from math import floor
@@ -23,7 +24,6 @@ from padgen.core.registry import SCHEMES
 from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
     Amplifier,
-    Board,
     Coil,
     Drive,
     Limits,
@@ -31,7 +31,6 @@ from padgen.spec.model import (
     Model,
     Pad,
     Printer,
-    SoundCard,
     Spec,
     Spread,
     Suspension,
@@ -53,8 +52,6 @@ __all__ = [
     "parse_toml",
     "read_table",
     "read_toml",
-    "refuse_contradictions",
-    "refuse_threshold",
     "spec_schema",
     "spread_of",
     "template_paths",
@@ -67,15 +64,6 @@ SLACK_MM = 1e-9
 """Rounding by which a sum of fields may exceed its bound."""
 MAGNETIC = 2.0
 """Smallest relative permeability of a washer that counts as magnetic."""
-
-
-def refuse_contradictions(spec: Spec) -> None:
-    """Raise `SpecError` for the first contradiction between fields of `spec`."""
-    for rules in (_band_rules, _parts_rules, _taxel_rules, _beam_rules):
-        for holds, where, sentence, cures in rules(spec):
-            if not holds:
-                raise SpecError(sentence, where, cures)
-    refuse_threshold(spec)
 
 
 Rule = tuple[bool, str, str, Sequence[dict[str, Any]]]
@@ -336,14 +324,10 @@ def with_threshold(drive: Drive, folder: Path) -> Drive:
         raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
     hz, um = zip(*_points(text, name), strict=True)
     lists = {"threshold_hz": list(hz), "threshold_um": list(um)}
-    values = {f.name: getattr(drive, f.name) for f in fields(Drive)} | {"threshold_file": None}
-    filled: Drive = build(Drive, lists, "drive", values)
-    return filled
+    return build(Drive, lists, "drive", asdict(replace(drive, threshold_file=None)))
 
 
 def _points(text: str, where: str) -> list[tuple[float, float]]:
-    import re
-
     plain = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?)\s*"
     points: list[tuple[float, float]] = []
     headings = False
@@ -363,27 +347,25 @@ def _points(text: str, where: str) -> list[tuple[float, float]]:
     return points
 
 
-def refuse_threshold(spec: Spec) -> None:
-    """Raise `SpecError` for a curve that does not rise in frequency, or does not cover the band."""
-    hz, um, where = spec.drive.threshold_hz, spec.drive.threshold_um, "drive.threshold_hz"
-    if hz is None and um is None:
+def _threshold_rules(spec: Spec) -> Iterator[Rule]:
+    """Yield the rules of a curve, each true only if those before it hold: it rises in frequency and covers the band."""
+    hz, um, where = spec.drive.threshold_hz or (), spec.drive.threshold_um or (), "drive.threshold_hz"
+    if not (hz or um):
         return
-    if hz is None or um is None or len(hz) != len(um):
-        told = f"{len(hz or ())} and {len(um or ())}"
-        raise SpecError(f"must have as many entries as drive.threshold_um, got {told}", where)
-    if len(hz) < 2:
-        raise SpecError(f"must have two points or more, got {len(hz)}", where)
+    entries = f"must have as many entries as drive.threshold_um, got {len(hz)} and {len(um)}"
+    yield len(hz) == len(um), where, entries, ()
+    yield len(hz) >= 2, where, f"must have two points or more, got {len(hz)}", ()
     for low, high in pairwise(hz):
         if not low < high:
-            raise SpecError(f"must be positive and rise, got {number(low)} before {number(high)} Hz", where)
+            yield False, where, f"must be positive and rise, got {number(low)} before {number(high)} Hz", ()
     low, high = spec.band_hz
-    if hz[0] > low or hz[-1] < high:
-        common = max(low, hz[0]), min(high, hz[-1])
-        raise SpecError(
-            f"must cover the band of {number(low)} … {number(high)} Hz, got {number(hz[0])} … {number(hz[-1])} Hz",
-            where,
-            [{"band_hz": list(common)}] if common[0] < common[1] else (),
-        )
+    common = [max(low, hz[0]), min(high, hz[-1])]
+    yield (
+        hz[0] <= low and high <= hz[-1],
+        where,
+        f"must cover the band of {number(low)} … {number(high)} Hz, got {number(hz[0])} … {number(hz[-1])} Hz",
+        [{"band_hz": common}] if common[0] < common[1] else (),
+    )
 
 
 CATALOGUES = {
@@ -394,23 +376,33 @@ CATALOGUES = {
     "coil": (Coil, "coils.csv"),
     "amplifier": (Amplifier, "amplifiers.csv"),
 }
-PARTS = {"sound_card": (SoundCard, "sound_cards.csv"), "board": (Board, "boards.csv")}
-"""Catalogues of parts that a spec has no table for."""
+PARTS: dict[str, tuple[str, dict[str, Any]]] = {
+    "sound_card": ("sound_cards.csv", {"channels": int}),
+    "board": ("boards.csv", {"clock_mhz": float}),
+}
+"""Catalogues of parts that a spec has no table for, and which of their columns are numbers.
+
+A sound card, or a board with converters, feeds amplifiers; its coupling is empty where none is stated. The processor of
+a microcontroller board has a floating-point unit.
+"""
 
 
 @cache
 def catalogue(table: str) -> dict[str, dict[str, Any]]:
     """Return the entries of one catalogue by name, with values of their fields' types."""
-    kind, filename = {**CATALOGUES, **PARTS}[table]
-    types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
+    if table in PARTS:
+        filename, types = PARTS[table]
+    else:
+        kind, filename = CATALOGUES[table]
+        types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
     with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
         rows = csv.DictReader(lines)
-        return {row["name"]: {key: types[key](value) for key, value in row.items()} for row in rows}
+        return {row["name"]: {key: types.get(key, str)(value) for key, value in row.items()} for row in rows}
 
 
 LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 """Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""
-DEFAULTS = {"printer": "fdm-0.4", "washer": "iso7092-m1.6", "coil": "paper"}
+DEFAULTS = {"washer": "iso7092-m1.6", "coil": "paper"}
 OWN_AMPLIFIER = "own"
 """Name of an amplifier that a spec gives none."""
 CARRIED_HEADROOM = 1.0
@@ -561,26 +553,24 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
             raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
     limited = "voltage_limit_v" in table.get("drive", {})
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
-    parts["printer"] = _catalogue_entry("printer", table.pop("printer", {}), DEFAULTS["printer"])
-    parts["material"] = _catalogue_entry(
-        "material", table.pop("material", {}), DEFAULT_MATERIALS[parts["printer"].process]
-    )
-    parts["spread"] = _catalogue_entry("spread", table.pop("spread", {}), spread_of(parts["printer"]))
-    for name in ("washer", "coil"):
-        parts[name] = _catalogue_entry(name, table.pop(name, {}), DEFAULTS[name])
+    parts["printer"] = printer = _catalogue_entry("printer", table.pop("printer", {}), DEFAULT_PRINTERS["fdm"])
+    defaults = {"material": DEFAULT_MATERIALS[printer.process], "spread": spread_of(printer), **DEFAULTS}
+    for name, default in defaults.items():
+        parts[name] = _catalogue_entry(name, table.pop(name, {}), default)
     if (amplifier := table.pop("amplifier", None)) is not None:
         parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN_AMPLIFIER)
         limit_v = min(parts["drive"].voltage_limit_v if limited else amplifier.voltage_v, amplifier.voltage_v)
-        headroom = parts["drive"].headroom
-        if amplifier.coupling == "AC":
-            headroom = max(headroom, CARRIED_HEADROOM)
+        headroom = max(parts["drive"].headroom, CARRIED_HEADROOM if amplifier.coupling == "AC" else 0.0)
         parts["drive"] = replace(parts["drive"], voltage_limit_v=limit_v, headroom=headroom)
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
     if not spec.leaves_layout_free:
         gap_mm, reuse = spec.coil.gap_mm or DEFAULT_GAP_MM, spec.coil.reuse.replace("auto", "same")
         spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
-    refuse_contradictions(spec)
+    for rules in (_band_rules, _parts_rules, _taxel_rules, _beam_rules, _threshold_rules):
+        for holds, where, sentence, cures in rules(spec):
+            if not holds:
+                raise SpecError(sentence, where, cures)
     return spec
 
 
@@ -650,46 +640,39 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
 
 def spec_schema() -> dict[str, Any]:
     """Return the JSON schema (draft 2020-12) of a spec file, made from the fields' metadata."""
-    schema = _object(Spec, required=True)
+    schema = _object(Spec)
+    schema["required"] = [f.name for f in fields(Spec) if f.default is MISSING and not is_dataclass(f.type)]
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "padgen spec"
-    for name in CATALOGUES:
-        entry = schema["properties"][name]
-        entry["properties"]["name"]["examples"] = sorted(catalogue(name))
-        word = {"type": "string", "enum": sorted(catalogue(name))}
-        schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: a catalogue name or a table"}
-    for name, key in SHORTHANDS.items():
-        entry = schema["properties"][name]
-        word = {"type": "string", "enum": entry["properties"][key]["enum"]}
-        schema["properties"][name] = {"anyOf": [word, entry], "description": f"{name}: its {key} or a table"}
+    tables = schema["properties"]
+    words = {name: (sorted(catalogue(name)), "a catalogue name") for name in CATALOGUES}
+    for name, (known, _) in words.items():
+        tables[name]["properties"]["name"]["examples"] = known
+    words |= {name: (tables[name]["properties"][key]["enum"], f"its {key}") for name, key in SHORTHANDS.items()}
+    for name, (known, what) in words.items():
+        either = [{"type": "string", "enum": known}, tables[name]]
+        tables[name] = {"anyOf": either, "description": f"{name}: {what} or a table"}
     return schema
 
 
-def _object(kind: Any, required: bool = False) -> dict[str, Any]:
-    properties = {
-        item.name: _object(inner) if is_dataclass(inner := optional_type(item.type)[0]) else _property(item)
-        for item in fields(kind)
-    }
-    schema: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
-    if required:
-        schema["required"] = [f.name for f in fields(kind) if f.default is MISSING and not is_dataclass(f.type)]
-    return schema
-
-
-def _property(item: Any) -> dict[str, Any]:
-    meta, kind = item.metadata, optional_type(item.type)[0]
-    unit = meta.get("unit", "")
-    description = meta["doc"] + (f" ({unit})" if unit not in ("", "1") else "")
-    schema = {**_type(kind, meta), "description": description}
-    if item.default is not MISSING and item.default is not None:
-        schema["default"] = item.default
-    return schema
+def _object(kind: Any) -> dict[str, Any]:
+    properties = {}
+    for item in fields(kind):
+        meta, inner = item.metadata, optional_type(item.type)[0]
+        if is_dataclass(inner):
+            properties[item.name] = _object(inner)
+            continue
+        unit = meta.get("unit", "")
+        description = meta["doc"] + (f" ({unit})" if unit not in ("", "1") else "")
+        properties[item.name] = {**_type(inner, meta), "description": description}
+        if item.default is not MISSING and item.default is not None:
+            properties[item.name]["default"] = item.default
+    return {"type": "object", "additionalProperties": False, "properties": properties}
 
 
 def _type(kind: Any, meta: Any) -> dict[str, Any]:
     if kind in (int, float):
-        low = "exclusiveMinimum" if meta["above"] else "minimum"
-        return {"type": "integer" if kind is int else "number", low: meta["low"], "maximum": meta["high"]}
+        return {"type": "integer" if kind is int else "number", "minimum": meta["low"], "maximum": meta["high"]}
     if kind is bool:
         return {"type": "boolean"}
     if kind is str:

@@ -12,7 +12,6 @@ from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, q
 
 __all__ = [
     "Amplifier",
-    "Board",
     "Coil",
     "Drive",
     "Limits",
@@ -20,7 +19,6 @@ __all__ = [
     "Model",
     "Pad",
     "Printer",
-    "SoundCard",
     "Spec",
     "Spread",
     "Suspension",
@@ -257,25 +255,6 @@ class Amplifier:
     voltage_v: float = quantity(unit="V", low=0.01, high=1e5, doc="largest voltage at a coil, peak")
     current_a: float = quantity(unit="A", low=1e-4, high=1e4, doc="largest current of a channel, peak")
     source: str = text("", doc="where the figures come from")
-
-
-@dataclass(frozen=True, slots=True)
-class SoundCard:
-    """A sound card, or a board with converters, that feeds amplifiers; `coupling` is empty where none is stated."""
-
-    name: str
-    channels: int
-    coupling: str
-    source: str
-
-
-@dataclass(frozen=True, slots=True)
-class Board:
-    """A microcontroller board whose processor has a floating-point unit."""
-
-    name: str
-    clock_mhz: float
-    source: str
 
 
 @dataclass(frozen=True, slots=True)

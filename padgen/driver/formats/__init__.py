@@ -26,33 +26,26 @@ __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
 class DriveJob:
     """One job of writing files, judged before anything is written, and what was seen on the way.
 
-    `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them.
-    `drive` is None where only tables are asked for of a pad with a washer that no coil pulls, `timeline` where nothing
-    is shown. `shown` are the findings about the timeline, `findings` all others; `report` and `heard` are the wave's.
+    `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them. `timeline` is
+    None where nothing is shown. `shown` are the findings about the timeline, `findings` all others; `report` and
+    `heard` are the wave's.
     """
 
     plan: "Plan"
     request: "Drive"
     progress: Callable[[str], None]
+    drive: "PadDrive"
+    timeline: "Timeline | None"
     depth: str = "24"
     hear: bool = False
     gap: bool = False
-    drive: "PadDrive | None" = None
-    timeline: "Timeline | None" = None
     shown: tuple[Finding, ...] = ()
     findings: list[Finding] = field(default_factory=list)
     report: "WaveReport | None" = None
     heard: "Heard | None" = None
 
-    def drive_at(self, rates_hz: tuple[int, ...]) -> "PadDrive":
-        """Make the drive at the rate that is asked for, or else at the first of these that will do."""
-        from padgen.driver.waveform import drive_at
-
-        return drive_at(self.plan, rates_hz, self.request.rate_hz, self.request.tuning, self.request.carrier_hz)
-
     def played(self) -> "tuple[PadDrive, Timeline]":
         """Return the drive and what it shows, for a format that is made of ``"frames"``."""
-        assert self.drive is not None
         assert self.timeline is not None
         return self.drive, self.timeline
 

@@ -21,7 +21,7 @@ from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.limits import group_channels, heat_s, judge_limits, least_constants
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
-from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, frame_s, ramp_s
+from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, drive_at, frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Plan
@@ -62,14 +62,15 @@ NO_TAXEL = 0xFFFF
 
 def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the header and the firmware; the worst that a host may send is judged."""
-    drive = job.drive_at(CONTROLLER_RATES_HZ)
-    job.findings += judge_limits(FILE, job.plan, drive, tuning=job.request.tuning)
+    request = job.request
+    drive = drive_at(job.plan, CONTROLLER_RATES_HZ, request.rate_hz, request.tuning, request.carrier_hz)
+    job.findings += judge_limits(FILE, job.plan, drive, tuning=request.tuning)
     if not boards_in_time(drive):
         told = f"takes up to {number(round(sample_mhz(drive)))} MHz of a Cortex-M4's clock at {drive.rate_hz} samples/s"
         job.findings += (
             Finding("warning", "firmware.time", FILE, f"{told}; no board of the catalogue makes them in time"),
         )
-    out.write(FILE, c_header(job.plan, drive, job.request.tuning))
+    out.write(FILE, c_header(job.plan, drive, request.tuning))
     for name, data in firmware_files().items():
         out.write(name, data)
 
@@ -168,10 +169,16 @@ def _defines(plan: Plan, drive: PadDrive, kinds: int, channels: int) -> str:
     step = 2 * ramp if turns else ramp
     frame = max(round(frame_s(plan) * rate), step * slots)
     watchdog = max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)
+    scheme = drive.scheme
+    alike = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
+    if (made := (scheme.kind.CURRENT, turns)) not in alike:
+        raise SpecError(
+            f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE
+        )
     lines = {
-        **{f"PADGEN_{_upper(scheme)}": number for scheme, number in SCHEME_NUMBERS.items()},
+        **{f"PADGEN_{_upper(name)}": number for name, number in SCHEME_NUMBERS.items()},
         "PADGEN_HEADER": HEADER,
-        "PADGEN_SCHEME": f"PADGEN_{_upper(_played_as(drive.scheme))}",
+        "PADGEN_SCHEME": f"PADGEN_{_upper(alike[made])}",
         "PADGEN_TAKES_TURNS": int(turns),
         "PADGEN_RATE_HZ": f"{rate}u",
         "PADGEN_PERIOD_SAMPLES": f"{drive.period_samples}u",
@@ -236,15 +243,6 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
         "PADGEN_SQUARE_BOTH": _float(both),
         "PADGEN_SQUARE_BEFORE": _float(before),
     }
-
-
-def _played_as(scheme: Scheme) -> str:
-    """Return the scheme of the firmware that makes the same current."""
-    made = scheme.kind.CURRENT, scheme.takes_turns
-    played = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
-    if made in played:
-        return played[made]
-    raise SpecError(f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE)
 
 
 def _upper(scheme: str) -> str:

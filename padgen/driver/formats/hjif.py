@@ -75,7 +75,7 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
                 f" {number(taxel.resonance_hz)} Hz",
                 plan.name,
             )
-    devices, device_of = _devices(plan, tuning)
+    device_of = list(_devices(plan, tuning))
     course = _course(timeline) if timeline else None
     loop = "; the end leads over into the beginning" if timeline and timeline.loops else ""
     table = {
@@ -96,8 +96,8 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
                 "description": "the pad seen from the touch side",
                 "perception_modality": "Vibrotactile",
                 "effect_library": [],
-                "reference_devices": devices,
-                "channels": list(_channels(plan, devices, device_of, course)),
+                "reference_devices": list({device["id"]: device for device in device_of}.values()),
+                "channels": list(_channels(plan, device_of, course)),
             }
         ],
         "syncs": [],
@@ -118,21 +118,18 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
     return text
 
 
-def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int]]:
-    """Make a device for each kind of taxel; return them, and which (index) each taxel is."""
-    known: dict[tuple[int, float, float], int] = {}
-    devices: list[dict[str, Any]] = []
-    device_of = []
+def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
+    """Yield the device that each taxel is, one for all taxels of a kind."""
+    known: dict[tuple[int, float, float], dict[str, Any]] = {}
     for taxel, tuned in zip(plan.taxels, tuning.taxels, strict=True):
         key = (taxel.channel, tuned.resonance_hz, tuned.q)
         if key not in known:
-            known[key] = len(devices)
             channel, coil, hz, q = plan.channels[taxel.channel], plan.spec.coil, tuned.resonance_hz, tuned.q
             drive_hz = hz if plan.scheme.has_constant else hz / 2
             as_planned = (hz, q) == (channel.resonance_hz, channel.q)
             half, middle = 1 / (2 * q), sqrt(1 + 1 / (2 * q) ** 2)
-            entry = {
-                "id": (len(devices) + 1),
+            known[key] = {
+                "id": len(known) + 1,
                 "name": f"{plan.name} " + (f"channel {taxel.channel}" if as_planned else tuned.id),
                 "type": "LRA",
                 "resonance_frequency": hz,
@@ -147,10 +144,8 @@ def _devices(plan: Plan, tuning: Tuning) -> tuple[list[dict[str, Any]], list[int
             if gain := _gain(plan):
                 law, drive = level_law(plan.spec), plan.spec.drive
                 lowest, own = law(np.array([plan.channels[0].resonance_hz, hz]))
-                entry["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
-            devices.append(entry)
-        device_of.append(known[key])
-    return devices, device_of
+                known[key]["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
+        yield known[key]
 
 
 def _gain(plan: Plan) -> float:
@@ -159,14 +154,11 @@ def _gain(plan: Plan) -> float:
     return plan.spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
 
 
-def _channels(
-    plan: Plan, devices: list[dict[str, Any]], device_of: list[int], course: Course | None
-) -> Iterator[dict[str, Any]]:
+def _channels(plan: Plan, device_of: list[dict[str, Any]], course: Course | None) -> Iterator[dict[str, Any]]:
     grid = taxel_grid(plan)
     rows, columns = grid.shape
     place = {int(index): at for at, index in np.ndenumerate(grid) if index >= 0}
-    for k, taxel in enumerate(plan.taxels):
-        device = devices[device_of[k]]
+    for k, (taxel, device) in enumerate(zip(plan.taxels, device_of, strict=True)):
         hz = round(device["resonance_frequency"])
         channel = {
             "id": k,
@@ -221,20 +213,16 @@ def _effects(course: Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
     for first, last in zip(np.flatnonzero(sounds & (cut | ~before)), ends, strict=True):
         points = np.arange(first, last + 1)
         points = points[bends[points] | (points == first) | (points == last)]
-        yield _effect(tick[points], level[points], hz)
-
-
-def _effect(tick: np.ndarray, level: np.ndarray, hz: int) -> dict[str, Any]:
-    turns = (hz * int(tick[0]) / TICKS_PER_S) % 1
-    frames: list[dict[str, Any]] = [
-        {"relative_position": int(at - tick[0]), "amplitude_modulation": float(share)}
-        for at, share in zip(tick, level, strict=True)
-    ]
-    frames[0]["frequency_modulation"] = hz
-    return {
-        "effect_type": "Basis",
-        "position": int(tick[0]),
-        "phase": min(2 * pi * turns, LARGEST_PHASE),
-        "base_signal": "Sine",
-        "keyframes": frames,
-    }
+        begin = int(tick[first])
+        frames: list[dict[str, Any]] = [
+            {"relative_position": at - begin, "amplitude_modulation": share}
+            for at, share in zip(tick[points].tolist(), level[points].tolist(), strict=True)
+        ]
+        frames[0]["frequency_modulation"] = hz
+        yield {
+            "effect_type": "Basis",
+            "position": begin,
+            "phase": min(2 * pi * (hz * begin / TICKS_PER_S % 1), LARGEST_PHASE),
+            "base_signal": "Sine",
+            "keyframes": frames,
+        }

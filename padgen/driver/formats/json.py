@@ -24,7 +24,6 @@ __all__ = ["FILE", "MADE_OF", "ORDER", "coil_states", "drive_json", "write"]
 ORDER, MADE_OF, FILE = 1, "plan", "drive.json"
 SMALLEST_LINE = 1e-300
 """In A²: a coil that pulls no washer has none."""
-SPUR_KEYS = ("channels", "kind", "force_hz", "force_mn", "near_channel", "offset_hz")
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
@@ -65,8 +64,14 @@ def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Itera
     def spur(kind: str, hz: float, force_mn: float, *which: int) -> dict[str, Any]:
         thirds = [c for c in own if c.index not in which]
         near = min(thirds, key=lambda c: abs(c.resonance_hz - hz), default=None)
-        beside = (near.index, hz - near.resonance_hz) if near else (None, None)
-        return dict(zip(SPUR_KEYS, (list(which), kind, hz, force_mn, *beside), strict=True))
+        return {
+            "channels": list(which),
+            "kind": kind,
+            "force_hz": hz,
+            "force_mn": force_mn,
+            "near_channel": near.index if near else None,
+            "offset_hz": hz - near.resonance_hz if near else None,
+        }
 
     for a, b in combinations(on, 2):
         force_mn = 2 * sqrt(a.force_mn * b.force_mn)
@@ -79,11 +84,10 @@ def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Itera
 
 
 def drive_json(plan: Plan) -> str:
-    """The table, the recipe of the current, the states of one coil (up to six channels), where the coils
-    lie and which taxel is which.
+    """Write the table as JSON, with the current's recipe, the states of a coil, and where coils and taxels lie.
 
-    A pixel is [row, column] of an image of the pad, from its top left. Places are from the pad's centre, x to the
-    right and y upwards seen from the touch side.
+    States of more than six channels are left out. A pixel is [row, column] of an image of the pad, from its top left.
+    Places are from the pad's centre, x to the right and y upwards seen from the touch side.
     """
     grid = taxel_grid(plan)
     pixels = {int(grid[row, column]): [int(row), int(column)] for row, column in np.argwhere(grid >= 0)}

@@ -175,38 +175,33 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
 
     That should be the written wave's, if there is one; None: the amplifier's limit, or the peak where it is above.
     """
-    scale_v = full_scale_v or _scale_v(drive, timeline)
+    if full_scale_v is None:
+        peak_v = max((float(np.abs(block).max(initial=0)) for block in volts(drive, timeline)), default=0.0)
+        full_scale_v = drive.voltage_limit_v if peak_v <= drive.voltage_limit_v else float(at_least(peak_v))
     stretches = list(_stretches(drive, timeline))
     known: dict[str, int] = {}
     texts: list[str] = []
     for coil in drive.coils:
-        parts = _parts(drive, timeline, coil, stretches, scale_v)
+        parts = _parts(drive, timeline, coil, stretches, full_scale_v)
         texts.append("[" + ",\n     ".join(f"({s.start_s!r}, {s.length_s!r}, {text!r})" for s, text in parts) + "]")
         known.setdefault(texts[-1], len(known))
-    signals = "".join(f"    {text},\n" for text in known)
     coils = ""
     for text, coil in zip(texts, drive.coils, strict=True):
         ids = " ".join(plan.taxels[index].id for index in coil.taxels) or "no taxel"
         coils += f"    {known[text]},  # row {coil.row}, column {coil.column}: {ids}\n"
-    constant = CONSTANT if drive.has_constant else ""
     return TEMPLATE.format(
         name=plan.name,
         scheme=drive.scheme.name,
         coils=len(drive.coils),
-        scale_v=number(scale_v),
-        constant=constant,
+        scale_v=number(full_scale_v),
+        constant=CONSTANT if drive.has_constant else "",
         rate=drive.rate_hz,
         seconds=_figure(timeline.seconds),
         loops=timeline.loops,
         ramp=_figure(ramp_s(plan)),
-        signals=signals,
+        signals="".join(f"    {text},\n" for text in known),
         coil_signals=coils,
     )
-
-
-def _scale_v(drive: PadDrive, timeline: Timeline) -> float:
-    peak_v = max((float(np.abs(block).max(initial=0)) for block in volts(drive, timeline)), default=0.0)
-    return drive.voltage_limit_v if peak_v <= drive.voltage_limit_v else float(at_least(peak_v))
 
 
 def _figure(value: float) -> str:
@@ -216,8 +211,7 @@ def _figure(value: float) -> str:
 
 def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
     """Yield the stretches between the keyframes, cut at the same samples as the written wave."""
-    rate = drive.rate_hz
-    edge = edges(drive, timeline)
+    rate, edge = drive.rate_hz, edges(drive, timeline)
     for key, (first, last) in enumerate(pairwise(edge)):
         if last <= first:
             continue
@@ -235,7 +229,7 @@ def _parts(
     if not len(coil.taxels):
         return
     levels = timeline.levels[:, coil.taxels]
-    constant = constant_a2(drive, coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
+    constant = constant_a2(coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
     for stretch in stretches:
         keys = slice(stretch.key, stretch.key + 2)
         if drive.scheme.is_root:

@@ -210,7 +210,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
     path = out.write_by(FILE, put)
     assert job.report is not None
-    sidecar = wave_json(job.plan, drive, timeline, job.report, tuning=request.tuning)
+    sidecar = wave_json(job.plan, drive, timeline, job.report, request.tuning)
     out.write(SIDECAR, sidecar)
     if job.hear:
         job.progress("listening to the file")
@@ -306,10 +306,10 @@ def _write(
     comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
     try:
         with WavWriter(path, drive.rate_hz, coils, count, depth, comment) as file:
-            for block in blocks(drive, timeline, signal=signal):
-                peak = max(peak, float(block.samples.max()), -float(block.samples.min()))
-                square += block.square_a2
-                samples = block.samples * (1 / scale if peak <= scale * LARGEST_24 else 0.0)
+            for samples, square_a2 in blocks(drive, timeline, signal=signal):
+                peak = max(peak, float(samples.max()), -float(samples.min()))
+                square += square_a2
+                samples *= 1 / scale if peak <= scale * LARGEST_24 else 0.0
                 file.write(samples)
                 if not len(first):
                     first = samples[:CHECKED_BLOCK].copy()
@@ -332,14 +332,7 @@ def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
         )
 
 
-def wave_json(
-    plan: Plan,
-    drive: PadDrive,
-    timeline: Timeline,
-    report: WaveReport,
-    name: str = "drive.wav",
-    tuning: Tuning | None = None,
-) -> str:
+def wave_json(plan: Plan, drive: PadDrive, timeline: Timeline, report: WaveReport, tuning: Tuning | None = None) -> str:
     """Describe the WAV file as JSON: scale, coils in the order of its channels, lines, keyframes.
 
     `tuning` is the one that `drive` was made with.
@@ -348,7 +341,7 @@ def wave_json(
     figures["seconds"] = report.seconds
     taxels: dict[int, dict[str, Any]] = {}
     for wav_channel, coil in enumerate(drive.coils):
-        drive_hz = coil_lines(drive, coil).harmonic / drive.period_s
+        drive_hz = coil_lines(drive, coil)[0] / drive.period_s
         for j, index in enumerate(coil.taxels.tolist()):
             taxels[index] = {
                 "id": plan.taxels[index].id,
@@ -360,7 +353,7 @@ def wave_json(
             }
     table = {
         "name": plan.name,
-        "wave": name,
+        "wave": FILE,
         "tuned_to": None if tuning is None else tuning_hash(tuning),
         "unit": SIGNALS[report.signal],
         **figures,
