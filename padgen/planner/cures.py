@@ -15,9 +15,9 @@ from padgen.planner.layout import (
     SLACK_MM,
     Layout,
     candidates,
+    channel_counts,
     coil_reach_mm,
     explain,
-    most_channels,
     most_coils,
     most_outputs,
     room,
@@ -142,7 +142,7 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
 
 
 def _too_many(spec: Spec, limit: int) -> str:
-    per_coil = most_channels(spec, limit)
+    per_coil = max(channel_counts(spec, limit))
     rows, columns = spec.coil.grid or most_coils(spec)
     coils = int(min(rows * columns, most_outputs(spec)))
     there_are = "the grid has" if spec.coil.grid else "there is room for"
@@ -201,7 +201,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     ]
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]
-        most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
+        most = min(max(channel_counts(spec, limit)), (spec.resolution - 1) // coils)
         ways.append([{"resolution": coils * count} for count in range(most, 0, -1)])
     for way in ways:
         yield from islice((cure for cure in way if _best_layout(spec, limit, cure)), 1)

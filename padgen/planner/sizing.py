@@ -246,25 +246,23 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
 
 def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     """Return the `Reach` of `topology` in `room`, or None where no such beam fits."""
-    found = _reach(_beam_fields_only(spec), topology, room, SUSPENSIONS.changes)
-    # Resonances are exactly proportional to the root of the modulus.
-    root = sqrt(spec.material.youngs_modulus_gpa)
-    return found and replace(found, resonance_hz=found.resonance_hz * root)
-
-
-def _beam_fields_only(spec: Spec) -> Spec:
-    """Reduce `spec` to the fields that affect a taxel's grid of beams, so that variants share one cached grid.
-
-    The modulus becomes 1 GPa, since resonances go with its root.
-    """
-    # `_reach` has the topology as an argument, and `tune` only matters when a beam is chosen from the grid.
-    suspension = replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune)
-    size = Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm)
-    material = replace(spec.material, youngs_modulus_gpa=1.0)
-    taxel = replace(
-        spec, name="", resolution=1, band_hz=(1.0, 2.0), q_min=1.0, resonances_hz=None, pad=size, drive=Drive()
+    # Only fields that affect a taxel's grid of beams are kept, so that variants share one cached grid. `_reach` has the
+    # topology as an argument, and `tune` only matters when a beam is chosen from the grid.
+    beams_only = replace(
+        spec,
+        name="",
+        resolution=1,
+        band_hz=(1.0, 2.0),
+        q_min=1.0,
+        resonances_hz=None,
+        pad=Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm),
+        drive=Drive(),
+        material=replace(spec.material, youngs_modulus_gpa=1.0),
+        suspension=replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune),
     )
-    return replace(taxel, material=material, suspension=suspension)
+    found = _reach(beams_only, topology, room, SUSPENSIONS.changes)
+    # Resonances are exactly proportional to the root of the modulus.
+    return found and replace(found, resonance_hz=found.resonance_hz * sqrt(spec.material.youngs_modulus_gpa))
 
 
 @lru_cache(maxsize=256)
@@ -275,15 +273,16 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     shortest, narrowest = shortest_mm(spec, topology), spec.printer.smallest_beam_mm
     if longest < shortest or widest < narrowest:
         return None
-    thickness = layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm - spec.printer.layer_mm)
     if wanted.thickness_mm:
         thickness = np.array([wanted.thickness_mm])
-    floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
-    length = np.linspace(min(shortest, floor), floor, LENGTHS)
-    length = np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
-    length = length[length > 0]  # a shortest length below half a step is rounded to 0
+    else:
+        thickness = layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm - spec.printer.layer_mm)
     if wanted.length_mm:
         length = np.array([wanted.length_mm] if shortest <= wanted.length_mm <= longest + 1e-9 else [])
+    else:
+        floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
+        length = np.round(np.linspace(min(shortest, floor), floor, LENGTHS) / LENGTH_STEP_MM) * LENGTH_STEP_MM
+        length = np.round(length[length > 0], 6)  # a shortest length below half a step is rounded to 0
     if not len(thickness) or not len(length):
         return None
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
@@ -292,9 +291,10 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     # A piece shorter than its thickness is no beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
     every = np.broadcast_to(wide, resonance.shape)
-    apart = None if model.is_straight else np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
-    found = Reach(topology, thickness, length, every, resonance, apart if apart is None else apart[..., 1])
-    return None if np.isnan(resonance).all() else found
+    if np.isnan(resonance).all():
+        return None
+    away = np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
+    return Reach(topology, thickness, length, every, resonance, None if model.is_straight else away[..., 1])
 
 
 def beams_for_resonances(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
@@ -361,14 +361,13 @@ def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> li
 
 def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[Pick]]:
     """Yield one choice in which every channel takes its topology with the smallest spread, if all can be reached."""
-    count = len(tables[0][1])
     picks: list[Pick] = []
-    for i in range(count):
-        best = min(tables, key=lambda table: float(table[2][i].min()))
-        if not np.isfinite(best[2][i].min()):
+    for i in range(len(tables[0][1])):
+        item, width, spread = min(tables, key=lambda table: float(table[2][i].min()))
+        t, v = (int(at) for at in np.unravel_index(int(spread[i].argmin()), spread[i].shape))
+        if not np.isfinite(spread[i, t, v]):
             return
-        t, v = np.unravel_index(int(best[2][i].argmin()), best[2][i].shape)
-        picks.append((best[0], int(t), int(v), float(best[1][i, t, v])))
+        picks.append((item, t, v, float(width[i, t, v])))
     yield picks
 
 
@@ -408,26 +407,20 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
 
     The beams of one topology are solved together, which is faster.
     """
-    ideal: list[dict[int, IdealBeam]] = [{} for _ in choices]
-    every = [(c, i, pick) for c, picks in enumerate(choices) for i, pick in enumerate(picks)]
-    for name in dict.fromkeys(pick[0].topology for _, _, pick in every):
-        own = [item for item in every if item[2][0].topology == name]
-        group, index = np.array([item[:2] for item in own]).T
-        chosen = [pick for _, _, pick in own]
-        beam = BeamShape(
-            np.array([p[3] for p in chosen]),
-            np.array([p[0].thickness_mm[p[1]] for p in chosen]),
-            np.array([p[0].length_mm[p[2]] for p in chosen]),
-        )
-        spans = np.array([p[0].width_mm[p[1], p[2], [0, -1]] for p in chosen])
-        beam, found = _solve_widths(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
-        reached = np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE
-        for k, (c, i, pick) in enumerate(own):
-            lengths, width = pick[0].length_mm, (float(spans[k, 0]), float(spans[k, 1]))
-            if reached[k]:
-                shape = BeamShape(*(float(v[k]) for v in beam))
-                ideal[c][i] = IdealBeam(name, shape, width, (float(lengths[0]), float(lengths[-1])))
-    return [[beams[i] for i in range(len(targets))] if len(beams) == len(targets) else [] for beams in ideal]
+    every, count = [pick for picks in choices for pick in picks], len(targets)
+    ideal: list[IdealBeam | None] = [None] * len(every)
+    for name in dict.fromkeys(reach.topology for reach, *_ in every):
+        own = [k for k, pick in enumerate(every) if pick[0].topology == name]
+        group, index = np.divmod(own, count)
+        sizes = [(width, reach.thickness_mm[t], reach.length_mm[v]) for reach, t, v, width in (every[k] for k in own)]
+        spans = np.array([reach.width_mm[t, v, [0, -1]] for reach, t, v, _ in (every[k] for k in own)]).T
+        beam, found = _solve_widths(spec, name, BeamShape(*np.array(sizes).T), spans, targets[index], group)
+        for at in np.flatnonzero(np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE):
+            lengths_mm, shape = every[own[at]][0].length_mm, BeamShape(*(float(side[at]) for side in beam))
+            ends_mm = float(lengths_mm[0]), float(lengths_mm[-1])
+            ideal[own[at]] = IdealBeam(name, shape, (float(spans[0, at]), float(spans[1, at])), ends_mm)
+    solved = [[beam for beam in ideal[k : k + count] if beam] for k in range(0, len(ideal), count)]
+    return [beams if len(beams) == count else [] for beams in solved]
 
 
 def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
@@ -449,7 +442,7 @@ def _solve_widths(
     spec: Spec,
     topology: str,
     beam: BeamShape,
-    bounds: tuple[np.ndarray, np.ndarray],
+    bounds: np.ndarray,
     targets: np.ndarray,
     group: np.ndarray,
 ) -> tuple[BeamShape, np.ndarray]:
