@@ -462,14 +462,22 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
     nearer, softer = _pulled(plan, channels)
     yield _worst_channel("gap", "force", channels, nearer)
     yield _worst_channel("softening", "resonance", channels, softer)
-    yield _worst_channel("motion", "current", channels, _motional(plan, channels))
-    if not plan.scheme.takes_turns and (ring_down > 0).any():
-        pull, stiffness, resonance, q = np.array(
-            [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.q) for c in channels]
-        ).T
+    pull, stiffness, resonance, drive, q, line = np.array(
+        [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.drive_hz, c.q, c.line_a2) for c in channels]
+    ).T
+    # The constant part of the current over the channel's own tone in it.
+    scheme, bias = plan.scheme, np.zeros(len(channels))
+    for own in _sets(channels, spec):
+        if scheme.is_biased:
+            bias[own] = scheme.bias_ratio * line[own].max() / line[own]
+        elif scheme.is_root:
+            bias[own] = 2 * (1 + spec.drive.headroom) * line[own].sum() / line[own]
+    ohm, henry = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
+    moved = motional_voltage(pull, level * UM, resonance, drive, bias, partial(impedance, ohm, henry))
+    yield _worst_channel("motion", "current", channels, moved)
+    if not scheme.takes_turns and (ring_down > 0).any():
         pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
-        lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
-        delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), lag)
+        delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), henry / ohm)
         yield _worst_channel("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
 
 
@@ -514,22 +522,6 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
     forces = np.abs(sum(swung) / 4 - 1) + doubt * static + bend * level**2 / 4 + rest.jump * unsure + step
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
-
-
-def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
-    spec, scheme, bias = plan.spec, plan.scheme, np.zeros(len(channels))
-    for own in _sets(channels, spec):
-        # The constant part of the current over the channel's own tone in it.
-        lines = np.array([channels[k].line_a2 for k in own])
-        if scheme.is_biased:
-            bias[own] = scheme.bias_ratio * lines.max() / lines
-        elif scheme.is_root:
-            bias[own] = 2 * (1 + spec.drive.headroom) * lines.sum() / lines
-    pull, level_m, resonance, drive = np.array(
-        [(c.force_constant_n_per_a2, c.level_um * UM, c.resonance_hz, c.drive_hz) for c in channels]
-    ).T
-    at = partial(impedance, spec.coil.resistance_ohm, spec.coil.inductance_mh * MH)
-    return motional_voltage(pull, level_m, resonance, drive, bias, at)
 
 
 MOST_CHANNELS = 32
