@@ -14,7 +14,7 @@ from padgen.core.errors import FileError, InfeasibleError, SpecError
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import wanted_line_a2
-from padgen.planner.layout import channel_counts, candidates, place, room, slots
+from padgen.planner.layout import candidates, channel_counts, place, room, slots
 from padgen.planner.make import choose, finish
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension

@@ -33,7 +33,6 @@ from padgen.core.errors import Finding, InfeasibleError, at_least, number
 from padgen.core.units import MM, UM
 from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, groove, placed_taxel
 from padgen.planner.plan import CoilGrid, Plan, Reuse
-from padgen.spec import Spec
 
 __all__ = [
     "LeadSlot",
@@ -69,13 +68,23 @@ def coupon_plan(plan: Plan) -> Plan:
         for k, channel in enumerate(own)
     )
     name = plan.name[: LONGEST_NAME - len(SUFFIX)] + SUFFIX
+    # The border is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
+    pad, walls = spec.pad, 2 * WALL_LINES * spec.printer.line_width_mm
+    least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)
+    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
+    border = min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
     width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
-    pad = replace(spec.pad, width_mm=width, depth_mm=depth, border_mm=_border_mm(spec))
     coil = replace(spec.coil, grid=(coils.rows, coils.columns))
     return replace(
         plan,
         name=name,
-        spec=replace(spec, name=name, resolution=len(taxels), pad=pad, coil=coil),
+        spec=replace(
+            spec,
+            name=name,
+            resolution=len(taxels),
+            pad=replace(pad, width_mm=width, depth_mm=depth, border_mm=border),
+            coil=coil,
+        ),
         coils=coils,
         taxels=taxels,
         reuse=Reuse(None, None, "none"),
@@ -99,18 +108,6 @@ def _coils(plan: Plan) -> CoilGrid:
     columns = max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM))
     rows = max(deep, ceil(SMALLEST_PAD_MM / coils.pitch_y_mm - SLACK_MM))
     return replace(coils, rows=rows, columns=columns)
-
-
-def _border_mm(spec: Spec) -> float:
-    """Return the coupon's border in mm, at most the pad's.
-
-    It is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
-    """
-    pad = spec.pad
-    walls = 2 * WALL_LINES * spec.printer.line_width_mm
-    least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)
-    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
-    return min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
 
 
 class Screw(NamedTuple):

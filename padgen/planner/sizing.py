@@ -67,12 +67,8 @@ class IdealBeam(NamedTuple):
     length_span_mm: tuple[float, float]
 
 
-class _Options(NamedTuple):
-    """Printable beams (k,) for one channel, the nearest to its target first, with resonances and masses."""
-
-    beam: BeamShape
-    resonance_hz: np.ndarray
-    mass_kg: np.ndarray
+_Option = tuple[BeamShape, float, float]
+"""A printable beam, its resonance in Hz and its mass in kg."""
 
 
 def steps_are_coarse(spec: Spec) -> bool:
@@ -88,8 +84,9 @@ def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarra
             for item in ideal
         ]
     options = [_options(spec, item, float(f)) for item, f in zip(ideal, target_hz, strict=True)]
-    chosen = _most_selective(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
-    return [BeamShape(*(float(axis[k]) for axis in o.beam)) for o, k in zip(options, chosen, strict=True)]
+    if spec.resonances_hz:
+        return [nearest[0] for nearest, *_ in options]
+    return [beam for beam, *_ in _most_selective(spec, options, target_hz)]
 
 
 def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.ndarray:
@@ -99,8 +96,8 @@ def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.nd
     return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), 0, most) * step)
 
 
-def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
-    """Return printable beams around the ideal one whose resonances lie near the target; the nearest one at least.
+def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
+    """Return printable beams around the ideal one whose resonances lie near the target, the nearest first.
 
     Thicknesses are as planned and, where they may differ, one and two layers more: fewer would print less surely.
     """
@@ -126,31 +123,31 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
     order = np.lexsort((np.abs(beam.length_mm - own.length_mm), miss.round(9)))
     reach = max(slot_half_width(spec.q_min, spec.delta_y) * SLOT_SHARE, float(miss.min()) + 1e-12)
     near = order[miss[order] <= reach][:MOST_OPTIONS]
-    return _Options(BeamShape(*(axis[near] for axis in beam)), model.resonance_hz[near], model.effective_mass_kg[near])
+    figures = zip(*(part[near] for part in (*beam, model.resonance_hz, model.effective_mass_kg)), strict=True)
+    return [(BeamShape(*map(float, size)), float(hz), float(kg)) for *size, hz, kg in figures]
 
 
-def _most_selective(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
-    """Return the index of the beam that each channel takes of its options.
+def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz: np.ndarray) -> list[_Option]:
+    """Return the beam that each channel takes of its options.
 
     Each begins with the beam nearest to its target. One channel at a time then takes better beams, until the all-state
     selectivity reaches that of the targets.
     """
     scheme = scheme_for(spec, target_hz)
 
-    def printed(chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
-        picked = list(zip(options, chosen, strict=True))
-        return np.array([o.resonance_hz[k] for o, k in picked]), np.array([o.mass_kg[k] for o, k in picked])
+    def kept_db(chosen: Sequence[_Option]) -> float:
+        return sets_db(spec, np.array([hz for _, hz, _ in chosen]), np.array([kg for *_, kg in chosen]), scheme)
 
-    chosen = [0] * len(options)
-    best, enough = (sets_db(spec, hz, printed(chosen)[1], scheme) for hz in (printed(chosen)[0], target_hz))
+    chosen = [nearest for nearest, *_ in options]
+    best, enough = kept_db(chosen), sets_db(spec, target_hz, np.array([kg for *_, kg in chosen]), scheme)
     for _ in range(ROUNDS):
         before = best
         if best >= enough:
             break
-        for i, option in enumerate(options):
-            for k in range(len(option.resonance_hz)):
-                tried = [*chosen[:i], k, *chosen[i + 1 :]]
-                found = sets_db(spec, *printed(tried), scheme)
+        for i, own in enumerate(options):
+            for option in own:
+                tried = [*chosen[:i], option, *chosen[i + 1 :]]
+                found = kept_db(tried)
                 if found > best + 1e-9:
                     chosen, best = tried, found
         if best <= before + 1e-6:
