@@ -154,12 +154,8 @@ class TaxelModel:
         washer_at = (self.arrangement.washer_x_mm * MM, 0.0)
         parts = [
             *(
-                box(
-                    (b.low_x_mm * MM, b.low_y_mm * MM, 0),
-                    (b.high_x_mm * MM, b.high_y_mm * MM, b.height_mm * MM),
-                    density,
-                )
-                for b in blocks
+                box((x0 * MM, y0 * MM, 0), (x1 * MM, y1 * MM, height * MM), density)
+                for x0, x1, y0, y1, height in blocks
             ),
             ring(washer_at, top, boss_top, taxel.boss_diameter_mm * MM, 0, density),
             ring(washer_at, 0, depth, diameter, post_diameter_mm(spec) * MM, -density),
