@@ -250,7 +250,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     deep_error = _deep_frame_errors(sized, sites)
     radius_m, printer = spec.washer.outer_diameter_mm / 2 * MM, spec.printer
     modes = [taxel_modes(s.model) for s in sized]
-    force_constants = (pulled.pull * pulled_shares(modes, wrench)).tolist()
+    constants = (pulled.pull * pulled_shares(modes, wrench)).tolist()
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
         stiffness, beam_error = float(item.model.stiffness_n_per_m), item.model.beam_error
@@ -288,8 +288,8 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.spread, item.model.exponents)),
                 force_mn=force_mn,
-                force_constant_n_per_a2=force_constants[i],
-                line_a2=wanted_line_a2(force_mn, force_constants[i]),
+                force_constant_n_per_a2=constants[i],
+                line_a2=wanted_line_a2(force_mn, constants[i]),
                 force_error=force_error(modes[i], wrench[i], float(pulled.error[i]), radius_m),
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,

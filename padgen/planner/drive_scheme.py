@@ -262,17 +262,19 @@ def _worst_db(sets: Sequence[Channels], scheme: Scheme, modes: Iterable[ModalTax
 
 
 def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
-    """Return a coil's channels for the physics; `kind` says with what pull and at kind resonances.
+    """Return a coil's channels for the physics; `kind` says with what pull and at what resonances.
 
     'alike': as printed, all washers pulled alike. 'placed': as printed, each washer with its own pull. 'asked': at the
     target resonances, all washers pulled alike.
     """
-    resonance = np.array([c.target_hz if kind == "asked" else c.resonance_hz for c in planned])
-    mass = np.array([c.effective_mass_g for c in planned])
-    pull = np.array([c.force_constant_n_per_a2 for c in planned])
+    resonance, q, mass, pull = np.array(
+        [
+            (c.target_hz if kind == "asked" else c.resonance_hz, c.q, c.effective_mass_g, c.force_constant_n_per_a2)
+            for c in planned
+        ]
+    ).T
     # No current moves a washer that the coil does not pull: a tiny pull asks for an almost endless current instead.
     pull = np.maximum(pull, UNPULLED * pull.max()) if (pull > 0).any() else np.ones(len(pull))
-    q = np.array([c.q for c in planned])
     return channels(resonance, q, level_law(spec)(resonance), mass, pull if kind == "placed" else 1.0)
 
 

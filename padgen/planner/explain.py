@@ -199,12 +199,9 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     """
     try:
         other = _with_grid(spec, grid, count, optimise)
-        sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
-    except SpecError:
+        layout, beams = next(sized_layouts(other, candidates(other, channel_limit(other))))
+    except (SpecError, StopIteration):
         return None
-    if sized is None:
-        return None
-    layout, beams = sized
     channels = plan_channels(other, beams, sites_of(other, layout, beams))
     pulled = all(channel.force_constant_n_per_a2 > 0 for channel in channels)
     return plan_selectivity(other, channels) if pulled else None
@@ -213,8 +210,13 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
 def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
     spacing = "spread" if spec.spacing == "optimised" and not optimise else spec.spacing
     listed = spec.resonances_hz if count * spec.coil.sets == len(spec.resonances_hz or ()) else None
-    coil = replace(spec.coil, grid=grid)
-    return replace(spec, resolution=grid[0] * grid[1] * count, coil=coil, spacing=spacing, resonances_hz=listed)
+    return replace(
+        spec,
+        resolution=grid[0] * grid[1] * count,
+        coil=replace(spec.coil, grid=grid),
+        spacing=spacing,
+        resonances_hz=listed,
+    )
 
 
 def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> tuple[float | None, float | None]:

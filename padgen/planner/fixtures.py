@@ -74,7 +74,6 @@ def coupon_plan(plan: Plan) -> Plan:
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
     border = min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
     width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
-    coil = replace(spec.coil, grid=(coils.rows, coils.columns))
     return replace(
         plan,
         name=name,
@@ -83,7 +82,7 @@ def coupon_plan(plan: Plan) -> Plan:
             name=name,
             resolution=len(taxels),
             pad=replace(pad, width_mm=width, depth_mm=depth, border_mm=border),
-            coil=coil,
+            coil=replace(spec.coil, grid=(coils.rows, coils.columns)),
         ),
         coils=coils,
         taxels=taxels,

@@ -553,7 +553,7 @@ def plan_to_json(plan: Plan) -> str:
     """Return the plan as JSON text: its fields in their order, the same bytes for the same plan."""
     table = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
     known = (name for name in Spec.__dataclass_fields__ if name != "amplifier" or plan.spec.amplifier)
-    return json_text({**table, "spec": {name: getattr(plan.spec, name) for name in known}})
+    return json_text(table | {"spec": {name: getattr(plan.spec, name) for name in known}})
 
 
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)

@@ -193,9 +193,8 @@ def _criterion(plan: Plan, design: Design) -> str:
 
 def _outcome(prints: Simulated, k: int, taxels: int) -> Outcome:
     pads, good = prints.ratio.shape[1], prints.good_taxels[k]
-    dbs: list[float | None] = [None] * 4
-    if np.isfinite(prints.ratio[k]).all():
-        dbs = [float(v) for v in 10 * np.log10(np.quantile(prints.ratio[k], [0.05, 0.5, 0.95, 0.1]))]
+    ratio, quantiles = prints.ratio[k], [0.05, 0.5, 0.95, 0.1]
+    dbs = (10 * np.log10(np.quantile(ratio, quantiles))).tolist() if np.isfinite(ratio).all() else [None] * 4
     # As many independent taxels as scatter as much as the pads' shares: from pads to pads × taxels.
     share, scatter = float((good / taxels).mean()), float((good / taxels).var())
     alike = share * (1 - share) / scatter if scatter > 0 else 1.0

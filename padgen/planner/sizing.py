@@ -287,11 +287,11 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
     # A piece shorter than its thickness is no beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
-    every = np.broadcast_to(wide, resonance.shape)
     if np.isnan(resonance).all():
         return None
+    wide = np.broadcast_to(wide, resonance.shape)
     away = np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
-    return Reach(topology, thickness, length, every, resonance, None if model.is_straight else away[..., 1])
+    return Reach(topology, thickness, length, wide, resonance, None if model.is_straight else away[..., 1])
 
 
 def beams_for_resonances(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:

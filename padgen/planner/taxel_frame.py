@@ -75,15 +75,13 @@ class _Builder:
     def beam(self, index: int, elements: int, *, with_yoke: bool) -> int:
         """Add one beam, clamped at its root, and return the index of its tip's node."""
         placement, path = self.model.placements[index], self.model.arrangement.beams[index]
-        section, places, at = placement.section, [], []
-        if not with_yoke:
-            section = self.model.beside_yoke(section)
+        section = placement.section if with_yoke else self.model.beside_yoke(placement.section)
         before = np.cumsum([0.0, *(float(segment.length_mm) for segment in path.segments)]) * MM
+        nodes, at = list[int](), list[float]()
         for k, share in _stations(path, float(section.fillet), elements):
             point = path.within(k, share)
-            places.append(np.array([float(point.x_mm) * MM, float(point.y_mm) * MM, placement.tip[2]]))
+            nodes.append(self.node(np.array([float(point.x_mm) * MM, float(point.y_mm) * MM, placement.tip[2]])))
             at.append(before[k] + share * (before[k + 1] - before[k]))
-        nodes = [self.node(place) for place in places]
         self.roots.append(nodes[0])
         for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
             piece = path.segments[int(np.searchsorted(before, (low + high) / 2)) - 1]
