@@ -224,8 +224,7 @@ def plan_tray(plan: Plan) -> Tray:
     spec = plan.spec
     printer, coil, pad = spec.printer, spec.coil, spec.pad
     # Whole layers: enough for the floor, and as near as they come to the height above it.
-    floor_layers = max(ceil((FLOOR_MM - printer.first_layer_mm) / printer.layer_mm - 1e-6), 0)
-    floor = printer.first_layer_mm + floor_layers * printer.layer_mm
+    floor = printer.height_mm(printer.layers_up_to(FLOOR_MM))
     layers = int((coil.length_mm + coil.gap_mm - washer_underside_mm(plan)) / printer.layer_mm + 0.5 + 1e-6)
     height = round(floor + layers * printer.layer_mm, 6)
     clear = round(height - floor - coil.length_mm, 6)

@@ -6,8 +6,8 @@ Of a finished plan come the taxels' places and outlines, and the grooves that ma
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import pairwise
-from math import ceil, floor, hypot, inf, pi, sqrt
+from itertools import groupby, pairwise
+from math import ceil, floor, hypot, inf, pi, prod, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -114,16 +114,17 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     """Yield layouts of fewer taxels than asked that have room for their parts, most taxels first."""
     (rows_, columns_), plate = most_coils(spec), plate_shape(spec)
     most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / (plate.length_mm * plate.width_mm)))
-    grids: dict[int, list[tuple[int, int, int]]] = {}
-    for channels in channel_counts(spec, channel_limit):
-        for rows in range(1, rows_ + 1):
-            for columns in range(1, int(min(columns_, most // (rows * channels), most_outputs(spec) // rows)) + 1):
-                grids.setdefault(rows * columns * channels, []).append((rows, columns, channels))
+    grids = (
+        (rows, columns, channels)
+        for channels in channel_counts(spec, channel_limit)
+        for rows in range(1, rows_ + 1)
+        for columns in range(1, int(min(columns_, most // (rows * channels), most_outputs(spec) // rows)) + 1)
+    )
     spare: dict[tuple[float, float], float] = {}
     work = 0
-    for taxels in sorted(grids, reverse=True):
+    for taxels, alike in groupby(sorted(grids, key=prod, reverse=True), key=prod):
         found = []
-        for layout in (each for grid in grids[taxels] for each in _divisions(spec, *grid, taxels)):
+        for layout in (each for grid in alike for each in _divisions(spec, *grid, taxels)):
             size = layout.sub_width_mm, layout.sub_depth_mm
             # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
             if size not in spare:
