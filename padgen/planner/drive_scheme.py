@@ -103,8 +103,7 @@ def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, 
     """
     together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
     in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
-    times = {name: in_turns if Scheme(name).takes_turns else together for name in in_order()}
-    return tuple(FrameRate(name, 1 / time) for name, time in times.items())
+    return tuple(FrameRate(name, 1 / (in_turns if Scheme(name).takes_turns else together)) for name in in_order())
 
 
 def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
@@ -471,8 +470,7 @@ def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme
 
 def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.ndarray) -> float:
     """Return the energy of a taxel under lines (as in `selectivity.Lines`), over that of its ON state."""
-    response = relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest)
-    return float((response * square).sum() / taxel.line[0] ** 2)
+    return float((relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest) * square).sum() / taxel.line[0] ** 2)
 
 
 def coils_around(rows: int, columns: int) -> np.ndarray:

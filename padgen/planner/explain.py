@@ -123,8 +123,9 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         gained_db = after - now if after is not None and now is not None else None
         more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(changed) - in_band
         prints = _prints(changed, grid, count, optimise) if figures else (None, None)
-        gains = channels - held, more_in_band, gained_db, *prints
-        change = Change(as_lines(cure), COSTS[cost], channels, scheme, *gains)
+        change = Change(
+            as_lines(cure), COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints
+        )
         more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
         prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
         if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):

@@ -104,9 +104,11 @@ def _coils(plan: Plan) -> CoilGrid:
     """Return the smallest coil grid that holds all sets of channels and makes up the smallest active area."""
     coils, sets = plan.coils, len(plan.sets)
     wide, deep = (sets, 1) if coils.columns > 1 else (1, sets)
-    columns = max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM))
-    rows = max(deep, ceil(SMALLEST_PAD_MM / coils.pitch_y_mm - SLACK_MM))
-    return replace(coils, rows=rows, columns=columns)
+    return replace(
+        coils,
+        rows=max(deep, ceil(SMALLEST_PAD_MM / coils.pitch_y_mm - SLACK_MM)),
+        columns=max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM)),
+    )
 
 
 class Screw(NamedTuple):

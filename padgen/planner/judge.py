@@ -101,8 +101,8 @@ def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
     ways: list[dict[str, Any]] = [
         {"drive.scheme": s.scheme, **slow.get(s.scheme, {})} for s in schemes if s.reached_db >= asked
     ]
-    grids = [o for o in plan.layouts if o.kept_db is None or o.kept_db >= asked]
-    return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
+    ways += [{"coil.grid": [o.rows, o.columns]} for o in plan.layouts if o.kept_db is None or o.kept_db >= asked]
+    return tuple(ways)
 
 
 def _named(channels: Iterable[Channel]) -> str:

@@ -202,13 +202,10 @@ def room(spec: Spec, layout: Layout) -> Room:
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
-    before = behind = inf
-    for at in slots(layout):
-        u, v = (abs(w) for w in (at if layout.beam_axis == "x" else at[::-1]))
-        reach = sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - max(v - max(slide, 0), 0) ** 2, 0.0))
-        before = min(before, length / 2 + u + reach)
-        behind = min(behind, length / 2 - u + reach)
-    return Room(length, width, before, behind)
+    places = [at if layout.beam_axis == "x" else at[::-1] for at in slots(layout)]
+    shorts = [(abs(u), max(abs(v) - max(slide, 0), 0)) for u, v in places]
+    reaches = [(u, sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - short**2, 0.0))) for u, short in shorts]
+    return Room(length, width, *(min(length / 2 + way * u + reach for u, reach in reaches) for way in (1, -1)))
 
 
 def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
