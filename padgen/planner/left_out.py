@@ -315,15 +315,14 @@ def _bending(plan: Plan) -> Iterator[LeftOut]:
     beyond linear theory, the secant stiffness that grows by `SLOPE_HARDENING` ``(z/l)²``. The cubic spring is that of a
     slender beam; shear and its ends' give change it by the order of (t/l)².
     """
-    alpha, level, sag, static, shift = np.array(
-        [(c.hardening_per_mm2 * UM**2 / MM**2, c.level_um, c.sag_um, c.static_um, c.level_shift) for c in plan.channels]
+    alpha, shift = np.array([(c.hardening_per_mm2 * UM**2 / MM**2, c.level_shift) for c in plan.channels]).T
+    level, offset, thickness, length = np.array(
+        [(c.level_um, c.sag_um + c.static_um, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels]
     ).T
-    pulled = resonance_rise(alpha, level, sag + static)
-    stubby = np.array([(c.beam.thickness_mm / c.beam.length_mm) ** 2 for c in plan.channels])
-    bound = pulled - shift + (HARDENING_SHARE + stubby) * pulled
+    pulled = resonance_rise(alpha, level, offset)
+    bound = pulled - shift + (HARDENING_SHARE + (thickness / length) ** 2) * pulled
     yield replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
-    length = np.array([c.beam.length_mm * MM for c in plan.channels])
-    sloping = resonance_rise(SLOPE_HARDENING / length**2, level * UM, (sag + static) * UM)
+    sloping = resonance_rise(SLOPE_HARDENING / (length * MM) ** 2, level * UM, offset * UM)
     yield _worst_channel("large slopes", "resonance", plan.channels, sloping)
 
 
@@ -431,10 +430,10 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     made = washer_magnetised(coil, washer, spec.coil.gap_mm * MM, offset, dipole)
     peak_a = plan.load.current_peak_ma * MA
     core_t, core_chi_n = core_polarisation(coil)
-    lost = 2 * saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
-    lost = lost + saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
-    yield _worst_channel("saturation", "force", channels, np.minimum(lost, 1.0))
-    drive = np.array([channel.drive_hz for channel in channels])
+    of_core = saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
+    of_washers = saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
+    yield _worst_channel("saturation", "force", channels, np.minimum(2 * of_core + of_washers, 1.0))
+    drive = [channel.drive_hz for channel in channels]
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
     yield _worst_channel("eddy currents", "force", channels, np.array(eddies))
     shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
