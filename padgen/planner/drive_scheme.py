@@ -295,9 +295,8 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
     # The simplest first: those that the amplifier can play, and of these, if there are any, those within its limits.
     names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
-    if spec.amplifier:
-        fed = [n for n in names if is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
-        names = fed or names
+    fed = [n for n in names if spec.amplifier and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
+    names = fed or names
     reached = {name: figures[name].reached_db for name in names}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
 
