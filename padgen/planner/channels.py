@@ -112,24 +112,22 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
     It is in N and N m, about the washer's axis at z = 0, in the taxel's own axes. A washer that the coil does not pull
     gets (0, 0, 1, 0, 0, 0).
     """
-    wrench = np.tile(np.eye(6)[2], (len(sites), 1))
-    for column, part in ((0, pulled.side), (4, pulled.moment)):
-        np.divide(part, -pulled.pull, out=wrench[:, column], where=pulled.pull > 0)
+    none = np.zeros(len(sites))
+    side, moment = (
+        np.divide(part, -pulled.pull, out=none.copy(), where=pulled.pull > 0) for part in (pulled.side, pulled.moment)
+    )
     # Unit vector away from the coil's axis; zero on the axis, where there is no side force.
     out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
     cosine, sine = np.array([TURNS[site.along] for site in sites]).T
     # The same vector in the taxel's own axes.
     x, y = cosine * out[:, 0] + sine * out[:, 1], cosine * out[:, 1] - sine * out[:, 0]
-    turned = np.empty_like(wrench)
-    for a, b in ((0, 1), (3, 4)):
-        turned[:, a] = x * wrench[:, a] - y * wrench[:, b]
-        turned[:, b] = y * wrench[:, a] + x * wrench[:, b]
-    turned[:, [2, 5]] = wrench[:, [2, 5]]
+    (force_x, force_y), (moment_x, moment_y) = (
+        (x * a - y * b, y * a + x * b) for a, b in ((side, none), (none, moment))
+    )
     # The underside of the washer is the glue's thickness above the bed's plane.
     height = (recess_mm(spec)[1] - spec.washer.thickness_mm) * MM
-    turned[:, 3] -= height * turned[:, 1]
-    turned[:, 4] += height * turned[:, 0]
-    return turned
+    moments = moment_x - height * force_y, moment_y + height * force_x
+    return np.stack([force_x, force_y, none + 1, *moments, none], axis=-1)
 
 
 def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
