@@ -313,8 +313,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
     holds = [name for name in keeps if rates[name] >= least or not Scheme(name).takes_turns]
     if holds:
-        simpler = names[: names.index(holds[0])]
-        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told(simpler)}"
+        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told(names[: names.index(holds[0])])}"
     if keeps and spec.amplifier:
         why = f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
         return keeps[0], why

@@ -608,11 +608,10 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
         entries = {}
         for item in fields(kind):
             place = item.name if kind is Plan else f"{where}.{item.name}"
-            if item.name not in value and item.default is not MISSING:
-                continue  # a plan of an older padgen
-            if item.name not in value:
+            if item.name in value:
+                entries[item.name] = read_as(item.type, value[item.name], place, kind in DRAWN)
+            elif item.default is MISSING:  # a plan of an older padgen lacks entries that have a default
                 raise ValueError(f"{place} is missing")
-            entries[item.name] = read_as(item.type, value[item.name], place, kind in DRAWN)
         return kind(**entries)
     if origin is dict:
         return {name: read_as(kinds[1], entry, f"{where}.{name}") for name, entry in value.items()}

@@ -72,8 +72,7 @@ def slot_band_hz(spec: Spec) -> tuple[float, float]:
 
 def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
     """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
-    found = (reach(spec, name, room) for name in allowed(spec.suspension.topology))
-    spans = [item.span_hz for item in found if item is not None]
+    spans = [found.span_hz for name in allowed(spec.suspension.topology) if (found := reach(spec, name, room))]
     return (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
 
 

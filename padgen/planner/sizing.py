@@ -449,23 +449,19 @@ def _solve_widths(
     kept as they are once all of the group are solved.
     """
     plate = plate_shape(spec)
-    slope = np.full(len(targets), 0.5)
-    previous = None
+    slope, found = np.full(len(targets), 0.5), TaxelModel(spec, topology, plate, beam).resonance_hz
     for _ in range(5):
-        found = TaxelModel(spec, topology, plate, beam).resonance_hz
         miss = np.log(targets / found)
-        if previous is not None:
-            step = np.log(beam.width_mm / previous[0])
-            moved = np.abs(step) > 1e-9
-            secant = np.divide(np.log(found / previous[1]), step, out=slope.copy(), where=moved)
-            slope = np.clip(secant, 0.1, 3)
-        previous = (beam.width_mm, found)
-        open_groups = group[np.abs(miss) >= 1e-5]
-        if not len(open_groups):
-            return beam, found
-        width = np.clip(beam.width_mm * np.exp(miss / slope), *bounds)
-        beam = beam._replace(width_mm=np.where(np.isin(group, open_groups), width, beam.width_mm))
-    return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
+        is_open = np.isin(group, group[np.abs(miss) >= 1e-5])
+        if not is_open.any():
+            break
+        width = np.where(is_open, np.clip(beam.width_mm * np.exp(miss / slope), *bounds), beam.width_mm)
+        step, before = np.log(width / beam.width_mm), found
+        beam = beam._replace(width_mm=width)
+        found = TaxelModel(spec, topology, plate, beam).resonance_hz
+        secant = np.divide(np.log(found / before), step, out=slope.copy(), where=np.abs(step) > 1e-9)
+        slope = np.clip(secant, 0.1, 3)
+    return beam, found
 
 
 def _has_doubled_mode(spec: Spec, model: TaxelModel) -> bool:
