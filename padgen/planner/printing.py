@@ -171,12 +171,14 @@ def other_slicers_text(plan: Plan) -> str:
     settings = _settings(plan.spec)
     if plan.spec.printer.process != "fdm":
         return heading + "".join(f"{each.name.replace('_', ' ')}: {each.value}\n" for each in settings)
-    names = (("Cura", [each.cura for each in settings]), ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]))
     parts = [
         f"PrusaSlicer takes all of them from {PROFILE_FILE}. By the names of others (Cura's were tried with CuraEngine"
         " 4.13, the rest are untested):\n"
     ]
-    for slicer, own in names:
+    for slicer, own in (
+        ("Cura", [each.cura for each in settings]),
+        ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]),
+    ):
         lines = (
             f"  {name}" + f": {each.value}" * (":" not in name)
             for name, each in zip(own, settings, strict=True)

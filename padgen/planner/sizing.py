@@ -376,16 +376,11 @@ def _solved(
     The first choice usually works. The others are computed several at a time, which is faster, unless the printer's
     steps are coarse: then each beam takes a search of its own.
     """
-    at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, set[tuple[Any, ...]]()
-
-    def is_new(picks: list[Pick]) -> bool:
-        # With more dimensions free the same beams are often found again.
-        before = len(known)
-        known.add(tuple((reach.topology, *rest) for reach, *rest in picks))
-        return len(known) > before
-
-    choices = filter(is_new, choices)
-    some = list(islice(choices, 1))
+    at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, dict[tuple[Any, ...], list[Pick]]()
+    # With more dimensions free the same beams are often found again: only the first of equal choices is taken.
+    keyed = ((tuple((reach.topology, *rest) for reach, *rest in picks), picks) for picks in choices)
+    new = (picks for key, picks in keyed if known.setdefault(key, picks) is picks)
+    some = list(islice(new, 1))
     while some:
         ideal = _ideal_beams(spec, some, targets)
         beams = [beam for own in ideal if own for beam in printable_beams(spec, own, targets)]
@@ -396,7 +391,7 @@ def _solved(
             # With steps too coarse for the ladder, two targets may get the same beam.
             apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
             yield channels if channels and (apart or spec.resonances_hz) else None
-        some = list(islice(choices, at_once))
+        some = list(islice(new, at_once))
 
 
 def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
