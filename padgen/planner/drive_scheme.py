@@ -257,6 +257,7 @@ def plan_selectivity(
 
 
 def _worst_db(sets: Sequence[Channels], scheme: Scheme, modes: Iterable[ModalTaxels | None] = repeat(None)) -> float:
+    """Return the all-state selectivity in dB of the worst set of channels; with `modes`, all of these are counted."""
     return min(all_states(taxels, scheme, own).db for taxels, own in zip(sets, modes, strict=False))
 
 

@@ -529,26 +529,21 @@ KEPT_Q = 8.0
 """Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(KEPT_Q ω τ)."""
 
 
-def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Touched, ...]:
-    """Return the figures of the pad with every taxel under low, typical and high skin, driven as planned.
+def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
+    """Yield the figures of the pad with every taxel under low, typical and high skin, driven as planned.
 
     Only the taxels' own modes and one coil are counted.
     """
-    sets = channel_sets(channels, spec.coil.sets)
-    found = []
     for name, skin in SKINS.items():
         hz, q, _ = _touched(spec, skin, channels)
-        kept_db = [_kept_db(spec, own, scheme, skin) for own in sets]
-        found.append(
-            Touched(
-                skin=name,
-                skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
-                resonance_hz=tuple(hz.tolist()),
-                q=tuple(q.tolist()),
-                all_states_db=None if None in kept_db else min(db for db in kept_db if db is not None),
-            )
+        kept_db = [_kept_db(spec, own, scheme, skin) for own in channel_sets(channels, spec.coil.sets)]
+        yield Touched(
+            skin=name,
+            skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
+            resonance_hz=tuple(hz.tolist()),
+            q=tuple(q.tolist()),
+            all_states_db=None if None in kept_db else min(db for db in kept_db if db is not None),
         )
-    return tuple(found)
 
 
 def judge_touch(plan: Plan) -> Iterator[Finding]:

@@ -277,7 +277,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
         prints=NOT_PRINTED,
-        touched=touched_pads(spec, channels, scheme),
+        touched=tuple(touched_pads(spec, channels, scheme)),
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),
         left_out=(),

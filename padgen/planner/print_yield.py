@@ -3,6 +3,7 @@
 `padgen.planner.printed_pads` has the model of a print and judges it.
 """
 
+from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
 from math import inf, log10
 
@@ -152,7 +153,7 @@ def print_yield(
     made = min(pads, affordable)
     prints = printed(design, spreads, made, seed)
     cost_pads = min(made, max(made // COST_SHARE, COST_PADS), max(affordable // COST_SHARE, 1))
-    costs = _costs(design, spreads, cost_pads, seed)
+    costs = tuple(_costs(design, spreads, cost_pads, seed))
     pairs = sum(coils.taxels.shape[1] * (len(coils.channels) - 1) for coils in design.coils) * made
     swapped, crowded = (float(count) / pairs if pairs else None for count in prints.neighbours)
     drawn = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
@@ -213,13 +214,11 @@ def _share(good: int, made: int, independent: int) -> Share:
     return Share(good, made, good / made, float(interval.low), float(interval.high))
 
 
-def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> tuple[Cost, ...]:
+def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> Iterator[Cost]:
     base, taxels = printed(design, spreads, pads, seed), len(design.channel)
-    costs = []
     for name, sigma in zip(NAMES, astuple(spreads), strict=True):
         without = printed(design, replace(spreads, **{name: 0.0}), pads, seed) if sigma else base
-        costs.append(Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1))))
-    return tuple(costs)
+        yield Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1)))
 
 
 def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:
