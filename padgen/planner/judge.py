@@ -209,7 +209,7 @@ def _limits(plan: Plan) -> Iterator[Finding]:
     spec, load, coils = plan.spec, plan.load, plan.coils.rows * plan.coils.columns
     most_a = spec.amplifier.current_a if spec.amplifier else None
     volts, watts = load.voltage_peak_v, load.copper_loss_w
-    # A sentence about a load and its limit, both, and the power of the limit with which the level goes.
+    # Of each limit: its sentence, what is asked and allowed, and the power of their ratio with which the level goes.
     loads = (
         (
             "coil.voltage",

@@ -202,9 +202,10 @@ def room(spec: Spec, layout: Layout) -> Room:
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
-    places = [at if layout.beam_axis == "x" else at[::-1] for at in slots(layout)]
-    shorts = [(abs(u), max(abs(v) - max(slide, 0), 0)) for u, v in places]
-    reaches = [(u, sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - short**2, 0.0))) for u, short in shorts]
+    centres = [at if layout.beam_axis == "x" else at[::-1] for at in slots(layout)]
+    # What sliding across leaves of v is a chord's distance from the coil's axis: the winding reaches half that chord.
+    beside = [(abs(u), max(abs(v) - max(slide, 0), 0)) for u, v in centres]
+    reaches = [(u, sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - off**2, 0.0))) for u, off in beside]
     return Room(length, width, *(min(length / 2 + way * u + reach for u, reach in reaches) for way in (1, -1)))
 
 
