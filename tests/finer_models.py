@@ -36,7 +36,14 @@ from padgen.physics.propagation import Tones
 from padgen.physics.pull import PullAt, leakage
 from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.schemes import bias_a, current_lines_a
-from padgen.planner.channels import coil_modes, hanging_gap_um, heard_modes, magnetic_parts, mode_fields, site_wrenches
+from padgen.planner.channels import (
+    coil_modes,
+    hanging_gap_um,
+    heard_modes,
+    magnetic_parts,
+    pulled_shares,
+    site_wrenches,
+)
 from padgen.planner.drive_scheme import coils_around, placed_channels
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.suspensions import BeamShape, PlateShape
@@ -101,7 +108,7 @@ def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | No
         with patch.object(pull_module, "_fineness", lambda *_: fine):
             found = pull_module.pull(*magnetic_parts(spec), float(np.exp(log_um)) * UM, offset)
         pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, *[0.0] * 6)))
-        return -found.axial * mode_fields(modes, site_wrenches(spec, pulled, [channel.site])[0]).pulled_share
+        return -found.axial * float(pulled_shares([modes], site_wrenches(spec, pulled, [channel.site]))[0])
 
     rest = on_mode(float(np.log(rest_um)))
     if rest <= 0:

@@ -14,7 +14,7 @@ from padgen.core.errors import FileError, InfeasibleError, SpecError
 from padgen.physics.ladder import slot_half_width
 from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.channels import wanted_line_a2
-from padgen.planner.layout import _channel_counts, candidates, place, room, slots
+from padgen.planner.layout import candidates, channel_counts, place, room, slots
 from padgen.planner.make import choose, finish
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension
@@ -458,7 +458,7 @@ def test_extreme_q_is_planned_as_quickly(q):
     """At Q = 1e8 ten million channels would fit the band; no more are tried than were asked for."""
     plan = make_plan(parse_spec(f'name = "a"\nresolution = 9\nband_hz = [20, 9000]\nq_min = {q}\n'))
     assert len(plan.taxels) == 9
-    assert len(_channel_counts(plan.spec, 10**8)) <= 9
+    assert len(channel_counts(plan.spec, 10**8)) <= 9
     assert plan.capacity.paper == int(np.log(450) / (2 * np.arctanh(2.5 / q)) * (1 + 1e-12))
 
 

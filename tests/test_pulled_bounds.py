@@ -16,6 +16,7 @@ from padgen.planner.channels import (
     hanging_gap_um,
     mode_fields,
     pull_exponent,
+    pulled_shares,
     site_pulls,
     site_wrenches,
     wanted_line_a2,
@@ -51,15 +52,15 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
         hanging_um = hanging_gap_um(spec, np.array([sag * gap_um]))
         pulled = site_pulls(spec, [site], hanging_um)
         modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
-        fields = mode_fields(modes, site_wrenches(spec, pulled, [site])[0])
-        force = float(pulled.pull[0]) * fields.pulled_share
+        wrenches = site_wrenches(spec, pulled, [site])
+        force = float((pulled.pull * pulled_shares([modes], wrenches))[0])
         if force <= 0:
             continue
         force_mn = channel.force_mn * 0.1 * gap_um / channel.level_um
         moved = replace(
             channel,
             site=site,
-            **fields._asdict(),
+            **mode_fields(modes, wrenches[0]),
             sag_um=sag * gap_um,
             level_um=0.1 * gap_um,
             force_mn=force_mn,

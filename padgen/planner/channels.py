@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from math import log, sqrt
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +36,6 @@ from padgen.planner.taxel_model import SolvedModel, TaxelModel, fillet_mm, plate
 from padgen.spec import Spec
 
 __all__ = [
-    "ModeFields",
     "coil_modes",
     "driven",
     "force_constants",
@@ -62,22 +61,6 @@ NAMES = ("stretch", "lateral", "bending", "torsion", "pitch", "yaw")
 """Names of modes by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
 
 
-class ModeFields(NamedTuple):
-    """The fields of a `Channel` about its modes; `Channel` explains them."""
-
-    modes_hz: tuple[float, ...]
-    mode_shares: tuple[float, ...]
-    pulled_shares: tuple[float, ...]
-    mode_motions: tuple[tuple[float, ...], ...]
-    rest_motion: tuple[float, ...]
-    pull_wrench: tuple[float, ...]
-
-    @property
-    def pulled_share(self) -> float:
-        """Ratio of the working mode's motion under the real pull to that under a vertical pull at the washer's axis."""
-        return self.pulled_shares[int(np.argmax(self.mode_shares))]
-
-
 def taxel_modes(model: TaxelModel) -> TaxelModes:
     """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six."""
     if isinstance(model, SolvedModel):
@@ -86,26 +69,27 @@ def taxel_modes(model: TaxelModel) -> TaxelModes:
     return TaxelModes(model.modes.frequency_hz, motion)
 
 
-def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> ModeFields:
-    """Return the modes of one taxel for the plan; the pull's `wrench` (6,) is that of `site_wrenches`.
+def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> dict[str, Any]:
+    """Return the fields of a `Channel` about its modes; the pull's `wrench` (6,) is that of `site_wrenches`.
 
     Shares are of the working mode's static compliance under a vertical pull at the washer's axis.
     """
-    axial = modes.compliances()
-    unit = axial[modes.working]
-    rest = np.zeros(6) if modes.rest is None else modes.rest @ wrench
-    return ModeFields(
-        tuple(modes.frequency_hz.tolist()),
-        tuple((axial / unit).tolist()),
-        tuple((modes.compliances(wrench) / unit).tolist()),
-        tuple(tuple(row) for row in modes.motion.tolist()),
-        tuple(rest.tolist()),
-        tuple(wrench.tolist()),
-    )
+    unit = modes.compliances()[modes.working]
+    return {
+        "modes_hz": tuple(modes.frequency_hz.tolist()),
+        "mode_shares": tuple((modes.compliances() / unit).tolist()),
+        "pulled_shares": tuple((modes.compliances(wrench) / unit).tolist()),
+        "mode_motions": tuple(tuple(row) for row in modes.motion.tolist()),
+        "rest_motion": (0.0,) * 6 if modes.rest is None else tuple((modes.rest @ wrench).tolist()),
+        "pull_wrench": tuple(wrench.tolist()),
+    }
 
 
 def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
-    """Return `ModeFields.pulled_share` (n,) of taxels whose pulls have `wrenches` (n, 6)."""
+    """Return the motion (n,) of working modes under pulls of `wrenches` (n, 6), over that under vertical pulls.
+
+    Vertical pulls act at the washer's axis.
+    """
     pairs = zip(modes, wrenches, strict=True)
     return np.array([own.compliances(wrench)[own.working] / own.compliances()[own.working] for own, wrench in pairs])
 
@@ -128,24 +112,22 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
     It is in N and N m, about the washer's axis at z = 0, in the taxel's own axes. A washer that the coil does not pull
     gets (0, 0, 1, 0, 0, 0).
     """
-    wrench = np.tile(np.eye(6)[2], (len(sites), 1))
-    for column, part in ((0, pulled.side), (4, pulled.moment)):
-        np.divide(part, -pulled.pull, out=wrench[:, column], where=pulled.pull > 0)
+    none = np.zeros(len(sites))
+    side, moment = (
+        np.divide(part, -pulled.pull, out=none.copy(), where=pulled.pull > 0) for part in (pulled.side, pulled.moment)
+    )
     # Unit vector away from the coil's axis; zero on the axis, where there is no side force.
     out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
     cosine, sine = np.array([TURNS[site.along] for site in sites]).T
     # The same vector in the taxel's own axes.
     x, y = cosine * out[:, 0] + sine * out[:, 1], cosine * out[:, 1] - sine * out[:, 0]
-    turned = np.empty_like(wrench)
-    for a, b in ((0, 1), (3, 4)):
-        turned[:, a] = x * wrench[:, a] - y * wrench[:, b]
-        turned[:, b] = y * wrench[:, a] + x * wrench[:, b]
-    turned[:, [2, 5]] = wrench[:, [2, 5]]
+    (force_x, force_y), (moment_x, moment_y) = (
+        (x * a - y * b, y * a + x * b) for a, b in ((side, none), (none, moment))
+    )
     # The underside of the washer is the glue's thickness above the bed's plane.
     height = (recess_mm(spec)[1] - spec.washer.thickness_mm) * MM
-    turned[:, 3] -= height * turned[:, 1]
-    turned[:, 4] += height * turned[:, 0]
-    return turned
+    moments = moment_x - height * force_y, moment_y + height * force_x
+    return np.stack([force_x, force_y, none + 1, *moments, none], axis=-1)
 
 
 def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
@@ -265,14 +247,13 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     quiet = np.full(len(resonance), spec.delta_y) if threshold_um is None else level_um / threshold_um
     deep_error = _deep_frame_errors(sized, sites)
     radius_m, printer = spec.washer.outer_diameter_mm / 2 * MM, spec.printer
+    modes = [taxel_modes(s.model) for s in sized]
+    constants = (pulled.pull * pulled_shares(modes, wrench)).tolist()
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
         stiffness, beam_error = float(item.model.stiffness_n_per_m), item.model.beam_error
         width, thickness, length = (float(v) for v in item.beam)
-        moving = taxel_modes(item.model)
-        modes = mode_fields(moving, wrench[i])
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
-        force_constant = float(pulled.pull[i]) * modes.pulled_share
         channels.append(
             Channel(
                 index=i,
@@ -297,7 +278,7 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 target_hz=item.target_hz,
                 second_mode_hz=item.model.second_mode[0],
                 second_mode_share=item.model.second_mode[1],
-                **modes._asdict(),
+                **mode_fields(modes[i], wrench[i]),
                 sag_um=float(sag_um[i]),
                 hardening_per_mm2=float(alpha[i]) * MM**2,
                 level_shift=float(rise[i]),
@@ -305,9 +286,9 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
                 root_stress_mpa=float(item.model.root_stress_pa(level_um[i] * UM)) / MPA,
                 print_spread=float(frequency_spread(item.beam, spec.spread, item.model.exponents)),
                 force_mn=force_mn,
-                force_constant_n_per_a2=force_constant,
-                line_a2=wanted_line_a2(force_mn, force_constant),
-                force_error=force_error(moving, wrench[i], float(pulled.error[i]), radius_m),
+                force_constant_n_per_a2=constants[i],
+                line_a2=wanted_line_a2(force_mn, constants[i]),
+                force_error=force_error(modes[i], wrench[i], float(pulled.error[i]), radius_m),
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
                 pull_shift=0.0,

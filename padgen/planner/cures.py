@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, fields, replace
 from itertools import islice
 from math import inf
+from operator import itemgetter
 from typing import Any
 
 from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured, number
@@ -14,16 +15,16 @@ from padgen.planner.layout import (
     SLACK_MM,
     Layout,
     candidates,
+    channel_counts,
     coil_reach_mm,
     explain,
-    most_channels,
     most_coils,
     most_outputs,
     room,
     whole_grids,
 )
 from padgen.planner.plan import Plan
-from padgen.planner.search import ladders, reachable_hz, sized_layouts
+from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts
 from padgen.spec import Spec, Suspension, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
@@ -103,51 +104,45 @@ MOST_NAMED = 4
 """Most cures that a refusal names."""
 
 
-def refusal(
-    spec: Spec, options: list[Layout], limit: int, planned: Callable[[Cure], Any], where: str = "resolution"
-) -> InfeasibleError:
-    """Return the error that says why none of `options` works with up to `limit` channels per coil.
+def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
+    """Return the error that says why no layout of `spec`, with all its values decided, works.
 
     It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
-
-    def holds(cure: Cure) -> bool:
-        try:
-            plan = planned(cure)
-        except PadgenError:
-            return False
-        # What an amplifier plays may be too little: a plan for it must also keep what is asked.
-        kept = plan.selectivity.kept_db if plan.spec.amplifier else None
-        enough = kept is None or kept >= plan.selectivity.asked_db
-        return enough and all(f.level != "error" for f in plan.findings)
-
+    limit = channel_limit(spec)
     found: list[Cure] = []
     # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     for cure in _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit):
-        if all(set(cure) != set(other) for other in found) and holds(cure):
+        if any(set(cure) == set(other) for other in found):
+            continue
+        try:
+            plan = planned(cure)
+        except PadgenError:
+            continue
+        # What an amplifier plays may be too little: a plan for it must also keep what is asked.
+        kept_db = plan.selectivity.kept_db if plan.spec.amplifier else None
+        enough = kept_db is None or kept_db >= plan.selectivity.asked_db
+        if enough and all(f.level != "error" for f in plan.findings):
             found.append(cure)
         if len(found) == MOST_NAMED:
             break
-    nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
-    reasons = _reasons(spec, options, limit)
-    if spec.amplifier and options:
+    best = sorted(candidates(spec, limit), key=lambda layout: -layout.margin_mm)
+    if not best:
+        reasons = [_too_many(spec, limit)]
+    elif best[0].margin_mm >= -SLACK_MM:
+        reasons = [_unreached(spec, best[0])]
+    else:
+        nearest = {layout.binding[0]: layout for layout in reversed(best)}  # the best of each kind
+        reasons = [explain(spec, layout) for layout in sorted(nearest.values(), key=best.index)[:2]]
+    if spec.amplifier and best:
         reasons.append(f"the amplifier {spec.amplifier.name} has {spec.amplifier.channels} channels, one for each coil")
+    nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
     wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
-    return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", where, found)
-
-
-def _reasons(spec: Spec, options: list[Layout], limit: int) -> list[str]:
-    if not options:
-        return [_too_many(spec, limit)]
-    best = sorted(options, key=lambda layout: -layout.margin_mm)
-    if best[0].margin_mm >= -SLACK_MM:
-        return [_unreached(spec, best[0])]
-    nearest = {layout.binding[0]: layout for layout in reversed(best)}  # the best of each kind
-    return [explain(spec, layout) for layout in sorted(nearest.values(), key=best.index)[:2]]
+    return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", "resolution", found)
 
 
 def _too_many(spec: Spec, limit: int) -> str:
-    per_coil = most_channels(spec, limit)
+    per_coil = max(channel_counts(spec, limit))
     rows, columns = spec.coil.grid or most_coils(spec)
     coils = int(min(rows * columns, most_outputs(spec)))
     there_are = "the grid has" if spec.coil.grid else "there is room for"
@@ -184,42 +179,36 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     """
     if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
-    ways: list[list[Cure]] = []
     if spec.amplifier:
         free = replace(spec, amplifier=None)
         sized = next(sized_layouts(free, candidates(free, limit)), None)
         if sized and sized[0].coils > most_outputs(spec):
             yield {"amplifier.channels": sized[0].coils}
-        larger = _part_sizes("coil", above=spec.coil.outer_diameter_mm)
-        ways.append([{"coil": name} for name in sorted(larger, key=lambda name: larger[name])])
-    smaller = _part_sizes("washer", below=spec.washer.outer_diameter_mm)
-    ways.append([{"washer": name} for name in sorted(smaller, key=lambda name: -smaller[name])])
+    diameter = itemgetter("outer_diameter_mm")
+    larger = [e for e in catalogue("coil").values() if spec.amplifier and diameter(e) > spec.coil.outer_diameter_mm]
+    smaller = [e for e in catalogue("washer").values() if diameter(e) < spec.washer.outer_diameter_mm]
     finer = [e for e in catalogue("printer").values() if e["line_width_mm"] < spec.printer.line_width_mm]
-    ways.append([{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process])
-    ways += [
-        [{f"suspension.{item.name}": item.default}]
-        for item in fields(Suspension)
-        if getattr(spec.suspension, item.name) != item.default
-    ]
+    beams = {
+        f"suspension.{f.name}": f.default for f in fields(Suspension) if getattr(spec.suspension, f.name) != f.default
+    }
     sides = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
-    ways.append([{k: round(v * more / 100, 1) for k, v in sides.items()} for more in (110, 120, 130, 150, 175, 200)])
+    ways: list[list[Cure]] = [
+        [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
+        [{"washer": e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
+        [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process],
+        *([{name: default}] for name, default in beams.items()),
+        [{k: round(mm * more / 100, 1) for k, mm in sides.items()} for more in (110, 120, 130, 150, 175, 200)],
+    ]
+    if spec.coil.grid:
+        coils = spec.coil.grid[0] * spec.coil.grid[1]
+        most = min(max(channel_counts(spec, limit)), (spec.resolution - 1) // coils)
+        ways.append([{"resolution": coils * count} for count in range(most, 0, -1)])
     for way in ways:
         yield from islice((cure for cure in way if _best_layout(spec, limit, cure)), 1)
     # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
     whole = () if spec.coil.grid else sized_layouts(spec, whole_grids(spec, limit))
     fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.amplifier else 1))
     yield from ({"resolution": count} for count in islice(fewer, FEWER))
-    if spec.coil.grid:
-        coils = spec.coil.grid[0] * spec.coil.grid[1]
-        most = min(most_channels(spec, limit), (spec.resolution - 1) // coils)
-        each = ({"resolution": coils * count} for count in range(most, 0, -1))
-        yield from islice((cure for cure in each if _best_layout(spec, limit, cure)), 1)
-
-
-def _part_sizes(kind: str, above: float = 0.0, below: float = inf) -> dict[str, float]:
-    """Return the outer diameters in mm of a catalogue's parts between two others, by name."""
-    sizes = {name: float(entry["outer_diameter_mm"]) for name, entry in catalogue(kind).items()}
-    return {name: size for name, size in sizes.items() if above < size < below}
 
 
 def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:

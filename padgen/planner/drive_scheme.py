@@ -4,9 +4,9 @@ The load is on beams, too, with the level that all these allow. Leakage is betwe
 frequencies, with the choice of cells to turn; and there is the frame rate.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from itertools import pairwise, product
+from itertools import pairwise, product, repeat
 from math import hypot, inf
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,6 @@ from padgen.physics.schemes import (
     simplest_first,
 )
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, pair_lines, tone_energy
-from padgen.physics.selectivity import channels as resonators
 from padgen.planner.channels import hanging_gap_um, heard_modes, magnetic_parts
 from padgen.planner.layout import Layout
 from padgen.planner.plan import (
@@ -39,7 +38,6 @@ from padgen.planner.plan import (
     Reuse,
     SchemeFigures,
     Selectivity,
-    Site,
     carrier_hz,
     channel_sets,
     level_law,
@@ -65,7 +63,6 @@ __all__ = [
     "pull_in_share",
     "slot_ms",
     "switch_ms",
-    "turned_cells",
 ]
 
 
@@ -106,8 +103,7 @@ def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, 
     """
     together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
     in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
-    times = {name: in_turns if Scheme(name).takes_turns else together for name in in_order()}
-    return tuple(FrameRate(name, 1 / time) for name, time in times.items())
+    return tuple(FrameRate(name, 1 / (in_turns if Scheme(name).takes_turns else together)) for name in in_order())
 
 
 def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
@@ -173,9 +169,9 @@ def fitting_parts(plan: Plan) -> Parts:
 
 def is_fed(spec: Spec, load: CoilLoad) -> bool:
     """Return whether the spec's amplifier, if there is one, has the volts and amperes of a load."""
-    own = spec.amplifier
-    enough_v = load.voltage_peak_v <= spec.drive.voltage_limit_v
-    return own is None or (enough_v and load.current_peak_ma * MA <= own.current_a)
+    return spec.amplifier is None or (
+        load.voltage_peak_v <= spec.drive.voltage_limit_v and load.current_peak_ma * MA <= spec.amplifier.current_a
+    )
 
 
 def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
@@ -213,8 +209,6 @@ UNPULLED = 1e-12
 """Share of the strongest pull that stands in for no pull at all."""
 MOST_WITH_SPURS = 256
 """Channels per coil up to which schemes that the spec does not ask for are judged, where they have n³ spurs."""
-Placed = tuple[Channels, ModalTaxels]
-"""Channels with each washer's own pull, and all modes of their taxels."""
 
 
 def plan_selectivity(
@@ -227,7 +221,7 @@ def plan_selectivity(
     """
     sets = channel_sets(planned, spec.coil.sets)
     alike, bare, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
-    placed = [(taxels, heard_modes(spec, own, taxels.line)) for own, taxels in zip(sets, bare, strict=True)]
+    modes = [heard_modes(spec, own, taxels.line) for own, taxels in zip(sets, bare, strict=True)]
     lost_db, alone = max(channel.level_loss_db for channel in planned), len(sets[0]) < 2
     figures = {}
     for name in (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order():
@@ -236,7 +230,7 @@ def plan_selectivity(
         one_hot = all_db = placed_db = None
         if not alone and not cubic:
             one_hot = min(one_hot_db(taxels, scheme) for taxels in alike)
-            all_db, placed_db = _worst_db(alike, scheme), _placed_db(placed, scheme) - lost_db
+            all_db, placed_db = _worst_db(alike, scheme), _worst_db(bare, scheme, modes) - lost_db
         figures[name] = SchemeFigures(name, one_hot, all_db, placed_db)
     name, why = _chosen_scheme(spec, figures, planned)
     scheme = scheme_named(spec, name)
@@ -249,39 +243,38 @@ def plan_selectivity(
         all_states_db=None if alone else states.db,
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
-        placed_one_hot_db=None if alone else min(one_hot_db(taxels, scheme, modes) for taxels, modes in placed),
-        placed_all_states_db=None if alone else _placed_db(placed, scheme) - lost_db,
+        placed_one_hot_db=None if alone else min(map(one_hot_db, bare, repeat(scheme), modes)),
+        placed_all_states_db=None if alone else _worst_db(bare, scheme, modes) - lost_db,
         why=why,
         paper_db=None if alone else _paper_db(spec, sets),
         snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
-        modes_cost_db=None if alone else _worst_db(bare, scheme) - _placed_db(placed, scheme),
-        modes_left_out=max(float(modes.left_out.max()) for _, modes in placed),
+        modes_cost_db=None if alone else _worst_db(bare, scheme) - _worst_db(bare, scheme, modes),
+        modes_left_out=max(float(own.left_out.max()) for own in modes),
         optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
         matrix_db=tuple(tuple(map(tuple, table.tolist())) for table in below),
         schemes=tuple(figures.values()),
     )
 
 
-def _worst_db(sets: Sequence[Channels], scheme: Scheme) -> float:
-    return min(all_states(taxels, scheme).db for taxels in sets)
-
-
-def _placed_db(sets: Sequence[Placed], scheme: Scheme) -> float:
-    return min(all_states(taxels, scheme, modes).db for taxels, modes in sets)
+def _worst_db(sets: Sequence[Channels], scheme: Scheme, modes: Iterable[ModalTaxels | None] = repeat(None)) -> float:
+    """Return the all-state selectivity in dB of the worst set of channels; with `modes`, all of these are counted."""
+    return min(all_states(taxels, scheme, own).db for taxels, own in zip(sets, modes, strict=False))
 
 
 def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
-    """Return a coil's channels for the physics; `kind` says with what pull and at kind resonances.
+    """Return a coil's channels for the physics; `kind` says with what pull and at what resonances.
 
     'alike': as printed, all washers pulled alike. 'placed': as printed, each washer with its own pull. 'asked': at the
     target resonances, all washers pulled alike.
     """
-    resonance = np.array([c.target_hz if kind == "asked" else c.resonance_hz for c in planned])
-    mass = np.array([c.effective_mass_g for c in planned])
-    pull = np.array([c.force_constant_n_per_a2 for c in planned])
+    resonance, q, mass, pull = np.array(
+        [
+            (c.target_hz if kind == "asked" else c.resonance_hz, c.q, c.effective_mass_g, c.force_constant_n_per_a2)
+            for c in planned
+        ]
+    ).T
     # No current moves a washer that the coil does not pull: a tiny pull asks for an almost endless current instead.
     pull = np.maximum(pull, UNPULLED * pull.max()) if (pull > 0).any() else np.ones(len(pull))
-    q = np.array([c.q for c in planned])
     return channels(resonance, q, level_law(spec)(resonance), mass, pull if kind == "placed" else 1.0)
 
 
@@ -293,20 +286,19 @@ def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
 def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
     """Return the name of the scheme, and the reason for it in words."""
     if spec.drive.scheme != "auto":
-        return (
-            spec.drive.scheme,
-            "as the spec says, or as the search for the fewest coils found where the spec leaves it open",
-        )
-    if len(planned) // spec.coil.sets == 1:
-        return "tones", "a plain tone is the simplest, and a coil's one channel has no other to be told from"
-    if len(planned) // spec.coil.sets == 2:
-        return "tones", "plain tones are the simplest, and no third taxel is there for their spurs to fall on"
+        why = "as the spec says, or as the search for the fewest coils found where the spec leaves it open"
+        return spec.drive.scheme, why
+    few = {
+        1: "a plain tone is the simplest, and a coil's one channel has no other to be told from",
+        2: "plain tones are the simplest, and no third taxel is there for their spurs to fall on",
+    }
+    if why := few.get(len(planned) // spec.coil.sets):
+        return "tones", why
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
     # The simplest first: those that the amplifier can play, and of these, if there are any, those within its limits.
     names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
-    if spec.amplifier:
-        fed = [n for n in names if is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
-        names = fed or names
+    fed = [n for n in names if spec.amplifier and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
+    names = fed or names
     reached = {name: figures[name].reached_db for name in names}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
 
@@ -323,12 +315,10 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
     holds = [name for name in keeps if rates[name] >= least or not Scheme(name).takes_turns]
     if holds:
-        simpler = names[: names.index(holds[0])]
-        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told(simpler)}"
+        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told(names[: names.index(holds[0])])}"
     if keeps and spec.amplifier:
-        return keeps[
-            0
-        ], f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
+        why = f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
+        return keeps[0], why
     together = [name for name in names if not Scheme(name).takes_turns]
     best = max(together or names, key=lambda name: reached[name])
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
@@ -343,6 +333,7 @@ def _paper_db(spec: Spec, sets: Sequence[Sequence[Channel]]) -> float:
 
 
 TURNS = ("none", "odd rows", "odd columns")
+"""Cells that are turned by 180°, so that taxels of one channel lie farthest apart; the simplest choice first."""
 RINGS = 5
 """Number of coils, in each direction, up to which leakage is counted."""
 LEAK_ERROR = 0.25
@@ -355,14 +346,13 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     With the driver table neighbours play in step, so that their fields add. Where the taxel's own coil plays its other
     channels, its field beats with theirs.
     """
-    turned = turned_cells(spec, layout, [channel.site for channel in channels])
+    # Lists of distances compare by the shortest first; of equal ones, `max` takes the simplest choice.
+    turned = max(TURNS, key=lambda turned: _distances_mm(spec, layout, channels, turned))
     if layout.coils < 2:
         return Reuse(None, None, turned, (None,) * len(channels), (None,) * len(channels))
     pitch = np.array([spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows])
     washers_mm = tuple(channel.site.washer_mm for channel in channels)
-    place = np.array(washers_mm)
     steps_to = coils_around(layout.rows, layout.columns)
-    next_to = np.abs(steps_to).max(1) == 1
     at = steps_to * pitch * MM
     leak = _leakage(magnetic_parts(spec), spec.coil.gap_mm, washers_mm, (layout.rows, layout.columns), tuple(pitch))
     away = np.abs(steps_to).sum(1) % spec.coil.sets
@@ -382,7 +372,8 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
         energy, apart = np.maximum(energy, total), np.maximum(apart, own_lines)
     worst = int(energy.argmax())
     leaks, retuned = (tuple(-decibel(float(value) ** 0.5) for value in each) for each in (energy, apart))
-    error = _leak_error(spec, layout, leak, place[:, None] * MM - at, ~next_to, pitch) + channels[worst].force_error
+    away_m, far = np.array(washers_mm)[:, None] * MM - at, np.abs(steps_to).max(1) > 1
+    error = _leak_error(spec, layout, leak, away_m, far, pitch) + channels[worst].force_error
     return Reuse(leaks[worst], worst, turned, leaks, retuned, error)
 
 
@@ -442,9 +433,7 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
     The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current
     with that of the own coil, which plays all channels but the OFF one.
     """
-    resonance = np.array([channel.resonance_hz for channel in channels])
-    mass = np.array([channel.effective_mass_g for channel in channels])
-    taxels = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass)
+    taxels = _resonators(spec, channels, "alike")
     sets, tones, spurs, beats = spec.coil.sets, *np.zeros((3, len(channels)))
     for i in range(len(channels)):
         taxel, other = Channels(*(part[[i]] for part in taxels)), slice((i + steps) % sets, None, sets)
@@ -481,8 +470,7 @@ def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme
 
 def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.ndarray) -> float:
     """Return the energy of a taxel under lines (as in `selectivity.Lines`), over that of its ON state."""
-    response = relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest)
-    return float((response * square).sum() / taxel.line[0] ** 2)
+    return float((relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest) * square).sum() / taxel.line[0] ** 2)
 
 
 def coils_around(rows: int, columns: int) -> np.ndarray:
@@ -502,27 +490,19 @@ def _surroundings(layout: Layout, steps: np.ndarray) -> list[np.ndarray]:
     return [np.asarray(((steps >= span[:, 0]) & (steps <= span[:, 1])).all(1)) for span in low_high]
 
 
-def turned_cells(spec: Spec, layout: Layout, sites: Sequence[Site]) -> str:
-    """Choose the cells to turn by 180° so that taxels of one channel lie farthest apart."""
-    # Lists of distances compare by the shortest first; of equal ones, `max` takes the simplest choice.
-    return max(TURNS, key=lambda turned: _distances_mm(spec, layout, sites, turned))
-
-
 def cell_is_turned(turned: str, row: int, column: int) -> bool:
     """Return whether the cell of a coil is turned by 180°."""
     return {"none": False, "odd rows": row % 2 == 1, "odd columns": column % 2 == 1}[turned]
 
 
-def _distances_mm(spec: Spec, layout: Layout, sites: Sequence[Site], turned: str) -> list[float]:
+def _distances_mm(spec: Spec, layout: Layout, channels: Sequence[Channel], turned: str) -> list[float]:
     """Return the distances in mm of taxels of one channel in neighbouring cells, the shortest first."""
-    pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
     distances = []
     for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        if row >= layout.rows or column >= layout.columns:
-            continue
-        # Measured from a cell that is not turned; from a turned one the distances are the same.
-        shift = -2 if cell_is_turned(turned, row, column % 2) else 0
-        for site in sites:
-            x, y = site.washer_mm
-            distances.append(round(hypot(column * pitch_x + shift * x, row * pitch_y + shift * y), 6))
+        if row < layout.rows and column < layout.columns:
+            # Measured from a cell that is not turned; from a turned one the distances are the same.
+            shift = -2 if cell_is_turned(turned, row, column % 2) else 0
+            x, y = column * (spec.pad.width_mm / layout.columns), row * (spec.pad.depth_mm / layout.rows)
+            washers = (channel.site.washer_mm for channel in channels)
+            distances += [round(hypot(x + shift * own_x, y + shift * own_y), 6) for own_x, own_y in washers]
     return sorted(distances)

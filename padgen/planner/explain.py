@@ -1,10 +1,9 @@
 """Explain a plan: the limits that keep a coil from more channels, and the gain by each change of the spec."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -107,7 +106,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
-    share_now, print_now_db = now_printed = _prints(spec, grid, count)
+    share_now, print_now_db = _prints(spec, grid, count)
     changes = []
     for cost, cure in _changes(plan):
         try:
@@ -124,15 +123,33 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         gained_db = after - now if after is not None and now is not None else None
         more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(changed) - in_band
         prints = _prints(changed, grid, count, optimise) if figures else (None, None)
-        gains = channels - held, more_in_band, gained_db, *prints
-        change = Change(as_lines(cure), COSTS[cost], channels, scheme, *gains)
+        change = Change(
+            as_lines(cure), COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints
+        )
         more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
         prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
         if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda change: _rank(change, spec.print_share))
-    capacities, limits = _capacities(spec), tuple(_limits(plan, held, drive))
-    return Explanation(held, drive, limits, tuple(changes), capacities, *_print_figures(plan, now_printed))
+    design, spreads = design_of(plan, None), spreads_of(spec)
+    good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
+    shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
+    asked = plan.selectivity.asked_db, spec.print_share, plan.coils.rows * plan.coils.columns
+    stages = [
+        printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *asked, 0.0, missed)
+        for missed in missed_spreads(design, spreads)[:-1]
+    ]
+    return Explanation(
+        channels=held,
+        drive=drive,
+        limits=tuple(_limits(plan, held, drive)),
+        changes=tuple(changes),
+        capacities=tuple(_capacities(spec)),
+        channel_shares=tuple(shares.tolist()),
+        good_share=share_now,
+        print_db=print_now_db,
+        stage_channels=(*stages, plan.capacity.prints),
+    )
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
@@ -142,19 +159,6 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
     return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
 
 
-def _print_figures(plan: Plan, now: tuple[float | None, float | None]) -> tuple[Any, ...]:
-    """Return the last fields of `Explanation`: `now` are `good_share` and `print_db`."""
-    spec, design, spreads = plan.spec, design_of(plan, None), spreads_of(plan.spec)
-    good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
-    shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
-    asked = plan.selectivity.asked_db, spec.print_share, plan.coils.rows * plan.coils.columns
-    stages = [
-        printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *asked, 0.0, missed)
-        for missed in missed_spreads(design, spreads)[:-1]
-    ]
-    return tuple(shares.tolist()), *now, (*stages, plan.capacity.prints)
-
-
 def _channels_in_band(spec: Spec) -> int:
     """Return the most channels that band, Q and drive allow, as if there were room for all; 'auto' is spur-free."""
     name = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
@@ -162,15 +166,13 @@ def _channels_in_band(spec: Spec) -> int:
     return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db, MOST_IN_BAND)[0]
 
 
-def _capacities(spec: Spec) -> tuple[CapacityRow, ...]:
+def _capacities(spec: Spec) -> Iterator[CapacityRow]:
     laws: list[tuple[float | str, LevelLaw]] = [(p, LevelLaw(p)) for p in (0.0, 1.0, 2.0)]
     if spec.drive.threshold_hz:
         laws.append(("threshold", level_law(spec)))
-    rows = []
     for scheme, (key, law) in product((scheme_named(spec, name) for name in in_order()), laws):
         states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
-        rows.append(CapacityRow(scheme.name, key, one_hot, states, searched_to(scheme)))
-    return tuple(rows)
+        yield CapacityRow(scheme.name, key, one_hot, states, searched_to(scheme))
 
 
 def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:
@@ -198,24 +200,24 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     """
     try:
         other = _with_grid(spec, grid, count, optimise)
-        sized = next(sized_layouts(other, candidates(other, channel_limit(other))), None)
-    except SpecError:
+        layout, beams = next(sized_layouts(other, candidates(other, channel_limit(other))))
+    except (SpecError, StopIteration):
         return None
-    if sized is None:
-        return None
-    layout, beams = sized
     channels = plan_channels(other, beams, sites_of(other, layout, beams))
     pulled = all(channel.force_constant_n_per_a2 > 0 for channel in channels)
     return plan_selectivity(other, channels) if pulled else None
 
 
 def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
-    other = replace(spec, resolution=grid[0] * grid[1] * count, coil=replace(spec.coil, grid=grid))
-    if other.spacing == "optimised" and not optimise:
-        other = replace(other, spacing="spread")
-    if count * spec.coil.sets != len(spec.resonances_hz or ()):
-        other = replace(other, resonances_hz=None)
-    return other
+    spacing = "spread" if spec.spacing == "optimised" and not optimise else spec.spacing
+    listed = spec.resonances_hz if count * spec.coil.sets == len(spec.resonances_hz or ()) else None
+    return replace(
+        spec,
+        resolution=grid[0] * grid[1] * count,
+        coil=replace(spec.coil, grid=grid),
+        spacing=spacing,
+        resonances_hz=listed,
+    )
 
 
 def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> tuple[float | None, float | None]:
@@ -284,25 +286,20 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
     topologies = [name for name in SUSPENSIONS.names() if name not in (own.topology, weakest.beam.topology)]
     laws = () if spec.drive.threshold_hz else (0.0, 1.0, 2.0)
     free = {"topology": "auto", "tune": "width+thickness+length"}
-    lines: list[Cure] = [
-        *([{"resonances_hz": None}] if spec.resonances_hz else []),
-        *({"drive.scheme": name} for name in in_order() if name != plan.selectivity.drive),
-        *({"spacing": way} for way in ("spread", "optimised") if spec.spacing not in (way, "optimised")),
-        *({"drive.level_law": law} for law in laws if law != spec.drive.level_law),
-        {"delta_y": float(number(spec.delta_y * 0.7))},
+    kinds: list[tuple[int, Iterable[Cure]]] = [
+        (0, [{"resonances_hz": None}] if spec.resonances_hz else ()),
+        (0, ({"drive.scheme": name} for name in in_order() if name != plan.selectivity.drive)),
+        (0, ({"spacing": way} for way in ("spread", "optimised") if spec.spacing not in (way, "optimised"))),
+        (0, ({"drive.level_law": law} for law in laws if law != spec.drive.level_law)),
+        (0, [{"delta_y": float(number(spec.delta_y * 0.7))}]),
+        (1, ({"q_min": round(spec.q_min * factor, 1)} for factor in (1.25, 1.5, 2.0))),
+        (0, ({f"suspension.{key}": value} for key, value in free.items() if getattr(own, key) != value)),
+        (0, ({"suspension.topology": name} for name in topologies)),
+        (0, [{"suspension.thickness_mm": round(weakest.beam.thickness_mm + printer.layer_mm, 6)}]),
+        (1, () if spec.spread.bed_meshed else [{"spread.bed_meshed": True}]),
+        (1, ({"band_hz": [float(number(low * less)), float(number(high * more))]} for less, more in bands)),
+        (1, ({"printer": entry["name"]} for entry in finer if entry["process"] == printer.process)),
+        (2, ({"washer": entry["name"]} for entry in smaller)),
+        (3, ({k: round(mm * more / 100, 1) for k, mm in sizes.items()} for more in (120, 150))),
     ]
-    beams: list[Cure] = [
-        *({f"suspension.{key}": default} for key, default in free.items() if getattr(own, key) != default),
-        *({"suspension.topology": name} for name in topologies),
-        {"suspension.thickness_mm": round(weakest.beam.thickness_mm + printer.layer_mm, 6)},
-    ]
-    prints: list[Cure] = [
-        *([] if spec.spread.bed_meshed else [{"spread.bed_meshed": True}]),
-        *({"band_hz": [float(number(low * less)), float(number(high * more))]} for less, more in bands),
-        *({"printer": entry["name"]} for entry in finer if entry["process"] == printer.process),
-    ]
-    q_factors: list[Cure] = [{"q_min": round(spec.q_min * factor, 1)} for factor in (1.25, 1.5, 2.0)]
-    washers: list[Cure] = [{"washer": entry["name"]} for entry in smaller]
-    pads: list[Cure] = [{k: round(mm * more / 100, 1) for k, mm in sizes.items()} for more in (120, 150)]
-    kinds = ((0, lines), (1, q_factors), (0, beams), (1, prints), (2, washers), (3, pads))
     return [(cost, cure) for cost, cures in kinds for cure in cures]

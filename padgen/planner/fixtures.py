@@ -33,7 +33,6 @@ from padgen.core.errors import Finding, InfeasibleError, at_least, number
 from padgen.core.units import MM, UM
 from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, groove, placed_taxel
 from padgen.planner.plan import CoilGrid, Plan, Reuse
-from padgen.spec import Spec
 
 __all__ = [
     "LeadSlot",
@@ -69,13 +68,22 @@ def coupon_plan(plan: Plan) -> Plan:
         for k, channel in enumerate(own)
     )
     name = plan.name[: LONGEST_NAME - len(SUFFIX)] + SUFFIX
+    # The border is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
+    pad, walls = spec.pad, 2 * WALL_LINES * spec.printer.line_width_mm
+    least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)
+    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
+    border = min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
     width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
-    pad = replace(spec.pad, width_mm=width, depth_mm=depth, border_mm=_border_mm(spec))
-    coil = replace(spec.coil, grid=(coils.rows, coils.columns))
     return replace(
         plan,
         name=name,
-        spec=replace(spec, name=name, resolution=len(taxels), pad=pad, coil=coil),
+        spec=replace(
+            spec,
+            name=name,
+            resolution=len(taxels),
+            pad=replace(pad, width_mm=width, depth_mm=depth, border_mm=border),
+            coil=replace(spec.coil, grid=(coils.rows, coils.columns)),
+        ),
         coils=coils,
         taxels=taxels,
         reuse=Reuse(None, None, "none"),
@@ -96,21 +104,11 @@ def _coils(plan: Plan) -> CoilGrid:
     """Return the smallest coil grid that holds all sets of channels and makes up the smallest active area."""
     coils, sets = plan.coils, len(plan.sets)
     wide, deep = (sets, 1) if coils.columns > 1 else (1, sets)
-    columns = max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM))
-    rows = max(deep, ceil(SMALLEST_PAD_MM / coils.pitch_y_mm - SLACK_MM))
-    return replace(coils, rows=rows, columns=columns)
-
-
-def _border_mm(spec: Spec) -> float:
-    """Return the coupon's border in mm, at most the pad's.
-
-    It is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
-    """
-    pad = spec.pad
-    walls = 2 * WALL_LINES * spec.printer.line_width_mm
-    least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)
-    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
-    return min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
+    return replace(
+        coils,
+        rows=max(deep, ceil(SMALLEST_PAD_MM / coils.pitch_y_mm - SLACK_MM)),
+        columns=max(wide, ceil(SMALLEST_PAD_MM / coils.pitch_x_mm - SLACK_MM)),
+    )
 
 
 class Screw(NamedTuple):
@@ -228,8 +226,7 @@ def plan_tray(plan: Plan) -> Tray:
     spec = plan.spec
     printer, coil, pad = spec.printer, spec.coil, spec.pad
     # Whole layers: enough for the floor, and as near as they come to the height above it.
-    floor_layers = max(ceil((FLOOR_MM - printer.first_layer_mm) / printer.layer_mm - 1e-6), 0)
-    floor = printer.first_layer_mm + floor_layers * printer.layer_mm
+    floor = printer.height_mm(printer.layers_up_to(FLOOR_MM))
     layers = int((coil.length_mm + coil.gap_mm - washer_underside_mm(plan)) / printer.layer_mm + 0.5 + 1e-6)
     height = round(floor + layers * printer.layer_mm, 6)
     clear = round(height - floor - coil.length_mm, 6)

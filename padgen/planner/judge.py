@@ -101,8 +101,8 @@ def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
     ways: list[dict[str, Any]] = [
         {"drive.scheme": s.scheme, **slow.get(s.scheme, {})} for s in schemes if s.reached_db >= asked
     ]
-    grids = [o for o in plan.layouts if o.kept_db is None or o.kept_db >= asked]
-    return (*ways, *({"coil.grid": [o.rows, o.columns]} for o in grids))
+    ways += [{"coil.grid": [o.rows, o.columns]} for o in plan.layouts if o.kept_db is None or o.kept_db >= asked]
+    return tuple(ways)
 
 
 def _named(channels: Iterable[Channel]) -> str:
@@ -206,31 +206,42 @@ def _slow(plan: Plan) -> Iterator[Finding]:
         )
 
 
-EXCEEDED = {
-    "coil.voltage": "channels on take up to {} V, the amplifier has {} V",
-    "coil.current": "channels on take up to {} A, the amplifier has {} A",
-    "coil.heat": "channels on heat each coil with {} W, it bears {} W",
-    "limits.power": "taxels on take {} W in all coils, limits.power_w allows {} W",
-}
-"""Sentences about a load and its limit, by the code of the finding."""
-
-
 def _limits(plan: Plan) -> Iterator[Finding]:
     spec, load, coils = plan.spec, plan.load, plan.coils.rows * plan.coils.columns
     most_a = spec.amplifier.current_a if spec.amplifier else None
-    # What is asked, the limit, and the power of it with which the level goes.
-    loads = {
-        "coil.voltage": (load.voltage_peak_v, spec.drive.voltage_limit_v, 2),
-        "coil.current": (load.current_peak_ma * MA, most_a, 2),
-        "coil.heat": (load.copper_loss_w, spec.coil.power_limit_w, 1),
-        "limits.power": (load.copper_loss_w * coils, spec.limits.power_w, 1),
-    }
-    for code, (asked, most, power) in loads.items():
+    volts, watts = load.voltage_peak_v, load.copper_loss_w
+    # Of each limit: its sentence, what is asked and allowed, and the power of their ratio with which the level goes.
+    loads = (
+        (
+            "coil.voltage",
+            "coil",
+            "channels on take up to {} V, the amplifier has {} V",
+            volts,
+            spec.drive.voltage_limit_v,
+            2,
+        ),
+        (
+            "coil.current",
+            "coil",
+            "channels on take up to {} A, the amplifier has {} A",
+            load.current_peak_ma * MA,
+            most_a,
+            2,
+        ),
+        ("coil.heat", "coil", "channels on heat each coil with {} W, it bears {} W", watts, spec.coil.power_limit_w, 1),
+        (
+            "limits.power",
+            "pad",
+            "taxels on take {} W in all coils, limits.power_w allows {} W",
+            watts * coils,
+            spec.limits.power_w,
+            1,
+        ),
+    )
+    for code, where, told, asked, most, power in loads:
         if most is not None and asked > most:
-            told = EXCEEDED[code].format(number(asked), number(most))
-            where = "pad" if code == "limits.power" else "coil"
-            cures = lower_level(spec, (most / asked) ** power)
-            yield Finding("warning", code, where, f"{number(spec.drive.level_um)} µm with all {told}", cures)
+            sentence = f"{number(spec.drive.level_um)} µm with all {told.format(number(asked), number(most))}"
+            yield Finding("warning", code, where, sentence, lower_level(spec, (most / asked) ** power))
     if load.pull_in_share >= 1:
         yield Finding(
             "error",
@@ -276,6 +287,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         _prints,
         _layers,
         _modes,
+        judge_modes,
         _mechanics,
         _places,
         judge_touch,
@@ -409,7 +421,6 @@ def _modes(plan: Plan) -> Iterator[Finding]:
                 f" resonance of {number(channel.resonance_hz)} Hz, at least the half-power width of {1 / channel.q:.1%}"
                 " should lie between them: a beam with bends has no plane of symmetry that would keep the two apart",
             )
-    yield from judge_modes(plan)
 
 
 def _mechanics(plan: Plan) -> Iterator[Finding]:
@@ -434,36 +445,36 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
                 f" together are {number(travel_mm)} mm, {bound}",
                 _more_room(spec, travel_mm),
             )
-        stress = channel.root_stress_mpa * moved_um / channel.level_um
-        if stress > strength:
-            yield Finding(
-                "error",
+        swing_mpa = channel.root_stress_mpa
+        stress = swing_mpa * moved_um / channel.level_um
+        broken = (
+            (
                 "beam.strength",
-                where,
+                stress > strength,
                 f"sag, mean pull and amplitude, {number(travel_mm)} mm in all, stress its root by {number(stress)}"
                 f" MPa, {spec.material.name} breaks at about {number(strength)} MPa",
-                lower_level(spec, 0.5),
-            )
-        if travel_mm > LARGE_MOTION * length_mm:
-            yield Finding(
-                "error",
+                0.5,
+            ),
+            (
                 "beam.sag",
-                where,
+                travel_mm > LARGE_MOTION * length_mm,
                 f"sag, mean pull and amplitude move it by {number(travel_mm)} mm, more than {LARGE_MOTION:.0%} of"
                 f" its beams' length of {number(length_mm)} mm: no figure of this plan holds",
-                lower_level(spec, 0.5),
-            )
+                0.5,
+            ),
+            (
+                "beam.stress",
+                swing_mpa > fatigue,
+                f"at {number(channel.level_um)} µm the root of its beams is stressed by {number(swing_mpa)} MPa,"
+                f" {spec.material.name} bears {number(fatigue)} MPa for long",
+                fatigue / max(swing_mpa, fatigue),
+            ),
+        )
+        for code, breaks, sentence, share in broken:
+            if breaks:
+                yield Finding("error", code, where, sentence, lower_level(spec, share))
         if channel.level_loss_db > LOSS_DB:
             yield _stretching(spec, channel)
-        if channel.root_stress_mpa > fatigue:
-            yield Finding(
-                "error",
-                "beam.stress",
-                where,
-                f"at {number(channel.level_um)} µm the root of its beams is stressed by"
-                f" {number(channel.root_stress_mpa)} MPa, {spec.material.name} bears {number(fatigue)} MPa for long",
-                lower_level(spec, fatigue / channel.root_stress_mpa),
-            )
         if doubt := _model_doubt(spec, channel):
             yield Finding("warning", "model.error", where, doubt)
 
@@ -586,14 +597,8 @@ def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crow
     These are modes within half a slot of a line that could move the taxel, when OFF, by more than 1/Δy of its ON
     amplitude, and modes that cost more than `MODES_DB`.
     """
-    found = list[Crowd]()
-    for own in channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ():
-        taxels, modes = placed_channels(spec, own), coil_modes(spec, own)
-        lines = _lines(taxels, scheme)
-        near = {(crowd.channel, crowd.mode): crowd for crowd in _near(spec, own, taxels, modes, lines)}
-        costly = {(crowd.channel, crowd.mode): crowd for crowd in _costly(own, taxels, modes, lines, scheme)}
-        found += (near | costly).values()
-    return found
+    coils = channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ()
+    return [crowd for own in coils for crowd in _coil_crowds(spec, own, scheme)]
 
 
 def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
@@ -605,39 +610,33 @@ def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
     return _Lines(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _near(spec: Spec, own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines) -> Iterator[Crowd]:
-    half = slot_half_width(spec.q_min, spec.delta_y)
+def _coil_crowds(spec: Spec, own: Sequence[Channel], scheme: Scheme) -> Iterable[Crowd]:
+    """Return the crowds of one coil: all modes near a line, and modes of its worst OFF taxel that cost it much."""
+    taxels, modes, found = placed_channels(spec, own), coil_modes(spec, own), dict[tuple[int, int], Crowd]()
+    lines, half = _lines(taxels, scheme), slot_half_width(spec.q_min, spec.delta_y)
     order = np.argsort(lines.hz)
-    ascending = lines.hz[order]
     for i, channel in enumerate(own):
         for k in _others(channel):
             hz = channel.modes_hz[k]
-            ends = np.searchsorted(ascending, (hz / (1 + half), hz / (1 - half) if half < 1 else inf))
-            some = order[ends[0] : ends[1]]
+            ends = (hz / (1 + half), hz / (1 - half) if half < 1 else inf)
+            some = order[slice(*np.searchsorted(lines.hz, ends, sorter=order))]
             some = some[(lines.first[some] != i) & (lines.second[some] != i)]
             if len(some):
-                line = int(some[lines.amplitude[some].argmax()])
-                crowd = _crowd(own, taxels, modes, lines, (i, k, line))
+                crowd = _crowd(own, taxels, modes, lines, (i, k, int(some[lines.amplitude[some].argmax()])))
                 if crowd.at_peak > 1 / spec.delta_y:
-                    yield crowd
-
-
-def _costly(
-    own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, scheme: Scheme
-) -> Iterator[Crowd]:
-    """Yield the modes of the worst OFF taxel that cost the coil more than `MODES_DB` each."""
+                    found[i, k] = crowd
     kept = all_states(taxels, scheme, modes)
-    if all_states(taxels, scheme).db - kept.db <= MODES_DB:
-        return
-    channel = own[kept.off]
-    for k in _others(channel):
+    costly = all_states(taxels, scheme).db - kept.db > MODES_DB
+    for k in _others(own[kept.off]) if costly else ():
         gain = modes.gain.copy()
         gain[kept.off, k] = 0.0
         costs_db = all_states(taxels, scheme, modes._replace(gain=gain)).db - kept.db
         if costs_db > MODES_DB:
             heard = felt_energy(_single_mode(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
             heard *= (lines.first != kept.off) & (lines.second != kept.off)
-            yield _crowd(own, taxels, modes, lines, (kept.off, k, int(heard.argmax())))._replace(costs_db=costs_db)
+            crowd = _crowd(own, taxels, modes, lines, (kept.off, k, int(heard.argmax())))
+            found[kept.off, k] = crowd._replace(costs_db=costs_db)
+    return found.values()
 
 
 def _others(channel: Channel) -> list[int]:
@@ -733,20 +732,15 @@ def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
     """Yield changes of the spec that move modes or lines, the smallest changes first."""
     spec, channels = plan.spec, plan.channels
     if any(crowd.is_spur for crowd in found):
-        for name in reversed(simplest_first()):
-            if name != plan.selectivity.drive and not Scheme(name).takes_turns:
-                yield {"drive.scheme": name}
-    if len(dict.fromkeys(crowd.channel for crowd in found)) == 1:
+        others = [name for name in reversed(simplest_first()) if name != plan.selectivity.drive]
+        yield from ({"drive.scheme": name} for name in others if not Scheme(name).takes_turns)
+    if len({crowd.channel for crowd in found}) == 1:
         for factor in MOVES:
-            yield {
-                "resonances_hz": [
-                    float(f"{c.target_hz * (factor if c.index == found[0].channel else 1):.4g}") for c in channels
-                ]
-            }
+            moved = [c.target_hz * (factor if c.index == found[0].channel else 1) for c in channels]
+            yield {"resonances_hz": [float(f"{hz:.4g}") for hz in moved]}
     if spec.spacing == "optimised" and not spec.resonances_hz:
         return  # other suspensions would each need a new, slow search for the optimum
-    for name in allowed("auto"):
-        if {c.beam.topology for c in channels} != {name}:
-            yield {"suspension.topology": name}
+    used = {c.beam.topology for c in channels}
+    yield from ({"suspension.topology": name} for name in allowed("auto") if used != {name})
     if len({c.beam.thickness_mm for c in channels}) == 1:
         yield {"suspension.thickness_mm": round(channels[0].beam.thickness_mm + spec.printer.layer_mm, 6)}

@@ -4,10 +4,10 @@ those with the largest margin in mm. For a candidate without room, `explain` nam
 Of a finished plan come the taxels' places and outlines, and the grooves that mark corners.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import pairwise
-from math import ceil, floor, hypot, inf, pi, sqrt
+from itertools import groupby, pairwise
+from math import ceil, floor, hypot, inf, pi, prod, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,12 +23,12 @@ __all__ = [
     "Layout",
     "Outline",
     "candidates",
+    "channel_counts",
     "coil_axis_mm",
     "coil_reach_mm",
     "corner_groove",
     "explain",
     "groove",
-    "most_channels",
     "most_coils",
     "most_outputs",
     "outline",
@@ -95,20 +95,15 @@ def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
     wanted = spec.resolution
     bare = [
         layout
-        for channels in _channel_counts(spec, channel_limit)
+        for channels in channel_counts(spec, channel_limit)
         for rows, columns in _grids(spec, ceil(wanted / channels))
         if 0 <= rows * columns * channels - wanted < rows * columns
         for layout in _divisions(spec, rows, columns, channels, wanted)
     ]
     spare = [_margin_bound_mm(spec, layout) for layout in bare]
     least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
-    found = [
-        replace(layout, slacks=_slacks(spec, layout))
-        for layout, mm in zip(bare, spare, strict=True)
-        if mm >= min(least, -SLACK_MM)
-    ]
-    found.sort(key=lambda layout: layout.rank)
-    return found
+    near = (layout for layout, mm in zip(bare, spare, strict=True) if mm >= min(least, -SLACK_MM))
+    return sorted((replace(layout, slacks=_slacks(spec, layout)) for layout in near), key=lambda layout: layout.rank)
 
 
 NEAR_MISSES = 200
@@ -117,18 +112,19 @@ NEAR_MISSES = 200
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     """Yield layouts of fewer taxels than asked that have room for their parts, most taxels first."""
-    rows_, columns_ = most_coils(spec)
-    most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / _plate_mm2(spec)))
-    grids: dict[int, list[tuple[int, int, int]]] = {}
-    for channels in _channel_counts(spec, channel_limit):
-        for rows in range(1, rows_ + 1):
-            for columns in range(1, int(min(columns_, most // (rows * channels), most_outputs(spec) // rows)) + 1):
-                grids.setdefault(rows * columns * channels, []).append((rows, columns, channels))
+    (rows_, columns_), plate = most_coils(spec), plate_shape(spec)
+    most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / (plate.length_mm * plate.width_mm)))
+    grids = (
+        (rows, columns, channels)
+        for channels in channel_counts(spec, channel_limit)
+        for rows in range(1, rows_ + 1)
+        for columns in range(1, int(min(columns_, most // (rows * channels), most_outputs(spec) // rows)) + 1)
+    )
     spare: dict[tuple[float, float], float] = {}
     work = 0
-    for taxels in sorted(grids, reverse=True):
+    for taxels, alike in groupby(sorted(grids, key=prod, reverse=True), key=prod):
         found = []
-        for layout in (each for grid in grids[taxels] for each in _divisions(spec, *grid, taxels)):
+        for layout in (each for grid in alike for each in _divisions(spec, *grid, taxels)):
             size = layout.sub_width_mm, layout.sub_depth_mm
             # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
             if size not in spare:
@@ -146,7 +142,7 @@ MOST_WORK = 100_000
 """Largest number of layouts and of their places that `whole_grids` looks at: some seconds of work."""
 
 
-def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
+def channel_counts(spec: Spec, channel_limit: int) -> Sequence[int]:
     """Return the counts of channels per coil worth trying.
 
     There are no more than taxels asked, than plates that the pad holds, or than plates that a coil reaches.
@@ -158,18 +154,8 @@ def _channel_counts(spec: Spec, channel_limit: int) -> Iterable[int]:
     if not spec.coil.grid:
         # Each plate's washer lies within the coil's reach, so the plate within a circle larger by its diagonal.
         circle_mm = coil_reach_mm(spec) + hypot(plate.length_mm, plate.width_mm)
-        plates = min(plates, pi * circle_mm**2 / _plate_mm2(spec))
+        plates = min(plates, pi * circle_mm**2 / (plate.length_mm * plate.width_mm))
     return range(1, min(channel_limit, spec.resolution, max(int(plates), 1)) + 1)
-
-
-def _plate_mm2(spec: Spec) -> float:
-    plate = plate_shape(spec)
-    return plate.length_mm * plate.width_mm
-
-
-def most_channels(spec: Spec, channel_limit: int) -> int:
-    """Return the most channels per coil that are worth trying."""
-    return max(_channel_counts(spec, channel_limit))
 
 
 def most_coils(spec: Spec) -> tuple[int, int]:
@@ -183,28 +169,19 @@ def most_outputs(spec: Spec) -> float:
     return spec.amplifier.channels if spec.amplifier else inf
 
 
-def _grids(spec: Spec, coils: int) -> Iterator[tuple[int, int]]:
-    """Yield grids (rows, columns) of at least `coils` coils whose pitch holds the coil; only the spec's, if it has one.
+def _grids(spec: Spec, coils: int) -> list[tuple[int, int]]:
+    """Return grids (rows, columns) of at least `coils` coils whose pitch holds the coil; the spec's, if it has one.
 
     For each number of rows there is one grid, with as few columns as possible.
     """
-    if spec.coil.grid:
-        if spec.coil.grid[0] * spec.coil.grid[1] <= most_outputs(spec):
-            yield spec.coil.grid
-        return
     most_rows, most_columns = most_coils(spec)
-    for rows in range(1, min(coils, most_rows) + 1):
-        columns = ceil(coils / rows)
-        if spec.coil.sets <= rows * columns <= most_outputs(spec) and columns <= most_columns:
-            yield rows, columns
+    grids = [(rows, ceil(coils / rows)) for rows in range(1, min(coils, most_rows) + 1)]
+    fitting = [grid for grid in grids if grid[1] <= most_columns and spec.coil.sets <= grid[0] * grid[1]]
+    return [g for g in ([spec.coil.grid] if spec.coil.grid else fitting) if g[0] * g[1] <= most_outputs(spec)]
 
 
 def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) -> Iterator[Layout]:
-    pitch_x, pitch_y, surplus = (
-        spec.pad.width_mm / columns,
-        spec.pad.depth_mm / rows,
-        rows * columns * channels - wanted,
-    )
+    pitch_x, pitch_y = spec.pad.width_mm / columns, spec.pad.depth_mm / rows
     # Down to half a plate's side, so that near misses remain: a refusal explains what they lack.
     narrowest = min(plate_shape(spec)[:2]) / 2
     for sub_columns in range(1, min(channels, max(int(pitch_x / narrowest), 1)) + 1):
@@ -212,6 +189,7 @@ def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) 
         if (sub_columns - 1) * sub_rows < channels:
             width, depth = pitch_x / sub_columns, pitch_y / sub_rows
             axis = "x" if width >= depth else "y"
+            surplus = rows * columns * channels - wanted
             yield Layout(rows, columns, channels, sub_columns, sub_rows, width, depth, axis, surplus, ())
 
 
@@ -224,13 +202,11 @@ def room(spec: Spec, layout: Layout) -> Room:
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
-    before = behind = inf
-    for at in slots(layout):
-        u, v = (abs(w) for w in (at if layout.beam_axis == "x" else at[::-1]))
-        reach = sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - max(v - max(slide, 0), 0) ** 2, 0.0))
-        before = min(before, length / 2 + u + reach)
-        behind = min(behind, length / 2 - u + reach)
-    return Room(length, width, before, behind)
+    centres = [at if layout.beam_axis == "x" else at[::-1] for at in slots(layout)]
+    # What sliding across leaves of v is a chord's distance from the coil's axis: the winding reaches half that chord.
+    beside = [(abs(u), max(abs(v) - max(slide, 0), 0)) for u, v in centres]
+    reaches = [(u, sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - off**2, 0.0))) for u, off in beside]
+    return Room(length, width, *(min(length / 2 + way * u + reach for u, reach in reaches) for way in (1, -1)))
 
 
 def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
@@ -245,7 +221,11 @@ def _margin_bound_mm(spec: Spec, layout: Layout) -> float:
 
 
 def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
-    return *_part_slacks(spec, layout, room(spec, layout)), ("reach", _reach_slack_mm(spec, layout))
+    # That of the reach is the farthest washer's to the coil's, with plates slid towards the coil.
+    pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
+    x_mm, y_mm = (max(side / 2 - pocket, 0) for side in (layout.sub_width_mm, layout.sub_depth_mm))
+    farthest = max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in slots(layout))
+    return *_part_slacks(spec, layout, room(spec, layout)), ("reach", coil_reach_mm(spec) - farthest)
 
 
 def _part_slacks(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
@@ -267,13 +247,6 @@ def _part_slacks(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, f
 def coil_reach_mm(spec: Spec) -> float:
     """Return the largest distance in mm of a washer's axis from the coil's at which the two overlap."""
     return (spec.coil.outer_diameter_mm + spec.washer.outer_diameter_mm) / 2
-
-
-def _reach_slack_mm(spec: Spec, layout: Layout) -> float:
-    """Return the slack in mm of the farthest washer to the coil's reach, with plates slid towards the coil."""
-    pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
-    x_mm, y_mm = (max(side / 2 - pocket, 0) for side in (layout.sub_width_mm, layout.sub_depth_mm))
-    return coil_reach_mm(spec) - max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in slots(layout))
 
 
 def slots(layout: Layout) -> list[tuple[float, float]]:

@@ -315,15 +315,14 @@ def _bending(plan: Plan) -> Iterator[LeftOut]:
     beyond linear theory, the secant stiffness that grows by `SLOPE_HARDENING` ``(z/l)²``. The cubic spring is that of a
     slender beam; shear and its ends' give change it by the order of (t/l)².
     """
-    alpha, level, sag, static, shift = np.array(
-        [(c.hardening_per_mm2 * UM**2 / MM**2, c.level_um, c.sag_um, c.static_um, c.level_shift) for c in plan.channels]
+    alpha, shift = np.array([(c.hardening_per_mm2 * UM**2 / MM**2, c.level_shift) for c in plan.channels]).T
+    level, offset, thickness, length = np.array(
+        [(c.level_um, c.sag_um + c.static_um, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels]
     ).T
-    pulled = resonance_rise(alpha, level, sag + static)
-    stubby = np.array([(c.beam.thickness_mm / c.beam.length_mm) ** 2 for c in plan.channels])
-    bound = pulled - shift + (HARDENING_SHARE + stubby) * pulled
+    pulled = resonance_rise(alpha, level, offset)
+    bound = pulled - shift + (HARDENING_SHARE + (thickness / length) ** 2) * pulled
     yield replace(_worst_channel("stretching", "resonance", plan.channels, bound), computed=True)
-    length = np.array([c.beam.length_mm * MM for c in plan.channels])
-    sloping = resonance_rise(SLOPE_HARDENING / length**2, level * UM, (sag + static) * UM)
+    sloping = resonance_rise(SLOPE_HARDENING / (length * MM) ** 2, level * UM, offset * UM)
     yield _worst_channel("large slopes", "resonance", plan.channels, sloping)
 
 
@@ -431,10 +430,10 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     made = washer_magnetised(coil, washer, spec.coil.gap_mm * MM, offset, dipole)
     peak_a = plan.load.current_peak_ma * MA
     core_t, core_chi_n = core_polarisation(coil)
-    lost = 2 * saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
-    lost = lost + saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
-    yield _worst_channel("saturation", "force", channels, np.minimum(lost, 1.0))
-    drive = np.array([channel.drive_hz for channel in channels])
+    of_core = saturation_loss(core_t * peak_a / SATURATION_T, core_chi_n)
+    of_washers = saturation_loss(made.polarisation * peak_a / SATURATION_T, made.chi_n)
+    yield _worst_channel("saturation", "force", channels, np.minimum(2 * of_core + of_washers, 1.0))
+    drive = [channel.drive_hz for channel in channels]
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
     yield _worst_channel("eddy currents", "force", channels, np.array(eddies))
     shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
@@ -462,14 +461,22 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
     nearer, softer = _pulled(plan, channels)
     yield _worst_channel("gap", "force", channels, nearer)
     yield _worst_channel("softening", "resonance", channels, softer)
-    yield _worst_channel("motion", "current", channels, _motional(plan, channels))
-    if not plan.scheme.takes_turns and (ring_down > 0).any():
-        pull, stiffness, resonance, q = np.array(
-            [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.q) for c in channels]
-        ).T
+    pull, stiffness, resonance, drive, q, line = np.array(
+        [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.drive_hz, c.q, c.line_a2) for c in channels]
+    ).T
+    # The constant part of the current over the channel's own tone in it.
+    scheme, bias = plan.scheme, np.zeros(len(channels))
+    for own in _sets(channels, spec):
+        if scheme.is_biased:
+            bias[own] = scheme.bias_ratio * line[own].max() / line[own]
+        elif scheme.is_root:
+            bias[own] = 2 * (1 + spec.drive.headroom) * line[own].sum() / line[own]
+    ohm, henry = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
+    moved = motional_voltage(pull, level * UM, resonance, drive, bias, partial(impedance, ohm, henry))
+    yield _worst_channel("motion", "current", channels, moved)
+    if not scheme.takes_turns and (ring_down > 0).any():
         pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
-        lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
-        delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), lag)
+        delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), henry / ohm)
         yield _worst_channel("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
 
 
@@ -516,48 +523,27 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
 
 
-def _motional(plan: Plan, channels: Sequence[Channel]) -> np.ndarray:
-    spec, scheme, bias = plan.spec, plan.scheme, np.zeros(len(channels))
-    for own in _sets(channels, spec):
-        # The constant part of the current over the channel's own tone in it.
-        lines = np.array([channels[k].line_a2 for k in own])
-        if scheme.is_biased:
-            bias[own] = scheme.bias_ratio * lines.max() / lines
-        elif scheme.is_root:
-            bias[own] = 2 * (1 + spec.drive.headroom) * lines.sum() / lines
-    pull, level_m, resonance, drive = np.array(
-        [(c.force_constant_n_per_a2, c.level_um * UM, c.resonance_hz, c.drive_hz) for c in channels]
-    ).T
-    at = partial(impedance, spec.coil.resistance_ohm, spec.coil.inductance_mh * MH)
-    return motional_voltage(pull, level_m, resonance, drive, bias, at)
-
-
 MOST_CHANNELS = 32
 """Most channels of a coil for which the selectivity under a finger is computed."""
 KEPT_Q = 8.0
 """Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(KEPT_Q ω τ)."""
 
 
-def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Touched, ...]:
-    """Return the figures of the pad with every taxel under low, typical and high skin, driven as planned.
+def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
+    """Yield the figures of the pad with every taxel under low, typical and high skin, driven as planned.
 
     Only the taxels' own modes and one coil are counted.
     """
-    sets = channel_sets(channels, spec.coil.sets)
-    found = []
     for name, skin in SKINS.items():
         hz, q, _ = _touched(spec, skin, channels)
-        kept_db = [_kept_db(spec, own, scheme, skin) for own in sets]
-        found.append(
-            Touched(
-                skin=name,
-                skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
-                resonance_hz=tuple(hz.tolist()),
-                q=tuple(q.tolist()),
-                all_states_db=None if None in kept_db else min(db for db in kept_db if db is not None),
-            )
+        kept_db = [_kept_db(spec, own, scheme, skin) for own in channel_sets(channels, spec.coil.sets)]
+        yield Touched(
+            skin=name,
+            skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
+            resonance_hz=tuple(hz.tolist()),
+            q=tuple(q.tolist()),
+            all_states_db=None if None in kept_db else min(db for db in kept_db if db is not None),
         )
-    return tuple(found)
 
 
 def judge_touch(plan: Plan) -> Iterator[Finding]:

@@ -110,9 +110,7 @@ def choose(spec: Spec) -> Choice:
     """
     if (choice := _searched(spec)) is not None:
         return choice
-    decided = next(_decided_specs(spec))
-    limit = channel_limit(decided)
-    raise refusal(decided, candidates(decided, limit), limit, partial(_planned_with, spec, None))
+    raise refusal(next(_decided_specs(spec)), partial(_planned_with, spec, None))
 
 
 def _searched(spec: Spec, quick: bool = False) -> Choice | None:
@@ -161,24 +159,15 @@ def _best(found: Sequence[Choice]) -> Choice:
     """Return the choice with the fewest coils whose prints work as asked, else that with the most working prints."""
     asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
     rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
-    tried = []
-    for choice in rank:
+    tried: list[tuple[Choice, Tried]] = []
+    for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         one = _tried(choice, asked)
         if one.share >= wanted:
             return choice
-        tried.append(one)
-    # Layouts that would work if printed exactly are tried with serpentine beams, whose prints differ less.
-    if found[0].spec.leaves_layout_free and found[0].spec.suspension.topology == "auto":
-        near = [choice for choice, one in zip(rank, tried, strict=True) if one.share >= 0][:MOST_BENT]
-        for choice in chain.from_iterable(map(_with_bent_beams, near)):
-            one = _tried(choice, asked)
-            if one.share >= wanted:
-                return choice
-            rank.append(choice)
-            tried.append(one)
+        tried.append((choice, one))
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
-    for choice, one in sorted(zip(rank, tried, strict=True), key=lambda item: -item[1].at_most_db):
+    for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
             break
         if one.share < 0:
@@ -199,14 +188,17 @@ class Tried(NamedTuple):
     print_db: float = -inf
 
 
-def _with_bent_beams(choice: Choice) -> Iterator[Choice]:
-    """Yield the choice with each family of suspensions (serpentines) that 'auto' does not include."""
-    layout = choice.layout
-    for kind in SUSPENSIONS.families():
-        spec = replace(choice.spec, suspension=replace(choice.spec.suspension, topology=kind))
-        options = [o for o in candidates(spec, layout.channels) if _grid(o) == _grid(layout)]
-        for sized in islice(sized_layouts(spec, options), 1):
-            yield Choice(spec, *sized)
+def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
+    """Yield choices with each family of suspensions (serpentines) that 'auto' does not include: prints differ less.
+
+    They are made of the first of those `tried` that would work if printed exactly.
+    """
+    near = [choice for choice, one in tried if one.share >= 0][:MOST_BENT]
+    for (spec, layout, *_), kind in product(near, SUSPENSIONS.families()):
+        if spec.leaves_layout_free and spec.suspension.topology == "auto":
+            bent = replace(spec, suspension=replace(spec.suspension, topology=kind))
+            options = [o for o in candidates(bent, layout.channels) if _grid(o) == _grid(layout)]
+            yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
 def _tried(choice: Choice, least_db: float) -> Tried:
@@ -285,7 +277,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
         prints=NOT_PRINTED,
-        touched=touched_pads(spec, channels, scheme),
+        touched=tuple(touched_pads(spec, channels, scheme)),
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),
         left_out=(),
@@ -305,9 +297,8 @@ def _taxels(layout: Layout, coils: CoilGrid, channels: tuple[Channel, ...], turn
 
 
 def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> LayoutOption:
-    taxels = layout.coils * layout.channels - layout.surplus
     kept_db = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized))).kept_db
-    return LayoutOption(layout.rows, layout.columns, layout.channels, taxels, layout.margin_mm, kept_db)
+    return LayoutOption(*_grid(layout), layout.coils * layout.channels - layout.surplus, layout.margin_mm, kept_db)
 
 
 def _limiting_name(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:

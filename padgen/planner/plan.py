@@ -553,7 +553,7 @@ def plan_to_json(plan: Plan) -> str:
     """Return the plan as JSON text: its fields in their order, the same bytes for the same plan."""
     table = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
     known = (name for name in Spec.__dataclass_fields__ if name != "amplifier" or plan.spec.amplifier)
-    return json_text({**table, "spec": {name: getattr(plan.spec, name) for name in known}})
+    return json_text(table | {"spec": {name: getattr(plan.spec, name) for name in known}})
 
 
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
@@ -589,10 +589,9 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     try:
         plan: Plan = read_as(Plan, json.loads(text), "the plan")
         _refuse_contradictions(plan)
-    except (ValueError, RecursionError) as error:
-        raise FileError(f"is not a plan ({error}); padgen plan makes one", where) from error
-    except SpecError as error:
-        raise FileError(f"is not a plan (its spec: {error}); padgen plan makes one", where) from error
+    except (ValueError, RecursionError, SpecError) as error:
+        its = "its spec: " * isinstance(error, SpecError)
+        raise FileError(f"is not a plan ({its}{error}); padgen plan makes one", where) from error
     return plan
 
 
@@ -609,11 +608,10 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
         entries = {}
         for item in fields(kind):
             place = item.name if kind is Plan else f"{where}.{item.name}"
-            if item.name not in value and item.default is not MISSING:
-                continue  # a plan of an older padgen
-            if item.name not in value:
+            if item.name in value:
+                entries[item.name] = read_as(item.type, value[item.name], place, kind in DRAWN)
+            elif item.default is MISSING:  # a plan of an older padgen lacks entries that have a default
                 raise ValueError(f"{place} is missing")
-            entries[item.name] = read_as(item.type, value[item.name], place, kind in DRAWN)
         return kind(**entries)
     if origin is dict:
         return {name: read_as(kinds[1], entry, f"{where}.{name}") for name, entry in value.items()}
@@ -634,36 +632,37 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
 
 
 def _refuse_contradictions(plan: Plan) -> None:
-    """Raise `ValueError` for parts that contradict each other or cannot be drawn."""
+    """Raise `ValueError` for parts that contradict each other or cannot be drawn: larger than any pad."""
     coils, channels = plan.coils, plan.channels
-    if not channels or not plan.taxels:
-        raise ValueError("it has no channels or no taxels")
-    if not coils.rows > 0 < coils.columns or not 0 < coils.sets <= len(channels):
-        raise ValueError("coils must be one or more, with no more sets than channels")
+    rules = [
+        (bool(channels and plan.taxels), "it has no channels or no taxels"),
+        (
+            coils.rows > 0 < coils.columns and 0 < coils.sets <= len(channels),
+            "coils must be one or more, with no more sets than channels",
+        ),
+    ]
+    drawn: dict[str, Any] = {"coils": coils, "cell": plan.cell, "plate": plan.plate}
     for index, channel in enumerate(channels):
-        if channel.index != index:
-            raise ValueError(f"channels[{index}].index must be {index}")
-        if channel.beam.topology not in names() or channel.site.along not in TURNS:
-            raise ValueError(f"channels[{index}] has a topology or a direction that there is not")
-        _refuse_sizes(channel.beam, f"channels[{index}].beam")
-        _refuse_sizes(channel.site, f"channels[{index}].site")
+        where, known = f"channels[{index}]", channel.beam.topology in names() and channel.site.along in TURNS
+        rules.append((channel.index == index, f"{where}.index must be {index}"))
+        rules.append((known, f"{where} has a topology or a direction that there is not"))
+        drawn |= {f"{where}.beam": channel.beam, f"{where}.site": channel.site}
     for index, taxel in enumerate(plan.taxels):
         row, column = taxel.coil
-        if not (0 <= row < coils.rows and 0 <= column < coils.columns and 0 <= taxel.channel < len(channels)):
-            raise ValueError(f"taxels[{index}] is of a coil or a channel that there is not")
-        _refuse_sizes(taxel, f"taxels[{index}]")
-    for part in ("coils", "cell", "plate"):
-        _refuse_sizes(getattr(plan, part), part)
-
-
-def _refuse_sizes(part: Any, where: str) -> None:
-    """Raise `ValueError` for a size or place beyond any pad; places may be 0 or negative, sizes not."""
-    is_place = isinstance(part, (Site, Taxel))
-    for item in fields(part):
-        value, least = getattr(part, item.name), 0.0 if item.name in MAY_BE_0 else SMALLEST_FLOAT
-        sizes = [size for size in (value if isinstance(value, tuple) else (value,)) if isinstance(size, (int, float))]
-        if not all((-LARGEST_MM if is_place else least) <= size <= LARGEST_MM for size in sizes):
-            raise ValueError(f"{where}.{item.name} must be a size of a pad, at most {LARGEST_MM:g}")
+        drawn[f"taxels[{index}]"] = taxel
+        known = 0 <= row < coils.rows and 0 <= column < coils.columns and 0 <= taxel.channel < len(channels)
+        rules.append((known, f"taxels[{index}] is of a coil or a channel that there is not"))
+    for holds, sentence in rules:
+        if not holds:
+            raise ValueError(sentence)
+    for where, part in drawn.items():
+        for item in fields(part):
+            # Places may be 0 or negative, most sizes not.
+            least = -LARGEST_MM if isinstance(part, (Site, Taxel)) else 0.0 if item.name in MAY_BE_0 else SMALLEST_FLOAT
+            value = getattr(part, item.name)
+            sizes = [v for v in (value if isinstance(value, tuple) else (value,)) if isinstance(v, (int, float))]
+            if not all(least <= size <= LARGEST_MM for size in sizes):
+                raise ValueError(f"{where}.{item.name} must be a size of a pad, at most {LARGEST_MM:g}")
 
 
 def level_law(spec: Spec) -> LevelLaw:

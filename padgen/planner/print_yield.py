@@ -3,6 +3,7 @@
 `padgen.planner.printed_pads` has the model of a print and judges it.
 """
 
+from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
 from math import inf, log10
 
@@ -152,7 +153,7 @@ def print_yield(
     made = min(pads, affordable)
     prints = printed(design, spreads, made, seed)
     cost_pads = min(made, max(made // COST_SHARE, COST_PADS), max(affordable // COST_SHARE, 1))
-    costs = _costs(design, spreads, cost_pads, seed)
+    costs = tuple(_costs(design, spreads, cost_pads, seed))
     pairs = sum(coils.taxels.shape[1] * (len(coils.channels) - 1) for coils in design.coils) * made
     swapped, crowded = (float(count) / pairs if pairs else None for count in prints.neighbours)
     drawn = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
@@ -193,9 +194,8 @@ def _criterion(plan: Plan, design: Design) -> str:
 
 def _outcome(prints: Simulated, k: int, taxels: int) -> Outcome:
     pads, good = prints.ratio.shape[1], prints.good_taxels[k]
-    dbs: list[float | None] = [None] * 4
-    if np.isfinite(prints.ratio[k]).all():
-        dbs = [float(v) for v in 10 * np.log10(np.quantile(prints.ratio[k], [0.05, 0.5, 0.95, 0.1]))]
+    ratio, quantiles = prints.ratio[k], [0.05, 0.5, 0.95, 0.1]
+    dbs = (10 * np.log10(np.quantile(ratio, quantiles))).tolist() if np.isfinite(ratio).all() else [None] * 4
     # As many independent taxels as scatter as much as the pads' shares: from pads to pads × taxels.
     share, scatter = float((good / taxels).mean()), float((good / taxels).var())
     alike = share * (1 - share) / scatter if scatter > 0 else 1.0
@@ -214,13 +214,11 @@ def _share(good: int, made: int, independent: int) -> Share:
     return Share(good, made, good / made, float(interval.low), float(interval.high))
 
 
-def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> tuple[Cost, ...]:
+def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> Iterator[Cost]:
     base, taxels = printed(design, spreads, pads, seed), len(design.channel)
-    costs = []
     for name, sigma in zip(NAMES, astuple(spreads), strict=True):
         without = printed(design, replace(spreads, **{name: 0.0}), pads, seed) if sigma else base
-        costs.append(Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1))))
-    return tuple(costs)
+        yield Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1)))
 
 
 def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:

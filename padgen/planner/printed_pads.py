@@ -66,7 +66,6 @@ __all__ = [
     "log_detuning",
     "log_resonances",
     "missed_spreads",
-    "places_of_mm",
     "printed",
     "ratio_spread",
     "sensitivities",
@@ -213,11 +212,6 @@ def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
     return result
 
 
-def places_of_mm(plan: Plan) -> np.ndarray:
-    """Return the places (t, 2) in mm of a plan's taxels, from the pad's centre."""
-    return np.array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
-
-
 def coils_of(plan: Plan) -> dict[tuple[int, int], list[int]]:
     """Return the indices of each coil's taxels, lowest channel first, by the coil's row and column."""
     coils: dict[tuple[int, int], list[int]] = {}
@@ -252,7 +246,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         weight=np.array([one / 2, thickness, thickness, width, thickness, length, glue, _washer_weight(plan)]),
         sensitivity=sensitivity,
         channel=channel,
-        place_mm=places_of_mm(plan) if places_mm is None else np.asarray(places_mm, float),
+        place_mm=np.array([(t.x_mm, t.y_mm) for t in plan.taxels] if places_mm is None else places_mm, float),
         field_length_mm=spec.spread.field_length_mm,
         coils=tuple(Coils(np.array(own), np.array(alike[own]).T) for own in sorted(alike)),
     )

@@ -35,13 +35,18 @@ class Setting(NamedTuple):
     orca: str
 
 
+OF_EVERY_PRINTER = ("layer_height", "first_layer_height", "elephant_foot_compensation", "supports", "raft")
+"""Settings of printers that do not lay filament."""
+
+
 def _settings(spec: Spec) -> list[Setting]:
     """Return all settings that beams, plates, recesses or gaps depend on, the most important first."""
     printer = spec.printer
     layer, first, line, xy = (
         number(v) for v in (printer.layer_mm, printer.first_layer_mm, printer.line_width_mm, printer.xy_compensation_mm)
     )
-    heights = [
+    kinds = ("", "first_layer_", "perimeter_", "external_perimeter_", "infill_", "solid_infill_", "top_infill_")
+    settings = [
         Setting("layer_height", f"{layer} mm", {"layer_height": layer}, "Layer Height", "Layer height"),
         Setting(
             "first_layer_height",
@@ -50,23 +55,6 @@ def _settings(spec: Spec) -> list[Setting]:
             "Initial Layer Height",
             "First layer height",
         ),
-    ]
-    foot = Setting(
-        "elephant_foot_compensation",
-        "0 mm",
-        {"elefant_foot_compensation": "0"},
-        "Initial Layer Horizontal Expansion",
-        "Elephant foot compensation",
-    )
-    bare = [
-        Setting("supports", "none", {"support_material": "0"}, "Generate Support", "Enable support"),
-        Setting("raft", "none", {"raft_layers": "0", "brim_width": "0"}, "Build Plate Adhesion Type", "Raft layers"),
-    ]
-    if printer.process != "fdm":
-        return [*heights, foot, *bare]
-    kinds = ("", "first_layer_", "perimeter_", "external_perimeter_", "infill_", "solid_infill_", "top_infill_")
-    return [
-        *heights,
         Setting(
             "wall_generator",
             "variable line width (Arachne)",
@@ -74,7 +62,13 @@ def _settings(spec: Spec) -> list[Setting]:
             "Variable line widths: always, from version 5.0",
             "Wall generator",
         ),
-        foot,
+        Setting(
+            "elephant_foot_compensation",
+            "0 mm",
+            {"elefant_foot_compensation": "0"},
+            "Initial Layer Horizontal Expansion",
+            "Elephant foot compensation",
+        ),
         Setting("thick_bridges", "off", {"thick_bridges": "0"}, "", "Thick bridges"),
         Setting(
             "line_width", f"{line} mm", {f"{kind}extrusion_width": line for kind in kinds}, "Line Width", "Line width"
@@ -105,12 +99,14 @@ def _settings(spec: Spec) -> list[Setting]:
             "Infill Overlap Percentage, Skin Overlap Percentage",
             "Infill/Wall overlap",
         ),
-        *bare,
+        Setting("supports", "none", {"support_material": "0"}, "Generate Support", "Enable support"),
+        Setting("raft", "none", {"raft_layers": "0", "brim_width": "0"}, "Build Plate Adhesion Type", "Raft layers"),
         Setting(
             "nozzle", f"{number(printer.nozzle_mm)} mm", {"nozzle_diameter": number(printer.nozzle_mm)}, "Nozzle Size",
             "Nozzle diameter",
         ),
     ]  # fmt: skip
+    return [setting for setting in settings if printer.process == "fdm" or setting.name in OF_EVERY_PRINTER]
 
 
 def print_settings(spec: Spec, beams: Sequence[Beam]) -> dict[str, str]:
@@ -163,12 +159,7 @@ def profile_text(plan: Plan) -> str:
         "# Beams, plates, recesses and gaps depend on these:",
         "temperature": "Typical; take what your spool says. Add your printer's own start and end G-code.",
     }
-    lines = []
-    for key, value in profile.items():
-        if key in notes:
-            lines.append(f"# {notes[key]}")
-        lines.append(f"{key} = {value}")
-    return "\n".join([*lines, ""]) if lines else ""
+    return "".join((f"# {notes[k]}\n" if k in notes else "") + f"{k} = {value}\n" for k, value in profile.items())
 
 
 def other_slicers_text(plan: Plan) -> str:
@@ -180,12 +171,14 @@ def other_slicers_text(plan: Plan) -> str:
     settings = _settings(plan.spec)
     if plan.spec.printer.process != "fdm":
         return heading + "".join(f"{each.name.replace('_', ' ')}: {each.value}\n" for each in settings)
-    names = (("Cura", [each.cura for each in settings]), ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]))
     parts = [
         f"PrusaSlicer takes all of them from {PROFILE_FILE}. By the names of others (Cura's were tried with CuraEngine"
         " 4.13, the rest are untested):\n"
     ]
-    for slicer, own in names:
+    for slicer, own in (
+        ("Cura", [each.cura for each in settings]),
+        ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]),
+    ):
         lines = (
             f"  {name}" + f": {each.value}" * (":" not in name)
             for name, each in zip(own, settings, strict=True)

@@ -72,8 +72,7 @@ def slot_band_hz(spec: Spec) -> tuple[float, float]:
 
 def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
     """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
-    found = (reach(spec, name, room) for name in allowed(spec.suspension.topology))
-    spans = [item.span_hz for item in found if item is not None]
+    spans = [found.span_hz for name in allowed(spec.suspension.topology) if (found := reach(spec, name, room))]
     return (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
 
 
@@ -87,45 +86,33 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     """
     if spec.resonances_hz:
         return [spec.resonances_hz]
-    low, high = slot_band_hz(spec)
-    found = reachable_hz(spec, room)
-    spans = [(low, high)]
-    if found:
-        spans.append((max(low, found[0] * 1.01), min(high, found[1] / 1.01)))
-    options = [_spread(spec, count, *span) for span in spans]
-    options += [_closest(spec, count, span[0]) for span in spans]
-    unique = dict.fromkeys(option for option in options if option and option[-1] <= high * (1 + 1e-8))
+    lowest, highest = slot_band_hz(spec)
+    sets, ratio = spec.coil.sets, ladder_ratio(spec.q_min, spec.delta_y)
+    spans = [(lowest, highest)]
+    if found := reachable_hz(spec, room):
+        spans.append((max(lowest, found[0] * 1.01), min(highest, found[1] / 1.01)))
+    options = []
+    for low, high in spans if spec.spacing != "closest" else ():
+        least = low * ratio ** ((count * sets - 1) / sets)
+        if high >= least * (1 - 1e-9):
+            options.append(geometric_ladder(low, max(high, least), count * sets))
+    for low, _ in spans:
+        start = low * (1 - slot_half_width(spec.q_min, spec.delta_y))
+        first = paper_ladder(start, count, spec.q_min, spec.delta_y)
+        options.append(np.stack([first * ratio ** (k / sets) for k in range(sets)], -1).ravel())
+    unique = dict.fromkeys(hz for hz in map(_rounded, options) if hz[-1] <= highest * (1 + 1e-8))
     if spec.spacing == "optimised":
-        half_step = _half_step(spec, count, *_span_hz(spec, room))
-        return [_both_sets(spec, _optimum(spec, count, room), half_step), *unique]
+        low, high = _span_hz(spec, room)
+        # A second set lies at most half a step higher, of a ladder of both sets from end to end: so much is left above.
+        half_step = (high / low) ** ((sets - 1) / (2 * count - 1))
+        best = optimum(spec, count, low, high / half_step).resonances_hz
+        if sets > 1:
+            # As many times the first set, the second is as selective if levels follow a power law.
+            first = np.array(best)
+            closest = (first[1:] / first[:-1]).min(initial=half_step**2) ** 0.5
+            best = _rounded(np.stack([first, first * closest], -1).ravel())
+        return [best, *unique]
     return list(unique)
-
-
-def _optimum(spec: Spec, count: int, room: Room) -> Optimum:
-    """Return the optimal single set in a band that leaves room above for a second set, half a step higher."""
-    low, high = _span_hz(spec, room)
-    return optimum(spec, count, low, high / _half_step(spec, count, low, high))
-
-
-def _half_step(spec: Spec, count: int, low: float, high: float) -> float:
-    """Return the ratio of the second set to the first (1 for a single set).
-
-    It is half a step of a ladder of `count` channels when both sets together spread from end to end.
-    """
-    return float((high / low) ** ((spec.coil.sets - 1) / (2 * count - 1)))
-
-
-def _both_sets(spec: Spec, best: Optimum, half_step: float) -> tuple[float, ...]:
-    """Return the optimum with its second set, if there is one: the first set times at most `half_step`.
-
-    With a power law of levels the second set is as selective as the first.
-    """
-    if spec.coil.sets == 1:
-        return best.resonances_hz
-    first = np.array(best.resonances_hz)
-    # The root of the closest ratio is at most half a step, since an evenly spread set has no closer pair.
-    closest = float((first[1:] / first[:-1]).min()) ** 0.5 if len(first) > 1 else half_step
-    return _rounded(np.stack([first, first * closest], -1).ravel())
 
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
@@ -205,24 +192,7 @@ def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
     """
     if spec.spacing != "optimised" or spec.resonances_hz or spec.coil.sets > 1 or count < 2:
         return None
-    return _optimum(spec, count, room)
-
-
-def _spread(spec: Spec, count: int, low: float, high: float) -> tuple[float, ...] | None:
-    if spec.spacing == "closest":
-        return _closest(spec, count, low)
-    sets = spec.coil.sets
-    span = ladder_ratio(spec.q_min, spec.delta_y) ** ((count * sets - 1) / sets)
-    if high < low * span * (1 - 1e-9):
-        return None
-    return _rounded(geometric_ladder(low, max(high, low * span), count * sets))
-
-
-def _closest(spec: Spec, count: int, low: float) -> tuple[float, ...]:
-    sets, half = spec.coil.sets, slot_half_width(spec.q_min, spec.delta_y)
-    first = paper_ladder(low * (1 - half), count, spec.q_min, spec.delta_y)
-    step = ladder_ratio(spec.q_min, spec.delta_y) ** (1 / sets)
-    return _rounded(np.stack([first * step**k for k in range(sets)], -1).ravel())
+    return optimum(spec, count, *_span_hz(spec, room))
 
 
 def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
@@ -332,7 +302,7 @@ def channel_limit(spec: Spec) -> int:
             "band_hz",
             [{"band_hz": [low, float(at_least(wider))]}],
         )
-    count = whole_channels(_paper_capacity(spec))
+    count = whole_channels(capacity(low, high, spec.q_min, spec.delta_y))
     if count < 1:
         ratio, third = ladder_ratio(spec.q_min, spec.delta_y), (high / low) ** (1 / 3)
         # A wider band or, where there is none, the ON over OFF at which a slot takes a third of the band.
@@ -352,11 +322,18 @@ def channel_limit(spec: Spec) -> int:
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
     """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
-    paper, law = _paper_capacity(spec), level_law(spec)
+    paper, law = capacity(*spec.band_hz, spec.q_min, spec.delta_y), level_law(spec)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
-    ratio = ladder_ratio(spec.q_min, spec.delta_y)
-    breaks = _loudest_line_text(spec.band_hz, states + 1, spec.q_min, law, scheme)
-    return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks, searched_to(scheme))
+    ratio, most, breaks = ladder_ratio(spec.q_min, spec.delta_y), searched_to(scheme), "none that was tried"
+    if states < most:
+        # The line of the drive that shakes an OFF taxel most when there is one channel more.
+        ladder = _ladder(spec.band_hz, states + 1, spec.q_min, law)
+        off = all_states(ladder, scheme).off
+        drivers, kind = loudest_line(ladder, scheme, off)
+        makers = f"channel {drivers[0]}" if len(drivers) == 1 else f"channels {drivers[0]} and {drivers[1]}"
+        hz = number(float(ladder.resonance_hz[off]))
+        breaks = f"the {kind} of {makers} on channel {off} of {states + 1} at {hz} Hz"
+    return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks, most)
 
 
 def searched_to(scheme: Scheme) -> int:
@@ -436,18 +413,3 @@ def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> in
 def _ladder(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw) -> Channels:
     resonance = geometric_ladder(*band_hz, count)
     return channels(resonance, q, law(resonance))
-
-
-def _loudest_line_text(band_hz: tuple[float, float], count: int, q: float, law: LevelLaw, scheme: Scheme) -> str:
-    """Name the line of the drive that shakes an OFF taxel most when a coil has `count` channels."""
-    if count > searched_to(scheme):
-        return "none that was tried"
-    ladder = _ladder(band_hz, count, q, law)
-    off = all_states(ladder, scheme).off
-    drivers, kind = loudest_line(ladder, scheme, off)
-    makers = f"channel {drivers[0]}" if len(drivers) == 1 else f"channels {drivers[0]} and {drivers[1]}"
-    return f"the {kind} of {makers} on channel {off} of {count} at {number(float(ladder.resonance_hz[off]))} Hz"
-
-
-def _paper_capacity(spec: Spec) -> float:
-    return capacity(*spec.band_hz, spec.q_min, spec.delta_y)

@@ -67,12 +67,8 @@ class IdealBeam(NamedTuple):
     length_span_mm: tuple[float, float]
 
 
-class _Options(NamedTuple):
-    """Printable beams (k,) for one channel, the nearest to its target first, with resonances and masses."""
-
-    beam: BeamShape
-    resonance_hz: np.ndarray
-    mass_kg: np.ndarray
+_Option = tuple[BeamShape, float, float]
+"""A printable beam, its resonance in Hz and its mass in kg."""
 
 
 def steps_are_coarse(spec: Spec) -> bool:
@@ -88,8 +84,9 @@ def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarra
             for item in ideal
         ]
     options = [_options(spec, item, float(f)) for item, f in zip(ideal, target_hz, strict=True)]
-    chosen = _most_selective(spec, options, target_hz) if not spec.resonances_hz else [0] * len(options)
-    return [BeamShape(*(float(axis[k]) for axis in o.beam)) for o, k in zip(options, chosen, strict=True)]
+    if spec.resonances_hz:
+        return [nearest[0] for nearest, *_ in options]
+    return [beam for beam, *_ in _most_selective(spec, options, target_hz)]
 
 
 def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.ndarray:
@@ -99,8 +96,8 @@ def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.nd
     return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), 0, most) * step)
 
 
-def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
-    """Return printable beams around the ideal one whose resonances lie near the target; the nearest one at least.
+def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
+    """Return printable beams around the ideal one whose resonances lie near the target, the nearest first.
 
     Thicknesses are as planned and, where they may differ, one and two layers more: fewer would print less surely.
     """
@@ -126,31 +123,31 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> _Options:
     order = np.lexsort((np.abs(beam.length_mm - own.length_mm), miss.round(9)))
     reach = max(slot_half_width(spec.q_min, spec.delta_y) * SLOT_SHARE, float(miss.min()) + 1e-12)
     near = order[miss[order] <= reach][:MOST_OPTIONS]
-    return _Options(BeamShape(*(axis[near] for axis in beam)), model.resonance_hz[near], model.effective_mass_kg[near])
+    figures = zip(*(part[near] for part in (*beam, model.resonance_hz, model.effective_mass_kg)), strict=True)
+    return [(BeamShape(*map(float, size)), float(hz), float(kg)) for *size, hz, kg in figures]
 
 
-def _most_selective(spec: Spec, options: Sequence[_Options], target_hz: np.ndarray) -> list[int]:
-    """Return the index of the beam that each channel takes of its options.
+def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz: np.ndarray) -> list[_Option]:
+    """Return the beam that each channel takes of its options.
 
     Each begins with the beam nearest to its target. One channel at a time then takes better beams, until the all-state
     selectivity reaches that of the targets.
     """
     scheme = scheme_for(spec, target_hz)
 
-    def printed(chosen: list[int]) -> tuple[np.ndarray, np.ndarray]:
-        picked = list(zip(options, chosen, strict=True))
-        return np.array([o.resonance_hz[k] for o, k in picked]), np.array([o.mass_kg[k] for o, k in picked])
+    def kept_db(chosen: Sequence[_Option]) -> float:
+        return sets_db(spec, np.array([hz for _, hz, _ in chosen]), np.array([kg for *_, kg in chosen]), scheme)
 
-    chosen = [0] * len(options)
-    best, enough = (sets_db(spec, hz, printed(chosen)[1], scheme) for hz in (printed(chosen)[0], target_hz))
+    chosen = [nearest for nearest, *_ in options]
+    best, enough = kept_db(chosen), sets_db(spec, target_hz, np.array([kg for *_, kg in chosen]), scheme)
     for _ in range(ROUNDS):
         before = best
         if best >= enough:
             break
-        for i, option in enumerate(options):
-            for k in range(len(option.resonance_hz)):
-                tried = [*chosen[:i], k, *chosen[i + 1 :]]
-                found = sets_db(spec, *printed(tried), scheme)
+        for i, own in enumerate(options):
+            for option in own:
+                tried = [*chosen[:i], option, *chosen[i + 1 :]]
+                found = kept_db(tried)
                 if found > best + 1e-9:
                     chosen, best = tried, found
         if best <= before + 1e-6:
@@ -246,25 +243,23 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
 
 def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
     """Return the `Reach` of `topology` in `room`, or None where no such beam fits."""
-    found = _reach(_beam_fields_only(spec), topology, room, SUSPENSIONS.changes)
-    # Resonances are exactly proportional to the root of the modulus.
-    root = sqrt(spec.material.youngs_modulus_gpa)
-    return found and replace(found, resonance_hz=found.resonance_hz * root)
-
-
-def _beam_fields_only(spec: Spec) -> Spec:
-    """Reduce `spec` to the fields that affect a taxel's grid of beams, so that variants share one cached grid.
-
-    The modulus becomes 1 GPa, since resonances go with its root.
-    """
-    # `_reach` has the topology as an argument, and `tune` only matters when a beam is chosen from the grid.
-    suspension = replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune)
-    size = Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm)
-    material = replace(spec.material, youngs_modulus_gpa=1.0)
-    taxel = replace(
-        spec, name="", resolution=1, band_hz=(1.0, 2.0), q_min=1.0, resonances_hz=None, pad=size, drive=Drive()
+    # Only fields that affect a taxel's grid of beams are kept, so that variants share one cached grid. `_reach` has the
+    # topology as an argument, and `tune` only matters when a beam is chosen from the grid.
+    beams_only = replace(
+        spec,
+        name="",
+        resolution=1,
+        band_hz=(1.0, 2.0),
+        q_min=1.0,
+        resonances_hz=None,
+        pad=Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm),
+        drive=Drive(),
+        material=replace(spec.material, youngs_modulus_gpa=1.0),
+        suspension=replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune),
     )
-    return replace(taxel, material=material, suspension=suspension)
+    found = _reach(beams_only, topology, room, SUSPENSIONS.changes)
+    # Resonances are exactly proportional to the root of the modulus.
+    return found and replace(found, resonance_hz=found.resonance_hz * sqrt(spec.material.youngs_modulus_gpa))
 
 
 @lru_cache(maxsize=256)
@@ -275,15 +270,16 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     shortest, narrowest = shortest_mm(spec, topology), spec.printer.smallest_beam_mm
     if longest < shortest or widest < narrowest:
         return None
-    thickness = layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm - spec.printer.layer_mm)
     if wanted.thickness_mm:
         thickness = np.array([wanted.thickness_mm])
-    floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
-    length = np.linspace(min(shortest, floor), floor, LENGTHS)
-    length = np.round(np.round(length / LENGTH_STEP_MM) * LENGTH_STEP_MM, 6)
-    length = length[length > 0]  # a shortest length below half a step is rounded to 0
+    else:
+        thickness = layer_thicknesses_mm(spec.printer, spec.taxel.plate_thickness_mm - spec.printer.layer_mm)
     if wanted.length_mm:
         length = np.array([wanted.length_mm] if shortest <= wanted.length_mm <= longest + 1e-9 else [])
+    else:
+        floor = np.floor(longest / LENGTH_STEP_MM + 1e-6) * LENGTH_STEP_MM
+        length = np.round(np.linspace(min(shortest, floor), floor, LENGTHS) / LENGTH_STEP_MM) * LENGTH_STEP_MM
+        length = np.round(length[length > 0], 6)  # a shortest length below half a step is rounded to 0
     if not len(thickness) or not len(length):
         return None
     width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
@@ -291,10 +287,11 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
     # A piece shorter than its thickness is no beam.
     resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
-    every = np.broadcast_to(wide, resonance.shape)
-    apart = None if model.is_straight else np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
-    found = Reach(topology, thickness, length, every, resonance, apart if apart is None else apart[..., 1])
-    return None if np.isnan(resonance).all() else found
+    if np.isnan(resonance).all():
+        return None
+    wide = np.broadcast_to(wide, resonance.shape)
+    away = np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
+    return Reach(topology, thickness, length, wide, resonance, None if model.is_straight else away[..., 1])
 
 
 def beams_for_resonances(spec: Spec, room: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
@@ -361,14 +358,13 @@ def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> li
 
 def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[Pick]]:
     """Yield one choice in which every channel takes its topology with the smallest spread, if all can be reached."""
-    count = len(tables[0][1])
     picks: list[Pick] = []
-    for i in range(count):
-        best = min(tables, key=lambda table: float(table[2][i].min()))
-        if not np.isfinite(best[2][i].min()):
+    for i in range(len(tables[0][1])):
+        item, width, spread = min(tables, key=lambda table: float(table[2][i].min()))
+        t, v = (int(at) for at in np.unravel_index(int(spread[i].argmin()), spread[i].shape))
+        if not np.isfinite(spread[i, t, v]):
             return
-        t, v = np.unravel_index(int(best[2][i].argmin()), best[2][i].shape)
-        picks.append((best[0], int(t), int(v), float(best[1][i, t, v])))
+        picks.append((item, t, v, float(width[i, t, v])))
     yield picks
 
 
@@ -380,16 +376,11 @@ def _solved(
     The first choice usually works. The others are computed several at a time, which is faster, unless the printer's
     steps are coarse: then each beam takes a search of its own.
     """
-    at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, set[tuple[Any, ...]]()
-
-    def is_new(picks: list[Pick]) -> bool:
-        # With more dimensions free the same beams are often found again.
-        before = len(known)
-        known.add(tuple((reach.topology, *rest) for reach, *rest in picks))
-        return len(known) > before
-
-    choices = filter(is_new, choices)
-    some = list(islice(choices, 1))
+    at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, dict[tuple[Any, ...], list[Pick]]()
+    # With more dimensions free the same beams are often found again: only the first of equal choices is taken.
+    keyed = ((tuple((reach.topology, *rest) for reach, *rest in picks), picks) for picks in choices)
+    new = (picks for key, picks in keyed if known.setdefault(key, picks) is picks)
+    some = list(islice(new, 1))
     while some:
         ideal = _ideal_beams(spec, some, targets)
         beams = [beam for own in ideal if own for beam in printable_beams(spec, own, targets)]
@@ -400,7 +391,7 @@ def _solved(
             # With steps too coarse for the ladder, two targets may get the same beam.
             apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
             yield channels if channels and (apart or spec.resonances_hz) else None
-        some = list(islice(choices, at_once))
+        some = list(islice(new, at_once))
 
 
 def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
@@ -408,26 +399,20 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
 
     The beams of one topology are solved together, which is faster.
     """
-    ideal: list[dict[int, IdealBeam]] = [{} for _ in choices]
-    every = [(c, i, pick) for c, picks in enumerate(choices) for i, pick in enumerate(picks)]
-    for name in dict.fromkeys(pick[0].topology for _, _, pick in every):
-        own = [item for item in every if item[2][0].topology == name]
-        group, index = np.array([item[:2] for item in own]).T
-        chosen = [pick for _, _, pick in own]
-        beam = BeamShape(
-            np.array([p[3] for p in chosen]),
-            np.array([p[0].thickness_mm[p[1]] for p in chosen]),
-            np.array([p[0].length_mm[p[2]] for p in chosen]),
-        )
-        spans = np.array([p[0].width_mm[p[1], p[2], [0, -1]] for p in chosen])
-        beam, found = _solve_widths(spec, name, beam, (spans[:, 0], spans[:, 1]), targets[index], group)
-        reached = np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE
-        for k, (c, i, pick) in enumerate(own):
-            lengths, width = pick[0].length_mm, (float(spans[k, 0]), float(spans[k, 1]))
-            if reached[k]:
-                shape = BeamShape(*(float(v[k]) for v in beam))
-                ideal[c][i] = IdealBeam(name, shape, width, (float(lengths[0]), float(lengths[-1])))
-    return [[beams[i] for i in range(len(targets))] if len(beams) == len(targets) else [] for beams in ideal]
+    every, count = [pick for picks in choices for pick in picks], len(targets)
+    ideal: list[IdealBeam | None] = [None] * len(every)
+    for name in dict.fromkeys(reach.topology for reach, *_ in every):
+        own = [k for k, pick in enumerate(every) if pick[0].topology == name]
+        group, index = np.divmod(own, count)
+        sizes = [(width, reach.thickness_mm[t], reach.length_mm[v]) for reach, t, v, width in (every[k] for k in own)]
+        spans = np.array([reach.width_mm[t, v, [0, -1]] for reach, t, v, _ in (every[k] for k in own)]).T
+        beam, found = _solve_widths(spec, name, BeamShape(*np.array(sizes).T), spans, targets[index], group)
+        for at in np.flatnonzero(np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE):
+            lengths_mm, shape = every[own[at]][0].length_mm, BeamShape(*(float(side[at]) for side in beam))
+            ends_mm = float(lengths_mm[0]), float(lengths_mm[-1])
+            ideal[own[at]] = IdealBeam(name, shape, (float(spans[0, at]), float(spans[1, at])), ends_mm)
+    solved = [[beam for beam in ideal[k : k + count] if beam] for k in range(0, len(ideal), count)]
+    return [beams if len(beams) == count else [] for beams in solved]
 
 
 def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> list[TaxelModel]:
@@ -449,7 +434,7 @@ def _solve_widths(
     spec: Spec,
     topology: str,
     beam: BeamShape,
-    bounds: tuple[np.ndarray, np.ndarray],
+    bounds: np.ndarray,
     targets: np.ndarray,
     group: np.ndarray,
 ) -> tuple[BeamShape, np.ndarray]:
@@ -459,23 +444,19 @@ def _solve_widths(
     kept as they are once all of the group are solved.
     """
     plate = plate_shape(spec)
-    slope = np.full(len(targets), 0.5)
-    previous = None
+    slope, found = np.full(len(targets), 0.5), TaxelModel(spec, topology, plate, beam).resonance_hz
     for _ in range(5):
-        found = TaxelModel(spec, topology, plate, beam).resonance_hz
         miss = np.log(targets / found)
-        if previous is not None:
-            step = np.log(beam.width_mm / previous[0])
-            moved = np.abs(step) > 1e-9
-            secant = np.divide(np.log(found / previous[1]), step, out=slope.copy(), where=moved)
-            slope = np.clip(secant, 0.1, 3)
-        previous = (beam.width_mm, found)
-        open_groups = group[np.abs(miss) >= 1e-5]
-        if not len(open_groups):
-            return beam, found
-        width = np.clip(beam.width_mm * np.exp(miss / slope), *bounds)
-        beam = beam._replace(width_mm=np.where(np.isin(group, open_groups), width, beam.width_mm))
-    return beam, TaxelModel(spec, topology, plate, beam).resonance_hz
+        is_open = np.isin(group, group[np.abs(miss) >= 1e-5])
+        if not is_open.any():
+            break
+        width = np.where(is_open, np.clip(beam.width_mm * np.exp(miss / slope), *bounds), beam.width_mm)
+        step, before = np.log(width / beam.width_mm), found
+        beam = beam._replace(width_mm=width)
+        found = TaxelModel(spec, topology, plate, beam).resonance_hz
+        secant = np.divide(np.log(found / before), step, out=slope.copy(), where=np.abs(step) > 1e-9)
+        slope = np.clip(secant, 0.1, 3)
+    return beam, found
 
 
 def _has_doubled_mode(spec: Spec, model: TaxelModel) -> bool:

@@ -13,7 +13,7 @@ from padgen.core.units import MM
 from padgen.physics.beams import BeamSection, bend_stiffening, flexibility, piece_twist
 from padgen.physics.frame import AttachedBody, Element, Frame, Section, rectangle
 from padgen.physics.modes import RigidBody, box
-from padgen.planner.suspensions import BeamPath, Block, Segment
+from padgen.planner.suspensions import BeamPath, Segment
 from padgen.planner.taxel_model import TaxelModel
 
 __all__ = ["taxel_frame"]
@@ -33,10 +33,9 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
     builder = _Builder(model)
     whole = rigid_crossbar or not model.arrangement.yoke
     tips = [builder.beam(k, elements, with_yoke=whole) for k in range(len(model.placements))]
-    if whole:
-        return builder.frame([AttachedBody(model.body, tuple(tips))])
-    plate, neck, crossbar = model.arrangement.blocks
-    return builder.frame(builder.yoke(plate, neck, crossbar, tips))
+    bodies = [AttachedBody(model.body, tuple(tips))] if whole else builder.yoke(tips)
+    nodes, bars, roots = np.array(builder.nodes), tuple(builder.elements), tuple(builder.roots)
+    return Frame(nodes, bars, tuple(bodies), roots, bubbles=INNER_MOTIONS)
 
 
 def _stations(path: BeamPath, fillet: float, elements: int) -> list[tuple[int, float]]:
@@ -63,12 +62,6 @@ class _Builder:
         self.elements: list[Element] = []
         self.roots: list[int] = []
 
-    def frame(self, bodies: list[AttachedBody]) -> Frame:
-        """Return the frame of all collected nodes and elements, with these bodies."""
-        return Frame(
-            np.array(self.nodes), tuple(self.elements), tuple(bodies), tuple(self.roots), bubbles=INNER_MOTIONS
-        )
-
     def node(self, place: np.ndarray) -> int:
         """Add a node at `place` (3,) in m and return its index."""
         self.nodes.append(np.asarray(place, float))
@@ -82,15 +75,13 @@ class _Builder:
     def beam(self, index: int, elements: int, *, with_yoke: bool) -> int:
         """Add one beam, clamped at its root, and return the index of its tip's node."""
         placement, path = self.model.placements[index], self.model.arrangement.beams[index]
-        section, places, at = placement.section, [], []
-        if not with_yoke:
-            section = self.model.beside_yoke(section)
+        section = placement.section if with_yoke else self.model.beside_yoke(placement.section)
         before = np.cumsum([0.0, *(float(segment.length_mm) for segment in path.segments)]) * MM
+        nodes, at = list[int](), list[float]()
         for k, share in _stations(path, float(section.fillet), elements):
             point = path.within(k, share)
-            places.append(np.array([float(point.x_mm) * MM, float(point.y_mm) * MM, placement.tip[2]]))
+            nodes.append(self.node(np.array([float(point.x_mm) * MM, float(point.y_mm) * MM, placement.tip[2]])))
             at.append(before[k] + share * (before[k + 1] - before[k]))
-        nodes = [self.node(place) for place in places]
         self.roots.append(nodes[0])
         for (start, end), (low, high) in zip(pairwise(nodes), pairwise(at), strict=True):
             piece = path.segments[int(np.searchsorted(before, (low + high) / 2)) - 1]
@@ -122,14 +113,14 @@ class _Builder:
             * float(parts.lateral_shear / (parts.lateral_shear + parts.lateral_end_shear)),
         )
 
-    def yoke(self, plate: Block, neck: Block, crossbar: Block, tips: list[int]) -> list[AttachedBody]:
+    def yoke(self, tips: list[int]) -> list[AttachedBody]:
         """Add neck and crossbar between plate and beams' tips; return the plate and the bodies that join the parts."""
+        plate, neck, crossbar = self.model.arrangement.blocks
         height = float(crossbar.height_mm) * MM
         middle_x = float(crossbar.low_x_mm + crossbar.high_x_mm) / 2 * MM
         half_neck = float(neck.high_y_mm) * MM
         bar = rectangle(float(crossbar.high_x_mm - crossbar.low_x_mm) * MM, height, self.poisson)
-        joint = []
-        bodies = []
+        joint, bodies = list[int](), list[AttachedBody]()
         for tip in tips:
             y = self.nodes[tip][1]
             inner = self.node(np.array([middle_x, np.sign(y) * half_neck, height / 2]))

@@ -147,23 +147,20 @@ class TaxelModel:
         """Return one rigid body made of `blocks`, boss, washer and glue, less the recess."""
         spec, taxel = self.spec, self.spec.taxel
         density = spec.material.density_g_per_cm3 * G_PER_CM3 * self.plastic_share
-        top = taxel.plate_thickness_mm * MM
-        boss_top = (spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm) * MM
+        top, boss_top = taxel.plate_thickness_mm * MM, (spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm) * MM
         diameter, depth = (v * MM for v in recess_mm(spec))
         low, high = depth - spec.washer.thickness_mm * MM, depth
         outer, bore = spec.washer.outer_diameter_mm * MM, spec.washer.inner_diameter_mm * MM
         washer_at = (self.arrangement.washer_x_mm * MM, 0.0)
         parts = [
-            box(
-                (b.low_x_mm * MM, b.low_y_mm * MM, 0),
-                (b.high_x_mm * MM, b.high_y_mm * MM, b.height_mm * MM),
-                density,
-            )
-            for b in blocks
+            *(
+                box((x0 * MM, y0 * MM, 0), (x1 * MM, y1 * MM, height * MM), density)
+                for x0, x1, y0, y1, height in blocks
+            ),
+            ring(washer_at, top, boss_top, taxel.boss_diameter_mm * MM, 0, density),
+            ring(washer_at, 0, depth, diameter, post_diameter_mm(spec) * MM, -density),
+            ring(washer_at, low, high, outer, bore, spec.washer.density_g_per_cm3 * G_PER_CM3),
         ]
-        parts.append(ring(washer_at, top, boss_top, taxel.boss_diameter_mm * MM, 0, density))
-        parts.append(ring(washer_at, 0, depth, diameter, post_diameter_mm(spec) * MM, -density))
-        parts.append(ring(washer_at, low, high, outer, bore, spec.washer.density_g_per_cm3 * G_PER_CM3))
         if taxel.glue_mg:
             glue_density = taxel.glue_mg * 1e-6 / (np.pi / 4 * (outer**2 - bore**2) * (high - low))
             parts.append(ring(washer_at, low, high, outer, bore, glue_density))

@@ -31,5 +31,4 @@ def coil_source(coil: Coil) -> CoilSource:
     SpecError
         There is no such kind, or the fields make no coil of this kind.
     """
-    kind: CoilKind = COILS.get(coil.kind, "coil.kind")
-    return kind.source(coil)
+    return COILS.get(coil.kind, "coil.kind").source(coil)

@@ -213,12 +213,7 @@ class Suspension(Protocol):
         """
 
 
-register, unregister = SUSPENSIONS.register, SUSPENSIONS.unregister
-
-
-def names() -> tuple[str, ...]:
-    """Return the names of all suspensions, without importing them."""
-    return SUSPENSIONS.names()
+register, unregister, names = SUSPENSIONS.register, SUSPENSIONS.unregister, SUSPENSIONS.names
 
 
 def suspension(name: str) -> Suspension:
