@@ -1,4 +1,4 @@
-"""Excitation files: what the coils play while the taxels' resonances are measured.
+"""Excitation files: the currents of `measured/shaking.py` as volts, to be played while resonances are measured.
 
 One chirp or one stretch of noise (`padgen.measured.shaking`), followed by the silence in which the slowest taxel comes
 to rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and

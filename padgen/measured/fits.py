@@ -1,4 +1,4 @@
-"""Fit resonance, Q and response, each with one sigma, to the measured data of every taxel, and draw the fits."""
+"""Fit every taxel's data by `physics/resonance_fit.py`: resonance, Q and response with their errors; draw the fits."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

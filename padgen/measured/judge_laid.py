@@ -1,4 +1,4 @@
-"""Judgement of a pad as a slicer lays it: its beams, the taxels' resonances, and the settings that spoil them.
+"""Judgement of a pad as a slicer lays it: beams, resonances, and the settings (by slicers' names) that spoil them.
 
 The plan's beam model computes each taxel twice, as drawn and as laid: with the stiffness of the layers that are laid
 (their widths and heights at nodes along the beam, as one stack) and the mass of the plate's plastic. The plan's

@@ -1,4 +1,4 @@
-"""Measurement of a pad in a slicer's G-code: its place on the bed, and each taxel as it is laid.
+"""Measurement of a pad in a slicer's G-code and its comments: its place on the bed, and each taxel as it is laid.
 
 A file is read layer by layer, so that it may have any size. The reader knows straight moves and arcs (G0–G3), absolute
 and relative coordinates and extrusion (G90, G91, M82, M83, G92), millimetres and inches (G20, G21). From a slicer's

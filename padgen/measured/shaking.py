@@ -1,4 +1,4 @@
-"""Currents that shake taxels while they are measured: chirps and noise, as strong as the plan moves its taxels.
+"""Currents that shake taxels while they are measured: chirps and noise with their fades, as strong as the plan needs.
 
 The force goes with i², so the current is designed by i². A chirp ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``: a
 chirp of the force without harmonics, at twice the current's frequency. Noise is the root of a constant and lines on a

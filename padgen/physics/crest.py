@@ -1,4 +1,4 @@
-"""Shape the spur-free drive's force: phases for which it dips least, its constant and margin, and the comb's period.
+"""Phases with which a spur-free force needs the least constant, its margin, and the period after which a drive repeats.
 
 The force is ``F₀ + Σ A_j cos(2π k_j t/T + φ_j)`` and may not be negative. F₀ is therefore at least the depth of the
 sum's deepest dip, and copper loss and mean pull are proportional to F₀. Everything is over one period T, at the angle x

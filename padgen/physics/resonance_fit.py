@@ -1,4 +1,4 @@
-"""Fit one resonance to measured data: frequency, Q and peak response, with one sigma of each.
+"""Fit f, Q and peak response of one resonance, each with one sigma; mains lines, other modes and drift are taken out.
 
 A driven record, the record of a free decay and a spectrum are fitted by one model in frequency, within some bandwidths
 of the resonance:

@@ -1,4 +1,5 @@
-"""Find layouts, and place taxels: the coil grid, the channels per coil, and how the cell over a coil is divided.
+"""List layouts in the order in which they are tried (coil grid, channels per coil, cells), and place taxels.
+
 Candidates are ranked before any beam is sized: first grids without empty places, then those with the fewest coils, then
 those with the largest margin in mm. For a candidate without room, `explain` names the limit that binds and by how much.
 Of a finished plan come the taxels' places and outlines, and the grooves that mark corners.

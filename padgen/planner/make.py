@@ -1,4 +1,4 @@
-"""Spec → Plan: search the layouts, size the beams, place the taxels, judge the result."""
+"""Spec → Plan: run layout, search and judge, try what the spec leaves open, and choose by what prints keep."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Estimate the share of good pads among prints of a plan, before and after re-tuning, and the costliest spread.
+"""`padgen plan --yield`: the share of good pads among prints, before and after re-tuning, and the costliest spread.
 
 `padgen.planner.printed_pads` has the model of a print and judges it.
 """

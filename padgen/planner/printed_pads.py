@@ -1,4 +1,4 @@
-"""Simulate many prints of a plan (Monte-Carlo) and judge every printed coil.
+"""Simulate prints of a plan (Monte-Carlo), as many as its verdict needs, and judge every printed coil.
 
 A simulated print differs from the plan only in its resonances; Q and the masses of the response stay. Each cause is a
 normal random number z of the given sigma and multiplies a resonance by ``exp(s z)``, with s = d ln f / d z. So neither

@@ -1,4 +1,4 @@
-"""Search layouts that work: first the room, then resonances within the band and the reach of beams, then the beams.
+"""Of the layouts in their order, find those whose resonances and beams can be made; count what a coil can hold.
 
 The most channels that one coil holds are counted by the paper's bound, by the exact response, and in printed pads.
 """

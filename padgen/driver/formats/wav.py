@@ -1,4 +1,4 @@
-"""The pad's waveforms as a WAV file, and beside it what a reader must know: scale, coils, lines, keyframes.
+"""The samples of `driver/waveform.py` as a WAV file, and beside it what a reader must know: scale, coils, keyframes.
 
 Files are written in blocks: PCM of 24 bits and IEEE floats, any number of channels. With more than two channels or more
 than 16 bits the format is WAVE_FORMAT_EXTENSIBLE, here without loudspeaker positions: channel k is coil k.
