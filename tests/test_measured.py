@@ -194,6 +194,10 @@ def test_folder(plan, tmp_path):
     one, two = fit_measured(measured, plan)
     check([one], True, ("r0c0k0",))
     check([two], False, ("r0c0k1",))
+    (tmp_path / "more").mkdir()
+    (tmp_path / "r0c0k1.wav").rename(tmp_path / "more" / "r0c0k1.wav")
+    for apart in ([tmp_path / "r0c0k0.csv", tmp_path / "more"], [tmp_path / "more", tmp_path / "r0c0k0.csv"]):
+        assert fit_measured(read_measured(apart, plan), plan) == (one, two)
 
 
 def test_frequencies_of_the_current(plan):

@@ -128,25 +128,22 @@ def read_measured(
     if sensor not in (*SENSORS, None):
         raise SpecError(f"must be {', '.join(SENSORS)}, got {sensor!r}", "--sensor")
     paths = [path] if isinstance(path, Path) else [*path]
+    files: list[Path] = []
     for each in paths:
         recover(each)
         recover(each.parent)
         try:
-            is_folder, is_there = each.is_dir(), each.exists()
-        except OSError as error:  # a name that no file can have
+            if not each.exists():
+                raise FileError("there is no such file or folder", str(each))
+            inside = sorted(each.iterdir()) if each.is_dir() else ()
+        except OSError as error:  # or a name that no file can have
             raise FileError(f"cannot be read ({reason(error)})", str(each)) from error
-        if not is_there:
-            raise FileError("there is no such file or folder", str(each))
-    alone, several = paths[0], len(paths) > 1
-    where = str(alone.parent if several else alone)
-    if is_folder:
-        try:
-            entries = sorted(alone.iterdir())
-        except OSError as error:
-            raise FileError(f"cannot be read ({error.strerror})", str(alone)) from error
-        paths = [p for p in entries if p.suffix.lower() in (".csv", ".wav", ".wave") and not p.name.startswith(".")]
-    if several or is_folder or _taxels_of(alone, plan):
-        found, stated = _read_named(paths, plan, excitation, where)
+        known = [p for p in inside if p.suffix.lower() in (".csv", ".wav", ".wave") and not p.name.startswith(".")]
+        files += known if each.is_dir() else [each]
+    alone = paths[0]
+    where = str(alone.parent if len(paths) > 1 else alone)
+    if len(paths) > 1 or files != paths or _taxels_of(alone, plan):
+        found, stated = _read_named(files, plan, excitation, where)
     else:
         data = read_bounded(alone, LARGEST_FILE, "a measurement")
         found, stated = _read(data, alone, tuple(taxel.id for taxel in plan.taxels), plan, excitation, False)
