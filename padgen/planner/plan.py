@@ -319,8 +319,8 @@ class CoilLoad:
     """Load of one coil and its amplifier with all channels on.
 
     `pull_in_share` is the mean pull over the pull at which the softest washer snaps to the coil. `reachable_level_um`
-    is the largest `drive.level_um` that all limits of a coil allow, `reachable_by` the limit that it then meets. `idle_w` is the
-    power that the scheme's constant current takes with all taxels OFF.
+    is the largest `drive.level_um` that all limits of a coil allow, `reachable_by` the limit that it then meets.
+    `idle_w` is the power that the scheme's constant current takes with all taxels OFF.
     """
 
     current_peak_ma: float
