@@ -333,6 +333,14 @@ def test_an_interrupt_fades_out_and_lost_samples_are_told_of(card):
         record()
 
 
+def test_a_taxel_that_the_sensor_does_not_hear_is_told_of(card, plan, capsys):
+    card.pad.at = "r0c0k0"
+    assert cli.run(["bench", "four.toml", "--coils", "-o", "print", "--tries", "1"]) in (0, 1)
+    told = capsys.readouterr().out
+    assert told.startswith("r0c0k0  ") and "r0c0k1: not heard, and keeps the plan's tone" in told
+    compare(card, Path("print"), ["r0c0k0"])
+
+
 # ---- The firmware --------------------------------------------------------------------------------------------------
 
 

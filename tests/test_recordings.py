@@ -19,6 +19,7 @@ from padgen.core.errors import FileError
 from padgen.measured.fits import fit_measured, fitted, tuning_picture
 from padgen.measured.read import read_measured
 from padgen.measured.tuning import planned_tuning, simulate_print
+from padgen.physics.resonance_fit import fit_driven
 from padgen.planner import make_plan
 from padgen.spec import parse_spec
 from tests.recordings import KINDS, TWO_COILS, recorded
@@ -167,3 +168,14 @@ def test_a_recorded_print_keeps_what_its_true_f_and_q_allow(tmp_path):
     tuned, best, planned = (np.array(kept_db(pad, tuning, truth, coils, tmp_path)) for tuning in tunings)
     assert (tuned > best - 0.5).all()
     assert (planned < best - 3).all()  # so that the two above agree by more than chance
+
+
+def test_what_is_left_of_clipped_crests_is_no_further_mode():
+    """Two taxels heard at once, and crests clipped; in this noise a mode at the edge of the lines once ran away."""
+    made = recorded(
+        np.random.default_rng(59), (76.7, 185.1), (15.0, 12.3), (1.0, 0.85), seconds=1.2, band=(30.0, 350.0),
+        rate=6000, white=0.002, hum=0.01, clipped=0.003,
+    )  # fmt: skip
+    fit = fit_driven(6000, made.reference**2, made.motion, 82.0, None, 0.08, np.abs(made.motion) >= 1, exact=True)
+    ((other_hz, _),) = fit.others
+    assert (fit.resonance_hz, other_hz) == pytest.approx((76.7, 185.1), rel=2e-3)  # the bar of these recordings

@@ -207,6 +207,9 @@ def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
                 f"{fit.id}  {fit.resonance_hz:.2f} ± {fit.resonance_error_hz:.1g} Hz,"
                 f" Q {fit.q:.1f} ± {fit.q_error:.1g}",
             )
+        due = (taxel.id for taxel in session.plan.taxels if name in (taxel.id, taxel.id.partition("k")[0]))
+        for missing in sorted(set(due) - {fit.id for fit in fits}):
+            _say(options, f"{missing}: not heard, and keeps the plan's tone; a sensor nearer to it may hear it")
         return
 
 

@@ -752,7 +752,10 @@ def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: i
         step = np.linalg.lstsq(square / np.outer(norm, norm), seen / norm, rcond=1e-13)[0] / norm
         heights = heights + step[-count:]
         there = y + heights[own] * shapes
-        fit = _solve(fit.lines._replace(data=np.fft.rfft(there)[places]), fit.theta, power, fit.extra)
+        lines = fit.lines._replace(data=np.fft.rfft(there)[places])
+        fit = _solve(lines, fit.theta, power, fit.extra)
+        if not _are_resolved(fit):  # a further mode was one of the clipped crests
+            fit = _solve(lines, fit.theta[:2], power, fit.extra)
     return fit._replace(caps=caps), there
 
 
@@ -838,15 +841,19 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     if len(fit.residual) < fit.basis.shape[1] + 6:
         return None
     more = _solve(fit.lines, theta, power, extra)
-    hz, q = more.modes.T
-    step = fit.lines.step_hz
+    size = np.abs(more.factors[: len(more.modes)]) / np.abs(fit.factors[0])
+    same = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / more.modes[0, 1] and 0.5 < size[0] < 2
+    own = same and (size[1:] < 2).all() and _are_resolved(more)
+    return more if own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
+
+
+def _are_resolved(fit: _Solved) -> bool:
+    """Return whether the modes are apart, and all further ones lie among the lines and are wide enough to be seen."""
+    (hz, q), step = fit.modes.T, fit.lines.step_hz
     width = np.maximum(hz / q, step)
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
     inside = (hz > fit.lines.frequency[0]) & (hz < fit.lines.frequency[-1]) & (hz / q > 0.3 * step)
-    apart = near.sum() == len(hz) and inside[1:].all()
-    size = np.abs(more.factors[: len(hz)]) / np.abs(fit.factors[0])
-    own = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / q[0] and 0.5 < size[0] < 2 and (size[1:] < 2).all()
-    return more if apart and own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
+    return bool(near.sum() == len(hz) and inside[1:].all())
 
 
 def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.ndarray:
