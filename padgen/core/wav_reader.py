@@ -53,9 +53,11 @@ class Wave:
             return np.ascontiguousarray(raw).view(f"<f{self.width}")[..., 0].astype(float)
         if self.bits <= 8:  # samples of up to 8 bits are unsigned
             return (raw[..., 0].astype(float) - 128) / 128
-        whole = np.zeros((*raw.shape[:-1], 4), np.uint8)
-        whole[..., 4 - self.width :] = raw
-        return whole.view("<i4")[..., 0] / 2.0**31
+        if self.width == 3:
+            whole = np.zeros((*raw.shape[:-1], 4), np.uint8)
+            whole[..., 1:] = raw
+            raw = whole
+        return np.ascontiguousarray(raw).view(f"<i{raw.shape[-1]}")[..., 0] / 2.0 ** (8 * raw.shape[-1] - 1)
 
     def data(self) -> Iterator[bytes]:
         """Return the samples' bytes in the file, in blocks."""
