@@ -1,4 +1,4 @@
-"""What a study compares: for each question (channels, mesh, pull, resonance, motion) the models from coarse to fine.
+"""Make what a study compares: for each question (channels, mesh, pull, resonance, motion) the models, coarse to fine.
 
 Allocation: how far a coil's channels can be told apart in the band, from Eq. 12 to the optimum. Geometry: the mesh that
 is printed against the B-rep that was modelled. Force: the coil's pull on a washer, from the paper's Eq. 4 to field
