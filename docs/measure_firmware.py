@@ -47,7 +47,16 @@ def compiled(folder: Path, soft: bool) -> Path:
         (folder / name).write_text(text)
     cpu, abi = ("cortex_m0plus", "eabi") if soft else ("cortex_m4+vfp4d16sp", "eabihf")
     command = [sys.executable, "-m", "ziglang", "cc", "-target", f"thumb-freestanding-{abi}", f"-mcpu={cpu}", "-O2"]
-    options = ["-std=c99", "-fno-math-errno", "-static", "-g0", "-I", folder, "-o", folder / "program"]
+    options: list[str | Path] = [
+        "-std=c99",
+        "-fno-math-errno",
+        "-static",
+        "-g0",
+        "-I",
+        folder,
+        "-o",
+        folder / "program",
+    ]
     subprocess.run([*command, *options, folder / "main.c", folder / "padgen_drive.c"], check=True)
     return folder / "program"
 
@@ -82,7 +91,10 @@ class Machine:
             self.cpu.mem_map(start, size)
         self.cpu.mem_write(ENABLE_FPU, (0xF << 20).to_bytes(4, "little"))
         data = program.read_bytes()
-        number = lambda at, size=4: int.from_bytes(data[at : at + size], "little")  # noqa: E731
+
+        def number(at: int, size: int = 4) -> int:
+            return int.from_bytes(data[at : at + size], "little")
+
         for head in (number(28) + number(42, 2) * k for k in range(number(44, 2))):
             if number(head) == 1:  # a part that is loaded
                 self.cpu.mem_write(number(head + 8), data[number(head + 4) :][: number(head + 16)])
