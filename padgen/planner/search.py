@@ -1,4 +1,4 @@
-"""Of the layouts in their order, find those whose resonances and beams can be made; count what a coil can hold.
+"""Find the layouts whose resonances and beams can be made, in their order, and count what a coil can hold.
 
 The most channels that one coil holds are counted by the paper's bound, by the exact response, and in printed pads.
 """
