@@ -122,7 +122,7 @@ def _leak(plan: Plan) -> Iterator[Finding]:
             f"channel {plan.reuse.leak_channel}",
             "in their worst state the coils around shake this taxel, when it is OFF, re-tuned"
             f" {quieter(apart)} than its own coil does when ON{by_table}; asked are"
-            f" {asked:.1f} dB less{' (to more decimals)' * (round(apart, 1) == round(asked, 1))}",
+            f" {asked:.1f} dB less{f' ({asked - apart:.1g} dB short)' * (apart < asked < apart + 0.1)}",
         )
 
 

@@ -36,7 +36,7 @@ class Setting(NamedTuple):
 
 
 OF_EVERY_PRINTER = ("layer_height", "first_layer_height", "elephant_foot_compensation", "supports", "raft")
-"""Settings of printers that do not lay filament."""
+"""The settings that resin printers have, too; all others are of printers that lay filament."""
 
 
 def _settings(spec: Spec) -> list[Setting]:
