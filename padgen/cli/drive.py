@@ -190,7 +190,7 @@ def _wiring(options: argparse.Namespace) -> int:
         plan = plan_of(options, progress)
     findings = wiring_findings(plan, Path(options.wiring))
     held = held_line(f"What was felt or heard of {plan.name} is compared with its wiring", findings)
-    answer(options, {"findings": findings}, held, findings_text(findings))
+    answer(options, {"findings": findings}, held, *([findings_text(findings)] if findings else []))
     return code_of(findings)
 
 
