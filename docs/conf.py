@@ -113,7 +113,7 @@ def gallery() -> str:
     from padgen.core.display import plot_bytes
     from padgen.report.charts import picture
     from padgen.report.page import page_data, page_html
-    from padgen.report.plans import pad_line, verdict_line
+    from padgen.report.plans import pad_line
     from padgen.spec import template_paths
 
     told = [
@@ -129,7 +129,7 @@ def gallery() -> str:
         about = template_paths()[name].read_text(encoding="utf-8").splitlines()[0].lstrip("# ")
         told += ["", f"## {name}", "", _cell(about), "", f"![{name} from both sides]({name}.svg)", ""]
         told += [
-            _cell(verdict_line(made)),
+            _cell(made.verdict.sentence),
             "",
             _cell(pad_line(made)),
             "",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import SpecError
 from padgen.make.pad import Pad, parse_parts
-from padgen.make.planning import Progress, plan_for, plan_to_compare, spec_of
+from padgen.make.planning import Progress, plan_for, plan_to_compare, recorded_plan, spec_of
 from padgen.planner.plan import Plan
 from padgen.spec import Spec, make_spec, template_paths
 
@@ -78,7 +78,8 @@ def plan(
     Returns
     -------
     Plan
-        Frozen plain data: frequencies in Hz, lengths in mm, amplitudes in µm; verdicts in ``.findings``.
+        Frozen plain data: frequencies in Hz, lengths in mm, amplitudes in µm. ``.verdict`` says whether it works,
+        ``.findings`` all else.
 
     Raises
     ------
@@ -98,10 +99,11 @@ def plan(
 
 
 def read_plan(path: "str | Path") -> "Plan":
-    """Read the plan recorded in a plan.json, unchanged; raises `FileError` where there is none."""
-    from padgen.planner import read_plan as read
+    """Read the plan recorded in a plan.json; one that an older padgen wrote is planned anew from its spec.
 
-    return read(Path(path))
+    Raises `FileError` where there is none.
+    """
+    return recorded_plan(Path(path))
 
 
 def build(

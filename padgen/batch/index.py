@@ -62,13 +62,13 @@ class Objective(NamedTuple):
 
 OBJECTIVES = {
     "taxels": Objective("most", "taxels", "taxels", "taxels"),
-    "selectivity_db": Objective("most", "selectivity", "selectivity dB", "selectivity, dB"),
+    "verdict_db": Objective("most", "selectivity", "prints keep dB", "ON over OFF that prints keep, dB"),
     "good_pads_retuned": Objective("most", "yield", "good prints", "good prints, re-tuned"),
     "power_w": Objective("least", "power", "copper loss W", "copper loss, W"),
     "print_min": Objective("least", "print time", "print min", "print time, min"),
 }
 """By column of the index, where a stage has it."""
-UNBOUNDED = frozenset({"selectivity_db"})
+UNBOUNDED = frozenset({"verdict_db"})
 """Empty where nothing limits it (one channel a coil has no other to disturb), so that empty is the best."""
 PARETO_FILES = ("pareto.csv", "pareto.svg", "pareto.png")
 LEFT_OUT = ("status", "sentence", "seconds", "peak_memory_mb")
@@ -77,7 +77,7 @@ BLOCK = CHUNK = 512
 MOST_DRAWN = 20_000
 """Points besides the front that are kept for the picture; beyond, every second, fourth, ... one."""
 MOST_REFUSED = 3
-COLOURED_BY = ("power_w", "selectivity_db", "print_min", "good_pads_retuned", "taxels")
+COLOURED_BY = ("power_w", "verdict_db", "print_min", "good_pads_retuned", "taxels")
 """The first of these that differs among variants tells apart the front's points by colour."""
 RATIOS = ("taxels", "power_w", "print_min")
 """Objectives whose axis is logarithmic where the largest is more than `WIDE` times the smallest."""
@@ -94,10 +94,11 @@ class Overview:
     Attributes
     ----------
     header, rows : the index's columns, and its rows on the front in the order of their numbers.
-    objectives : those with a value in any row; columns of `values` (front), `beaten` and `faulty`, not a
-        number where a row has none. `beaten` and `faulty` (made, with error findings) are thinned.
-    counts : variants by status; `with_errors` of the made ones have error findings.
-    of_faulty : the front is of variants with error findings, since there is none without.
+    objectives : those with a value in any row; columns of `values` (front), `beaten`, `short` and `faulty`, not a
+        number where a row has none. All but the front are thinned.
+    counts : variants by status; `judged` of the made ones by `KINDS`.
+    front_of : the kind of variant that the front is of: the first of `KINDS` that there is. `short` and `faulty` are
+        the others of these kinds, `beaten` the rest of its own.
     refused : name and sentence of the first few.
     """
 
@@ -106,16 +107,17 @@ class Overview:
     objectives: tuple[str, ...]
     values: np.ndarray
     beaten: np.ndarray
+    short: np.ndarray
     faulty: np.ndarray
     counts: dict[str, int]
-    with_errors: int
-    of_faulty: bool
+    judged: dict[str, int]
+    front_of: str
     refused: tuple[tuple[str, str], ...]
 
     @property
     def points(self) -> np.ndarray:
         """The objectives of all that were made, as far as they were kept."""
-        return np.concatenate([self.values, self.beaten, self.faulty])
+        return np.concatenate([self.values, self.beaten, self.short, self.faulty])
 
     def best(self) -> dict[str, int]:
         """Return by objective in which variants differ the row of the front that is best in it; of equals the first."""
@@ -183,35 +185,52 @@ class _Pool:
 def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str, ...]]]) -> Overview:
     """Go once through records with their rows of the index, whose columns `header` names."""
     names = [name for name in OBJECTIVES if name in header]
-    clean, faulty = _Pool(names), _Pool(names)
+    pools = {kind: _Pool(names) for kind in KINDS}
     counts: Counter[str] = Counter()
+    judged: Counter[str] = Counter()
     refused: list[tuple[str, str]] = []
-    with_errors = 0
     left = iter(pairs)
     while chunk := list(islice(left, CHUNK)):
         counts.update(record.status for record, _ in chunk)
         told = [(row[header.index("name")], record.sentence) for record, row in chunk if record.status == "refused"]
         refused += told[: MOST_REFUSED - len(refused)]
-        clean.add([pair for pair in chunk if pair[0].status == "done" and not pair[0].errors])
-        erring = [pair for pair in chunk if pair[0].status == "done" and pair[0].errors]
-        faulty.add(erring)
-        with_errors += len(erring)
-    of_faulty = not clean.rows and bool(faulty.rows)
-    front = faulty if of_faulty else clean
-    apart = np.concatenate([faulty.front, faulty.rest])[: 0 if of_faulty else None]
-    has = np.isfinite(np.concatenate([front.front, front.rest, apart])).any(axis=0)
+        made = [(_kind(pair[0]), pair) for pair in chunk if pair[0].status == "done"]
+        judged.update(kind for kind, _ in made)
+        for kind, pool in pools.items():
+            pool.add([pair for own, pair in made if own == kind])
+    front_of = next((kind for kind in KINDS if pools[kind].rows), KINDS[0])
+    front = pools[front_of]
+    nothing = np.empty((0, len(names)))
+    apart = {
+        kind: nothing if kind == front_of else np.concatenate([pools[kind].front, pools[kind].rest])
+        for kind in ("short", "faulty")
+    }
+    has = np.isfinite(np.concatenate([front.front, front.rest, *apart.values()])).any(axis=0)
     return Overview(
         header,
         tuple(front.rows),
         tuple(name for name, some in zip(names, has, strict=True) if some),
         front.front[:, has],
         front.rest[:, has],
-        apart[:, has],
+        apart["short"][:, has],
+        apart["faulty"][:, has],
         dict(counts),
-        with_errors,
-        of_faulty,
+        {kind: judged[kind] for kind in KINDS},
+        front_of,
         tuple(refused),
     )
+
+
+KINDS = ("works", "short", "faulty")
+"""Kinds of variants that were made, by their verdicts: only those of the first kind that there is compete."""
+
+
+def _kind(record: Record) -> str:
+    """Return which of `KINDS` a record is: its build may have errors where its plan has none."""
+    level = record.figures.get("verdict")
+    if record.errors or level == "error":
+        return "faulty"
+    return "short" if level == "short" else "works"
 
 
 def pareto_csv(overview: Overview) -> str:
@@ -248,7 +267,8 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
     """Draw the front as SVG and PNG; None where fewer than two objectives differ.
 
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
-    beats, a cross what has error findings. A line joins those that none beats in the panel's two alone.
+    beats, a triangle what falls short of what it asks, a cross what does not work. A line joins those that
+    none beats in the panel's two alone.
     """
     differ = [i for i, column in enumerate(overview.points.T) if len(np.unique(column[np.isfinite(column)])) > 1]
     if not len(overview.values) or len(differ) < 2:
@@ -282,7 +302,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 def _with_places(overview: Overview) -> Overview:
     """Return the overview with a place beyond all others for each value that nothing limits."""
-    parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "faulty")}
+    parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "short", "faulty")}
     for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
         finite = overview.points[np.isfinite(overview.points[:, i]), i]
         for part in parts.values():
@@ -293,10 +313,11 @@ def _with_places(overview: Overview) -> Overview:
 def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> Any:
     from matplotlib.colors import LogNorm, Normalize
 
-    beaten, faulty, front = (points[:, pair] for points in (overview.beaten, overview.faulty, overview.values))
+    front = overview.values[:, pair]
     for points, mark, color, label in (
-        (beaten, "o", "#bdbdbd", "beaten by others"),
-        (faulty, "x", "#d49a8a", "has error findings"),
+        (overview.beaten[:, pair], "o", "#bdbdbd", "beaten by others"),
+        (overview.short[:, pair], "v", "#e0c08a", "falls short"),
+        (overview.faulty[:, pair], "x", "#d49a8a", "does not work"),
     ):
         many = len(points) > MOST_VECTORS
         style = {"markersize": 1.5 if many else 3.0, "color": color, "zorder": 1, "rasterized": many}
@@ -315,7 +336,7 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
         zorder=3,
         plotnonfinite=True,
         rasterized=len(front) > MOST_VECTORS,
-        label="Pareto front" + ", all with error findings" * overview.of_faulty,
+        label=FRONT_LABELS[overview.front_of],
     )
     axis.grid(alpha=0.25)
     column = overview.header.index("number")
@@ -329,6 +350,13 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
     return shown
 
 
+FRONT_LABELS = {
+    "works": "Pareto front",
+    "short": "Pareto front, all fall short",
+    "faulty": "Pareto front, none works",
+}
+
+
 def _is_wide(overview: Overview, objective: int) -> bool:
     """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
     finite = overview.points[:, objective]
@@ -339,7 +367,9 @@ def _is_wide(overview: Overview, objective: int) -> bool:
 
 def _title(overview: Overview, name: str) -> str:
     front = "1 is" if len(overview.rows) == 1 else f"{len(overview.rows)} are"
-    rest = f" ({overview.with_errors} with error findings)" * bool(overview.with_errors)
+    told = {"short": "fall short", "faulty": "do not work"}
+    others = [f"{overview.judged[kind]} {words}" for kind, words in told.items() if overview.judged[kind]]
+    rest = f" ({', '.join(others)})" if others else ""
     count = overview.counts.get("done", 0)
     made = "1 variant" if count == 1 else f"{count} variants"
     lines = [

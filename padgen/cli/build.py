@@ -4,6 +4,7 @@ import argparse
 from typing import Any
 
 from padgen.cli.common import (
+    DONE,
     add_shared,
     add_spec,
     add_verbose,
@@ -75,7 +76,9 @@ def _build(options: argparse.Namespace) -> int:
         built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force, options.report)
     from padgen.report.plans import built_text
 
-    following = f"next: print it, then padgen drive {plain(options.spec)} --state all --hear"
+    drive = f"padgen drive {plain(options.spec)} --state all --hear"
+    is_whole = code_of(built.findings) == DONE
+    following = f"next: print it, then {drive}" if built.verdict.is_worth_printing and is_whole else ""
     answer(options, built, built_text(built, options.verbose), following)
     return code_of(built.findings)
 

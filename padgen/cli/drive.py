@@ -178,8 +178,8 @@ def _drive(options: argparse.Namespace) -> int:
         driven = shown.save_folder(folder, formats, options.depth, options.hear, options.gap)
     from padgen.report.results import driven_table, driven_text
 
-    answer(options, driven_table(driven, notes), driven_text(plan, driven, frames, notes, options.verbose))
-    return code_of(driven.findings)
+    answer(options, driven_table(plan, driven, notes), driven_text(plan, driven, frames, notes, options.verbose))
+    return code_of((*plan.findings, *driven.findings))
 
 
 def _wiring(options: argparse.Namespace) -> int:

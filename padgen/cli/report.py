@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from padgen.cli.common import add_model, add_output, answer, code_of, folder_of, plan_of, progress_line
-from padgen.core.errors import LONGEST, PadgenError, SpecError, plain
+from padgen.core.errors import PadgenError, SpecError, plain
 
 __all__ = ["add"]
 
@@ -37,7 +37,7 @@ def _report(options: argparse.Namespace) -> int:
             plan = plan_of(options, progress)
             source = folder_of(options, plan.name)
         from padgen.report.page import REPORT_FILE, Page, study_of
-        from padgen.report.plans import verdict_line
+        from padgen.report.plans import verdict_text
 
         pad = _built(plan, source)
         progress("drawing the page")
@@ -51,20 +51,20 @@ def _report(options: argparse.Namespace) -> int:
     file, count = str(folder / REPORT_FILE), len(page.encode())
     shown = "the built pad" if pad else "the pad as planned; padgen build --report shows it as built"
     written = f"written: {plain(file)}, {count / 1e6:.2f} MB, with {shown}"
-    table = {"file": file, "built": pad is not None, "bytes": count}
-    answer(options, table, plain(verdict_line(plan), LONGEST), written)
+    table = {"verdict": plan.verdict, "file": file, "built": pad is not None, "bytes": count}
+    answer(options, table, verdict_text(plan.verdict), written)
     return code_of(findings)
 
 
 def _recorded(folder: Path) -> Any:
     """Return the plan in a folder: planned anew where that gives the same plan, since a file holds ten digits."""
     from padgen.core.files import differs
-    from padgen.make.planning import plan_for
-    from padgen.planner import plan_to_json, read_plan
+    from padgen.make.planning import plan_for, recorded_plan
+    from padgen.planner import plan_to_json
 
     if not (folder / "plan.json").exists():
         raise SpecError("has no plan.json; name a spec, or a folder that padgen plan or build wrote", str(folder))
-    plan = read_plan(folder / "plan.json")
+    plan = recorded_plan(folder / "plan.json")
     if plan.spec.model.structure != "solid":
         with suppress(PadgenError):
             again = plan_for(plan.spec)

@@ -1,4 +1,4 @@
-"""The exceptions that padgen raises on purpose, and findings.
+"""The exceptions that padgen raises on purpose, findings, and the verdict.
 
 ::
 
@@ -7,11 +7,13 @@
     |   +-- InfeasibleError    the spec is well formed, yet no pad meets it
     +-- FileError          a file or folder that cannot be read or written
     |   +-- MeshFileError      a file that holds no mesh
+    |   +-- OlderPlanError     a plan.json that an older padgen wrote, which lacks what is judged today
     +-- GeometryError      a CAD or mesh kernel (OCCT, manifold) could not make a part
     +-- SolverError        a numerical model has no trustworthy answer here
         +-- EngineMissingError an optional package that a model needs is not installed
 
-A `Finding` is a verdict on a pad that was made; an exception means that none was.
+A `Finding` is one thing to say of a pad that was made, its `Verdict` is whether the pad does its job; an exception
+means that none was made.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,15 +24,18 @@ from unicodedata import category
 
 __all__ = [
     "LEVELS",
+    "VERDICTS",
     "EngineMissingError",
     "FileError",
     "Finding",
     "GeometryError",
     "InfeasibleError",
     "MeshFileError",
+    "OlderPlanError",
     "PadgenError",
     "SolverError",
     "SpecError",
+    "Verdict",
     "about",
     "as_lines",
     "at_least",
@@ -90,6 +95,10 @@ class MeshFileError(FileError):
     code = "mesh"
 
 
+class OlderPlanError(FileError):
+    """A plan.json was written by an older padgen; it is planned anew from the spec that it carries."""
+
+
 class GeometryError(PadgenError):
     """A geometry kernel refused a part."""
 
@@ -113,7 +122,7 @@ LEVELS = ("note", "warning", "error")
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One verdict.
+    """One thing to say of a pad: a note, a warning or an error.
 
     Parameters
     ----------
@@ -142,6 +151,51 @@ class Finding:
         object.__setattr__(self, "cures", tuple(self.cures))
         for name in ("where", "message"):
             object.__setattr__(self, name, plain(getattr(self, name), LONGEST))
+
+
+VERDICTS = ("error", "short", "retune", "good")
+"""Levels of a verdict, the worst first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a pad does its job, for whoever reads one line only.
+
+    Parameters
+    ----------
+    level : {'error', 'short', 'retune', 'good'}
+        The pad does not work; its prints keep less than is asked; it works once every taxel is measured and re-tuned;
+        it works as printed. A finger is not counted in these: see `touched`.
+    sentence : str
+        The first line: the level, with its figure or the reason.
+    touched : str
+        The second line: what a finger does to the pad.
+    limit : str
+        Code of the fact that decides, as findings have it; empty where nothing limits the pad.
+    cure : str
+        A change of the spec, as the lines of its file, that was tried and removes that fact; empty if none was found.
+    figure_db : float, optional
+        The figure of the sentence: ON over OFF in dB that the asked share of prints keeps. None where no taxel hears
+        another, and where the pad does not work.
+    """
+
+    level: str
+    sentence: str
+    touched: str
+    limit: str
+    cure: str
+    figure_db: float | None
+
+    def __post_init__(self) -> None:
+        if self.level not in VERDICTS:
+            raise ValueError(f"level must be one of {VERDICTS}, got {self.level!r}")
+        for name in ("sentence", "touched"):
+            object.__setattr__(self, name, plain(getattr(self, name), LONGEST))
+
+    @property
+    def is_worth_printing(self) -> bool:
+        """True where prints of the pad do what is asked, once they are re-tuned if need be."""
+        return self.level in ("retune", "good")
 
 
 def plain(text: str, most: int | None = None) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.cache import code_hash, versions
-from padgen.core.errors import Finding
+from padgen.core.errors import Finding, Verdict
 from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
 from padgen.make.planning import Progress, plan_for, with_found_layout
@@ -32,8 +32,9 @@ PARTS = ("coupon", "coupon-tray", "tray")
 
 @dataclass(frozen=True)
 class Built:
-    """Result of a build: folder, files, figures of the checks, all findings, print settings."""
+    """Result of a build: the pad's verdict, folder, files, figures of the checks, all findings, print settings."""
 
+    verdict: Verdict
     folder: Path
     files: tuple[str, ...]
     figures: dict[str, Any]
@@ -68,8 +69,9 @@ def up_to_date(
     try:
         checks = json.loads((folder / "checks.json").read_text(encoding="utf-8"))
         findings = tuple(Finding(**entry) for entry in checks["findings"])
-        printing = json.loads((folder / "plan.json").read_text(encoding="utf-8"))["printing"]
-        return Built(folder, tuple(built_files(folder)), checks["figures"], findings, printing, True)
+        plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+        verdict = Verdict(**plan["verdict"])
+        return Built(verdict, folder, tuple(built_files(folder)), checks["figures"], findings, plan["printing"], True)
     except (OSError, ValueError, TypeError, KeyError, RecursionError):  # the manifest was made by somebody else
         return None
 
@@ -229,7 +231,7 @@ class Pad:
                 else:
                     each.result()
             out.commit(inputs)
-        return Built(folder, tuple(built_files(folder)), figures, tuple(findings), plan.printing, False)
+        return Built(plan.verdict, folder, tuple(built_files(folder)), figures, tuple(findings), plan.printing, False)
 
 
 def _inputs(

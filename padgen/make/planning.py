@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.errors import PadgenError, SolverError, SpecError, number
+from padgen.core.errors import OlderPlanError, PadgenError, SolverError, SpecError, number
 from padgen.core.files import recover
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import answers, laid_over, read_table, without_none
@@ -24,6 +24,7 @@ __all__ = [
     "parse_tolerance",
     "plan_for",
     "plan_to_compare",
+    "recorded_plan",
     "recorded_spec",
     "spec_of",
     "with_found_layout",
@@ -153,6 +154,22 @@ def _plan_by_solid(spec: Spec, progress: Progress) -> "Plan":
     return plan_tuned_to_solid(spec, progress)
 
 
+def recorded_plan(path: Path, progress: Progress = lambda step: None) -> "Plan":
+    """Return the plan that a plan.json records; one that an older padgen wrote is planned anew from its spec.
+
+    Raises
+    ------
+    FileError
+        The file holds no plan.
+    """
+    from padgen.planner import read_plan
+
+    try:
+        return read_plan(path)
+    except OlderPlanError:
+        return plan_for(load_spec(str(path)), progress=progress)
+
+
 def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: None) -> "tuple[Plan, str]":
     """Return the plan with which a mesh is compared, and a text that names its source.
 
@@ -166,15 +183,13 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
     SpecError, SolverError
         As planning does.
     """
-    from padgen.planner import read_plan
-
     path, beside = find_spec(spec), mesh.parent / PLAN
     if path.suffix == ".json":
-        plan, source = read_plan(path), spec
+        plan, source = recorded_plan(path, progress), spec
     else:
         asked = load_spec(spec)
         recover(mesh.parent)
-        recorded = read_plan(beside) if beside.is_file() else None
+        recorded = recorded_plan(beside, progress) if beside.is_file() else None
         if recorded and answers(recorded.spec, asked):
             plan, source = recorded, str(beside)
         else:

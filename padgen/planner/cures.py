@@ -25,6 +25,7 @@ from padgen.planner.layout import (
 )
 from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts
+from padgen.planner.verdict import judged
 from padgen.spec import Spec, Suspension, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
@@ -78,11 +79,11 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
             if again and _is_better(plan, again, code):
                 holds[code] = [cure]
                 break
-    findings = (
+    findings = tuple(
         replace(f, message=cured(f.message, holds.get(f.code, ())), cures=tuple(holds.get(f.code, ())))
         for f in plan.findings
     )
-    return replace(plan, findings=tuple(findings))
+    return judged(plan, findings)
 
 
 def _is_better(plan: Plan, again: Plan, code: str) -> bool:

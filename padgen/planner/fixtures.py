@@ -33,6 +33,7 @@ from padgen.core.errors import Finding, InfeasibleError, at_least, number
 from padgen.core.units import MM, UM
 from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, groove, placed_taxel
 from padgen.planner.plan import CoilGrid, Plan, Reuse
+from padgen.planner.verdict import NOT_JUDGED
 
 __all__ = [
     "LeadSlot",
@@ -77,6 +78,7 @@ def coupon_plan(plan: Plan) -> Plan:
     return replace(
         plan,
         name=name,
+        verdict=NOT_JUDGED,
         spec=replace(
             spec,
             name=name,

@@ -33,6 +33,7 @@ from padgen.planner.plan import (
     Channel,
     CoilGrid,
     LayoutOption,
+    Parts,
     Plan,
     Plate,
     Selectivity,
@@ -48,6 +49,7 @@ from padgen.planner.printing import print_settings
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
+from padgen.planner.verdict import NOT_JUDGED, judged
 from padgen.spec import Spec
 
 __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
@@ -237,7 +239,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
     capacity = replace(bare.capacity, prints=count)
     known = replace(bare, left_out=left_out(bare), prints=prints, capacity=capacity, parts=fitting_parts(bare))
-    return replace(known, findings=judge(known))
+    return judged(known, judge(known))
 
 
 def _driven(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:
@@ -256,6 +258,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
     taxels = _taxels(layout, coils, channels, reuse.turned)
     return Plan(
         name=spec.name,
+        verdict=NOT_JUDGED,
         spec=spec,
         capacity=coil_capacity(spec, scheme, choice.limits),
         coils=coils,
@@ -282,6 +285,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         printing=print_settings(spec, [c.beam for c in channels]),
         left_out=(),
         findings=(),
+        parts=Parts({}, ()),
     )
 
 

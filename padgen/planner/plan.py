@@ -14,7 +14,7 @@ from typing import Any, get_args, get_origin
 
 import numpy as np
 
-from padgen.core.errors import FileError, Finding, SpecError, at_least
+from padgen.core.errors import FileError, Finding, OlderPlanError, SpecError, Verdict, at_least
 from padgen.core.files import json_text, read_bounded
 from padgen.core.registry import SCHEMES
 from padgen.core.units import decibel
@@ -467,6 +467,7 @@ class Plan:
     """
 
     name: str
+    verdict: Verdict
     spec: Spec
     capacity: Capacity
     coils: CoilGrid
@@ -485,7 +486,7 @@ class Plan:
     printing: dict[str, str]
     left_out: tuple[LeftOut, ...]
     findings: tuple[Finding, ...]
-    parts: Parts = Parts({}, ())
+    parts: Parts
 
     def __repr__(self) -> str:
         coils, channels = self.coils, self.channels
@@ -584,10 +585,13 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     Raises
     ------
     FileError
-        The text is not the JSON of a plan.
+        The text is not the JSON of a plan; `OlderPlanError` where an older padgen wrote it.
     """
     try:
-        plan: Plan = read_as(Plan, json.loads(text), "the plan")
+        table = json.loads(text)
+        if isinstance(table, dict) and "spec" in table and "verdict" not in table:
+            raise OlderPlanError("was written by an older padgen; padgen plan makes it anew from its spec", where)
+        plan: Plan = read_as(Plan, table, "the plan")
         _refuse_contradictions(plan)
     except (ValueError, RecursionError, SpecError) as error:
         its = "its spec: " * isinstance(error, SpecError)
@@ -610,7 +614,7 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
             place = item.name if kind is Plan else f"{where}.{item.name}"
             if item.name in value:
                 entries[item.name] = read_as(item.type, value[item.name], place, kind in DRAWN)
-            elif item.default is MISSING:  # a plan of an older padgen lacks entries that have a default
+            elif item.default is MISSING:
                 raise ValueError(f"{place} is missing")
         return kind(**entries)
     if origin is dict:

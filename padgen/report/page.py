@@ -38,7 +38,7 @@ from padgen.planner.plan import Plan, plan_from_json, plan_to_json
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.printing import other_slicers_text
 from padgen.report.plans import STAGES as STAGE_WORDS
-from padgen.report.plans import pad_line, slot_hz, verdict_level, verdict_line
+from padgen.report.plans import pad_line, slot_hz
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.scene import ScenePart, scene_parts
@@ -112,7 +112,7 @@ def page_data(
     return {
         "name": plan.name,
         "built": report is not None,
-        "verdict": {"sentence": verdict_line(plan), "level": verdict_level(plan), "about": pad_line(plan)},
+        "verdict": {**asdict(plan.verdict), "about": pad_line(plan)},
         "figures": _figures(plan),
         "pad": _pad(plan),
         "coils": _coils(plan),

@@ -5,7 +5,7 @@ from math import isfinite, log
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
-from padgen.core.errors import LEVELS, Finding, SpecError, number, plain, quieter
+from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, number, plain, quieter
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
@@ -25,52 +25,22 @@ __all__ = [
     "serious_text",
     "slot_hz",
     "summary_text",
-    "verdict_level",
-    "verdict_line",
+    "verdict_text",
     "yield_text",
 ]
 
 
 def summary_text(plan: "Plan") -> str:
-    """Return the verdict on a plan, the pad in a line, a table of its channels, and the power that it takes."""
+    """Return the verdict on a plan, the pad in a line, a table of its channels, its power, and what prints keep."""
     rows = _channels_table(plan.channels, SUMMARY).split("\n")
     if len(plan.channels) > SHOWN_CHANNELS:  # those in the middle are left out
         rows[2 + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
-    return "\n".join([verdict_line(plan), pad_line(plan), "", *rows, "", *_power_lines(plan)])
+    return "\n".join([verdict_text(plan.verdict), "", pad_line(plan), "", *rows, "", *_power_lines(plan)])
 
 
-def verdict_level(plan: "Plan") -> str:
-    """Return 'error', 'short' of what is asked, works once 'retune'd, or 'good' as printed."""
-    prints = plan.prints
-    if any(finding.level == "error" for finding in plan.findings):
-        return "error"
-    if prints.planned_db is None or prints.planned_db >= plan.selectivity.asked_db:
-        return "good"
-    return "retune" if prints.good_share >= plan.spec.print_share else "short"
-
-
-def verdict_line(plan: "Plan") -> str:
-    """Return one sentence that says whether prints of the plan work, and by how much."""
-    prints, asked, share = plan.prints, plan.selectivity.asked_db, f"{plan.spec.print_share:.0%} of prints"
-    level = verdict_level(plan)
-    if level == "error":
-        count = sum(f.level == "error" for f in plan.findings)
-        return f"{plan.name} does not work: see the {'error' if count == 1 else f'{count} errors'} below."
-    if prints.print_db is None or prints.planned_db is None:
-        return f"{plan.name} works: no taxel hears another."
-    if level == "good":
-        return (
-            f"{plan.name} works as printed: driven by the plan's table, in {share} ON taxels vibrate"
-            f" {_at_worst(prints.planned_db)} than OFF ones (asked: {asked:.1f} dB)."
-        )
-    kept = f"in {share} ON taxels then vibrate {_at_worst(prints.print_db)} than OFF ones (asked: {asked:.1f} dB)"
-    if level == "retune":
-        return f"{plan.name} works once every taxel is measured and re-tuned: {kept}."
-    return f"{plan.name} falls short of what is asked, even once every taxel is measured and re-tuned: {kept}."
-
-
-def _at_worst(kept_db: float) -> str:
-    return f"at {'least' if kept_db > 0 else 'most'} {quieter(-kept_db)}"
+def verdict_text(verdict: Verdict) -> str:
+    """Return the verdict in two sentences, a line each: whether the pad works untouched, and what a finger does."""
+    return "\n".join(filter(None, (verdict.sentence, verdict.touched)))
 
 
 def pad_line(plan: "Plan") -> str:
@@ -155,14 +125,6 @@ def _power_lines(plan: "Plan") -> list[str]:
             f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
-        )
-    skin = next((t for t in plan.touched if t.skin == "typical"), None)
-    if skin and skin.all_states_db is not None:
-        lines.append(
-            "All figures are without a finger. A finger that touches moves resonances: with typical skin (a"
-            f" provisional model) channel 0 resonates at {skin.resonance_hz[0]:.0f} Hz, with a Q of {skin.q[0]:.2g},"
-            f" and in the worst coil OFF taxels then vibrate {quieter(skin.all_states_db)} than ON ones, even without"
-            " print errors."
         )
     return lines
 
@@ -450,10 +412,11 @@ def _decibels(value: float | None, sign: str = "") -> str:
 
 
 def built_text(built: "Built", verbose: bool = False) -> str:
-    """Return the verdict on a build, its findings and figures, and the files that it wrote."""
+    """Return the verdict on the pad, how its build came out, its findings and figures, and the files."""
     state = "is up to date" if built.up_to_date else "is built"
     lines = [
-        held_line(f"the pad {state}", built.findings),
+        verdict_text(built.verdict),
+        held_line(f"The pad {state}", built.findings),
         serious_text(built.findings, verbose),
         f"the pad: {figures_text(built.figures)}",
         *(f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()),
@@ -505,7 +468,7 @@ def slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
 
 
 def plan_html(plan: "Plan") -> str:
-    """Return the plan as HTML: one line, the ladder, a table of channels, and the findings."""
+    """Return the plan as HTML: its verdict, one line on the pad, the ladder, a table of channels, and the findings."""
     from html import escape
 
     rows = [
@@ -526,7 +489,9 @@ def plan_html(plan: "Plan") -> str:
         f'<li style="color:{LEVEL_COLOURS[finding.level]}">{escape(findings_text([finding]))}</li>'
         for finding in plan.findings
     )
-    return f"<p>{escape(repr(plan))}</p>{_ladder_svg(plan)}<table><tr>{head}</tr>{body}</table><ul>{findings}</ul>"
+    verdict = "".join(f"<p>{escape(line)}</p>" for line in verdict_text(plan.verdict).split("\n"))
+    channels = f"<table><tr>{head}</tr>{body}</table>"
+    return f"{verdict}<p>{escape(repr(plan))}</p>{_ladder_svg(plan)}{channels}<ul>{findings}</ul>"
 
 
 def _ladder_svg(plan: "Plan") -> str:

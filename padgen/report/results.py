@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import seconds_text, span_text, table
 from padgen.core.errors import Finding, number, plain
-from padgen.report.plans import findings_text, held_line, serious_text
+from padgen.report.plans import findings_text, held_line, serious_text, verdict_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,7 +47,7 @@ MOST_PICTURES = 4
 def driven_text(
     plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
-    """Return the verdict on a drive's files, what they play, and what a simulated pad hears of them."""
+    """Return the verdict on the pad, how its drive's files came out, what they play, and what a simulated pad hears."""
     from padgen.driver.frames import frames_text, map_text, taxel_grid
 
     heard, name = driven.heard, plan.name
@@ -70,6 +70,7 @@ def driven_text(
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
         picture = f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
     lines = [
+        verdict_text(plan.verdict),
         held_line(done, driven.findings),
         serious_text(driven.findings, verbose),
         picture,
@@ -82,11 +83,12 @@ def driven_text(
     return "\n".join(line for line in lines if line)
 
 
-def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
-    """Return the figures of a drive's files as plain data."""
+def driven_table(plan: "Plan", driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
+    """Return the pad's verdict and the figures of a drive's files as plain data."""
     from padgen.driver.ear import heard_table
 
     return {
+        "verdict": asdict(plan.verdict),
         "folder": str(driven.folder),
         "files": list(driven.files),
         "wave": None if driven.report is None else {**asdict(driven.report), "seconds": driven.report.seconds},
@@ -262,12 +264,15 @@ MOST_ROWS = 12
 def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> str:
     """Return the counts of a sweep's variants, a table of the best, and where the results are."""
     overview = result.overview
-    total, faulty = counted(result.total, "variant"), overview.with_errors
+    total = counted(result.total, "variant")
+    faulty = overview.judged["faulty"]
+    short = overview.judged["short"]
     more = result.refused - len(overview.refused)
     lines = [
         f"{sweep.settings.name}: {total}, {counts_text(result)}, in {seconds_text(result.seconds)}",
         f"{result.kept} of them were finished before and not made again" if result.kept else "",
-        f"{faulty} of those made have error findings, in the column findings of the index" if faulty else "",
+        f"{faulty} of those made do not work: their errors are in the column findings of the index" if faulty else "",
+        f"{short} of those made fall short of what they ask" if short else "",
         *(f"refused: {name}: {sentence}" for name, sentence in overview.refused),
         f"… and {more} more refused, in the index" if more > 0 else "",
         f"\n{_front_text(sweep, overview)}" if overview.rows else "",
@@ -282,6 +287,14 @@ def counts_text(event: "Event | SweepResult") -> str:
     return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
 
 
+NONE_WORKS = {
+    "works": "",
+    "short": "; every variant falls short of what it asks, and these come nearest",
+    "faulty": "; no variant works",
+}
+"""What the heading of a front says by the kind of variant that it is of."""
+
+
 def _front_text(sweep: "Sweep", overview: "Overview") -> str:
     """Return the Pareto front as a table: varied fields, objectives reached, and those that a variant is best in."""
     from padgen.batch.index import OBJECTIVES
@@ -289,7 +302,7 @@ def _front_text(sweep: "Sweep", overview: "Overview") -> str:
     axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
     weighed, count = ", ".join(OBJECTIVES[name].word for name in objectives), len(overview.rows)
     head = f"Pareto front over {weighed}: {counted(count, 'variant')} that no other beats"
-    head += "; every variant has error findings" * overview.of_faulty
+    head += NONE_WORKS[overview.front_of]
     head += "; those best in one of these" * (count > MOST_ROWS)
     best: dict[int, list[str]] = {row: [] for row in range(count) if count <= MOST_ROWS}
     for objective, row in overview.best().items():
@@ -329,7 +342,8 @@ def sweep_table(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> 
         **counts,
         "stopped": result.stopped,
         "interrupted": result.interrupted,
-        "with_errors": overview.with_errors,
+        "with_errors": overview.judged["faulty"],
+        "short": overview.judged["short"],
         "objectives": list(overview.objectives),
         "front": [int(row[at["number"]]) for row in overview.rows],
         "best": {
