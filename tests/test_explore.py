@@ -16,7 +16,6 @@ import padgen as pg
 from padgen.core.files import json_line
 from padgen.planner import plan_to_json
 from padgen.report.page import page_data, scene_data
-from padgen.report.plans import verdict_line
 from tests.test_page import ARGUMENTS, LATE_S, chromium, hear
 
 
@@ -234,7 +233,7 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         value = page.evaluate(PLANNED, ["q_min", "slider", 700])
         assert float(value) > 15
         plan = pg.plan("paper-32", q_min=float(value))
-        assert page.evaluate("first") == [[verdict_line(plan), False]]
+        assert page.evaluate("first") == [[plan.verdict.sentence, False]]
         assert page.evaluate("padgen.view().shows(padgen.data)")
         own = json.loads(plan_to_json(plan))
         for key in ("resonance_hz", "q", "drive_hz"):
@@ -254,6 +253,6 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         assert page.evaluate("padgen.data.spec.q_min") == last > 15
         assert asked.count("/plan") == 2, "the first of twenty moves and the last"
         plan = pg.plan("paper-32", q_min=last, pad={"width_mm": 52})
-        assert page.text_content("#verdict span:last-child") == verdict_line(plan)
+        assert page.text_content("#verdict span:last-child") == plan.verdict.sentence
         running.close()
     assert told == []

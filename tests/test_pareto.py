@@ -10,14 +10,14 @@ from padgen.batch import index
 from padgen.batch.index import BLOCK, COLOURED_BY, OBJECTIVES, front_mask, overview_of, pareto_csv, write_pareto
 from padgen.batch.variant import Record
 
-HEADER = ("number", "name", "status", "taxels", "selectivity_db", "power_w", "sentence", "seconds")
+HEADER = ("number", "name", "status", "taxels", "verdict_db", "power_w", "sentence", "seconds")
 
 
-def row(number, taxels, selectivity, power, status="done", errors=0, sentence="", seconds=0.1):
+def row(number, taxels, selectivity, power, status="done", errors=0, sentence="", seconds=0.1, verdict="retune"):
     """Return a record and its row of the index; a figure that is None is missing."""
-    figures = {"taxels": taxels, "selectivity_db": selectivity, "power_w": power}
-    cells = ("" if figure is None else f"{figure:.10g}" for figure in figures.values())
-    record = Record(number, "", status, sentence, {}, figures, errors, 0, (), seconds, 90.0)
+    figures = {"taxels": taxels, "verdict_db": selectivity, "power_w": power}
+    cells = ["" if figure is None else f"{figure:.10g}" for figure in figures.values()]
+    record = Record(number, "", status, sentence, {}, {**figures, "verdict": verdict}, errors, 0, (), seconds, 90.0)
     return record, (str(number), f"q-{number:05d}", status, *cells, sentence, str(seconds))
 
 
@@ -52,8 +52,8 @@ def test_front_of_nothing_of_one_and_of_equals():
 def test_more_and_less_are_better_where_they_are():
     best = overview((row(0, 4, 20, 1), row(1, 4, 19, 1), row(2, 8, 20, 1.5), row(3, 4, 20, 2)))
     assert numbers(best) == [0, 2]
-    assert best.objectives == ("taxels", "selectivity_db", "power_w")
-    assert best.best() == {"taxels": 1, "selectivity_db": 0, "power_w": 0}
+    assert best.objectives == ("taxels", "verdict_db", "power_w")
+    assert best.best() == {"taxels": 1, "verdict_db": 0, "power_w": 0}
 
 
 def test_equals_stay():
@@ -74,15 +74,25 @@ def test_only_what_was_made_counts_and_errors_stand_apart():
             row(3, None, None, None, status="failed", sentence="took longer than 1 s"),
         )
     )
-    assert numbers(told) == [0] and not told.of_faulty
-    assert told.counts == {"done": 2, "refused": 1, "failed": 1} and told.with_errors == 1
+    assert numbers(told) == [0] and told.front_of == "works"
+    assert told.counts == {"done": 2, "refused": 1, "failed": 1} and told.judged["faulty"] == 1
     assert told.faulty.tolist() == [[400, 90, 0.1]]
     assert told.refused == (("q-00002", "pad.width_mm: is too small"),)
 
 
 def test_where_all_have_errors_they_are_weighed():
     told = overview((row(0, 4, 20, 1, errors=1), row(1, 4, 19, 1, errors=1)))
-    assert numbers(told) == [0] and told.of_faulty and not len(told.faulty)
+    assert numbers(told) == [0] and told.front_of == "faulty" and not len(told.faulty)
+
+
+def test_what_falls_short_is_recommended_only_where_nothing_works():
+    short = row(0, 400, 40, 0.1, verdict="short")
+    burns = row(1, 900, 90, 0.01, verdict="error")
+    told = overview((short, burns, row(2, 4, 20, 1, verdict="good")))
+    assert numbers(told) == [2] and told.judged == {"works": 1, "short": 1, "faulty": 1}
+    assert told.short.tolist() == [[400, 40, 0.1]] and told.faulty.tolist() == [[900, 90, 0.01]]
+    told = overview((short, burns))
+    assert numbers(told) == [0] and told.front_of == "short" and not len(told.short)
 
 
 def test_blocks_and_thinning_change_nothing_on_the_front(monkeypatch):
@@ -110,7 +120,7 @@ def test_ten_thousand_variants_in_bounded_memory():
 def test_csv_has_the_front_and_nothing_that_changes_from_run_to_run():
     text = pareto_csv(overview((row(0, 4, 20, 1), row(1, 8, 20, 2), row(2, 1, 1, 9))))
     rows = list(csv.DictReader(io.StringIO(text)))
-    assert [(r["number"], r["best_in"]) for r in rows] == [("0", "selectivity_db power_w"), ("1", "taxels")]
+    assert [(r["number"], r["best_in"]) for r in rows] == [("0", "verdict_db power_w"), ("1", "taxels")]
     assert not {"seconds", "peak_memory_mb", "status"} & set(rows[0])
     assert text == pareto_csv(overview((row(0, 4, 20, 1, seconds=7), row(1, 8, 20, 2), row(2, 1, 1, 9))))
 
@@ -151,7 +161,7 @@ def test_odd_sweeps_are_drawn_or_left_out(tmp_path, rows, drawn):
 
 def test_nobody_is_best_in_what_all_share():
     told = overview((row(0, 4, 20, 1), row(1, 4, 25, 2), row(2, 4, 10, 3)))
-    assert told.best() == {"selectivity_db": 1, "power_w": 0}
+    assert told.best() == {"verdict_db": 1, "power_w": 0}
 
 
 def test_every_objective_has_a_rank_for_colours():

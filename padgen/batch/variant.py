@@ -178,8 +178,9 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 def plan_figures(plan: "Plan") -> dict[str, Any]:
     """Return the figures of a plan by which variants are compared.
 
-    `verdict` is the level of the plan's verdict and `verdict_db` its figure. `selectivity_db` is the worse of what a coil
-    keeps in all states and what its neighbours leak; None where neither limits. `power_w` is the copper loss of all coils with all channels on.
+    `verdict` is the level of the plan's verdict and `verdict_db` its figure. `selectivity_db` is the worse of what a
+    coil keeps in all states and what its neighbours leak; None where neither limits. `power_w` is the copper loss of
+    all coils with all channels on.
     """
     kept = [db for db in (plan.selectivity.kept_db, plan.reuse.leak_db) if db is not None]
     coils = plan.coils.rows * plan.coils.columns

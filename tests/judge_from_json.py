@@ -1,0 +1,69 @@
+"""Judge a pad from its plan.json alone; this program imports nothing of padgen."""
+
+from math import log10
+from typing import Any
+
+STRENGTH_OVER_FATIGUE = 4.0
+"""Breaking stress over the stress that plastic bears for long: docs/accuracy.md."""
+LARGEST_BEND = 0.25
+"""Deflection over a beam's length up to which linear beams hold."""
+BAND_SLACK = 1e-3
+
+
+def broken_limits(plan: dict[str, Any]) -> set[str]:
+    """Return the names of the limits that the pad breaks with all taxels on."""
+    spec, load = plan["spec"], plan["load"]
+    coil, amplifier = spec["coil"], spec.get("amplifier")
+    coils = plan["coils"]["rows"] * plan["coils"]["columns"]
+    watts = (load["current_rms_ma"] / 1e3) ** 2 * coil["resistance_ohm"]
+    power_w = spec["limits"]["power_w"]
+    broken = set()
+    if watts > coil["power_limit_w"]:
+        broken.add("heat")
+    if load["voltage_peak_v"] > spec["drive"]["voltage_limit_v"]:
+        broken.add("voltage")
+    if amplifier is not None and load["current_peak_ma"] / 1e3 > amplifier["current_a"]:
+        broken.add("current")
+    if power_w is not None and watts * coils > power_w:
+        broken.add("power")
+    if load["pull_in_share"] >= 1:
+        broken.add("snap")
+    if not fits_bed(spec):
+        broken.add("bed")
+    fatigue_mpa = spec["material"]["fatigue_stress_mpa"]
+    low_hz, high_hz = spec["band_hz"]
+    for channel in plan["channels"]:
+        moved_um = channel["level_um"] + channel["sag_um"] + channel["static_um"]
+        swing_mpa = channel["root_stress_mpa"]
+        hz = channel["resonance_hz"]
+        if moved_um >= coil["gap_mm"] * 1e3:
+            broken.add("touches the coil")
+        if swing_mpa > fatigue_mpa:
+            broken.add("fatigue")
+        if swing_mpa * moved_um / channel["level_um"] > STRENGTH_OVER_FATIGUE * fatigue_mpa:
+            broken.add("strength")
+        if moved_um > LARGEST_BEND * channel["beam"]["length_mm"] * 1e3:
+            broken.add("bend")
+        if not low_hz * (1 - BAND_SLACK) <= hz <= high_hz * (1 + BAND_SLACK):
+            broken.add("band")
+    return broken
+
+
+def fits_bed(spec: dict[str, Any]) -> bool:
+    """Return whether the pad with its border lies on the printer's bed, in either orientation."""
+    pad, printer = spec["pad"], spec["printer"]
+    sides = sorted(pad[f"{side}_mm"] + 2 * pad["border_mm"] for side in ("width", "depth"))
+    bed = sorted((printer["bed_x_mm"], printer["bed_y_mm"]))
+    return sides[0] <= bed[0] and sides[1] <= bed[1]
+
+
+def judged_level(plan: dict[str, Any]) -> str:
+    """Return 'error', 'short', 'retune' or 'good'."""
+    if broken_limits(plan):
+        return "error"
+    prints, spec = plan["prints"], plan["spec"]
+    if prints["print_db"] is None:
+        return "good"
+    if prints["planned_db"] >= 20 * log10(spec["delta_y"]):
+        return "good"
+    return "retune" if prints["good_share"] >= spec["print_share"] else "short"
