@@ -1,7 +1,7 @@
 """Make the findings of a plan: limits that it breaks or nearly breaks, with proposed cures."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields, replace
 from itertools import combinations, pairwise, permutations
 from math import inf
 from typing import Any, NamedTuple
@@ -292,9 +292,45 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         _places,
         judge_touch,
     )
-    found = [finding for rule in rules for finding in rule(plan)]
+    found = _one_of_each(plan, [finding for rule in rules for finding in rule(plan)])
     found += judge_left_out(plan.spec, plan.left_out)
     return tuple(sorted(found, key=lambda f: -LEVELS.index(f.level)))
+
+
+WORST: dict[str, Callable[[Channel], float]] = {
+    "beam.sag": lambda c: (c.level_um + c.sag_um + c.static_um) / c.beam.length_mm,
+    "beam.strength": lambda c: c.root_stress_mpa * (c.level_um + c.sag_um + c.static_um) / c.level_um,
+    "beam.stress": lambda c: c.root_stress_mpa,
+    "beam.stretching": lambda c: c.level_loss_db,
+    "coil.unsure": lambda c: c.force_error,
+    "gap.travel": lambda c: c.level_um + c.sag_um + c.static_um,
+    "model.error": lambda c: c.model_error,
+    "resonance.band": lambda c: abs(c.resonance_hz / c.target_hz - 1),
+    "resonance.off": lambda c: abs(c.resonance_hz / c.target_hz - 1),
+}
+"""By code of findings that each channel may have: the figure of a channel by which it is the worst."""
+
+
+def _one_of_each(plan: Plan, found: Sequence[Finding]) -> list[Finding]:
+    """Make one finding of those of one code and level that several channels have: the worst channel's, naming all."""
+    alike: dict[tuple[str, str], list[Finding]] = {}
+    for finding in found:
+        if finding.code in WORST:
+            alike.setdefault((finding.level, finding.code), []).append(finding)
+    joined: list[Finding] = []
+    for finding in found:
+        group = alike.pop((finding.level, finding.code), None) if finding.code in WORST else [finding]
+        if group is None:
+            continue
+        if len(group) == 1:
+            joined.append(finding)
+            continue
+        by_channel = {int(one.where.removeprefix("channel ")): one for one in group}
+        worst = max(by_channel, key=lambda index: WORST[finding.code](plan.channels[index]))
+        where = f"channels {', '.join(map(str, by_channel))}"
+        message = f"the worst is channel {worst}: {by_channel[worst].message}"
+        joined.append(replace(by_channel[worst], where=where, message=message))
+    return joined
 
 
 def _spacing(plan: Plan) -> Iterator[Finding]:
