@@ -41,7 +41,7 @@ def _report(options: argparse.Namespace) -> int:
 
         pad = _built(plan, source)
         progress("drawing the page")
-        page = Page(plan, pad, study_of(source)).html
+        page = Page(plan, pad, study_of(source), _bill(source) if pad else "").html
         folder = Path(options.output) if options.output else source
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(plan))
@@ -70,6 +70,19 @@ def _recorded(folder: Path) -> Any:
             again = plan_for(plan.spec)
             return plan if differs(folder, "plan.json", plan_to_json(again)) else again
     return plan
+
+
+def _bill(folder: Path) -> str:
+    """Return the bill of materials of the build in `folder`, which names the parts that were built with the pad."""
+    from padgen.core.files import is_unchanged, read_bounded
+
+    bill = "bom.csv"
+    return (
+        read_bounded(folder / bill, LARGEST_BILL, "a bill of materials").decode() if is_unchanged(folder, bill) else ""
+    )
+
+
+LARGEST_BILL = 1_000_000
 
 
 def _built(plan: Any, folder: Path) -> Any:

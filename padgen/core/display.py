@@ -8,10 +8,22 @@ from typing import Any
 
 from padgen.core.errors import number
 
-__all__ = ["COLOURS", "INK", "PALE", "plot_bytes", "plot_style", "seconds_text", "span_text", "table"]
+__all__ = [
+    "COLOURS",
+    "INK",
+    "PALE",
+    "channel_colours",
+    "plot_bytes",
+    "plot_style",
+    "seconds_text",
+    "span_text",
+    "table",
+]
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a4c2f", "#666666")
 """Colours that colour-blind people, too, tell apart (most of them Okabe and Ito's, Color Universal Design, 2008)."""
+MANY = ("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30")
+"""Points of a scale from dark to light (viridis without its palest end) for more channels than `COLOURS` has."""
 INK, PALE = "#333333", "#8a8a8a"
 STYLE = {
     "svg.hashsalt": "padgen",
@@ -33,6 +45,24 @@ STYLE = {
     "xtick.color": INK,
     "ytick.color": INK,
 }
+
+
+def channel_colours(count: int) -> list[str]:
+    """Return the colour of each of `count` channels as ``#rrggbb``: the same in every picture and on the page.
+
+    >>> channel_colours(2), channel_colours(9)[-1]
+    (['#0072b2', '#d55e00'], '#addc30')
+    """
+    if count < len(COLOURS):
+        return list(COLOURS[:count])
+    colours = []
+    for index in range(count):
+        place = index * (len(MANY) - 1) / (count - 1)
+        low = min(int(place), len(MANY) - 2)
+        ends = [[int(MANY[k][i : i + 2], 16) for i in (1, 3, 5)] for k in (low, low + 1)]
+        mixed = [round(a + (b - a) * (place - low)) for a, b in zip(*ends, strict=True)]
+        colours.append("#" + "".join(f"{value:02x}" for value in mixed))
+    return colours
 
 
 def plot_style() -> Any:

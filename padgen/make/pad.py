@@ -21,6 +21,7 @@ from padgen.spec import Spec
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.solid.checks import Report
+    from padgen.solid.formats import Part
     from padgen.solid.mesh import Mesh
     from padgen.solid.pad_solid import PadSolid
 
@@ -135,6 +136,24 @@ class Pad:
         return self._report
 
     @cached_property
+    def beside(self) -> "tuple[Part, ...]":
+        """The parts that go with the pad, modelled and checked."""
+        if not self.parts:
+            return ()
+        from padgen.solid.parts import build_part
+
+        self.progress(f"modelling {', '.join(self.parts)}")
+        return tuple(build_part(self.plan, name) for name in self.parts)
+
+    @cached_property
+    def bill(self) -> str:
+        """The bill of materials of the pad and the parts beside it, as CSV text."""
+        from padgen.solid.parts import bill_of_materials
+
+        parts_g = {part.name: part.report.figures["plastic_g"] for part in self.beside if part.report}
+        return bill_of_materials(self.plan, self.check().figures["plastic_g"], parts_g)
+
+    @cached_property
     def _report(self) -> "Report":
         solid = self.solid
         from padgen.solid.checks import check_pad
@@ -190,11 +209,8 @@ class Pad:
 
         plan, pad = self.plan, self.solid
         from padgen.solid.formats import ExportJob, Part
-        from padgen.solid.parts import bill_of_materials, build_part
 
-        if self.parts:
-            self.progress(f"modelling {', '.join(self.parts)}")
-        beside = [build_part(plan, name) for name in self.parts]
+        beside = self.beside
         inputs = _inputs(plan.spec, formats, instances, self.parts, page)
         about = f"{len(plan.taxels)} taxels over {plan.coils.rows} x {plan.coils.columns} coils"
         whole = Part("pad", plan.name, about, pad.mesh, None, None)
@@ -207,7 +223,6 @@ class Pad:
             work = [(PAD_FORMATS.get(name), job) for name in formats for job in jobs]
             written = [writer.submit(maker.write, out, job) for maker, job in work]
             report = self.check()
-            plastic_g = {name: own.figures["plastic_g"] for name, own in reports.items()}
             of_parts = {"parts": {name: own.figures for name, own in reports.items()}} if reports else {}
             figures, findings = report.figures | of_parts, [*plan.findings, *report.findings]
             for name, own in reports.items():
@@ -216,7 +231,7 @@ class Pad:
                 ("plan.json", plan_to_json(plan)),
                 ("drive.csv", drive_csv(plan)),
                 ("drive.json", drive_json(plan)),
-                ("bom.csv", bill_of_materials(plan, report.figures["plastic_g"], plastic_g)),
+                ("bom.csv", self.bill),
                 ("checks.json", json_text({"figures": figures, "findings": findings})),
                 (PROFILE_FILE, profile_text(plan)),
                 (OTHER_SLICERS_FILE, other_slicers_text(plan)),

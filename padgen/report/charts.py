@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.display import COLOURS, INK, PALE, plot_style
+from padgen.core.display import COLOURS, INK, PALE, channel_colours, plot_style
 from padgen.core.registry import unknown_name
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.resonator import felt_energy
@@ -21,13 +21,11 @@ from padgen.report.drawings import all_shapes, border, draw_exploded, draw_pad, 
 __all__ = ["PICTURES", "draw_ladder", "draw_overview", "draw_prints", "draw_responses", "draw_selectivity", "picture"]
 
 
-def colours_of(count: int) -> Any:
-    """Return a colour (count, 4) for each channel, from dark for the lowest to light for the highest."""
+def colours_of(plan: Plan) -> Any:
+    """Return a colour (n, 4) for each channel of a plan."""
     import matplotlib
 
-    if count <= len(COLOURS) - 1:
-        return matplotlib.colors.to_rgba_array(COLOURS[:count])
-    return matplotlib.colormaps["viridis"](np.linspace(0, 0.85, count))
+    return matplotlib.colors.to_rgba_array(channel_colours(len(plan.channels)))
 
 
 def new_figure(plan: Plan, words: str, width_in: float, height_in: float) -> Any:
@@ -107,7 +105,9 @@ def draw_responses(plan: Plan) -> Any:
     what the loudest OFF taxel hears of a tone or a spur that others make. Below are the lines' own strengths.
     """
     own, scheme = plan.sets[0], plan.scheme
-    which, modes, colours = placed_channels(plan.spec, own), coil_modes(plan.spec, own), colours_of(len(own))
+    which = placed_channels(plan.spec, own)
+    modes = coil_modes(plan.spec, own)
+    colours = colours_of(plan)[[channel.index for channel in own]]
     parts = list(own_lines(which, scheme))
     if scheme.has_pair_spurs and 1 < len(own) <= MOST_WITH_SPURS:
         parts.append(pair_lines(which, scheme))
@@ -227,7 +227,7 @@ def print_map(axis: Any, plan: Plan) -> None:
             axis.annotate(f"{100 * share:.3g} %", cell[0], (2, 2), textcoords="offset points", fontsize=8)
     fills = shade.to_rgba(np.array(plan.prints.coil_shares))
     axis.add_collection(PolyCollection(cells, facecolors=fills, edgecolors=PALE, linewidths=0.4, gid="cells"))
-    colours = colours_of(len(plan.channels))
+    colours = colours_of(plan)
     for index, colour in enumerate(colours if len(plan.channels) <= MOST_NAMED else ()):
         axis.plot([], [], "o", color=colour, label=f"channel {index}")
     axis.add_collection(

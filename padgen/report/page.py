@@ -23,7 +23,8 @@ import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import versions
-from padgen.core.errors import FileError, InfeasibleError, PadgenError, number
+from padgen.core.display import COLOURS, channel_colours
+from padgen.core.errors import FileError, InfeasibleError, PadgenError, about, number
 from padgen.core.files import json_line, read_bounded, reason, write_synced
 from padgen.core.units import G_PER_CM3, GRAM, MM
 from padgen.driver.formats.csv import drive_rows
@@ -38,7 +39,7 @@ from padgen.planner.plan import Plan, plan_from_json, plan_to_json
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.printing import other_slicers_text
 from padgen.report.plans import STAGES as STAGE_WORDS
-from padgen.report.plans import pad_line, slot_hz
+from padgen.report.plans import output_coupling, pad_line, slot_hz
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.scene import ScenePart, scene_parts
@@ -59,11 +60,15 @@ HEIGHT_STEPS = 8192
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Page:
-    """The report of a plan, or of its built pad; notebooks show it, ``.save(path)`` writes the file."""
+    """The report of a plan, or of its built pad; notebooks show it, ``.save(path)`` writes the file.
+
+    `bill` is the bill of materials (CSV) of a pad that was built before; without it, that of `pad` or of the plan.
+    """
 
     plan: Plan
     pad: Pad | None = None
     study: dict[str, Any] | None = None
+    bill: str = ""
 
     def __repr__(self) -> str:
         return f"<Page {self.plan.name}: {'the built pad' if self.pad else 'the plan'}>"
@@ -74,7 +79,7 @@ class Page:
     @cached_property
     def html(self) -> str:
         """The whole page."""
-        return page_html(page_data(self.plan, self.pad, study=self.study))
+        return page_html(page_data(self.plan, self.pad, study=self.study, bill=self.bill))
 
     def save(self, path: str | Path) -> Path:
         """Write the page as one file; raises `FileError` where that is impossible."""
@@ -89,7 +94,12 @@ class Page:
 
 
 def page_data(
-    plan: Plan, pad: Pad | None = None, *, live: bool = False, study: dict[str, Any] | None = None
+    plan: Plan,
+    pad: Pad | None = None,
+    *,
+    live: bool = False,
+    study: dict[str, Any] | None = None,
+    bill: str = "",
 ) -> dict[str, Any]:
     """Return all that the page shows of a plan, as plain data.
 
@@ -103,6 +113,8 @@ def page_data(
         Leave out what takes more than some milliseconds: the histogram of prints, and what is `scene_data`.
     study : dict, optional
         The table of a ``study.json`` (`study_of`).
+    bill : str
+        The bill of materials of what was built, as CSV; by default that of `pad`, or of the plan alone.
     """
     if not live:
         # As plan.json records it, so that the page is the same from a plan just made as from one read back.
@@ -117,6 +129,8 @@ def page_data(
         "pad": _pad(plan),
         "coils": _coils(plan),
         "channels": [_channel(plan, index) for index in range(len(plan.channels))],
+        "colours": channel_colours(len(plan.channels)),
+        "palette": COLOURS,
         "taxels": _taxels(plan),
         "motion": _motion(plan),
         "selectivity": {**asdict(plan.selectivity), "sets": [[c.index for c in own] for own in plan.sets]},
@@ -133,11 +147,11 @@ def page_data(
         "manual": _manual(plan),
         "spec": {key: value for key, value in asdict(plan.spec).items() if value is not None},
         "versions": {"padgen": __version__, **versions()},
-        **({} if live else scene_data(plan, pad)),
+        **({} if live else scene_data(plan, pad, bill)),
     }
 
 
-def scene_data(plan: Plan, pad: Pad | None = None) -> dict[str, Any]:
+def scene_data(plan: Plan, pad: Pad | None = None, bill: str = "") -> dict[str, Any]:
     """Return the part of the page's data that needs the meshes of a plan's parts: the shapes, and what is weighed."""
     parts = scene_parts(plan, pad.solid if pad else None)
     volumes_mm3 = {
@@ -148,7 +162,7 @@ def scene_data(plan: Plan, pad: Pad | None = None) -> dict[str, Any]:
     plastic_g = measured_g or _mass_g(volumes_mm3["pad"], plan.spec.material.density_g_per_cm3)
     return {
         "shapes": [_shape(part) for part in parts],
-        "bom": list(csv.reader(io.StringIO(bill_of_materials(plan, plastic_g)))),
+        "bom": list(csv.reader(io.StringIO(bill or (pad.bill if pad else bill_of_materials(plan, plastic_g))))),
         "masses_g": {
             "plastic": plastic_g,
             "washers": _mass_g(volumes_mm3["steel"], plan.spec.washer.density_g_per_cm3),
@@ -161,28 +175,42 @@ def _mass_g(volume_mm3: float, density_g_per_cm3: float) -> float:
 
 
 def _figures(plan: Plan) -> list[dict[str, str]]:
-    """Return the three figures of the first screen."""
-    prints, load, count = plan.prints, plan.load, plan.coils.rows * plan.coils.columns
+    """Return the four figures of the first screen."""
+    prints, load, coil = plan.prints, plan.load, plan.spec.coil
+    count = plan.coils.rows * plan.coils.columns
     kept = "no limit" if prints.print_db is None else f"{prints.print_db:.1f} dB"
+    typical = next(touched for touched in plan.touched if touched.skin == "typical")
+    felt = "not known" if typical.all_states_db is None else f"{typical.all_states_db:.1f} dB".replace("-", "−")
     fitting = [f"{n}\u00a0×\u00a0{name}" for name, n in plan.parts.amplifiers.items()]
-    own = plan.spec.amplifier
+    if plan.spec.amplifier:
+        named = f"as {plan.spec.amplifier.name}"
+    else:
+        named = fitting[0] if fitting else "none of the catalogue suffices"
     return [
         {
-            "label": "What prints keep",
+            "label": "Untouched",
             "value": kept,
             "note": f"ON over OFF in {plan.spec.print_share:.0%} of prints, re-tuned;"
             f" asked: {plan.selectivity.asked_db:.1f} dB",
         },
         {
-            "label": "Power",
-            "value": f"{number(float(f'{count * load.copper_loss_w:.2g}'))} W",
-            "note": f"in the coils with all taxels on; idle: {number(float(f'{count * load.idle_w:.2g}'))} W",
+            "label": "Under a finger",
+            "value": felt,
+            "note": "ON over OFF, typical skin (a provisional model), as planned"
+            if typical.all_states_db is not None
+            else "no taxel of its coil beside it; its resonance moves",
         },
         {
-            "label": "Amplifier channels",
+            "label": "Heat",
+            "value": f"{about(count * load.copper_loss_w)} W",
+            "note": f"all taxels on; a coil {about(load.copper_loss_w)} W of {number(coil.power_limit_w)} W;"
+            f" idle {about(count * load.idle_w)} W",
+        },
+        {
+            "label": "Outputs",
             "value": str(count),
-            "note": f"{load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V peak each; "
-            + (f"as {own.name}" if own else fitting[0] if fitting else "none of the catalogue suffices"),
+            "note": f"{output_coupling(plan)} coupled; {load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V"
+            f" peak each; {named}",
         },
     ]
 

@@ -19,6 +19,7 @@ __all__ = [
     "figures_text",
     "findings_text",
     "held_line",
+    "output_coupling",
     "pad_line",
     "plan_html",
     "plan_text",
@@ -43,6 +44,14 @@ def verdict_text(verdict: Verdict) -> str:
     return "\n".join(filter(None, (verdict.sentence, verdict.touched)))
 
 
+def output_coupling(plan: "Plan") -> str:
+    """Return which coupling the amplifier's outputs need: 'DC', where they pass a constant current, or 'AC or DC'."""
+    from padgen.planner.plan import carrier_hz
+
+    carrier = carrier_hz(plan.spec, plan.scheme, plan.channels[-1].resonance_hz)
+    return "DC" if plan.scheme.has_constant and carrier is None else "AC or DC"
+
+
 def pad_line(plan: "Plan") -> str:
     """Return one sentence on taxels, pitch, coils, gap and amplifier outputs."""
     from padgen.planner.plan import carrier_hz
@@ -57,7 +66,7 @@ def pad_line(plan: "Plan") -> str:
     taken = "every second place" if abs(pitch.taken - 0.5) < 1e-9 else f"{pitch.taken:.0%} of the places"
     full = "" if pitch.taken > 1 - 1e-9 else f"; a taxel at {taken} of that grid"
     carrier = carrier_hz(plan.spec, plan.scheme, plan.channels[-1].resonance_hz)
-    constant = "DC" if plan.scheme.has_constant and carrier is None else "AC or DC"
+    on_carrier = "" if carrier is None else f", on a carrier of {number(carrier)} Hz"
     return (
         f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
         + (f", {' and '.join(sides)} apart ({even}{full})" if sides else "")
@@ -65,7 +74,7 @@ def pad_line(plan: "Plan") -> str:
         + f" channel{'s' * (len(plan.sets[0]) > 1)}"
         + " (one coil has those of even number, the next those of odd number)" * (coils.sets > 1)
         + f", {number(plan.spec.coil.gap_mm)} mm below the washers; {coils.rows * coils.columns} amplifier"
-        f" outputs, {constant} coupled{'' if carrier is None else f', on a carrier of {number(carrier)} Hz'}."
+        f" outputs, {output_coupling(plan)} coupled{on_carrier}."
     )
 
 

@@ -1,6 +1,6 @@
 // Small charts as SVG and HTML: they print, scale, and screen readers read them.
 
-import { channelColour, fixed, h, heat, inkOn, num, powerOfTen, s } from "./dom.js";
+import { fixed, h, heat, inkOn, num, powerOfTen, s } from "./dom.js";
 
 // Charts are drawn as wide as the page lets them be, so that their text keeps its size on a phone.
 let WIDE = 720;
@@ -39,7 +39,7 @@ export function ladder(data) {
     s("text", { x: x(hz), y: high + 16, "text-anchor": "middle" }, num(hz)),
   ]);
   channels.forEach((channel, k) => {
-    const [y, colour] = [top + k * row, channelColour(k, count)];
+    const [y, colour] = [top + k * row, data.colours[k]];
     const [from, to] = data.ladder[k];
     const [near, far] = [1 - channel.print_spread, 1 + channel.print_spread].map((share) => x(channel.resonance_hz * share));
     marks.push(
@@ -78,7 +78,7 @@ export function heatMap(data) {
         h("th", { scope: "row" }, `taxel ${names[i]}`),
         row.map((db, j) => {
           if (i === j) return h("td", { class: "own" }, "on");
-          const share = 1 - Math.min(Math.max(db / (2 * asked), 0), 1);
+          const share = Math.min(Math.max(db / (2 * asked), 0), 1); // brighter: more selective
           const colour = heat(share);
           return h("td", { paint: { background: colour, color: inkOn(colour) } }, fixed(db, 1));
         }),
@@ -163,6 +163,7 @@ export function study(data) {
   const rungs = data.study.ladders.flatMap((ladder) => ladder.rungs.map((rung) => ({ ...rung, ladder: ladder.ladder }))).filter((rung) => rung.seconds > 0 && rung.error_at_most > 0);
   if (!rungs.length) return h("div", {}, h("p", {}, "The study in this folder has no rung with a known error."), leftOut(data));
   const names = [...new Set(rungs.map((rung) => rung.ladder))];
+  const colourOf = (name) => data.palette[names.indexOf(name) % data.palette.length];
   const [left, top, high] = [66, 10, 260];
   const span = (values) => [Math.floor(Math.log10(Math.min(...values))), Math.ceil(Math.log10(Math.max(...values)) + 1e-9)];
   const [x0, x1] = span(rungs.map((rung) => rung.seconds));
@@ -173,13 +174,13 @@ export function study(data) {
   for (let k = x0; k <= x1; k++) marks.push(s("line", { x1: x(10 ** k), x2: x(10 ** k), y1: top, y2: top + high, class: "grid" }), s("text", { x: x(10 ** k), y: top + high + 16, "text-anchor": "middle" }, powerOfTen(k)));
   for (let k = y0; k <= y1; k++) if ((k - y0) % Math.ceil((y1 - y0) / 8) === 0) marks.push(s("line", { x1: left, x2: WIDE - 16, y1: y(10 ** k), y2: y(10 ** k), class: "grid" }), s("text", { x: left - 6, y: y(10 ** k) + 4, "text-anchor": "end" }, powerOfTen(k)));
   for (const rung of rungs)
-    marks.push(s("circle", { cx: x(rung.seconds), cy: y(rung.error_at_most), r: 4.5, stroke: channelColour(names.indexOf(rung.ladder), names.length), "stroke-width": 2, fill: rung.is_bound ? "none" : channelColour(names.indexOf(rung.ladder), names.length) }, s("title", {}, `${rung.ladder}: ${rung.model}, ${rung.resolution}`)));
+    marks.push(s("circle", { cx: x(rung.seconds), cy: y(rung.error_at_most), r: 4.5, stroke: colourOf(rung.ladder), "stroke-width": 2, fill: rung.is_bound ? "none" : colourOf(rung.ladder) }, s("title", {}, `${rung.ladder}: ${rung.model}, ${rung.resolution}`)));
   const rows = rungs.map((rung) => h("tr", {}, h("th", { scope: "row" }, rung.ladder), h("td", { class: "left" }, `${rung.model}, ${rung.resolution}`), h("td", {}, `${num(rung.seconds, 2)} s`), h("td", {}, `${num(100 * rung.error_at_most, 2)} %`)));
   return h(
     "div",
     {},
     s("svg", { viewBox: `0 0 ${WIDE} ${top + high + 40}`, role: "img", "aria-label": "Error against run time; the table below has the figures" }, marks, s("text", { x: (left + WIDE) / 2, y: top + high + 34, "text-anchor": "middle", class: "name" }, "run time, s"), s("text", { x: 12, y: top + high / 2, "text-anchor": "middle", class: "name", transform: `rotate(-90 12 ${top + high / 2})` }, "relative error")),
-    h("p", { class: "key" }, names.flatMap((name, k) => [h("span", { class: "swatch", paint: { background: channelColour(k, names.length) } }), name]), h("span", {}, "(hollow: at most)")),
+    h("p", { class: "key" }, names.flatMap((name, k) => [h("span", { class: "swatch", paint: { background: colourOf(names[k]) } }), name]), h("span", {}, "(hollow: at most)")),
     h("details", {}, h("summary", {}, "All rungs as a table"), h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "All rungs" }, h("table", {}, h("thead", {}, h("tr", {}, ["ladder", "model", "run time", "error at most"].map((name, k) => h("th", { scope: "col", class: k < 2 ? "left" : null }, name)))), h("tbody", {}, rows)))),
     leftOut(data),
   );

@@ -76,8 +76,3 @@ export function inkOn(colour) {
   const [red, green, blue] = [1, 3, 5].map((i) => parseInt(colour.slice(i, i + 2), 16) / 255).map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));
   return 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.179 ? "#000" : "#fff";
 }
-
-// Few channels get colours that differ in hue and lightness (Okabe and Ito's), many a scale.
-const FEW = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#9a7b00", "#7b61c4"];
-export const channelColour = (index, count) =>
-  count <= FEW.length ? FEW[index] : scaled(index / Math.max(count - 1, 1), VIRIDIS);

@@ -1,6 +1,6 @@
 // The page: renders everything from one table of data, `window.padgen.show(data)`, without reloading.
 
-import { byId, channelColour, fixed, h, heat, num, put, scaled } from "./dom.js";
+import { byId, fixed, h, heat, num, put, s, scaled } from "./dom.js";
 import { fitCharts, heatMap, histogram, ladder, study, wiring } from "./charts.js";
 import { manual } from "./manual.js";
 import { at, framesOf, movedBy } from "./motion.js";
@@ -8,7 +8,7 @@ import { showResponses } from "./responses.js";
 import { facts, jump, table, unprinted } from "./tables.js";
 import { makeView } from "./view.js";
 
-const WORDS = { good: "Works as printed", retune: "Works once re-tuned", short: "Falls short", error: "Does not work" };
+const WORDS = { good: "Works untouched, as printed", retune: "Works untouched, re-tuned", short: "Falls short", error: "Does not work" };
 const SHOWN_MM = 0.35; // the largest motion, over the pad's thickness, as it is drawn
 const FRAME_S = 0.9; // seconds that a frame of a sequence is shown
 const SLOWED = [10, 20, 50, 100, 200, 500];
@@ -23,7 +23,7 @@ const inView = () => view?.shows(data); // else its parts still are an older pla
 
 function makeOnce() {
   try {
-    view = makeView(byId("canvas"), { picked: (index) => select(data.taxels.id[index]) });
+    view = makeView(byId("canvas"), { picked: (index) => select(data.taxels.id[index]), drawn: labels });
   } catch {
     byId("no-3d").hidden = false;
     byId("canvas").hidden = true;
@@ -34,7 +34,10 @@ function makeOnce() {
     byId(name).addEventListener("input", (event) => {
       state[name] = Number(event.target.value) / 100;
       view?.[name](state[name]);
-      if (name === "explode") marks();
+      if (name === "explode") {
+        view?.fit();
+        marks();
+      }
     });
   for (const button of document.querySelectorAll("[data-look]")) button.addEventListener("click", () => {
       // From below, coils and tray would hide all that there is to see.
@@ -101,7 +104,7 @@ function beside([down, right]) {
 }
 
 const MODES = {
-  channel: { title: "Channel", of: (i) => channelColour(data.taxels.channel[i], data.channels.length) },
+  channel: { title: "Channel", of: (i) => data.colours[data.taxels.channel[i]] },
   print: {
     title: "Prints in which the taxel's coil keeps what is asked",
     value: (i) => data.coils.print_shares[data.taxels.coil[i]],
@@ -109,7 +112,7 @@ const MODES = {
     range: () => [0, 1],
     scale: (share) => scaled(share),
   },
-  leak: { title: "Leak of the coils around, below its own level, at its channel's worst place", value: (i) => data.channels[data.taxels.channel[i]].leak_db, told: (v) => `${fixed(v, 1)} dB`, scale: (share) => heat(1 - share) },
+  leak: { title: "Leak of the coils around, below its own level, at its channel's worst place", value: (i) => data.channels[data.taxels.channel[i]].leak_db, told: (v) => `${fixed(v, 1)} dB`, scale: heat },
   stress: { title: "Stress at the beam's root at full level", value: (i) => data.channels[data.taxels.channel[i]].root_stress_mpa, told: (v) => `${num(v, 3)} MPa`, scale: heat },
 };
 
@@ -118,7 +121,7 @@ function paint() {
   const every = data.taxels.id.map((_, index) => index);
   if (!mode.value) {
     const shown = data.channels.length <= 12 ? data.channels : [data.channels[0], data.channels[data.channels.length - 1]];
-    put("legend", h("strong", {}, mode.title), shown.map((channel) => h("span", {}, h("i", { paint: { background: channelColour(channel.index, data.channels.length) } }), `${channel.index}: ${fixed(channel.resonance_hz, 0)} Hz`)));
+    put("legend", h("strong", {}, mode.title), shown.map((channel) => h("span", {}, h("i", { paint: { background: data.colours[channel.index] } }), `${channel.index}: ${fixed(channel.resonance_hz, 0)} Hz`)));
     if (inView()) view.colours(mode.of);
     return;
   }
@@ -129,6 +132,22 @@ function paint() {
   const ends = high > low ? [low, (low + high) / 2, high] : [low];
   put("legend", h("strong", {}, mode.title), known.length ? ends.map((value) => h("span", {}, h("i", { paint: { background: mode.scale(share(value)) } }), mode.told(value))) : h("span", {}, "nothing leaks"));
   if (inView()) view.colours((i) => (values[i] === null ? "#bbbbbb" : mode.scale(share(values[i]))));
+}
+
+const LABEL_PX = { width: 62, height: 20 };
+
+/** Name the parts that the cut goes through, in a column at the right edge with a line to each. */
+function labels() {
+  const parts = view?.cutParts() ?? [];
+  const { clientWidth: wide, clientHeight: high } = byId("canvas");
+  const seen = parts.filter(([, x, y]) => x >= 0 && x <= wide && y >= 0 && y <= high).sort((a, b) => a[2] - b[2]);
+  let low = LABEL_PX.height;
+  put("labels", seen.flatMap(([name, x, y]) => {
+    const at = Math.max(low, y);
+    low = at + LABEL_PX.height;
+    const left = wide - LABEL_PX.width;
+    return [s("line", { x1: x, y1: y, x2: left - 4, y2: at }), s("circle", { cx: x, cy: y, r: 2.5 }), s("text", { x: left, y: at + 4 }, name)];
+  }));
 }
 
 // A taxel --------------------------------------------------------------------------------------------------------
@@ -276,6 +295,8 @@ function first() {
   const { verdict, pad } = data;
   put("name", data.name);
   put("verdict", h("span", { class: `pill ${verdict.level}` }, WORDS[verdict.level] || ""), h("span", {}, verdict.sentence));
+  put("touched", verdict.touched);
+  byId("touched").hidden = !verdict.touched;
   put("about", verdict.about);
   put("figures", data.figures.map(({ label, value, note }) => h("div", { class: "figure" }, h("h2", {}, label), h("p", { class: "value" }, value), h("p", { class: "soft" }, note))));
   document.title = `${data.name.slice(0, 120)}: ${num(pad.width_mm)} × ${num(pad.depth_mm)} mm, ${data.taxels.id.length} taxels`;

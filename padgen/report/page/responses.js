@@ -1,7 +1,7 @@
 // Responses of the channels of one coil over frequency, with the tones that are played and the spurs that they make.
 
 import uPlot from "uplot";
-import { byId, channelColour, fixed, h, num, put } from "./dom.js";
+import { byId, fixed, h, num, put } from "./dom.js";
 import { felt, linesOf, response } from "./motion.js";
 import { logTicks } from "./charts.js";
 
@@ -14,7 +14,6 @@ let watcher = null;
 
 export function showResponses(data, which) {
   const set = data.motion.sets[which];
-  const count = data.channels.length;
   const own = set.channels.map((index) => data.channels[index]);
   const lines = linesOf(data, which, set.channels.map((_, i) => i));
   const spurs = lines.filter((line) => line.kind !== "tone").slice(0, MOST_SPURS);
@@ -40,7 +39,7 @@ export function showResponses(data, which) {
       { ...axis, label: "frequency of the pull, Hz", labelSize: 22, splits: () => logTicks(low, high), values: (_, values) => values.map((value) => num(value)), filter: (_, values) => values },
       { ...axis, label: "dB of its own full level", labelSize: 22, size: 52 },
     ],
-    series: [{ label: "Hz", value: (_, v) => (v === null ? "–" : fixed(v, 1)) }, ...own.map((channel) => ({ label: `ch ${channel.index}`, stroke: channelColour(channel.index, count), width: 2, points: { show: false }, value: (_, v) => (v === null ? "–" : `${fixed(v, 1)} dB`) }))],
+    series: [{ label: "Hz", value: (_, v) => (v === null ? "–" : fixed(v, 1)) }, ...own.map((channel) => ({ label: `ch ${channel.index}`, stroke: data.colours[channel.index], width: 2, points: { show: false }, value: (_, v) => (v === null ? "–" : `${fixed(v, 1)} dB`) }))],
     legend: { show: own.length <= 12, live: true },
     cursor: { drag: { x: false, y: false } },
     hooks: {
@@ -54,7 +53,7 @@ export function showResponses(data, which) {
             ctx.beginPath();
             ctx.setLineDash(each.kind === "tone" ? [] : [5 * devicePixelRatio, 4 * devicePixelRatio]);
             ctx.lineWidth = (each.kind === "tone" ? 1.6 : 1.2) * devicePixelRatio;
-            ctx.strokeStyle = each.kind === "tone" ? channelColour(own[each.of[0]].index, count) : ink;
+            ctx.strokeStyle = each.kind === "tone" ? data.colours[own[each.of[0]].index] : ink;
             ctx.globalAlpha = 0.75;
             ctx.moveTo(at, u.bbox.top);
             ctx.lineTo(at, u.bbox.top + u.bbox.height);

@@ -59,7 +59,7 @@ function geometryOf(shape) {
   return geometry;
 }
 
-export function makeView(canvas, { picked }) {
+export function makeView(canvas, { picked, drawn }) {
   const renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, stencil: true, preserveDrawingBuffer: true });
   renderer.localClippingEnabled = true;
   const scene = new Scene();
@@ -251,10 +251,17 @@ export function makeView(canvas, { picked }) {
 
   function look(name) {
     const [azimuth, elevation] = LOOKS[name].slice(0, 2).map((degrees) => (degrees * Math.PI) / 180);
-    const ahead = new Vector3(Math.sin(azimuth) * Math.cos(elevation), -Math.cos(azimuth) * Math.cos(elevation), Math.sin(elevation));
+    lookAlong(new Vector3(Math.sin(azimuth) * Math.cos(elevation), -Math.cos(azimuth) * Math.cos(elevation), Math.sin(elevation)), LOOKS[name][2]);
+  }
+
+  /** Show all parts whole, from where the camera is. */
+  const fit = () => lookAlong(camera.position.clone().sub(controls.target).normalize(), 1);
+
+  /** Look at all parts against the direction `ahead`; `share` is how much of a ball around them is to be seen. */
+  function lookAlong(ahead, share) {
     const [top, low] = [data.pad.boss_top_mm + zOf("pad"), hidden.includes("tray") ? zOf("steel") : bottom + zOf("tray")];
     const around = Math.hypot(radius, (top - low) / 2);
-    const far = (LOOKS[name][2] * (camera.aspect < 1.3 ? 1.1 : 1) * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
+    const far = (share * (camera.aspect < 1.3 ? 1.1 : 1) * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
     controls.target.set(0, 0, (top + low) / 2);
     camera.position.copy(controls.target).addScaledVector(ahead, far);
     camera.near = far / 50;
@@ -293,6 +300,37 @@ export function makeView(canvas, { picked }) {
     sun.position.copy(camera.position).sub(controls.target).normalize().applyAxisAngle(camera.up, -0.6).add(new Vector3(0, 0, 0.7 * Math.sign(camera.position.z || 1)));
     renderer.render(scene, camera);
     canvas.dataset.drawn = String(Number(canvas.dataset.drawn || 0) + 1);
+    drawn();
+  }
+
+  /** Return a place (mm) in the canvas: x, y in CSS pixels from its corner. */
+  function onCanvas(x, y, z) {
+    const at = new Vector3(x, y, z).project(camera);
+    return [((at.x + 1) / 2) * canvas.clientWidth, ((1 - at.y) / 2) * canvas.clientHeight];
+  }
+
+  /** Return what the cut goes through as [name, x, y] in CSS pixels of the canvas: the parts of the taxel nearest to it. */
+  function cutParts() {
+    if (!data || cutAt <= 0) return [];
+    const { pad, taxels, coils } = data;
+    const y = -plane.constant;
+    const nearest = (places) => places.reduce((best, at) => (Math.abs(at[1] - y) < Math.abs(best[1] - y) ? at : best));
+    const parts = [];
+    const name = (label, material, x, z) => hidden.includes(material) || parts.push([label, ...onCanvas(x, y, z + zOf(material))]);
+    const side = -(pad.width_mm + pad.border_mm) / 2;
+    name("frame", "pad", side, pad.frame_mm / 2);
+    // Half the width of a disc of this diameter where the cut goes through it, 0 beside it.
+    const half = (diameter, off) => Math.sqrt(Math.max((diameter / 2) ** 2 - off ** 2, 0));
+    const [x, taxelY] = nearest(taxels.x_mm.map((at, k) => [at, taxels.y_mm[k]]));
+    const [outer, , thickness] = pad.washer_mm;
+    if (half(pad.boss_diameter_mm, taxelY - y)) name("boss", "pad", x, pad.boss_top_mm);
+    const washer = half(outer, taxelY - y);
+    if (washer) name("washer", "steel", x + 0.9 * washer, pad.washer_underside_mm + thickness / 2);
+    const [coilX, coilY] = nearest(coils.places);
+    const coil = half(pad.coil_mm[0], coilY - y);
+    if (coil) name("coil", "copper", coilX + 0.9 * coil, pad.washer_underside_mm - pad.gap_mm - pad.coil_mm[1] / 2);
+    if (layers.some(({ shape }) => shape.material === "tray")) name("tray", "tray", side, bottom + 1);
+    return parts;
   }
 
   function draw() {
@@ -353,5 +391,5 @@ export function makeView(canvas, { picked }) {
   }
 
   new ResizeObserver(resize).observe(canvas.parentElement);
-  return { show, shows: (those) => Boolean(data) && (!those || data === those), colours, lift, hide, explode, section, mark, look, zoom, resize, placeOf, picture, drawNow };
+  return { cutParts, fit, show, shows: (those) => Boolean(data) && (!those || data === those), colours, lift, hide, explode, section, mark, look, zoom, resize, placeOf, picture, drawNow };
 }
