@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from axe_playwright_python.sync_playwright import Axe
+from matplotlib.colors import to_hex
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
@@ -144,7 +145,9 @@ def look(page, name):
 def test_the_first_screen_has_verdict_picture_and_figures(page, paper_plan, paper_html):
     assert page.text_content("h1") == "paper-32"
     assert "in 90% of prints ON taxels then vibrate at least 13.8 dB more" in page.text_content("#verdict")
-    assert page.locator(".figure .value").all_text_contents() == ["13.8 dB", "0.93 W", "16"]
+    assert "Under a finger it does not choose its taxels" in page.text_content("#touched")
+    assert page.locator(".figure h2").all_text_contents() == ["Untouched", "Under a finger", "Heat", "Outputs"]
+    assert page.locator(".figure .value").all_text_contents() == ["13.8 dB", "−2.9 dB", "0.93 W", "16"]
     bottom = page.locator("#figures").bounding_box()
     assert bottom["y"] + bottom["height"] <= 1000 and page.locator("#canvas").bounding_box()["y"] < 400
     assert len(paper_html.encode()) <= 1.5e6
@@ -273,6 +276,78 @@ def test_colours_cut_and_explosion(page, paper_plan):
     look(page, "aslant")
 
 
+def test_taken_apart_the_pad_stays_in_the_picture(page):
+    before = page.evaluate("document.getElementById('explode').value")
+    for part in ("100", before):
+        page.evaluate(
+            "v => { const e = document.getElementById('explode'); e.value = v; e.dispatchEvent(new Event('input')); }",
+            part,
+        )
+        opaque = pixels(page)[..., 3] > 128
+        edges = [opaque[0], opaque[-1], opaque[:, 0], opaque[:, -1]]
+        assert opaque.any() and not any(edge.any() for edge in edges)
+    look(page, "aslant")
+
+
+def test_the_cut_names_what_it_goes_through(page, paper_plan):
+    """Through the middle of a row of coils the cut meets frame, coils and tray; the labels lie in the canvas."""
+    pad = page.evaluate("padgen.data.pad")
+    depth_mm = pad["depth_mm"] + 2 * pad["border_mm"]
+    y_mm = page.evaluate("padgen.data.coils.places[0][1]")
+    share = 100 * (depth_mm / 2 + y_mm) / depth_mm
+    page.evaluate(
+        "v => { const e = document.getElementById('section'); e.step = 'any'; e.value = v;"
+        " e.dispatchEvent(new Event('input')); }",
+        share,
+    )
+    page.evaluate("padgen.view().drawNow()")
+    told = page.locator("#labels text").all_text_contents()
+    assert {"frame", "coil", "tray"} <= set(told)
+    box = page.locator("#canvas").bounding_box()
+    for label in page.locator("#labels text").all():
+        at = label.bounding_box()
+        assert box["x"] <= at["x"] and at["x"] + at["width"] <= box["x"] + box["width"]
+    page.evaluate(
+        "() => { const e = document.getElementById('section'); e.value = 0; e.dispatchEvent(new Event('input')); }"
+    )
+    page.evaluate("padgen.view().drawNow()")
+    assert page.locator("#labels text").count() == 0
+
+
+def test_a_phone_shows_what_decides_first(opened, paper_html):
+    phone = opened(paper_html, viewport={"width": 390, "height": 844})
+    for where in ("#verdict", "#touched", "#figures"):
+        box = phone.locator(where).bounding_box()
+        assert box["y"] + box["height"] <= 844
+    # All of each sentence is in sight: nothing is cut by a box that is too low.
+    for where in ("#verdict", "#touched", ".figure p"):
+        assert phone.evaluate(
+            "w => [...document.querySelectorAll(w)].every(e => e.scrollHeight <= e.clientHeight + 1)", where
+        )
+
+
+def test_on_paper_no_sentence_and_no_figure_is_cut(opened, paper_html):
+    sheet = opened(paper_html, viewport={"width": 718, "height": 1010})
+    sheet.emulate_media(media="print")
+    for where in ("#verdict", "#touched", "#about", ".figure", ".figure p"):
+        assert sheet.evaluate(
+            "w => [...document.querySelectorAll(w)].every(e => e.scrollHeight <= e.clientHeight + 1)", where
+        )
+    assert sheet.locator(".figure h2").all_text_contents() == ["Untouched", "Under a finger", "Heat", "Outputs"]
+
+
+@pytest.mark.parametrize("name", ["pad-32", "wide-11"])
+def test_a_channel_has_one_colour_on_the_page_and_in_pictures(name):
+    plan = pg.plan(name)
+    on_page = page_data(plan, live=True)["colours"]
+    responses = plan.plot("responses")
+    drawn = {line.get_label(): line.get_color() for line in responses.axes[0].lines}
+    for channel in plan.sets[0]:
+        label = f"channel {channel.index}, {channel.resonance_hz:.1f} Hz"
+        if label in drawn:
+            assert to_hex(drawn[label]) == on_page[channel.index]
+
+
 def test_a_cut_shows_full_material(page, paper_plan):
     """As much copper as the windings of one row of coils have in the plane through their axes."""
     coil, pad = paper_plan.spec.coil, paper_plan.spec.pad
@@ -375,8 +450,8 @@ EVIL = (
     "<script>window.ran = 1</script><img src=x onerror='window.ran = 2'>{{scripts}}]]>--></script>&quot;"
     "\u202e\u2028'\"`${1}"
 )
-NO_TEXT = {"shapes", "motion", "level", "worst_state"}
-"""Entries that are no words: base64, kinds of current, classes."""
+NO_TEXT = {"shapes", "motion", "level", "worst_state", "colours", "palette"}
+"""Entries that are no words: base64, kinds of current, classes, colours of padgen's own."""
 
 
 def spoiled(value, text, key=""):
