@@ -59,13 +59,20 @@ __all__ = [
 
 NAMES = ("stretch", "lateral", "bending", "torsion", "pitch", "yaw")
 """Names of modes by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
+STILL = 1e-10
+"""Motion of a mode in one of six directions, over the most of any mode in that direction, that is rounding: symmetric
+taxels of the templates have up to 1e-13, and the smallest real couplings are 1e-7."""
 
 
 def taxel_modes(model: TaxelModel) -> TaxelModes:
-    """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six."""
+    """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six.
+
+    Directions in which a mode does not move (`STILL`) are exactly zero in the beam model's, with any version of numpy.
+    """
     if isinstance(model, SolvedModel):
         return model.solved
     motion = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]]).T
+    motion[np.abs(motion) < STILL * np.abs(motion).max(axis=0)] = 0.0
     return TaxelModes(model.modes.frequency_hz, motion)
 
 
