@@ -107,10 +107,11 @@ pictures: $(STAMP) ## draw the README's pictures anew, and what docs/yield.md sa
 
 # For every Python from 3.11 and every platform, by markers; names, versions and hashes only.
 lock: $(STAMP) ## make requirements.lock anew, after a change of constraints.txt or of a dependency
-	rm -f requirements.lock
+	rm -f $(VENV)/requirements.lock
 	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes --no-annotate \
 	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
-	  --constraint constraints.txt --output-file requirements.lock pyproject.toml > /dev/null
+	  --constraint constraints.txt --output-file $(VENV)/requirements.lock pyproject.toml > /dev/null
+	mv $(VENV)/requirements.lock .
 
 sbom: $(STAMP) ## the bill of materials (CycloneDX) of padgen and what it needs, into out/sbom.json
 	$(BIN)/python docs/supply.py sbom out/sbom.json

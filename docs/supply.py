@@ -194,11 +194,17 @@ def _python(uv: str, version: str) -> str | None:
     """Return the path of a Python on this machine, from Debian's packages where it was missing, or None."""
     find = [uv, "python", "find", "--system", "--no-python-downloads", "--no-project", version]
     done = subprocess.run(find, capture_output=True, text=True)
-    if done.returncode and shutil.which("apt-get"):
+    if done.returncode == 0:
+        return done.stdout.strip()
+    if shutil.which("pyenv"):  # whose programs on the path start one version only
+        root = Path(_run("pyenv", "root").strip())
+        for found in sorted(root.glob(f"versions/{version}.*/bin/python{version}")):
+            return str(found)
+    if shutil.which("apt-get"):
         names = [f"python{version}", f"python{version}-venv"]
         subprocess.run(["apt-get", "install", "-y", "-qq", "--no-install-recommends", *names], capture_output=True)
-        done = subprocess.run(find, capture_output=True, text=True)
-    return done.stdout.strip() if done.returncode == 0 else None
+        return shutil.which(f"python{version}", path="/usr/bin")
+    return None
 
 
 def _run(*command: object, may_find: bool = False) -> str:
