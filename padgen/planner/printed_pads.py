@@ -82,7 +82,7 @@ DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
 STEP = 1e-3
 """Relative step of the central differences; its square is their error, 1e-14 over it the rounding error."""
 STEP_DECIMALS = 7
-"""Decimals of the differences that are kept: the rest is less than their error, and differs between versions of numpy."""
+"""Decimals of the differences that are kept: the rest is less than their error, and other with another numpy."""
 WORKING_SHARE = 0.3
 """Share of the largest compliance above which a mode may be followed as the working one."""
 ROUNDING_DB = 1e-9
