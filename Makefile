@@ -7,15 +7,17 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test soak check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures lock sbom wheels clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
-$(STAMP): pyproject.toml setup.py constraints.txt
+# pip takes no editable install together with hashes. The second step needs no network: setuptools comes from the lock.
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+$(STAMP): pyproject.toml setup.py requirements.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[completion,dask,dev,docs,explore,play,study]'
+	$(PIP) --require-hashes --requirement requirements.lock
+	$(PIP) --no-deps --no-build-isolation --no-index --editable .
 	@touch $@
 
 setup: $(STAMP) ## make the environment in .venv, every extra included
@@ -102,6 +104,20 @@ docs: $(STAMP) ## the documentation site, into out/docs (a warning is an error)
 pictures: $(STAMP) ## draw the README's pictures anew, and what docs/yield.md says of capacity
 	$(BIN)/python docs/pictures.py
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/draw_capacity.py
+
+# For every Python from 3.11 and every platform, by markers; names, versions and hashes only.
+lock: $(STAMP) ## make requirements.lock anew, after a change of constraints.txt or of a dependency
+	rm -f $(VENV)/requirements.lock
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --all-extras --generate-hashes --no-annotate \
+	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" \
+	  --constraint constraints.txt --output-file $(VENV)/requirements.lock pyproject.toml > /dev/null
+	mv $(VENV)/requirements.lock .
+
+sbom: $(STAMP) ## the bill of materials (CycloneDX) of padgen and what it needs, into out/sbom.json
+	$(BIN)/python docs/supply.py sbom out/sbom.json
+
+wheels: $(STAMP) ## plan by the wheel under Python 3.11, 3.12 and 3.13, as far as they are here, and compare
+	$(BIN)/python docs/supply.py wheels
 
 clean: ## remove generated files, the environment too
 	rm -rf out $(VENV)

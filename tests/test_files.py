@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import padgen
@@ -19,9 +20,12 @@ from padgen.core import files
 from padgen.core.errors import FileError
 from padgen.core.files import (
     OutputFolder,
+    csv_cell,
     differs,
     file_hash,
     is_current,
+    json_line,
+    json_text,
     lock_file,
     read_bounded,
     read_manifest,
@@ -52,6 +56,32 @@ def child(code, *arguments):
     return subprocess.Popen(
         [sys.executable, "-c", code, *map(str, arguments)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
+
+
+# Numbers
+
+
+@pytest.mark.parametrize(
+    ("number", "written"),
+    [
+        (9.9e-13, 0.0),
+        (-4e-17, 0.0),
+        (-0.0, 0.0),
+        (1e-12, 1e-12),
+        (-1.23456789012e-12, -1.23456789e-12),
+        (2 / 3, 0.6666666667),
+    ],
+)
+def test_results_have_ten_digits_and_what_rounding_leaves_of_zero_is_zero(number, written):
+    for value in (number, np.float64(number)):
+        for text in (json_text({"a": [value]}), json_line({"a": [value]})):
+            assert str(json.loads(text)["a"][0]) == str(written), "str tells -0.0 from 0.0"
+        assert csv_cell(value) == f"{written:.10g}"
+
+
+def test_inputs_are_written_in_full():
+    spec = {"a": 1.2345678901234e-15, "b": {"c": 1 / 3}}
+    assert json.loads(json_text({"spec": spec}))["spec"] == spec
 
 
 # What goes, and what stays

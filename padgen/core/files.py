@@ -145,6 +145,9 @@ MOST_JSON = 1_000_000
 """Largest manifest or journal in bytes; the largest pad's have a hundredth of this."""
 PLAIN_NAME = re.compile(r"\w[\w.-]{0,254}", re.ASCII)
 HASH = re.compile("[0-9a-f]{64}")
+SMALLEST = 1e-12
+"""Smallest result that files tell from zero, in the unit of its name; the smallest that means something, a motion per
+newton of modes that were not solved, is a thousand times larger."""
 BAD_DISK = (EIO, ENOSPC, EDQUOT)
 
 
@@ -360,10 +363,10 @@ LONGEST_PIPE_S = 10.0
 
 
 def json_text(table: Any) -> str:
-    """Return JSON in the form of all files: numbers with ten significant digits, null for NaN and infinity.
+    """Return JSON in the form of all files: numbers as `_rounded`, null for NaN and infinity.
 
-    Ten digits agree between platforms. An entry called `spec` is input, not a result: its numbers are written in full,
-    so that they read back unchanged. Takes plain data and dataclasses; other values become text.
+    An entry called `spec` is input, not a result: its numbers are written in full, so that they read back unchanged.
+    Takes plain data and dataclasses; other values become text.
     """
     return _escaped(json.dumps(_plain(table), indent=1, ensure_ascii=False)) + "\n"
 
@@ -374,16 +377,24 @@ def json_line(table: Any) -> str:
 
 
 def csv_cell(value: Any) -> str:
-    """Return a value as the text of a cell: numbers with ten significant digits, empty for None, NaN and infinity.
+    """Return a value as the text of a cell: numbers as `_rounded`, empty for None, NaN and infinity.
 
-    >>> csv_cell(1 / 3), csv_cell(float("inf")), csv_cell([50, 200]), csv_cell(True)
-    ('0.3333333333', '', '[50, 200]', 'true')
+    >>> csv_cell(1 / 3), csv_cell(float("inf")), csv_cell([50, 200]), csv_cell(True), csv_cell(-1e-17)
+    ('0.3333333333', '', '[50, 200]', 'true', '0')
     """
     if isinstance(value, float) and isfinite(value):
-        return f"{value:.10g}"
+        return f"{_rounded(value):.10g}"
     if value is None or isinstance(value, float):
         return ""
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
+def _rounded(value: float) -> float:
+    """Return a finite result as files have it: ten significant digits, and 0 for less than `SMALLEST`.
+
+    Ten digits agree between platforms. Smaller figures do not, since they are what rounding leaves of zero.
+    """
+    return float(f"{value:.10g}") if abs(value) >= SMALLEST else 0.0
 
 
 def _escaped(text: str) -> str:
@@ -394,7 +405,7 @@ def _escaped(text: str) -> str:
 def _plain(value: Any, in_full: bool = False) -> Any:
     """Return a value as plain data, its numbers rounded or `in_full`."""
     if isinstance(value, float):
-        return (value if in_full else float(f"{value:.10g}")) if isfinite(value) else None
+        return (value if in_full else _rounded(value)) if isfinite(value) else None
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, (list, tuple)):

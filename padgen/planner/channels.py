@@ -59,26 +59,40 @@ __all__ = [
 
 NAMES = ("stretch", "lateral", "bending", "torsion", "pitch", "yaw")
 """Names of modes by the largest part of the plate's motion: along x, y, z, and about x, y, z."""
+STILL = 1e-10
+"""Motion of a mode in one of six directions, over the most of any mode in that direction, that is rounding: symmetric
+taxels of the templates have up to 1e-13, and the smallest real couplings are 1e-7."""
+SHARE_DECIMALS = 12
+"""Decimals of a mode's share that rounding leaves alone."""
 
 
 def taxel_modes(model: TaxelModel) -> TaxelModes:
-    """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six."""
+    """Return the modes of `model`: those solved by finite elements if it has them, else the beam model's six.
+
+    The beam model's are the same with any version of numpy: directions in which a mode does not move (`STILL`) are
+    exactly zero, and the sign of a mode, which is free, makes the first of z, x, y and the rotations that it moves in
+    positive.
+    """
     if isinstance(model, SolvedModel):
         return model.solved
     motion = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]]).T
-    return TaxelModes(model.modes.frequency_hz, motion)
+    motion[np.abs(motion) < STILL * np.abs(motion).max(axis=0)] = 0.0
+    ordered = motion[:, [2, 0, 1, 3, 4, 5]]
+    first = (ordered != 0).argmax(axis=1)
+    motion *= np.sign(ordered[np.arange(len(motion)), first])[:, None]
+    return TaxelModes(model.modes.frequency_hz, motion + 0.0)  # no -0.0
 
 
 def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> dict[str, Any]:
     """Return the fields of a `Channel` about its modes; the pull's `wrench` (6,) is that of `site_wrenches`.
 
-    Shares are of the working mode's static compliance under a vertical pull at the washer's axis.
+    Shares are of the working mode's static compliance under a vertical pull at the washer's axis, to `SHARE_DECIMALS`.
     """
     unit = modes.compliances()[modes.working]
     return {
         "modes_hz": tuple(modes.frequency_hz.tolist()),
-        "mode_shares": tuple((modes.compliances() / unit).tolist()),
-        "pulled_shares": tuple((modes.compliances(wrench) / unit).tolist()),
+        "mode_shares": tuple((modes.compliances() / unit).round(SHARE_DECIMALS).tolist()),
+        "pulled_shares": tuple((modes.compliances(wrench) / unit).round(SHARE_DECIMALS).tolist()),
         "mode_motions": tuple(tuple(row) for row in modes.motion.tolist()),
         "rest_motion": (0.0,) * 6 if modes.rest is None else tuple((modes.rest @ wrench).tolist()),
         "pull_wrench": tuple(wrench.tolist()),

@@ -80,7 +80,9 @@ BLOCK = 1 << 16
 DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
 """Printed taxels, and at most pads, that one stream of random numbers is used for."""
 STEP = 1e-3
-"""Relative step of the central differences; its square is their error, 1e-12 over it the rounding error."""
+"""Relative step of the central differences; its square is their error, 1e-14 over it the rounding error."""
+STEP_DECIMALS = 7
+"""Decimals of the differences that are kept: the rest is less than their error, and other with another numpy."""
 WORKING_SHARE = 0.3
 """Share of the largest compliance above which a mode may be followed as the working one."""
 ROUNDING_DB = 1e-9
@@ -189,7 +191,7 @@ def sensitivities(plan: Plan) -> np.ndarray:
     step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
     sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     log_hz = log_resonances(plan, sizes[:, None] * step)
-    return np.asarray((log_hz[:, :3] - log_hz[:, 3:]) / (2 * STEP))
+    return np.asarray(((log_hz[:, :3] - log_hz[:, 3:]) / (2 * STEP)).round(STEP_DECIMALS))
 
 
 def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
