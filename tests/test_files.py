@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -625,3 +626,16 @@ def test_a_lock_is_given_back(tmp_path):
     assert file >= 0 > lock_file(tmp_path / "lock")
     unlock_file(tmp_path / "lock", file)
     assert not (tmp_path / "lock").exists()
+
+
+def test_a_hundred_saves_at_once_in_one_process_are_all_whole(tmp_path):
+    """Threads share the process's number, so that each needs a folder aside of its own."""
+
+    def save(letter):
+        put(tmp_path, {"spec": letter}, plan_json=letter, pad_stl=letter)
+
+    with ThreadPoolExecutor(100) as threads:
+        for saved in [threads.submit(save, str(number)) for number in range(100)]:
+            saved.result()
+    (letter,) = set(texts(tmp_path).values())
+    assert is_current(tmp_path, {"spec": letter}) and not hidden(tmp_path)

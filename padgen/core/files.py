@@ -139,6 +139,12 @@ JOURNAL = ".padgen.journal"
 LOCK = ".padgen.lock"
 REPLACED = ".replaced"
 """Name, in the folder aside, of the folder with padgen's own replaced and removed files."""
+ASIDE = re.compile(re.escape(PARTIAL) + "([0-9]{1,99})(?:-[0-9]{1,99})?", re.ASCII)
+"""The name of a folder aside: the process's number, and in versions after 0.2 the change's."""
+MOST_ATTEMPTS = 100
+_own_asides: set[str] = set()
+"""Absolute paths of the folders aside that are in use in this process."""
+_aside_numbers = count(1)
 PATIENCE_S = 10.0
 """Longest wait in s of a commit for another, which takes milliseconds."""
 MOST_JSON = 1_000_000
@@ -218,7 +224,7 @@ def _held(path: Path) -> Iterator[None]:
     with locked(path / LOCK, PATIENCE_S) as has_lock:
         moves = _read_journal(path)
         # Without locks, the process number in the folder's name decides.
-        if has_lock is False or (has_lock is None and moves and _runs(moves.aside)):
+        if has_lock is False or (has_lock is None and moves and _runs(path / moves.aside)):
             raise FileError("another process is writing into it; try again when that has ended", str(path))
         if moves:
             try:
@@ -245,11 +251,34 @@ def recover(path: Path) -> None:
 
 def _drop_partial(path: Path) -> None:
     """Remove half-written files of killed processes from a folder."""
-    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]
-    if left or (path / LOCK).exists():  # holding the folder removes the lock's file, too
+    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left)]
+    if left:
         with _held(path):
             for folder in left:
                 _remove_aside(folder)
+    elif os.path.lexists(path / LOCK):
+        with locked(path / LOCK, 0):  # which removes the file that a killed process left
+            pass
+
+
+def _make_aside(path: Path) -> Path:
+    """Make a new folder aside of this process in `path`, which is made with its parents, and return its path.
+
+    Its name is one process's and one change's, so that neither processes nor threads share it.
+    """
+    for attempt in count(1):
+        aside = path / f"{PARTIAL}{os.getpid()}-{next(_aside_numbers)}"
+        _own_asides.add(os.path.abspath(aside))  # noqa: PTH100
+        try:
+            aside.mkdir(parents=True)
+            return aside
+        except OSError as error:
+            _own_asides.discard(os.path.abspath(aside))  # noqa: PTH100
+            # A stranger's file has the name, or another run that failed has just removed the folder that it had made.
+            passes = isinstance(error, FileNotFoundError) or os.path.lexists(aside)
+            if not passes or attempt == MOST_ATTEMPTS:
+                raise
+    raise AssertionError
 
 
 def _remove_aside(folder: Path) -> None:
@@ -333,17 +362,19 @@ def _sync_folder(path: Path) -> None:
 
 def _process(aside: str) -> int:
     """Return the process number in the name of a folder aside, 0 where it has none."""
-    number = aside.removeprefix(PARTIAL)
-    return int(number) if aside.startswith(PARTIAL) and number.isascii() and number.isdecimal() else 0
+    found = ASIDE.fullmatch(aside)
+    return int(found[1]) if found else 0
 
 
-def _runs(aside: str) -> bool:
-    """Return whether another process, the owner of a folder aside, still runs; without an owner, return True."""
+def _runs(aside: Path) -> bool:
+    """Return whether the change that a folder aside is of may still be going on; without an owner, return True."""
     import psutil
 
-    process = _process(aside)
+    process = _process(aside.name)
+    if process == os.getpid():
+        return os.path.abspath(aside) in _own_asides  # noqa: PTH100 # else an earlier process had this number
     try:
-        return not process or (process != os.getpid() and psutil.pid_exists(process))
+        return not process or psutil.pid_exists(process)
     except OverflowError:
         return False
 
@@ -427,7 +458,7 @@ class OutputFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._aside = path / f"{PARTIAL}{os.getpid()}"
+        self._aside = path
         self._made: list[Path] = []
         self._hashes: dict[str, str] = {}
 
@@ -436,7 +467,7 @@ class OutputFolder:
             self._made = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
             recover(self.path)
             _drop_partial(self.path)
-            self._aside.mkdir(parents=True)
+            self._aside = _make_aside(self.path)
         except OSError as error:
             raise FileError(f"cannot be written to ({reason(error)})", str(self.path)) from error
         return self
@@ -447,6 +478,7 @@ class OutputFolder:
         moves = _read_journal(self.path)
         if not moves or moves.aside != self._aside.name:  # else its files are needed to undo the commit
             _remove_aside(self._aside)
+        _own_asides.discard(os.path.abspath(self._aside))  # noqa: PTH100
         if kind is not None:
             with suppress(OSError):
                 for folder in self._made:
@@ -561,16 +593,18 @@ def is_unchanged(path: Path, name: str) -> bool:
 
 def take_away(path: Path) -> None:
     """Remove padgen's unchanged files from a folder, and the folder if it is then empty."""
-    aside = path / f"{PARTIAL}{os.getpid()}"
     with suppress(OSError, FileError):
         _drop_partial(path)
         with _held(path):
             files = read_manifest(path).get("files")
             if files is not None:
-                aside.mkdir()
-                ours = [name for name, known in files.items() if _has_hash(path / name, known)]
-                _move_all(path, _Moves(aside.name, {}, [*ours, MANIFEST], {}))
-                _remove_aside(aside)
+                aside = _make_aside(path)
+                try:
+                    ours = [name for name, known in files.items() if _has_hash(path / name, known)]
+                    _move_all(path, _Moves(aside.name, {}, [*ours, MANIFEST], {}))
+                    _remove_aside(aside)
+                finally:
+                    _own_asides.discard(os.path.abspath(aside))  # noqa: PTH100
         path.rmdir()
 
 
