@@ -55,7 +55,7 @@ def is_sealed(text: bytes, seal: str) -> bool:
     """
     try:
         secret = _read(folder() / SECRET)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return False
     return hmac.compare_digest(hmac.digest(secret, text, "sha256").hex().encode(), seal.encode())
 
