@@ -20,7 +20,8 @@ from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import NEAR, placed_channels
 from padgen.planner.left_out import judge_left_out, judge_touch
 from padgen.planner.plan import Channel, CoilLoad, Plan, channel_sets
-from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
+from padgen.planner.pushes import judge_pushes
+from padgen.planner.sizing import DRAWN_SHARE, STRENGTH_OVER_FATIGUE, steps_are_coarse
 from padgen.planner.suspensions import allowed
 from padgen.planner.taxel_model import asked_error
 from padgen.spec import Coil, Spec
@@ -276,8 +277,6 @@ SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off without a finding."""
 GAPS_TRIED = (1.01, 1.3, 2.0)
 """Wider gaps that are proposed, over three times the travel: farther from the coil a washer is pulled more evenly."""
-STRENGTH_OVER_FATIGUE = 4.0
-"""Breaking stress over fatigue stress: the catalogue's fatigue stress is a quarter of the strength."""
 LARGE_MOTION = 0.25
 """Largest deflection of a beam over its length. The secant stiffness of a cantilever under an end load is then 7 %
 above that of linear theory (elastica)."""
@@ -310,6 +309,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         _mechanics,
         _places,
         judge_touch,
+        judge_pushes,
     )
     found = [finding for rule in rules for finding in rule(plan)]
     found += judge_left_out(plan.spec, plan.left_out)

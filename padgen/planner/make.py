@@ -45,6 +45,7 @@ from padgen.planner.plan import (
 )
 from padgen.planner.printed_pads import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
+from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
@@ -291,6 +292,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         printing=print_settings(spec, [c.beam for c in channels]),
         left_out=(),
         findings=(),
+        pushed=pushed_taxels(spec, channels),
     )
 
 
