@@ -39,7 +39,7 @@ def _report(options: argparse.Namespace) -> int:
             plan = plan_of(options, progress)
             source = folder_of(options, plan.name)
         from padgen.report.page import REPORT_FILE, Page, study_of
-        from padgen.report.plans import verdict_text
+        from padgen.report.plans import findings_text, verdict_text
 
         pad = read_as_one(source, lambda: _built(plan, source))
         progress("drawing the page")
@@ -54,7 +54,9 @@ def _report(options: argparse.Namespace) -> int:
     shown = "the built pad" if pad else "the pad as planned; padgen build --report shows it as built"
     written = f"written: {plain(file)}, {count / 1e6:.2f} MB, with {shown}"
     table = {"verdict": plan.verdict, "file": file, "built": pad is not None, "bytes": count}
-    answer(options, table, verdict_text(plan.verdict), written)
+    errors = [finding for finding in findings if finding.level == "error"]
+    told = [findings_text(errors)] if errors else []
+    answer(options, table, verdict_text(plan.verdict), *told, written)
     return code_of(findings)
 
 

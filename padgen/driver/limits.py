@@ -42,7 +42,7 @@ from padgen.physics.magnetics import balanced_deflection, impedance
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.planner.channels import hanging_gap_um
-from padgen.planner.drive_scheme import pull_in_share
+from padgen.planner.drive_scheme import NEAR, pull_in_share
 from padgen.planner.plan import CARRIER_OVER_RESONANCE, Plan
 from padgen.spec import Coil
 
@@ -373,8 +373,6 @@ def _least_constants(
     return float(all_on), tuple(groups)
 
 
-NEAR = 1 + 1e-9
-"""Factor on a limit up to which an excess is taken as rounding."""
 TRIES = 6
 SMALLEST_LEVEL_UM = 1e-4
 """Smallest that a spec may ask for."""

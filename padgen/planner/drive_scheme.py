@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from padgen.planner.search import Optimum
 
 __all__ = [
+    "NEAR",
     "RINGS",
     "cell_is_turned",
     "coil_load",
@@ -66,6 +67,8 @@ __all__ = [
 ]
 
 
+NEAR = 1 + 1e-9
+"""Factor on a limit up to which an excess is taken as rounding."""
 SWITCH_PERIODS = 9.0
 """Periods of the lowest resonance that a transition lasts: at most 1e-4 of the mean pull's step then rings on."""
 SWITCH_BEATS = 2.5

@@ -17,15 +17,16 @@ from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
 from padgen.planner.channels import coil_modes, mode_names
 from padgen.planner.cures import Cure
-from padgen.planner.drive_scheme import placed_channels
+from padgen.planner.drive_scheme import NEAR, placed_channels
 from padgen.planner.left_out import judge_left_out, judge_touch
-from padgen.planner.plan import Channel, Plan, channel_sets
-from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
+from padgen.planner.plan import Channel, CoilLoad, Plan, channel_sets
+from padgen.planner.pushes import judge_pushes
+from padgen.planner.sizing import DRAWN_SHARE, STRENGTH_OVER_FATIGUE, steps_are_coarse
 from padgen.planner.suspensions import allowed
 from padgen.planner.taxel_model import asked_error
 from padgen.spec import Coil, Spec
 
-__all__ = ["Crowd", "crowds", "judge", "judge_modes", "lower_level"]
+__all__ = ["Crowd", "crowds", "exceeded_limits", "judge", "judge_modes", "lower_level"]
 
 
 SMALLEST_LEVEL_UM = 1e-4
@@ -206,13 +207,25 @@ def _slow(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _limits(plan: Plan) -> Iterator[Finding]:
-    spec, load, coils = plan.spec, plan.load, plan.coils.rows * plan.coils.columns
-    most_a = spec.amplifier.current_a if spec.amplifier else None
-    volts, watts = load.voltage_peak_v, load.copper_loss_w
-    # Of each limit: its sentence, what is asked and allowed, and the power of their ratio with which the level goes.
-    loads = (
-        (
+class Exceeded(NamedTuple):
+    """A limit that a load exceeds: `asked` is more than `most`, and the level goes with its `power`."""
+
+    code: str
+    where: str
+    told: str
+    asked: float
+    most: float
+    power: int
+
+
+def exceeded_limits(spec: Spec, load: CoilLoad, coils: int) -> Iterator[Exceeded]:
+    """Yield what a pad's `load` exceeds with all taxels on: limits of a coil, its amplifier and the whole pad."""
+    amplifier = spec.amplifier
+    volts, amperes, watts = load.voltage_peak_v, load.current_peak_ma * MA, load.copper_loss_w
+    most_a = amplifier.current_a if amplifier else inf
+    pad_w = inf if spec.limits.power_w is None else spec.limits.power_w
+    limits = (
+        Exceeded(
             "coil.voltage",
             "coil",
             "channels on take up to {} V, the amplifier has {} V",
@@ -220,28 +233,35 @@ def _limits(plan: Plan) -> Iterator[Finding]:
             spec.drive.voltage_limit_v,
             2,
         ),
-        (
-            "coil.current",
+        Exceeded("coil.current", "coil", "channels on take up to {} A, the amplifier has {} A", amperes, most_a, 2),
+        Exceeded(
+            "coil.heat",
             "coil",
-            "channels on take up to {} A, the amplifier has {} A",
-            load.current_peak_ma * MA,
-            most_a,
-            2,
+            "channels on heat each coil with {} W, it bears {} W",
+            watts,
+            spec.coil.power_limit_w,
+            1,
         ),
-        ("coil.heat", "coil", "channels on heat each coil with {} W, it bears {} W", watts, spec.coil.power_limit_w, 1),
-        (
+        Exceeded(
             "limits.power",
             "pad",
             "taxels on take {} W in all coils, limits.power_w allows {} W",
             watts * coils,
-            spec.limits.power_w,
+            pad_w,
             1,
         ),
     )
-    for code, where, told, asked, most, power in loads:
-        if most is not None and asked > most:
-            sentence = f"{number(spec.drive.level_um)} µm with all {told.format(number(asked), number(most))}"
-            yield Finding("warning", code, where, sentence, lower_level(spec, (most / asked) ** power))
+    yield from (limit for limit in limits if limit.asked > limit.most * NEAR)
+
+
+def _limits(plan: Plan) -> Iterator[Finding]:
+    """Find errors where all taxels on ask for more than is borne, as `padgen.driver.limits` does of a drive."""
+    spec, load = plan.spec, plan.load
+    for limit in exceeded_limits(spec, load, plan.coils.rows * plan.coils.columns):
+        told = limit.told.format(number(limit.asked), number(limit.most))
+        sentence = f"{number(spec.drive.level_um)} µm with all {told}"
+        cures = lower_level(spec, (limit.most / limit.asked) ** limit.power)
+        yield Finding("error", limit.code, limit.where, sentence, cures)
     if load.pull_in_share >= 1:
         yield Finding(
             "error",
@@ -257,8 +277,6 @@ SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off without a finding."""
 GAPS_TRIED = (1.01, 1.3, 2.0)
 """Wider gaps that are proposed, over three times the travel: farther from the coil a washer is pulled more evenly."""
-STRENGTH_OVER_FATIGUE = 4.0
-"""Breaking stress over fatigue stress: the catalogue's fatigue stress is a quarter of the strength."""
 LARGE_MOTION = 0.25
 """Largest deflection of a beam over its length. The secant stiffness of a cantilever under an end load is then 7 %
 above that of linear theory (elastica)."""
@@ -291,6 +309,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         _mechanics,
         _places,
         judge_touch,
+        judge_pushes,
     )
     found = _one_of_each(plan, [finding for rule in rules for finding in rule(plan)])
     found += judge_left_out(plan.spec, plan.left_out)

@@ -25,7 +25,7 @@ from padgen.planner.drive_scheme import (
     is_fed,
     plan_selectivity,
 )
-from padgen.planner.judge import judge
+from padgen.planner.judge import exceeded_limits, judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
 from padgen.planner.left_out import left_out, touched_pads
 from padgen.planner.plan import (
@@ -46,6 +46,7 @@ from padgen.planner.plan import (
 )
 from padgen.planner.printed_pads import NOT_PRINTED, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
+from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
@@ -157,23 +158,28 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
             yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
 
 
-def _best(found: Sequence[Choice]) -> Choice:
-    """Return the choice with the fewest coils whose prints work as asked, else that with the most working prints."""
+def _best(found: Sequence[Choice], overloaded: bool = False) -> Choice:
+    """Return the choice with the fewest coils whose prints work as asked, else that with the most working prints.
+
+    Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`.
+    """
     asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
     rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
     tried: list[tuple[Choice, Tried]] = []
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
-        one = _tried(choice, asked)
+        one = _tried(choice, asked, overloaded)
         if one.share >= wanted:
             return choice
         tried.append((choice, one))
+    if not overloaded and all(one.at_most_db == -inf for _, one in tried):
+        return _best(found, overloaded=True)
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
     for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
             break
         if one.share < 0:
-            one = _tried(choice, least)
+            one = _tried(choice, least, overloaded)
         if (one.share, one.print_db) > (best.share, best.print_db):
             best, chosen, least = one, choice, asked if one.share > 0 else one.print_db
     return chosen
@@ -203,10 +209,11 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
             yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
-def _tried(choice: Choice, least_db: float) -> Tried:
+def _tried(choice: Choice, least_db: float, overloaded: bool = False) -> Tried:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`.
 
-    The steps are the resonances alone, then pull and modes, then leakage, then simulated prints.
+    The steps are the resonances alone, then pull and modes, then leakage, then simulated prints. Where `overloaded`,
+    only the amplifier's limits are kept, not the coils'.
     """
     spec, hz = choice.spec, np.array([channel.target_hz for channel in choice.channels])
     at_most = sets_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
@@ -215,7 +222,10 @@ def _tried(choice: Choice, least_db: float) -> Tried:
     channels, selectivity = _driven(choice)
     meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
     scheme = scheme_named(spec, selectivity.drive)
-    if meets or (spec.amplifier and not is_fed(spec, coil_load(spec, channels, scheme))):
+    load = coil_load(spec, channels, scheme)
+    if meets or not is_fed(spec, load):
+        return Tried(-inf)
+    if not overloaded and any(exceeded_limits(spec, load, choice.layout.coils)):
         return Tried(-inf)
     if selectivity.kept_db is not None:
         at_most = min(at_most, selectivity.kept_db)
@@ -286,6 +296,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         left_out=(),
         findings=(),
         parts=Parts({}, ()),
+        pushed=pushed_taxels(spec, channels),
     )
 
 

@@ -40,6 +40,8 @@ __all__ = [
     "Plan",
     "Plate",
     "Prints",
+    "Push",
+    "Pushed",
     "Reuse",
     "SchemeFigures",
     "Selectivity",
@@ -418,6 +420,35 @@ class Touched:
 
 
 @dataclass(frozen=True, slots=True)
+class Push:
+    """What a push does to each channel's taxel (n,) at rest, from the place where it hangs.
+
+    `push_mn` is a force on the boss; or it is None, and `skin` lies at the height of the frame: 'low', 'typical' or
+    'high'. `deflection_mm` is that of the washer's axis if no coil were below; `contact` is where that closes the gap.
+    """
+
+    skin: str
+    push_mn: float | None
+    deflection_mm: tuple[float, ...]
+    gap_left_mm: tuple[float, ...]
+    contact: tuple[bool, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Pushed:
+    """Pushes on the bosses at rest: `closing_force_mn` (n,) brings a channel's washer onto its coil.
+
+    With `rim_force_mn` (n,) its rim touches, since it tilts. `closed_stress_mpa` (n,) is the stress at the beams' roots
+    where the gap is closed.
+    """
+
+    closing_force_mn: tuple[float, ...]
+    rim_force_mn: tuple[float, ...]
+    closed_stress_mpa: tuple[float, ...]
+    pushes: tuple[Push, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class LayoutOption:
     """Another layout that works; `kept_db` is its all-state selectivity, None where a coil has one channel."""
 
@@ -487,6 +518,7 @@ class Plan:
     left_out: tuple[LeftOut, ...]
     findings: tuple[Finding, ...]
     parts: Parts
+    pushed: Pushed
 
     def __repr__(self) -> str:
         coils, channels = self.coils, self.channels

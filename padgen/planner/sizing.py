@@ -30,6 +30,7 @@ from padgen.spec.model import Drive, Pad, Suspension
 __all__ = [
     "DRAWN_SHARE",
     "LENGTH_STEP_MM",
+    "STRENGTH_OVER_FATIGUE",
     "STUBBY",
     "IdealBeam",
     "Reach",
@@ -43,6 +44,8 @@ __all__ = [
     "steps_are_coarse",
 ]
 
+STRENGTH_OVER_FATIGUE = 4.0
+"""Breaking stress over fatigue stress: the catalogue's fatigue stress is a quarter of the strength."""
 DRAWN_SHARE = 1e-3
 """Relative shift of a resonance by drawing a beam to a micrometre: 0.05 % on the smallest beam, doubled."""
 LENGTH_STEP_MM = 0.05

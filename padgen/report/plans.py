@@ -170,6 +170,8 @@ def plan_text(plan: "Plan") -> str:
         _channels_table(plan.channels, BEAMS, narrow=True),
         "",
         *_drive_lines(plan),
+        "",
+        _pushes_table(plan),
     ]
     if plan.layouts:
         others = ", ".join(
@@ -179,6 +181,20 @@ def plan_text(plan: "Plan") -> str:
         )
         lines.append(f"runners-up: {others}")
     return "\n".join([*lines, left_out_line(plan.left_out), _settings_line(plan.printing)])
+
+
+def _pushes_table(plan: "Plan") -> str:
+    """Return a table of the gap that pushes on the boss leave, and of the push that closes it, for each channel."""
+    pushed = plan.pushed
+    skins = [f"{push.skin} skin at frame" for push in pushed.pushes if push.push_mn is None]
+    headings = [f"{number(push.push_mn)} mN" for push in pushed.pushes if push.push_mn is not None] + skins
+    rows = [
+        [str(k), f"{force:.3g}", *("coil" if p.contact[k] else f"{p.gap_left_mm[k]:.2f}" for p in pushed.pushes)]
+        for k, force in enumerate(pushed.closing_force_mn)
+    ]
+    return "gap in mm that is left under a finger that pushes the boss:\n" + table(
+        ["ch", "closes at mN", *headings], rows
+    )
 
 
 def _settings_line(printing: dict[str, str]) -> str:
