@@ -213,7 +213,7 @@ def _tried(choice: Choice, least_db: float) -> Tried:
     channels, selectivity = _driven(choice)
     meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
     scheme = scheme_named(spec, selectivity.drive)
-    if meets or (spec.amplifier and not is_fed(spec, coil_load(spec, channels, scheme))):
+    if meets or (spec.feeds and not is_fed(spec, coil_load(spec, channels, scheme))):
         return Tried(-inf)
     if selectivity.kept_db is not None:
         at_most = min(at_most, selectivity.kept_db)
