@@ -25,7 +25,7 @@ from padgen.measured.shaking import (
 from padgen.physics.schemes import mean_square_a2
 from padgen.planner.plan import Plan
 
-__all__ = ["KINDS", "Excitation", "SweepTable", "excitation", "sweep_table"]
+__all__ = ["KINDS", "SAMPLES_OF_HIGHEST", "Excitation", "SweepTable", "excitation", "sweep_table"]
 
 KINDS = ("chirp", "noise")
 VOLTAGE_SHARE = 0.9
