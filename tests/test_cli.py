@@ -95,7 +95,7 @@ def test_bash_completes_commands_options_and_files(work, capsys):
 def test_what_is_told_fits_a_hundred_columns_and_begins_with_the_verdict(work, capsys):
     verdicts = {
         "build": "the pad is built, with 5 warnings.",
-        "drive": "The drive of tiny is written, and every check holds.",
+        "drive": "The drive of tiny is written for ",
         "check": "out/tiny/pad.stl is read, and every check holds.",
         "retune": "4 of 4 taxels are re-tuned: the worst coil then keeps ",
     }

@@ -23,8 +23,8 @@ from padgen.core.errors import InfeasibleError, PadgenError, SpecError
 from padgen.driver.drive_folder import Drive, levels_of, write_excitation
 from padgen.driver.outputs import needed_outputs
 from padgen.driver.waveform import RATES_HZ, drive_at, make_drive
-from padgen.make.planning import make_plan
 from padgen.planner.cures import varied
+from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, plan_from_json, plan_to_json
 from padgen.spec import catalogue, parse_spec
 
@@ -46,8 +46,8 @@ def own(corner_hz: float | None = 3, channels: int = 16, coupling: str = "AC") -
 # ---- The reference -------------------------------------------------------------------------------------------------
 
 
-def samples_of(data: bytes) -> tuple[int, np.ndarray]:
-    """Return rate and samples (s, channels) of a WAV file of 24 bits, from its chunks."""
+def volts_of(data: bytes) -> tuple[int, np.ndarray]:
+    """Return rate and volts (s, channels) of a WAV file of 24 bits, from its chunks and its comment."""
     at, chunks = 12, {}
     while at < len(data):
         name, size = struct.unpack_from("<4sI", data, at)
@@ -55,7 +55,8 @@ def samples_of(data: bytes) -> tuple[int, np.ndarray]:
     _, channels, rate, *_ = struct.unpack_from("<HHIIHH", chunks[b"fmt "])
     raw = np.frombuffer(chunks[b"data"], np.uint8).reshape(-1, channels, 3).astype(np.int32)
     whole = (raw[..., 0] | raw[..., 1] << 8 | raw[..., 2] << 16) << 8 >> 8
-    return rate, whole / 2.0**23
+    scale_v = float(re.search(rb"sample 1 = (\S+) V", chunks[b"LIST"]).group(1))
+    return rate, whole / 2.0**23 * scale_v
 
 
 def motions_um(plan: Plan, volts: np.ndarray, rate: int, corner_hz: float, row_column: tuple[int, int]) -> np.ndarray:
@@ -93,28 +94,23 @@ def found_db(plan: Plan, folder, corner_hz: float) -> tuple[float, float]:
     """
     smallest, largest, off_db = inf, 0.0, 0.0
     turns = plan.scheme.takes_turns
-    coils = sorted({t.coil: t for t in plan.taxels}, key=lambda coil: coil)[: plan.coils.sets]
+    coils = sorted({t.coil for t in plan.taxels})[: plan.coils.sets]
     for state in states_of(plan):
         text = "".join(map(str, state))
         frames = levels_of(plan, text)
-        Drive(plan, frames, held=True, loop=not turns).save(folder / "drive.wav")
-        rate, samples = samples_of((folder / "drive.wav").read_bytes())
+        # A slot's peak comes near a held level where its rise takes ten time constants.
+        slowest_s = max(c.q / (np.pi * c.resonance_hz) for c in plan.channels)
+        seconds = 20 * slowest_s * len(plan.sets[0]) if turns else None
+        Drive(plan, frames, seconds, held=True, loop=not turns).save(folder / "drive.wav")
+        rate, samples = volts_of((folder / "drive.wav").read_bytes())
         for row, column in coils:
-            volts = samples[:, row * plan.coils.columns + column] * plan.spec.drive.voltage_limit_v
+            volts = samples[:, row * plan.coils.columns + column]
             if turns:
                 volts = np.pad(volts, (0, rate // 2))
             motion = motions_um(plan, volts, rate, corner_hz, (row, column))
             level = np.abs(motion).max(1) if turns else np.sqrt(2) * motion.std(1)
-            wanted = sorted(
-                (c.resonance_hz, c.level_um)
-                for c in plan.channels
-                if c.index % plan.coils.sets
-                == (
-                    plan.channels[next(t.channel for t in plan.taxels if t.coil == (row, column))].index
-                    % plan.coils.sets
-                )
-            )
-            over = level / [um for _, um in wanted]
+            played = {t.channel for t in plan.taxels if t.coil == (row, column)}
+            over = level / [plan.channels[index].level_um for index in sorted(played)]
             on = np.array(state, bool)
             smallest = min(smallest, over[on].min())
             largest = max(largest, over[~on].max(initial=0.0))
@@ -140,22 +136,17 @@ def judged(plan: Plan, folder, corner_hz: float) -> tuple[float, float]:
 # ---- What is written -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("scheme", "corner_hz", "taxels", "more"),
-    [
-        ("tones", 20, 2, "[coil]\ngrid = [1, 1]"),
-        ("spur-free", 20, 2, "[coil]\ngrid = [1, 1]"),
-        ("time-shared", 10, 3, "[coil]\ngrid = [1, 1]"),
-    ],
-)
-def test_behind_its_high_pass_a_file_keeps_what_is_planned(tmp_path, scheme, corner_hz, taxels, more):
-    plan = make_plan(parse_spec(spec_text(own(corner_hz), "", scheme, taxels=taxels) + more))
+@pytest.mark.parametrize(("scheme", "seen_db"), [("tones", NEAR_DB), ("spur-free", 0.05), ("time-shared", NEAR_DB)])
+def test_behind_its_high_pass_a_file_keeps_what_is_planned(tmp_path, scheme, seen_db):
+    """On a carrier a high-pass takes little: 0.05 dB of what is made good is seen, else the tolerance."""
+    corner_hz = 20
+    plan = make_plan(parse_spec(spec_text(own(corner_hz), "[coil]\ngrid = [1, 1]", scheme)))
     assert plan.selectivity.drive == scheme
     kept_db, off_db = judged(plan, tmp_path, corner_hz)
     assert abs(kept_db) < NEAR_DB and off_db < NEAR_DB
     # Behind another high-pass the same file is not right, so that what makes it good is what is seen.
     other_db, other_off_db = judged(plan, tmp_path, 8 * corner_hz)
-    assert max(abs(other_db), other_off_db) > NEAR_DB
+    assert max(abs(other_db - kept_db), abs(other_off_db - off_db)) > seen_db
 
 
 @pytest.mark.soak
@@ -185,8 +176,7 @@ def test_a_carrier_that_was_moved_onto_the_comb_is_accepted_again():
     """A carrier is at the bound of what is accepted; 1e-9 is rounding of one period of the comb, of a second or so."""
     refused = []
     for high in np.geomspace(120, 900, 12).round(1):
-        text = spec_text(own(), "", "spur-free", f"[60, {high}]") + "[coil]\ngrid = [1, 1]"
-        plan = make_plan(parse_spec(text))
+        plan = make_plan(parse_spec(spec_text(own(), "", "spur-free", f"[60, {high}]")))
         drive = drive_at(plan, RATES_HZ)
         highest = max(c.resonance_hz for c in plan.channels)
         assert drive.carrier_hz >= 5 * highest * (1 - 1e-9)
