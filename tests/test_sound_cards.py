@@ -21,8 +21,9 @@ import pytest
 
 from padgen.core.errors import InfeasibleError, PadgenError, SpecError
 from padgen.driver.drive_folder import Drive, levels_of, write_excitation
+from padgen.driver.formats.syntacts import syntacts_script
 from padgen.driver.outputs import needed_outputs
-from padgen.driver.waveform import RATES_HZ, drive_at, make_drive
+from padgen.driver.waveform import RATES_HZ, drive_at, make_drive, steady, volts
 from padgen.planner.cures import varied
 from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, plan_from_json, plan_to_json
@@ -156,16 +157,21 @@ def test_two_hundred_specs_keep_what_is_planned_or_are_refused_before(tmp_path, 
     scheme = ("spur-free", "biased", "tones", "time-shared")[seed % 4]
     corner_hz, channels = round(float(rng.uniform(3, 20)), 1), 1 + (seed // 4) % 8
     low = float(rng.choice([30, 60, 100]))
-    band = f"[{low}, {low * float(rng.choice([3, 5, 8]))}]"
-    text = spec_text(own(corner_hz, 4), "", scheme, band, channels) + "[coil]\ngrid = [1, 1]\n"
-    # Where what is written takes too many volts it is judged before; here only the figures are of interest.
-    text += f"[pad]\nwidth_mm = {40 if channels > 2 else 20}\ndepth_mm = {40 if channels > 2 else 20}\n"
+    band = f"[{low}, {low * float(rng.choice([5, 8, 10]))}]"
+    # Few channels find room on one coil of a common printer, many on four coils of a fine one.
+    more, coils = "[coil]\ngrid = [1, 1]\n[pad]\nwidth_mm = 30\ndepth_mm = 30", 1
+    if channels > 2:
+        more, coils = 'printer = "resin-0.05"\n[coil]\ngrid = [2, 2]', 4
     try:
-        plan = make_plan(parse_spec(text))
+        plan = make_plan(parse_spec(spec_text(own(corner_hz, 4), more, scheme, band, coils * channels)))
     except SpecError as refused:
         assert "--" not in refused.where
         pytest.skip(f"refused before: {refused}")
     kept_db, off_db = judged(plan, tmp_path, corner_hz)
+    if any(finding.code == "selectivity.all_states" for finding in plan.findings):
+        # The plan says that it keeps less than is asked, by the energies of spurs; on the comb some fall together.
+        bare = replace(plan, spec=replace(plan.spec, sound_card=None))
+        kept_db = found_db(plan, tmp_path, corner_hz)[0] - found_db(bare, tmp_path, 1e-9)[0]
     assert abs(kept_db) < NEAR_DB and off_db < NEAR_DB, (kept_db, off_db, plan)
 
 
@@ -299,3 +305,17 @@ def test_the_firmware_makes_nothing_good():
     drives = [replace(make_drive(each, 16_000), corner_hz=0.0) for each in (plan, bare)]
     strip = [re.sub(r"plan [0-9a-f]+", "", c_header(bare, drive)) for drive in drives]
     assert strip[0] == strip[1]
+
+
+def test_syntacts_plays_the_same_lines_as_the_file():
+    """Both are the same sums of cosines, but for half a sample by which a part begins: 1e-9 of the peak."""
+    plan = make_plan(parse_spec(spec_text(own(20), "", "tones")))
+    drive = make_drive(plan, 48_000)
+    shown = steady(np.ones(len(plan.taxels)), drive.period_s)
+    script = syntacts_script(plan, drive, shown, 1.0)
+    text = re.search(r"\(0\.0, [^,]+, '(.+?)'\)", script).group(1)
+    body = text.split("; ")[-1]
+    time = np.arange(1000) / drive.rate_hz
+    told = eval(body, {"cos": np.cos, "t": time, "g0": 1.0})
+    written = np.concatenate(list(volts(drive, shown)))[:1000, 0]
+    assert np.abs(told - written).max() < 1e-9 * np.abs(written).max()
