@@ -6,6 +6,7 @@ file is read back where it can be.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,12 +17,14 @@ from padgen.core.errors import FileError, Finding, SpecError, number, shown
 from padgen.core.files import OutputFolder, json_text, reason
 from padgen.core.registry import FORMATS, names_in
 from padgen.driver.ear import SETTLED_TAUS, Heard, ear_findings
-from padgen.driver.excitation import Excitation, excitation
+from padgen.driver.excitation import SAMPLES_OF_HIGHEST, Excitation, excitation
 from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
+from padgen.driver.outputs import Outputs, needed_outputs
 from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, drive_at, ramp_s, steady, timeline
+from padgen.measured.shaking import measuring_band_hz
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
@@ -40,7 +43,10 @@ DEPTHS = ("24", "float")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """The result of writing a drive: its files, findings and what was heard."""
+    """The result of writing a drive: its files, findings, what was heard, and the outputs that it needs.
+
+    `outputs` is None where the spec names what feeds the coils.
+    """
 
     folder: Path
     files: tuple[str, ...]
@@ -48,6 +54,7 @@ class Driven:
     report: WaveReport | None
     heard: Heard | None
     findings: tuple[Finding, ...]
+    outputs: Outputs | None = None
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
@@ -73,7 +80,9 @@ def write_excitation(
     SpecError, FileError
         As `excitation` and `Drive.save` do.
     """
-    played = excitation(plan, kind, RATES_HZ[0] if rate_hz is None else rate_hz, seconds, together=together)
+    least_hz = SAMPLES_OF_HIGHEST * measuring_band_hz(plan)[1]
+    own_hz = next((rate for rate in RATES_HZ if rate >= least_hz), ceil(least_hz / 1000) * 1000)
+    played = excitation(plan, kind, own_hz if rate_hz is None else rate_hz, seconds, together=together)
     findings = tuple(judge_load("excitation.wav", plan, excitation_load(plan, played)))
     scale = plan.spec.drive.voltage_limit_v
 
@@ -274,4 +283,5 @@ class Drive:
         findings = (*job.findings, *(job.report.findings if job.report else job.shown))
         if job.heard:
             findings += tuple(ear_findings(job.heard))
-        return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings)
+        outputs = None if self.plan.spec.feeds else needed_outputs(self.plan, drive, self.tuning)
+        return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings, outputs)

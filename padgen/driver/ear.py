@@ -1,8 +1,8 @@
 """The simulated ear: what fingers feel when a WAV file is played on a pad. From the file, not from the plan's drive.
 
-Samples → the coil's current through R and L → the pull by i² on each washer → every taxel's motion, all modes → what
-is felt on the boss in every state that is held, block by block. Left out: the coils beside (see `Plan.reuse`), the
-voltage that a moving washer induces, and what an amplifier adds.
+Samples → what a sound card's high-pass leaves of them → the coil's current through R and L → the pull by i² on each
+washer → every taxel's motion, all modes → what is felt on the boss in every state that is held, block by block. Left
+out: the coils beside (see `Plan.reuse`), the voltage that a moving washer induces, and what an amplifier adds.
 
 The circuit's and each mode's pole p is stepped exactly, ``y(t + T) = e^(pT) y(t) + ∫ e^(p(T−τ)) s(t + τ) dτ``, and
 `scipy.signal.lfilter` runs it. Between samples the voltage is the band-limited signal by a windowed sinc (lines below
@@ -45,6 +45,7 @@ __all__ = [
     "ear_findings",
     "hear",
     "heard_table",
+    "high_pass",
     "mode_filter",
 ]
 
@@ -267,12 +268,19 @@ def _play(
         late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, rate_hz)
     memory = np.zeros((wave.channels, len(coefficients[0]) - 1))
     slowest_s = max(group.slowest_s for group in groups) + inductance / resistance
+    corner_hz = sidecar.get("corner_hz", 0.0)
+    if corner_hz:
+        slowest_s += 1 / (2 * np.pi * corner_hz)
+    passing, passed = high_pass(corner_hz, rate_hz), np.zeros((wave.channels, 1))
     start = -int(np.ceil(LOOP_TAUS * slowest_s * rate_hz)) if sidecar["loops"] else 0
     most_a, most, total, energy = np.zeros((4, wave.channels))
     size = max(rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
     for first, samples in _blocks(wave, start, wave.count + late, size):
         signal = samples * sidecar["full_scale"]
-        current, memory = lfilter(*coefficients, signal, zi=memory)
+        left = signal
+        if corner_hz:
+            left, passed = lfilter(*passing, signal, zi=passed)
+        current, memory = lfilter(*coefficients, left, zi=memory)
         for group in groups:
             group.hear(first - late, current**2)
         current, signal = (part[:, max(late - first, 0) :] for part in (current, signal))
@@ -301,6 +309,12 @@ def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int,
         stop = min(at + size, wave.count, at + last - first)
         yield first, np.ascontiguousarray(wave.read(at, stop).T)
         first += stop - at
+
+
+def high_pass(corner_hz: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return a first-order high-pass as a fraction, by the bilinear transform, exact at its corner."""
+    turn = np.tan(np.pi * corner_hz / rate_hz)
+    return np.array([1.0, -1.0]) / (1 + turn), np.array([1.0, -(1 - turn) / (1 + turn)])
 
 
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:

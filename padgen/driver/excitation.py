@@ -25,7 +25,7 @@ from padgen.measured.shaking import (
 from padgen.physics.schemes import mean_square_a2
 from padgen.planner.plan import Plan
 
-__all__ = ["KINDS", "Excitation", "SweepTable", "excitation", "sweep_table"]
+__all__ = ["KINDS", "SAMPLES_OF_HIGHEST", "Excitation", "SweepTable", "excitation", "sweep_table"]
 
 KINDS = ("chirp", "noise")
 VOLTAGE_SHARE = 0.9
@@ -96,11 +96,9 @@ def excitation(
     if kind not in KINDS:
         raise SpecError(f"must be one of {', '.join(KINDS)}, got {kind!r}", "--excite")
     amplifier = plan.spec.amplifier
-    if kind == "noise" and amplifier and amplifier.coupling == "AC":
+    if kind == "noise" and plan.spec.blocked_by:
         raise SpecError(
-            f"of noise has a constant part, which the AC-coupled amplifier {amplifier.name!r} does not pass; chirp has"
-            " none",
-            "--excite",
+            f"of noise has a constant part, which {plan.spec.blocked_by} does not pass; chirp has none", "--excite"
         )
     band = measuring_band_hz(plan)
     least = SAMPLES_OF_HIGHEST * band[1]
@@ -133,6 +131,7 @@ def excitation(
         current, slope = (np.pad(v, silence) for v in noise_current_a(swept, rate_hz, band, line, q, seed))
     coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
+    volts = _through(volts, plan.spec.corner_hz, rate_hz)
     between = cos(pi * band[1] / (2 if kind == "chirp" else 1) / rate_hz)
     square, headroom = float((current[:swept] ** 2).mean()), plan.spec.drive.headroom
     planned = max(mean_square_a2(plan.scheme, np.array([c.line_a2 for c in own]), headroom) for own in plan.sets)
@@ -148,6 +147,19 @@ def excitation(
     loss_w = share * square * swept / total * coil.resistance_ohm
     current, volts = current * factor, volts * factor
     return Excitation(kind, rate_hz, band, swept / rate_hz, together, places, current, volts, share, loss_w, between)
+
+
+def _through(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
+    """Return what a sound card's high-pass turns into `volts` (n,), over and over: each line times ``1 − j f_h/f``.
+
+    Their mean, which no high-pass leaves, is none of it.
+    """
+    if not corner_hz:
+        return volts
+    spectrum, hz = np.fft.rfft(volts), np.fft.rfftfreq(len(volts), 1 / rate_hz)
+    spectrum[0] = 0.0
+    spectrum[1:] *= 1 - 1j * corner_hz / hz[1:]
+    return np.fft.irfft(spectrum, len(volts))
 
 
 SWEEP_ROWS, SHORTEST_S = 65, 0.1

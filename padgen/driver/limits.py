@@ -165,7 +165,8 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
         peak_v = _shown_peak(drive, shown, "voltage") if shown is not None else _any_v(drive, ramp)
     peak_a = max(_bound_a(drive, coil, own) for coil, own in each)
     if shown is not None and peak_a > _limit_a(plan):
-        peak_a = _shown_peak(drive, shown, "current")
+        # What is written for a sound card's high-pass is not what flows.
+        peak_a = _shown_peak(replace(drive, corner_hz=0.0), shown, "current")
     return Load(peak_v, peak_a, np.array([own.square_a2 for own in asked]), total_a2, level, warm)
 
 
@@ -208,7 +209,8 @@ def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
 def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
     """Return complex amplitudes (n,) of the voltages of the current's tones at level 1; spur-free there are none."""
     harmonic, amplitude = coil_lines(drive, coil)
-    return np.asarray(impedance(drive.resistance_ohm, drive.inductance_h, harmonic / drive.period_s) * amplitude)
+    hz = harmonic / drive.period_s
+    return np.asarray(impedance(drive.resistance_ohm, drive.inductance_h, hz) * amplitude * drive.made_good(hz))
 
 
 def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
@@ -245,7 +247,10 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
     root = np.sqrt(constant_a2 + lines.sum(1))
     slope = np.sqrt(lines @ (2 * np.pi * coil.force_hz) ** 2 / 2)
     volts: np.ndarray = drive.resistance_ohm * root + drive.inductance_h * slope
-    return volts if drive.carrier_hz is None else on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
+    if drive.carrier_hz is None:
+        return volts
+    made_good = float(np.abs(drive.made_good(np.array(drive.carrier_hz))))
+    return made_good * on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
 
 
 # ---- Peaks ---------------------------------------------------------------------------------------------------------
@@ -393,7 +398,7 @@ def judge_limits(
 
 def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) -> None:
     """Raise if frames (k, taxels) that the firmware is to show are beyond a limit: what harms a coil is not played."""
-    drive = drive_at(plan, CONTROLLER_RATES_HZ, tuning=tuning)
+    drive = replace(drive_at(plan, CONTROLLER_RATES_HZ, tuning=tuning), corner_hz=0.0)
     if any(judge_load("", plan, load_of(plan, drive), tuning)):
         found = judge_limits("", plan, drive, timeline(plan, np.unique(frames, axis=0)), tuning)
         if found:

@@ -17,7 +17,12 @@ tones        Σ √(2 g_j A_j) cos(π r_j t + φ_j/2)                 g blended;
 biased       B + Σ g_j A_j/(2B) cos(2π r_j t + φ_j)              g blended; B from and to 0 by √b
 ===========  ==================================================  ================================
 
-and the voltage ``R i + L di/dt`` with the analytic slope, the blend's too. Phases count from the beginning of the file
+and the voltage ``R i + L di/dt`` with the analytic slope, the blend's too. Where a sound card has a high-pass of
+corner f_h, the file has what comes out of it as that voltage u: ``u + 2π f_h ∫ u dt``, which is each line at f times
+``1 − j f_h/f``; on a carrier, all lines as the carrier's. In a transition the integral is taken to have the line's
+envelope: that is off by a share f_h/f of the envelope's own lines at f, which the smooth step has next to none of.
+
+Phases count from the beginning of the file
 through all frames, in whole samples modulo the comb's period: they are as exact after an hour as at first.
 
 Coils of the same frequencies are one matrix product: ``cos(ω(c + f) + φ)`` for c whole rows and f in a row splits into
@@ -38,6 +43,7 @@ from padgen.core.units import MH, MS
 from padgen.measured.tuning import Tuning, levels_um, planned_tuning
 from padgen.physics.crest import (
     ALIAS_DB,
+    SHORTEST_S,
     RootMargin,
     comb_period_s,
     least_constant,
@@ -112,7 +118,8 @@ class PadDrive:
     `rate_hz` is that of the samples; a period is a whole number of them. `resistance_ohm`, `inductance_h`
     are each coil's. With a `carrier_hz` (spur-free only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers
     that pass no constant. `alias_db` is what the voltage has above the amplifier's band over its largest line, the
-    worst of all coils; None but for spur-free.
+    worst of all coils; None but for spur-free. `corner_hz` is that of the sound card's high-pass, which what is written
+    makes good; 0 where there is none.
     """
 
     scheme: Scheme
@@ -124,6 +131,7 @@ class PadDrive:
     coils: tuple[CoilDrive, ...]
     carrier_hz: float | None
     alias_db: float | None
+    corner_hz: float = 0.0
 
     @property
     def period_samples(self) -> int:
@@ -134,6 +142,15 @@ class PadDrive:
     def has_constant(self) -> bool:
         """True where the amplifier must pass a part at 0 Hz."""
         return self.scheme.has_constant and self.carrier_hz is None
+
+    def made_good(self, hz: np.ndarray) -> np.ndarray:
+        """Return the complex factors by which lines at `hz` are written larger than they are to leave the sound card.
+
+        On a carrier, those of the carrier: lines lie about it on both sides, so near that their factors differ by less
+        than 1e-2 (`tests/test_sound_cards.py`).
+        """
+        lines_hz = np.asarray(hz, float) if self.carrier_hz is None else np.full(np.shape(hz), self.carrier_hz)
+        return np.asarray(1 - 1j * self.corner_hz / lines_hz)
 
 
 def coil_lines(drive: PadDrive, coil: CoilDrive) -> tuple[np.ndarray, np.ndarray]:
@@ -245,6 +262,7 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
         tuple(coils),
         carrier_hz,
         max(alias_db) if scheme.is_root else None,
+        spec.corner_hz,
     )
 
 
@@ -252,17 +270,23 @@ def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float
     if not scheme.is_root:
         raise SpecError(f"is for the spur-free drive only, this one is {scheme.name!r}", "--carrier")
     lowest, highest = CARRIER_OVER_RESONANCE * highest_hz, rate_hz / 2 - CARRIER_OVER_RESONANCE * highest_hz
-    if lowest > highest:
-        raise SpecError(f"needs a rate of at least {at_least(4 * lowest)} Hz, got {number(rate_hz)} Hz", "--carrier")
-    if not lowest <= carrier_hz <= highest:
+    # Those on the comb within the bounds: one that was moved there is accepted again, and stays where it is.
+    first = ceil(lowest * period_s * (1 - ROUNDING))
+    last = floor(highest * period_s * (1 + ROUNDING))
+    if first > last:
+        enough_hz = 4 * lowest + 2 / period_s
+        raise SpecError(f"needs a rate of at least {at_least(enough_hz)} Hz, got {number(rate_hz)} Hz", "--carrier")
+    if not lowest * (1 - ROUNDING) <= carrier_hz <= highest * (1 + ROUNDING):
         raise SpecError(
             f"must be {at_least(lowest)} … {number(floor(highest))} Hz, {CARRIER_OVER_RESONANCE} times the highest"
             f" resonance away from 0 and from half the rate, got {number(carrier_hz)} Hz",
             "--carrier",
         )
-    return round(carrier_hz * period_s) / period_s
+    return min(max(round(carrier_hz * period_s), first), last) / period_s
 
 
+ROUNDING = 1e-12
+"""Relative rounding of a frequency that is a whole number of periods."""
 RATES_HZ = (48_000, 96_000, 192_000)
 """Sample rates of sound cards; the first that suits the highest resonance and the root's bends is taken."""
 CONTROLLER_RATES_HZ = (8_000, 12_000, 16_000, 24_000, 32_000, *RATES_HZ)
@@ -289,7 +313,8 @@ def drive_at(
     least = SAMPLES_OF_HIGHEST * highest
     if carrier_hz is not None:
         # One that no rate carries is refused with the bounds of the highest.
-        least = max(least, min(2 * (carrier_hz + CARRIER_OVER_RESONANCE * highest), max(*rates_hz, least)))
+        beyond = carrier_hz + CARRIER_OVER_RESONANCE * highest + 1 / SHORTEST_S
+        least = max(least, min(2 * beyond, max(*rates_hz, least)))
     enough = [rate for rate in rates_hz if rate >= least] or [ceil(least / 1000) * 1000]
     for rate in enough if rate_hz is None else [rate_hz]:
         drive = make_drive(plan, rate, tuning, carrier_hz)
@@ -419,7 +444,9 @@ class _Group:
 
     `weight` (m, n) are complex amplitudes of the sum that is formed: of i², or of the current. `harmonic` (n,) are
     the sum's frequencies in 1/period, `table` (row, 2n + 1) cosines, sines and ones over a row. All is scaled to the
-    voltage at the coil's resistance (its square, spur-free); `tau_s` is L/R, 0 for a current.
+    voltage at the coil's resistance (its square, spur-free); `tau_s` is L/R, 0 for a current. What makes good a sound
+    card's high-pass of corner ω adds ωL/R to each current's factor of 1, which is then `lift`, and ``−ω/ω_j`` to its
+    `slope`.
     """
 
     coils: np.ndarray
@@ -430,6 +457,7 @@ class _Group:
     slope: np.ndarray
     gain: float
     tau_s: float
+    lift: float
     bias: np.ndarray
     constant: np.ndarray
 
@@ -497,8 +525,13 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
             constant = gain**2 * np.stack([constant_a2(c, levels[:, m]) for m, c in enumerate(own)], 1)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
         table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
-        slope = 2 * np.pi * k / drive.period_s * tau_s
-        yield _Group(np.array(members), taxels, weight, k, table, slope, gain, tau_s, gain * bias, constant)
+        omega, lift = 2 * np.pi * k / drive.period_s, 1.0
+        slope = omega * tau_s
+        if drive.corner_hz and not drive.scheme.is_root:
+            corner = 2 * np.pi * drive.corner_hz
+            slope = slope - corner / omega
+            lift += corner * tau_s
+        yield _Group(np.array(members), taxels, weight, k, table, slope, gain, tau_s, lift, gain * bias, constant)
 
 
 def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
@@ -519,7 +552,7 @@ def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndar
 def _sums(
     drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and L/R times its slope."""
+    """Return ``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and the same times i `group.slope`."""
     count, n = where.stop - where.start, len(group.harmonic)
     rows = -(-count // ROW)
     period = drive.period_samples
@@ -529,7 +562,7 @@ def _sums(
     level = np.broadcast_to(constant, (rows, 1, len(weight)))
     value = np.matmul(group.table, np.concatenate([turned.real, -turned.imag, level], 1))
     value = value.reshape(rows * ROW, -1)[:count]
-    if not group.tau_s:
+    if not group.slope.any():
         return value, np.zeros((1, 1))
     turned *= group.slope[:, None]
     slope = np.matmul(group.table[:, : 2 * n], np.concatenate([-turned.imag, -turned.real], 1))
@@ -577,7 +610,8 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
         return root + slope, square
     harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
     angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
-    cosine, sine = np.sqrt(2) * np.cos(angle), np.sqrt(2) * np.sin(angle)
+    turned = np.sqrt(2) * np.exp(1j * angle) * drive.made_good(np.array(drive.carrier_hz))
+    cosine, sine = turned.real, turned.imag
     turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
     return root * turn + slope * cosine, square
 
@@ -619,7 +653,7 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
         envelope = np.sqrt(low * falling + high * rising)
         envelope_slope = group.tau_s * steepness * (high - low) / (2 * np.maximum(envelope, SMALLEST))
         value, slope = value + tone * envelope, slope + tone_slope * envelope + tone * envelope_slope
-    return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
+    return group.lift * value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
 Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]

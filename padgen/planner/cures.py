@@ -49,11 +49,13 @@ def varied(spec: Spec, cure: Cure) -> Spec:
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
     own = spec.amplifier
-    if own and any(name.startswith("amplifier") for name in cure):
-        # What the file leaves to the amplifier is left to the other one.
-        for name, value in (("voltage_limit_v", own.voltage_v), ("headroom", CARRIED_HEADROOM)):
-            if table["drive"][name] == value:
-                del table["drive"][name]
+    # What the file leaves to amplifier and sound card is left to the other ones.
+    drive = table["drive"]
+    others = [name.split(".")[0] for name in cure]
+    if own and "amplifier" in others and drive["voltage_limit_v"] == own.voltage_v:
+        del drive["voltage_limit_v"]
+    if spec.blocked_by and {"amplifier", "sound_card"} & {*others} and drive["headroom"] == CARRIED_HEADROOM:
+        del drive["headroom"]
     return make_spec(without_none(laid_over(table, cure)))
 
 
@@ -120,8 +122,8 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
             plan = planned(cure)
         except PadgenError:
             continue
-        # What an amplifier plays may be too little: a plan for it must also keep what is asked.
-        kept_db = plan.selectivity.kept_db if plan.spec.amplifier else None
+        # What amplifier and sound card play may be too little: a plan for them must also keep what is asked.
+        kept_db = plan.selectivity.kept_db if plan.spec.feeds else None
         enough = kept_db is None or kept_db >= plan.selectivity.asked_db
         if enough and all(f.level != "error" for f in plan.findings):
             found.append(cure)
@@ -135,8 +137,9 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     else:
         nearest = {layout.binding[0]: layout for layout in reversed(best)}  # the best of each kind
         reasons = [explain(spec, layout) for layout in sorted(nearest.values(), key=best.index)[:2]]
-    if spec.amplifier and best:
-        reasons.append(f"the amplifier {spec.amplifier.name} has {spec.amplifier.channels} channels, one for each coil")
+    if spec.feeds and best:
+        word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
+        reasons.append(f"the {word} {device.name} has {device.channels} channels, one for each coil")
     nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
     wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
     return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", "resolution", found)
@@ -147,8 +150,9 @@ def _too_many(spec: Spec, limit: int) -> str:
     rows, columns = spec.coil.grid or most_coils(spec)
     coils = int(min(rows * columns, most_outputs(spec)))
     there_are = "the grid has" if spec.coil.grid else "there is room for"
-    if spec.amplifier and coils < rows * columns:
-        there_are = f"the amplifier {spec.amplifier.name} has channels for"
+    if spec.feeds and coils < rows * columns:
+        word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
+        there_are = f"the {word} {device.name} has channels for"
     return (
         f"{there_are} {coils} coil{'s' * (coils > 1)} of {number(spec.coil.outer_diameter_mm)} mm, each with at most"
         f" {per_coil} channels by band, Q and room for plates, {coils * per_coil} taxels in all"
@@ -180,13 +184,14 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     """
     if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [found.rows, found.columns]}
-    if spec.amplifier:
-        free = replace(spec, amplifier=None)
+    if spec.feeds:
+        free = replace(spec, amplifier=None, sound_card=None)
         sized = next(sized_layouts(free, candidates(free, limit)), None)
         if sized and sized[0].coils > most_outputs(spec):
-            yield {"amplifier.channels": sized[0].coils}
+            short = [word for word, device in spec.feeds if device.channels < sized[0].coils]
+            yield {f"{word.replace(' ', '_')}.channels": sized[0].coils for word in short}
     diameter = itemgetter("outer_diameter_mm")
-    larger = [e for e in catalogue("coil").values() if spec.amplifier and diameter(e) > spec.coil.outer_diameter_mm]
+    larger = [e for e in catalogue("coil").values() if spec.feeds and diameter(e) > spec.coil.outer_diameter_mm]
     smaller = [e for e in catalogue("washer").values() if diameter(e) < spec.washer.outer_diameter_mm]
     finer = [e for e in catalogue("printer").values() if e["line_width_mm"] < spec.printer.line_width_mm]
     beams = {
@@ -208,7 +213,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         yield from islice((cure for cure in way if _best_layout(spec, limit, cure)), 1)
     # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
     whole = () if spec.coil.grid else sized_layouts(spec, whole_grids(spec, limit))
-    fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.amplifier else 1))
+    fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.feeds else 1))
     yield from ({"resolution": count} for count in islice(fewer, FEWER))
 
 

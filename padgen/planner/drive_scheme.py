@@ -123,10 +123,14 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
     coil, headroom = spec.coil, spec.drive.headroom
     lines, resonance = np.array([(c.line_a2, c.resonance_hz) for c in channels]).T
     square_a2 = mean_square_a2(scheme, lines, headroom)
-    volts = peak_voltage_v(scheme, lines, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
+    # What a sound card's high-pass takes from a line is made good beforehand, by as many volts more.
+    more = np.zeros(len(lines)) if scheme.is_root else (spec.corner_hz / (resonance / 2)) ** 2
+    raised = lines * (1 + more)
+    volts = peak_voltage_v(scheme, raised, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
     peak_a = peak_current_a(scheme, lines, headroom)
     if carrier is not None:
         volts = float(on_carrier_v(volts, peak_a, coil.inductance_mh * MH, carrier))
+        volts *= hypot(1, spec.corner_hz / carrier)
         peak_a *= 2**0.5
     loss_w = square_a2 * coil.resistance_ohm
     # Factors by which the displacements may grow: the square of the current grows in proportion.
@@ -158,7 +162,7 @@ def fitting_parts(plan: Plan) -> Parts:
     """Return the parts of the catalogues that can play all channels of a plan, driven as it is planned."""
     coils, load, amplifiers = plan.coils.rows * plan.coils.columns, plan.load, catalogue("amplifier").items()
     carrier = carrier_hz(plan.spec, plan.scheme, max(channel.resonance_hz for channel in plan.channels))
-    passed = ("DC",) if plan.scheme.has_constant and carrier is None else ("AC", "DC", "")
+    passed = ("DC",) if plan.scheme.has_constant and carrier is None else ("AC", "DC")
     fed = {
         name: -(-coils // int(entry["channels"]))
         for name, entry in amplifiers
@@ -171,10 +175,10 @@ def fitting_parts(plan: Plan) -> Parts:
 
 
 def is_fed(spec: Spec, load: CoilLoad) -> bool:
-    """Return whether the spec's amplifier, if there is one, has the volts and amperes of a load."""
-    return spec.amplifier is None or (
-        load.voltage_peak_v <= spec.drive.voltage_limit_v and load.current_peak_ma * MA <= spec.amplifier.current_a
-    )
+    """Return whether amplifier and sound card, where the spec names any, have the volts and amperes of a load."""
+    most_a = spec.amplifier.current_a if spec.amplifier else inf
+    enough = load.voltage_peak_v <= spec.drive.voltage_limit_v and load.current_peak_ma * MA <= most_a
+    return enough or not spec.feeds
 
 
 def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
@@ -298,9 +302,9 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if why := few.get(len(planned) // spec.coil.sets):
         return "tones", why
     asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
-    # The simplest first: those that the amplifier can play, and of these, if there are any, those within its limits.
+    # The simplest first: those that amplifier and sound card play, and of these, if there are any, those within limits.
     names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
-    fed = [n for n in names if spec.amplifier and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
+    fed = [n for n in names if spec.feeds and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
     names = fed or names
     reached = {name: figures[name].reached_db for name in names}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
@@ -319,8 +323,10 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     holds = [name for name in keeps if rates[name] >= least or not Scheme(name).takes_turns]
     if holds:
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told(names[: names.index(holds[0])])}"
-    if keeps and spec.amplifier:
-        why = f"of the schemes that the amplifier plays the only kind that keeps {asked:.1f} dB in all states"
+    if keeps and spec.feeds:
+        feeding = " and ".join(word for word, _ in spec.feeds)
+        plays = "plays" if len(spec.feeds) == 1 else "play"
+        why = f"of the schemes that the {feeding} {plays} the only kind that keeps {asked:.1f} dB in all states"
         return keeps[0], why
     together = [name for name in names if not Scheme(name).takes_turns]
     best = max(together or names, key=lambda name: reached[name])

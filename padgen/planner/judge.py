@@ -193,17 +193,19 @@ def _imperceptible(plan: Plan) -> Iterator[Finding]:
 
 
 def _slow(plan: Plan) -> Iterator[Finding]:
-    """Warn where no scheme that the amplifier plays is fast enough."""
+    """Warn where no scheme that amplifier and sound card play is fast enough."""
     rate, least = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive], plan.spec.drive
-    if plan.spec.amplifier and least.scheme == "auto" and rate < least.least_frames_per_s:
+    feeds = plan.spec.feeds
+    if feeds and least.scheme == "auto" and rate < least.least_frames_per_s:
+        named = " and ".join(f"the {word} {device.name}" for word, device in feeds)
         yield Finding(
             "warning",
             "drive.slow",
             "drive",
             f"{plan.selectivity.drive} shows {number(rate)} frames/s, drive.least_frames_per_s asks for"
-            f" {number(least.least_frames_per_s)}; the amplifier {plan.spec.amplifier.name} plays nothing faster that"
+            f" {number(least.least_frames_per_s)}; {named} play{'s' * (len(feeds) == 1)} nothing faster that"
             " keeps what is asked",
-            ({"drive.least_frames_per_s": float(at_most(rate))}, {"amplifier.coupling": "DC"}),
+            ({"drive.least_frames_per_s": float(at_most(rate))}, *filter(None, (plan.spec.passing_cure,))),
         )
 
 

@@ -166,8 +166,8 @@ def most_coils(spec: Spec) -> tuple[int, int]:
 
 
 def most_outputs(spec: Spec) -> float:
-    """Return the most coils that the spec's amplifier has channels for; infinity without one."""
-    return spec.amplifier.channels if spec.amplifier else inf
+    """Return the most coils that the spec's amplifier and sound card have outputs for; infinity without either."""
+    return min((device.channels for _, device in spec.feeds), default=inf)
 
 
 def _grids(spec: Spec, coils: int) -> list[tuple[int, int]]:

@@ -482,8 +482,8 @@ class LeftOut:
 class Parts:
     """Parts of the catalogues that play all channels of the plan: amplifiers, with how many it takes, and sound cards.
 
-    A sound card has an output for each coil's amplifier; one whose coupling is not known counts as AC coupled. What
-    would do on a carrier alone is not among them: a spec that names such an amplifier is planned with a carrier.
+    A sound card has an output for each coil's amplifier. What would do on a carrier alone is not among them: a spec
+    that names such a device is planned with a carrier.
     """
 
     amplifiers: dict[str, int]
@@ -585,10 +585,12 @@ def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel,
 def plan_to_json(plan: Plan) -> str:
     """Return the plan as JSON text: its fields in their order, the same bytes for the same plan."""
     table = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
-    known = (name for name in Spec.__dataclass_fields__ if name != "amplifier" or plan.spec.amplifier)
+    known = (name for name in Spec.__dataclass_fields__ if getattr(plan.spec, name) or name not in DEVICES)
     return json_text(table | {"spec": {name: getattr(plan.spec, name) for name in known}})
 
 
+DEVICES = ("amplifier", "sound_card")
+"""Parts of a spec that are left out of ``plan.json`` where the spec names none."""
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
 """Parts with sizes that are drawn. Here every number must be finite; in other parts null stands for an infinite one."""
 LARGEST_MM, LARGEST_FLOAT, SMALLEST_FLOAT = 1e4, sys.float_info.max, sys.float_info.min
@@ -717,14 +719,14 @@ CARRIER_OVER_RESONANCE = 5
 
 
 def carrier_hz(spec: Spec, scheme: Scheme, highest_hz: float) -> float | None:
-    """Return the carrier on which an AC-coupled amplifier plays a spur-free scheme; None where none is needed."""
-    needed = spec.amplifier is not None and spec.amplifier.coupling == "AC" and scheme.is_root
+    """Return the carrier on which AC-coupled devices play a spur-free scheme; None where none is needed."""
+    needed = spec.blocked_by is not None and scheme.is_root
     return float(at_least(CARRIER_OVER_RESONANCE * highest_hz)) if needed else None
 
 
 def passes(spec: Spec, scheme: Scheme) -> bool:
-    """Return whether the spec's amplifier can play a scheme; one that is AC coupled passes no constant current."""
-    return spec.amplifier is None or spec.amplifier.coupling == "DC" or not scheme.is_biased
+    """Return whether the spec's devices can play a scheme; those that are AC coupled pass no constant current."""
+    return spec.blocked_by is None or not scheme.is_biased
 
 
 def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from padgen.driver.ear import Heard
     from padgen.driver.excitation import Excitation
     from padgen.driver.formats.wav import WaveReport
+    from padgen.driver.outputs import Outputs
     from padgen.measured.tune import Retuned
     from padgen.planner.plan import Plan
 
@@ -54,6 +55,8 @@ def driven_text(
     done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
         done = f"Heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
+    if driven.outputs is not None:
+        done += f" for {_outputs_text(driven.outputs)}"
     picture, place = "", plain(str(driven.folder))
     if frames is not None:
         # Dark frames at the beginning show nothing.
@@ -83,6 +86,18 @@ def driven_text(
     return "\n".join(line for line in lines if line)
 
 
+def _outputs_text(outputs: "Outputs") -> str:
+    """Return which outputs a drive needs and, in brackets, what an AC-coupled sound card would leave of it."""
+    if outputs.ac_corner_hz is None:
+        return f"{counted(outputs.count, 'output')}, AC or DC coupled"
+    left = "none of its lines"
+    if outputs.ac_selectivity_db is not None and outputs.selectivity_db is not None:
+        left = f"{outputs.ac_selectivity_db:.1f} of {outputs.selectivity_db:.1f} dB"
+    elif outputs.ac_level_db is not None:
+        left = f"lines that are {-outputs.ac_level_db[1]:.1f} to {-outputs.ac_level_db[0]:.1f} dB lower"
+    return f"{counted(outputs.count, 'DC-coupled output')} (an AC-coupled card leaves {left})"
+
+
 def driven_table(plan: "Plan", driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
     """Return the pad's verdict and the figures of a drive's files as plain data."""
     from padgen.driver.ear import heard_table
@@ -93,6 +108,7 @@ def driven_table(plan: "Plan", driven: "Driven", notes: Sequence[str]) -> dict[s
         "files": list(driven.files),
         "wave": None if driven.report is None else {**asdict(driven.report), "seconds": driven.report.seconds},
         "heard": None if driven.heard is None else heard_table(driven.heard),
+        "outputs": None if driven.outputs is None else asdict(driven.outputs),
         "notes": list(notes),
         "findings": [asdict(finding) for finding in driven.findings],
     }

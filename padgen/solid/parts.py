@@ -332,7 +332,12 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
         if own
         else "; or ".join(f"{n} x {name}" for name, n in parts.amplifiers.items())
     )
-    cards = "; or ".join((*parts.sound_cards, "a board with as many converters"))
+    card = spec.sound_card
+    cards = (
+        f"{card.name}: {card.channels} outputs"
+        if card
+        else "; or ".join((*parts.sound_cards, "a board with as many converters"))
+    )
     asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
     glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
     rows = [

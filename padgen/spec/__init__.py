@@ -1,7 +1,20 @@
 """Read a spec, the description of the wanted pad, from TOML and check it field by field."""
 
 from padgen.spec.load import catalogue, find_spec, load_spec, make_spec, parse_spec, template_paths
-from padgen.spec.model import Amplifier, Coil, Drive, Material, Pad, Printer, Spec, Spread, Suspension, Taxel, Washer
+from padgen.spec.model import (
+    Amplifier,
+    Coil,
+    Drive,
+    Material,
+    Pad,
+    Printer,
+    SoundCard,
+    Spec,
+    Spread,
+    Suspension,
+    Taxel,
+    Washer,
+)
 
 __all__ = [
     "Amplifier",
@@ -10,6 +23,7 @@ __all__ = [
     "Material",
     "Pad",
     "Printer",
+    "SoundCard",
     "Spec",
     "Spread",
     "Suspension",

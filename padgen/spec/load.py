@@ -31,6 +31,7 @@ from padgen.spec.model import (
     Model,
     Pad,
     Printer,
+    SoundCard,
     Spec,
     Spread,
     Suspension,
@@ -122,7 +123,7 @@ def _band_rules(spec: Spec) -> list[Rule]:
 
 def _parts_rules(spec: Spec) -> list[Rule]:
     material, spread, printer, washer, coil = spec.material, spec.spread, spec.printer, spec.washer, spec.coil
-    scheme, coupled = spec.drive.scheme, spec.amplifier and spec.amplifier.coupling == "AC"
+    scheme, blocked_by = spec.drive.scheme, spec.blocked_by
     return [
         (
             material.process == printer.process,
@@ -137,12 +138,12 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             [{"spread": None}],
         ),
         (
-            not coupled or scheme == "auto" or SCHEMES.get(scheme).CURRENT != "biased",
+            not blocked_by or scheme == "auto" or SCHEMES.get(scheme).CURRENT != "biased",
             "drive.scheme",
-            f"{scheme!r} has a constant current, which the AC-coupled amplifier"
-            f" {spec.amplifier.name if spec.amplifier else ''!r} does not pass",
-            [{"drive.scheme": "auto"}, {"amplifier.coupling": "DC"}],
+            f"{scheme!r} has a constant current, which {blocked_by} does not pass",
+            [{"drive.scheme": "auto"}, spec.passing_cure],
         ),
+        *_sound_card_rules(spec),
         (
             washer.relative_permeability >= MAGNETIC,
             "washer",
@@ -175,6 +176,36 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             [{"coil.core_diameter_mm": coil.inner_diameter_mm}],
         ),
     ]
+
+
+def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
+    """Yield the rules of a sound card: what its high-pass is, and that it leaves lines to be made good."""
+    card, low = spec.sound_card, spec.band_hz[0]
+    if card is None:
+        return
+    where = "sound_card.corner_hz"
+    yield (
+        card.coupling == "DC" or card.corner_hz is not None,
+        where,
+        f"is missing, the corner of the high-pass of the AC-coupled sound card {card.name!r}, which its lines are made"
+        " good by; measure or ask its maker",
+        [{where: min(COMMON_CORNER_HZ, low)}, {"sound_card.coupling": "DC"}],
+    )
+    yield (
+        card.coupling == "AC" or card.corner_hz is None,
+        where,
+        f"is of a high-pass, which the DC-coupled sound card {card.name!r} has not, got {number(card.corner_hz or 0)}"
+        " Hz",
+        [{where: None}, {"sound_card.coupling": "AC"}],
+    )
+    # The lowest line is at half the lowest resonance. There the high-pass takes 7 dB from it at most.
+    yield (
+        (card.corner_hz or 0.0) <= low,
+        where,
+        f"must be at most band_hz[0] = {number(low)} Hz, or too little is left of the lowest lines to be made good, got"
+        f" {number(card.corner_hz or 0)} Hz",
+        [{where: low}, {"sound_card.coupling": "DC", where: None}],
+    )
 
 
 def _taxel_rules(spec: Spec) -> list[Rule]:
@@ -375,15 +406,14 @@ CATALOGUES = {
     "washer": (Washer, "washers.csv"),
     "coil": (Coil, "coils.csv"),
     "amplifier": (Amplifier, "amplifiers.csv"),
+    "sound_card": (SoundCard, "sound_cards.csv"),
 }
 PARTS: dict[str, tuple[str, dict[str, Any]]] = {
-    "sound_card": ("sound_cards.csv", {"channels": int}),
     "board": ("boards.csv", {"clock_mhz": float}),
 }
 """Catalogues of parts that a spec has no table for, and which of their columns are numbers.
 
-A sound card, or a board with converters, feeds amplifiers; its coupling is empty where none is stated. The processor of
-a microcontroller board has a floating-point unit.
+The processor of a microcontroller board has a floating-point unit.
 """
 
 
@@ -397,16 +427,23 @@ def catalogue(table: str) -> dict[str, dict[str, Any]]:
         types = {f.name: optional_type(f.type)[0] for f in fields(kind)}
     with open(Path(__file__).with_name("catalogue") / filename, encoding="utf-8", newline="") as lines:
         rows = csv.DictReader(lines)
-        return {row["name"]: {key: types.get(key, str)(value) for key, value in row.items()} for row in rows}
+        return {row["name"]: {key: _entry(types.get(key, str), value) for key, value in row.items()} for row in rows}
+
+
+def _entry(kind: Any, value: str) -> Any:
+    """Return the value of a catalogue's cell; an empty cell of a column of numbers is None."""
+    return None if kind is not str and not value else kind(value)
 
 
 LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
 """Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""
 DEFAULTS = {"washer": "iso7092-m1.6", "coil": "paper"}
-OWN_AMPLIFIER = "own"
-"""Name of an amplifier that a spec gives none."""
+OWN = "own"
+"""Name of an amplifier or a sound card that a spec gives none."""
+COMMON_CORNER_HZ = 3.0
+"""Corner of the high-pass of an ordinary AC-coupled sound card: assumed where no maker states one."""
 CARRIED_HEADROOM = 1.0
-"""Spur-free headroom where an AC-coupled amplifier needs a carrier: lines about it have less room, so bends are blunter
+"""Spur-free headroom where an AC-coupled device needs a carrier: lines about it have less room, so bends are blunter
 (the largest margin that `padgen.physics.crest.root_margin` tries)."""
 CALIBRATED = ("printer", "spread", "material")
 """Tables that the file of a calibrated printer may have."""
@@ -557,12 +594,16 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     for name, default in defaults.items():
         parts[name] = _catalogue_entry(name, table.pop(name, {}), default)
     if (amplifier := table.pop("amplifier", None)) is not None:
-        parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN_AMPLIFIER)
+        parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN)
         limit_v = min(parts["drive"].voltage_limit_v if limited else amplifier.voltage_v, amplifier.voltage_v)
-        headroom = max(parts["drive"].headroom, CARRIED_HEADROOM if amplifier.coupling == "AC" else 0.0)
-        parts["drive"] = replace(parts["drive"], voltage_limit_v=limit_v, headroom=headroom)
+        parts["drive"] = replace(parts["drive"], voltage_limit_v=limit_v)
+    if (card := table.pop("sound_card", None)) is not None:
+        parts["sound_card"] = _sound_card(card)
     parts["drive"] = with_threshold(parts["drive"], folder)
     spec: Spec = build(Spec, table, "", parts)
+    if spec.blocked_by:
+        headroom = max(spec.drive.headroom, CARRIED_HEADROOM)
+        spec = replace(spec, drive=replace(spec.drive, headroom=headroom))
     if not spec.leaves_layout_free:
         gap_mm, reuse = spec.coil.gap_mm or DEFAULT_GAP_MM, spec.coil.reuse.replace("auto", "same")
         spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
@@ -571,6 +612,13 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
             if not holds:
                 raise SpecError(sentence, where, cures)
     return spec
+
+
+def _sound_card(value: Any) -> SoundCard:
+    """Return the sound card of a spec; one that is said to be DC coupled has no corner of its catalogue entry."""
+    card: SoundCard = _catalogue_entry("sound_card", value, OWN)
+    stated = isinstance(value, dict) and "corner_hz" in value
+    return card if card.coupling == "AC" or stated else replace(card, corner_hz=None)
 
 
 def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -631,8 +679,9 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
         raise SpecError(f"must be text, got {shown(name)}", f"{table}.name")
     if name in entries:
         return build(kind, overrides, table, entries[name])
-    required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - {"source"}
-    if required <= set(overrides) | {"name"} or name == OWN_AMPLIFIER:
+    optional = {f.name for f in fields(kind) if f.default in (None, "")}
+    required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - optional
+    if required <= set(overrides) | {"name"} or name == OWN:
         return build(kind, {"name": name, **overrides}, table)
     raise unknown_name(name, list(entries), table, f"{table}.name")
 

@@ -1,11 +1,12 @@
 """Define `Spec`, the description of the wanted pad: frozen, each field with unit, bounds and one line of meaning.
 
-`Material`, `Printer`, `Spread`, `Washer`, `Coil` and `Amplifier` are catalogue entries: a spec names one and may
-override any of its fields.
+`Material`, `Printer`, `Spread`, `Washer`, `Coil`, `Amplifier` and `SoundCard` are catalogue entries: a spec names one
+and may override any of its fields.
 """
 
 from dataclasses import dataclass, field
 from math import ceil
+from typing import Any
 
 from padgen.core.registry import COILS, SCHEMES, SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
@@ -19,6 +20,7 @@ __all__ = [
     "Model",
     "Pad",
     "Printer",
+    "SoundCard",
     "Spec",
     "Spread",
     "Suspension",
@@ -258,6 +260,24 @@ class Amplifier:
 
 
 @dataclass(frozen=True, slots=True)
+class SoundCard:
+    """A sound card whose outputs feed the coils' amplifiers, one each."""
+
+    name: str = entry_name(doc="name in the catalogue, or of your own")
+    channels: int = quantity(unit="channels", low=1, high=100_000, doc="outputs, one for each coil")
+    coupling: str = choice(of=("AC", "DC"), doc="AC: no direct current passes; DC: it does")
+    corner_hz: float | None = quantity(
+        None, unit="Hz", low=0.001, high=1000, doc="-3 dB corner of its first-order high-pass, where it is AC coupled"
+    )
+    full_scale_v: float | None = quantity(
+        None, unit="V", low=0.001, high=1e3, doc="peak voltage of a full-scale sample, unloaded"
+    )
+    output_ohm: float | None = quantity(None, unit="Ω", low=0, high=1e5, doc="impedance of an output")
+    assumed: str = text("", doc="figures that no maker's text states, as names of fields")
+    source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
 class Suspension:
     """The kind of suspension, and the dimensions of its beams that may be tuned."""
 
@@ -407,6 +427,7 @@ class Spec:
     washer: Washer = field(kw_only=True)
     coil: Coil = field(kw_only=True)
     amplifier: Amplifier | None = None
+    sound_card: SoundCard | None = None
     suspension: Suspension = field(default_factory=Suspension)
     drive: Drive = field(default_factory=Drive)
     model: Model = field(default_factory=Model)
@@ -416,6 +437,31 @@ class Spec:
     def leaves_layout_free(self) -> bool:
         """True where the search may choose the grid of coils, and with it gap, reuse and drive."""
         return not self.coil.grid and not self.resonances_hz
+
+    @property
+    def feeds(self) -> tuple[tuple[str, Amplifier | SoundCard], ...]:
+        """The devices between computer and coils that the spec names, each with the word for its kind."""
+        named = (("amplifier", self.amplifier), ("sound card", self.sound_card))
+        return tuple((word, device) for word, device in named if device is not None)
+
+    @property
+    def blocked_by(self) -> str | None:
+        """The device that keeps direct current from the coils, as "the AC-coupled ..."; None where none is named."""
+        blocking = (f"the AC-coupled {word} {device.name!r}" for word, device in self.feeds if device.coupling == "AC")
+        return next(blocking, None)
+
+    @property
+    def passing_cure(self) -> dict[str, Any]:
+        """The change of the spec, fields by their dotted names, after which every device passes direct current."""
+        cure: dict[str, Any] = {
+            f"{word.replace(' ', '_')}.coupling": "DC" for word, device in self.feeds if device.coupling == "AC"
+        }
+        return cure | ({"sound_card.corner_hz": None} if self.corner_hz else {})
+
+    @property
+    def corner_hz(self) -> float:
+        """Corner in Hz of the high-pass through which the coils are fed; 0 where there is none that is known."""
+        return (self.sound_card.corner_hz or 0.0) if self.sound_card else 0.0
 
     @property
     def recess_depth_mm(self) -> float:

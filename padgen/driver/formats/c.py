@@ -7,6 +7,7 @@ after an hour as after the first period no phase is off by more than period_samp
 
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from math import ceil, exp, expm1, floor, inf, log2, pi
 from pathlib import Path
 from textwrap import fill
@@ -64,6 +65,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the header and the firmware; the worst that a host may send is judged."""
     request = job.request
     drive = drive_at(job.plan, CONTROLLER_RATES_HZ, request.rate_hz, request.tuning, request.carrier_hz)
+    drive = replace(drive, corner_hz=0.0)  # a microcontroller's converters are no sound card's outputs
     job.findings += judge_limits(FILE, job.plan, drive, tuning=request.tuning)
     if not boards_in_time(drive):
         told = f"takes up to {number(round(sample_mhz(drive)))} MHz of a Cortex-M4's clock at {drive.rate_hz} samples/s"

@@ -308,7 +308,10 @@ def _tones_text(
                 level, rise = f"g{k}", f"{rise} / (2 * g{k})" if rise else ""
             shapes[before, after] = level, rise
         level, rise = shapes[before, after]
-        terms.append(f"{level} * {_wave((drive.resistance_ohm + 1j * rate * drive.inductance_h) * line, rate)}")
+        # The constant current of the biased scheme has no line to be made good.
+        made_good = complex(drive.made_good(np.array(rate / (2 * np.pi)))) if rate else 1.0
+        line_v = (drive.resistance_ohm + 1j * rate * drive.inductance_h) * line * made_good
+        terms.append(f"{level} * {_wave(line_v, rate)}")
         if rise:
             terms.append(f"{rise} * {_wave(drive.inductance_h * line, rate)}")
     if any(rise for _, rise in shapes.values()):
@@ -343,5 +346,5 @@ def _root_text(
     if drive.carrier_hz is None:
         return text + volts
     harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
-    ((begin, rate),) = _lines(drive, stretch, harmonic, np.full(1, np.sqrt(2)))
+    ((begin, rate),) = _lines(drive, stretch, harmonic, np.sqrt(2) * drive.made_good(harmonic / drive.period_s))
     return f"{text}({volts}) * {_wave(begin, rate)} + {_n(2 * half_l)} * r * {_wave(1j * rate * begin, rate)}"

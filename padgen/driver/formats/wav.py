@@ -359,6 +359,7 @@ def wave_json(plan: Plan, drive: PadDrive, timeline: Timeline, report: WaveRepor
         **figures,
         "resistance_ohm": drive.resistance_ohm,
         "inductance_mh": drive.inductance_h * 1e3,
+        **({"corner_hz": drive.corner_hz} if drive.corner_hz else {}),
         "findings": [asdict(finding) for finding in report.findings],
         "coils": [{"wav_channel": k, "coil": [c.row, c.column]} for k, c in enumerate(drive.coils)],
         "taxels": [taxels[index] for index in sorted(taxels)],
