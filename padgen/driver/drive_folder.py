@@ -21,7 +21,8 @@ from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
-from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, drive_at, ramp_s, steady, timeline
+from padgen.driver.slots import FrameContrast, frame_contrast, slot_findings
+from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, brake_of, drive_at, ramp_s, steady, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
@@ -36,11 +37,13 @@ __all__ = [
 ]
 
 DEPTHS = ("24", "float")
+BRAKED = ("csv", "json", "wav")
+"""Formats that go with a brake: the WAV that has it, and tables, which show no frames."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """The result of writing a drive: its files, findings and what was heard."""
+    """The result of writing a drive: its files, findings, what was heard, and the contrast predicted of its frames."""
 
     folder: Path
     files: tuple[str, ...]
@@ -48,6 +51,7 @@ class Driven:
     report: WaveReport | None
     heard: Heard | None
     findings: tuple[Finding, ...]
+    contrast: FrameContrast | None = None
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
@@ -124,7 +128,9 @@ def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray) -> Timeline
             settled = SETTLED_TAUS * max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in known)
             half_slot = max(ramp_s(plan), settled)
             seconds = 2 * len(plan.sets[0]) * half_slot if in_turns else ramp_s(plan) + settled + drive.period_s
-        return timeline(plan, frames, seconds)
+            if request.brake:
+                seconds += brake_of(plan, request.tuning).seconds
+        return timeline(plan, frames, seconds, request.brake, request.tuning)
     if in_turns:
         raise SpecError("is for drives that play all channels at once, this one takes turns", "--loop")
     seconds = seconds or drive.period_s
@@ -166,7 +172,8 @@ def levels_of(
 class Drive:
     """The frames that a plan's coils are to show; made by `padgen.drive`, whose parameters these are.
 
-    `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states.
+    `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states. With `brake`
+    a WAV stops taxels that go OFF in counter-phase.
     """
 
     plan: Plan
@@ -179,6 +186,7 @@ class Drive:
     carrier_hz: float | None = None
     tuning: Tuning | None = None
     progress: Callable[[str], None] = lambda step: None
+    brake: bool = False
 
     def __repr__(self) -> str:
         shown = "tables" if self.frames is None else f"{len(self.frames)} frames"
@@ -251,6 +259,16 @@ class Drive:
             raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
+        unbraked = [name for name in written if name not in BRAKED]
+        if self.brake:
+            rules = (
+                (self.frames is None, "is of a WAV; add --state or --frames"),
+                (self.loop, "is for the end of a frame, a loop has none"),
+                (bool(unbraked), f"is in a WAV only; {', '.join(unbraked)} of --formats cannot have it"),
+            )
+            for broken, sentence in rules:
+                if broken:
+                    raise SpecError(sentence, "--brake")
         self.progress("choosing phases")
         drive = drive_at(self.plan, RATES_HZ, self.rate_hz, self.tuning, self.carrier_hz)
         shown = None if self.frames is None else _timeline(drive, self, self.frames)
@@ -265,6 +283,10 @@ class Drive:
             job.shown = judge_limits(where.FILE, self.plan, drive, shown, self.tuning)
         elif where and len(played) == len(written):
             job.findings += judge_limits(where.FILE, self.plan, drive, tuning=self.tuning)
+        contrast = None
+        if shown and self.frames is not None:
+            contrast = frame_contrast(self.plan, drive, shown, self.tuning)
+            job.findings += slot_findings(self.plan, drive, self.frames, shown, self.brake, self.tuning)
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))
             for each in written.values():
@@ -274,4 +296,4 @@ class Drive:
         findings = (*job.findings, *(job.report.findings if job.report else job.shown))
         if job.heard:
             findings += tuple(ear_findings(job.heard))
-        return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings)
+        return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings, contrast)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from padgen.driver.ear import Heard
     from padgen.driver.excitation import Excitation
     from padgen.driver.formats.wav import WaveReport
+    from padgen.driver.slots import FrameContrast
     from padgen.measured.tune import Retuned
     from padgen.planner.plan import Plan
 
@@ -74,6 +75,7 @@ def driven_text(
         serious_text(driven.findings, verbose),
         picture,
         "" if driven.report is None else _wave_text(driven.report),
+        "" if driven.contrast is None else _contrast_text(driven.contrast),
         "" if heard is None else heard_text(plan, heard),
         *(f"note: {plain(note)}" for note in notes),
         f"written to {place}: {', '.join(driven.files)}",
@@ -90,6 +92,7 @@ def driven_table(driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
         "folder": str(driven.folder),
         "files": list(driven.files),
         "wave": None if driven.report is None else {**asdict(driven.report), "seconds": driven.report.seconds},
+        "contrast": None if driven.contrast is None else driven.contrast._asdict(),
         "heard": None if driven.heard is None else heard_table(driven.heard),
         "notes": list(notes),
         "findings": [asdict(finding) for finding in driven.findings],
@@ -121,6 +124,15 @@ def _wave_text(report: "WaveReport") -> str:
     return "\n".join(told)
 
 
+def _contrast_text(contrast: "FrameContrast") -> str:
+    end = "" if contrast.end_db is None else f", at its end {contrast.end_db:.1f} dB"
+    row, column = contrast.coil
+    return (
+        f"averaged over each frame of {number(contrast.frame_s)} s, the worst coil keeps {contrast.slot_db:.1f} dB of"
+        f" ON over OFF (r{row}c{column} in frame {contrast.frame + 1}){end}, as predicted"
+    )
+
+
 def heard_text(plan: "Plan", heard: "Heard") -> str:
     """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
     import numpy as np
@@ -141,10 +153,14 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
         )
     gap, leak = ", with the pull growing as the gap closes" * heard.with_gap, plan.reuse.leak_db
     leaked = "" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less"
+    slot, held = heard.slot_contrast, heard.held_contrast
+    frames = "" if slot is None else f"\naveraged over each frame {slot[0]:.1f} dB of ON over OFF in the worst coil"
+    frames += "" if slot is None or held is None else f", at its end {held[0]:.1f} dB, as heard"
     return (
         f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
         + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
         + f"\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out{leaked})"
+        + frames
     )
 
 
