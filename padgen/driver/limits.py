@@ -171,8 +171,9 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
 
 def _shortest_s(shown: Timeline) -> float:
     """Return the seconds of the shortest blend of a timeline, a brake's among them; inf without any."""
-    changes = (np.diff(shown.levels, axis=0) != 0).any(1)
-    return float(np.diff(shown.time_s)[changes].min(initial=inf))
+    lasts_s = np.diff(shown.time_s)
+    changes = (np.diff(shown.levels, axis=0) != 0).any(1) & (lasts_s > 0)
+    return float(lasts_s[changes].min(initial=inf))
 
 
 def _limit_a(plan: Plan) -> float:

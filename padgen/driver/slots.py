@@ -13,7 +13,7 @@ from padgen.core.errors import Finding, at_least, number
 from padgen.driver.waveform import CoilDrive, PadDrive, Timeline, braked_s, taus_s, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.selectivity import Channels, line_energy, own_lines, pair_lines
-from padgen.physics.switching import follow, overlap
+from padgen.physics.switching import STEPS, blend, course, follow, overlap
 from padgen.planner.channels import coil_modes
 from padgen.planner.drive_scheme import LONGEST_S, MOST_WITH_SPURS, SLOT_DB
 from padgen.planner.plan import Plan
@@ -114,12 +114,71 @@ def frame_contrast(plan: Plan, drive: PadDrive, shown: Timeline, tuning: Tuning 
             once = product if drive.scheme.has_constant else np.ones(product.shape)
             slots[:, coil.taxels] += (both / shown.frame_s * once) @ heard.spurs.T
             ends[:, coil.taxels] += (product * once) @ heard.spurs.T
+        if not turns:
+            slots[:, coil.taxels] += _beats(plan, drive, shown, coil, tuning, slot, amplitude) / shown.frame_s
     worst = worst_contrast(levels, slots, coil_of)
     if worst is None:
         return None
     at_end = None if turns else worst_contrast(levels, ends, coil_of)
     place = drive.coils[worst[2]]
     return FrameContrast(worst[0], at_end and at_end[0], worst[1], (place.row, place.column), shown.frame_s)
+
+
+def _beats(
+    plan: Plan,
+    drive: PadDrive,
+    shown: Timeline,
+    coil: CoilDrive,
+    tuning: Tuning | None,
+    slot: np.ndarray,
+    amplitude: np.ndarray,
+) -> np.ndarray:
+    """Return what beats of a coil's taxels with others' lines add to ∫ a² dt (frames, n) in s while these are switched.
+
+    What rings and what is heard of a line beside it have not the time to average out: the sum has their phases. With
+    tones the spur of a pair lies between the two, and sounds while one takes the other's place.
+    """
+    taxels = [(tuning or planned_tuning(plan)).taxels[k] for k in coil.taxels]
+    hz, tau_s = np.array([taxel.resonance_hz for taxel in taxels]), taus_s(plan, tuning)[coil.taxels]
+    q = np.array([taxel.q for taxel in taxels])
+    line_hz, phase, line = coil.force_hz, coil.phase_rad, coil.line_a2
+    first = second = np.arange(len(line))
+    if not drive.scheme.has_constant:
+        pairs = np.triu_indices(len(line), 1)
+        first, second = np.append(first, pairs[0]), np.append(second, pairs[1])
+    made_hz, made_phase = (line_hz[first] + line_hz[second]) / 2, (phase[first] + phase[second]) / 2
+    made = np.sqrt(line[first] * line[second]) * np.where(first == second, 1.0, 2.0)
+    answer = 1 / (hz[:, None] ** 2 - made_hz**2 + 1j * made_hz * hz[:, None] / q[:, None])
+    # Over the own ON amplitude, and over its phase: a quarter of a period behind the line.
+    heard = 1j * answer * made * (hz**2 / q / line)[:, None]
+    heard[np.arange(len(line)), np.arange(len(line))] = 0.0
+    apart = 2 * np.pi * (made_hz - line_hz[:, None])
+    turned = made_phase - phase[:, None]
+    share = blend(np.arange(STEPS + 1) / STEPS)[:, None]
+    levels, size = shown.levels[:, coil.taxels], np.abs(shown.levels[:, coil.taxels])
+    count = int(slot.max())
+    found = np.zeros((count, len(line)))
+    for k in range(count):
+        key = int(np.flatnonzero(slot == k)[0])
+        before, after, begun = levels[key], levels[key + 1], amplitude[key, coil.taxels]
+        if np.array_equal(before, after):
+            continue
+        begin_s, seconds = shown.time_s[key], shown.time_s[key + 1] - shown.time_s[key]
+        own = np.einsum("atn,an->tn", course(tau_s, seconds), np.stack([begun, before, after]))
+        level = np.sqrt((1 - share) * size[key] + share * size[key + 1])
+        weight = np.full(STEPS + 1, seconds / STEPS)
+        weight[[0, -1]] /= 2
+        time_s = begin_s + np.arange(STEPS + 1) * (seconds / STEPS)
+        turn = np.exp(1j * (apart * time_s[:, None, None] + turned))
+        product = own[:, :, None] * (level[:, first] * level[:, second])[:, None, :] * turn
+        total = np.einsum("t,tnx->nx", weight, product)
+        # Then what was switched rings on, while the others are held.
+        rest_s = shown.time_s[key + 2] - shown.time_s[key + 1] if slot[key + 1] == k else 0.0
+        rate = 1 / tau_s[:, None] - 1j * apart
+        rings = (own[-1] - after)[:, None] * (1 - np.exp(-rate * rest_s)) / rate
+        total += rings * np.sqrt(size[key + 1][first] * size[key + 1][second]) * turn[-1]
+        found[k] = 2 * (heard * total).real.sum(1)
+    return found
 
 
 class _Heard(NamedTuple):

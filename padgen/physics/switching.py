@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-__all__ = ["Brake", "blend", "blend_slope", "brake_for", "follow", "keyframes", "overlap"]
+__all__ = ["STEPS", "Brake", "blend", "blend_slope", "brake_for", "course", "follow", "keyframes", "overlap"]
 
 STEPS = 128
 """Steps of a blend in which its level is taken as straight: the error of an amplitude is 1e-4 at most."""
@@ -82,9 +82,9 @@ def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
     return _passage(tuple(np.asarray(tau_s, float).tolist()), float(f"{seconds:.9g}"))
 
 
-@lru_cache(maxsize=256)
-def _passage(tau_s: tuple[float, ...], seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    tau, step = np.array(tau_s), seconds / STEPS
+def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
+    """Return the shares (3, `STEPS` + 1, n) of amplitude at the begin, level before and after in it, over a blend."""
+    tau, step = np.asarray(tau_s, float), seconds / STEPS
     keep, passed = np.exp(-step / tau), -np.expm1(-step / tau) * tau / step
     level = blend(np.arange(STEPS + 1) / STEPS)
     risen = np.zeros((STEPS + 1, len(tau)))
@@ -92,8 +92,13 @@ def _passage(tau_s: tuple[float, ...], seconds: float) -> tuple[np.ndarray, np.n
     for k in range(STEPS):
         risen[k + 1] = keep * risen[k] + (passed - keep) * level[k] + (1 - passed) * level[k + 1]
     own = np.exp(-np.arange(STEPS + 1)[:, None] * step / tau)
-    parts = np.stack([own, 1 - own - risen, risen])
-    weight = np.full(STEPS + 1, step)
+    return np.stack([own, 1 - own - risen, risen])
+
+
+@lru_cache(maxsize=256)
+def _passage(tau_s: tuple[float, ...], seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    parts = course(np.array(tau_s), seconds)
+    weight = np.full(STEPS + 1, seconds / STEPS)
     weight[[0, -1]] /= 2
     return np.einsum("akn,bkn,k->nab", parts, parts, weight), parts[:, -1].T
 
