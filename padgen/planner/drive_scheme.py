@@ -120,7 +120,7 @@ LONGEST_S = 100.0
 """Length of a frame up to which one is looked for that keeps that contrast."""
 BRAKE_SHARE = 0.5
 """Blend of a brake over the planned transition. Half of that still rings no neighbour by more than its steady tone
-does, and takes no more counter-phase than a level of 1 on most pads (docs/dynamics.md)."""
+does, and takes no more counter-phase than a level of 1 on most pads (docs/frames.md)."""
 
 
 def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
