@@ -21,7 +21,7 @@ from padgen import cli
 from padgen.core.errors import SpecError
 from padgen.driver.drive_folder import levels_of
 from padgen.driver.limits import judge_limits, load_of
-from padgen.driver.waveform import blocks, brake_of, braked_s, drive_at, ramp_s, timeline
+from padgen.driver.waveform import blocks, brake_of, braked_s, drive_at, ramp_s, steady, timeline
 from padgen.physics.switching import blend, brake_for, follow, keyframes, overlap
 from padgen.planner.plan import plan_from_json, plan_to_json
 from tests.slot_integrator import slot_contrast_db
@@ -214,3 +214,17 @@ def test_a_braked_file_is_within_what_it_is_judged_by(name):
     beyond = judge_limits("drive.wav", tight, replace(drive, voltage_limit_v=0.9 * most_v), shown)
     assert "wave.voltage" in {finding.code for finding in beyond}
     assert ramp_s(plan) > brake_of(plan).blend_s
+
+
+@pytest.mark.parametrize("name", ["paper-32", "pad-32", "quad-64"])
+def test_a_level_below_0_turns_its_line_of_the_squared_current_over(name):
+    plan = pg.plan(name)
+    drive = drive_at(plan, (48000,))
+    coil, lines = drive.coils[0], []
+    for sign in (1, -1):
+        levels = np.zeros(len(plan.taxels))
+        levels[coil.taxels[0]] = sign
+        current = np.concatenate([a for a, _ in blocks(drive, steady(levels, drive.period_s), "current")])[:, 0]
+        lines.append(np.fft.rfft(current**2)[coil.harmonic[0]] * 2 / len(current))
+    assert lines[1] == pytest.approx(-lines[0], rel=1e-6)
+    assert abs(lines[0]) == pytest.approx(coil.line_a2[0], rel=1e-3)
