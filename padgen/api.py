@@ -216,6 +216,7 @@ def drive(
     carrier_hz: float | None = None,
     tuning: "Tuning | str | Path | None" = None,
     progress: Progress = _silent,
+    brake: bool = False,
 ) -> "Drive":
     """Drive the coils of a plan with a state or with frames; ``.save`` writes tables, waveforms or firmware.
 
@@ -245,6 +246,8 @@ def drive(
         Measurements of a print, from `padgen.retune`.
     progress : callable
         Called with one line of text at each step.
+    brake : bool
+        Stop taxels that go OFF, in a WAV: their line in counter-phase at the end of their last frame.
 
     Returns
     -------
@@ -268,7 +271,7 @@ def drive(
     if isinstance(tuning, (str, Path)):
         tuning = read_tuning(tuning, plan)
     levels = levels_of(plan, state, frames, text, pattern)
-    return Drive(plan, levels, seconds, state is not None, loop, rate_hz, signal, carrier_hz, tuning, progress)
+    return Drive(plan, levels, seconds, state is not None, loop, rate_hz, signal, carrier_hz, tuning, progress, brake)
 
 
 def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":

@@ -43,6 +43,11 @@ def add_drive(commands: Any) -> None:
     )
     _add_frames(parser)
     parser.add_argument("--loop", action="store_true", help="with --state: whole periods, which repeat without a jump")
+    parser.add_argument(
+        "--brake",
+        action="store_true",
+        help="stop taxels that go OFF by their line in counter-phase at the end of their last frame (WAV only)",
+    )
     parser.add_argument("--rate", metavar="HZ", type=int, help="samples per second (default: 48000, or what it takes)")
     parser.add_argument(
         "--depth",
@@ -171,6 +176,7 @@ def _drive(options: argparse.Namespace) -> int:
             options.carrier,
             tuning_of(options.tuning, plan),
             progress,
+            options.brake,
         )
         folder = folder_of(options, plan.name)
         if frames is not None and options.tuning is None and (folder / "tuning.json").exists():
@@ -198,7 +204,7 @@ def _excite(options: argparse.Namespace) -> int:
     from padgen.driver.drive_folder import write_excitation
 
     given = [name for name in ("formats", *SHOWN, "carrier", "tuning", "wiring") if getattr(options, name) is not None]
-    given += [name for name in ("loop", "hear", "gap") if getattr(options, name)]
+    given += [name for name in ("loop", "brake", "hear", "gap") if getattr(options, name)]
     given += ["signal"] * (options.signal != "voltage")
     refuse(
         *((True, "--excite", f"writes excitation.wav and nothing else; --{name} does not go with it") for name in given)

@@ -23,7 +23,8 @@ from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.limits import excitation_load, judge_limits, judge_load
 from padgen.driver.outputs import Outputs, needed_outputs
-from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, drive_at, ramp_s, steady, timeline
+from padgen.driver.slots import FrameContrast, frame_contrast, slot_findings
+from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, brake_of, drive_at, ramp_s, steady, timeline
 from padgen.measured.shaking import measuring_band_hz
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
@@ -39,13 +40,15 @@ __all__ = [
 ]
 
 DEPTHS = ("24", "float")
+BRAKED = ("csv", "json", "wav")
+"""Formats that go with a brake: the WAV that has it, and tables, which show no frames."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """The result of writing a drive: its files, findings, what was heard, and the outputs that it needs.
+    """The result of writing a drive: its files, findings, what was heard, and what is predicted.
 
-    `outputs` is None where the spec names what feeds the coils.
+    `contrast` is that of its frames, and `outputs` those that it needs, None where the spec names what feeds the coils.
     """
 
     folder: Path
@@ -54,6 +57,7 @@ class Driven:
     report: WaveReport | None
     heard: Heard | None
     findings: tuple[Finding, ...]
+    contrast: FrameContrast | None = None
     outputs: Outputs | None = None
 
 
@@ -133,7 +137,9 @@ def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray) -> Timeline
             settled = SETTLED_TAUS * max(float(ring_up_time(taxel.resonance_hz, taxel.q)) for taxel in known)
             half_slot = max(ramp_s(plan), settled)
             seconds = 2 * len(plan.sets[0]) * half_slot if in_turns else ramp_s(plan) + settled + drive.period_s
-        return timeline(plan, frames, seconds)
+            if request.brake:
+                seconds += brake_of(plan, request.tuning).seconds
+        return timeline(plan, frames, seconds, request.brake, request.tuning)
     if in_turns:
         raise SpecError("is for drives that play all channels at once, this one takes turns", "--loop")
     seconds = seconds or drive.period_s
@@ -175,7 +181,8 @@ def levels_of(
 class Drive:
     """The frames that a plan's coils are to show; made by `padgen.drive`, whose parameters these are.
 
-    `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states.
+    `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states. With `brake`
+    a WAV stops taxels that go OFF in counter-phase.
     """
 
     plan: Plan
@@ -188,6 +195,7 @@ class Drive:
     carrier_hz: float | None = None
     tuning: Tuning | None = None
     progress: Callable[[str], None] = lambda step: None
+    brake: bool = False
 
     def __repr__(self) -> str:
         shown = "tables" if self.frames is None else f"{len(self.frames)} frames"
@@ -260,6 +268,16 @@ class Drive:
             raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
+        unbraked = [name for name in written if name not in BRAKED]
+        if self.brake:
+            rules = (
+                (self.frames is None, "is of a WAV; add --state or --frames"),
+                (self.loop, "is for the end of a frame, a loop has none"),
+                (bool(unbraked), f"is in a WAV only; {', '.join(unbraked)} of --formats cannot have it"),
+            )
+            for broken, sentence in rules:
+                if broken:
+                    raise SpecError(sentence, "--brake")
         self.progress("choosing phases")
         drive = drive_at(self.plan, RATES_HZ, self.rate_hz, self.tuning, self.carrier_hz)
         shown = None if self.frames is None else _timeline(drive, self, self.frames)
@@ -274,6 +292,10 @@ class Drive:
             job.shown = judge_limits(where.FILE, self.plan, drive, shown, self.tuning)
         elif where and len(played) == len(written):
             job.findings += judge_limits(where.FILE, self.plan, drive, tuning=self.tuning)
+        contrast = None
+        if shown and self.frames is not None:
+            contrast = frame_contrast(self.plan, drive, shown, self.tuning)
+            job.findings += slot_findings(self.plan, drive, self.frames, shown, self.brake, self.tuning)
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))
             for each in written.values():
@@ -284,4 +306,6 @@ class Drive:
         if job.heard:
             findings += tuple(ear_findings(job.heard))
         outputs = None if self.plan.spec.feeds else needed_outputs(self.plan, drive, self.tuning)
-        return Driven(folder, out.names, tuple(stale), job.report, job.heard, findings, outputs)
+        return Driven(
+            folder, out.names, tuple(stale), job.report, job.heard, findings, contrast=contrast, outputs=outputs
+        )

@@ -21,7 +21,7 @@ what the plan's modal model lets a finger feel beyond that mode's own vertical m
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -30,6 +30,7 @@ import numpy as np
 from padgen.core.errors import FileError, Finding, at_least, number
 from padgen.core.units import MH, MM, UM
 from padgen.core.wav_reader import Wave
+from padgen.driver.slots import slots_of, worst_contrast
 from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning
 from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
@@ -100,7 +101,8 @@ class Heard:
     `rise_s` how long switching on takes to nine tenths (NaN: it was not), `settled` whether it has had its time before
     its level is taken. `pulled_in` (n,): drawn onto the coil, with the gap only. A state that is held for `needs_s` is
     heard settled, over a whole period of the comb. `coils` are rows of what flows in each over the whole file, its
-    `signal_peak` and `signal_mean` in V, or A if the file holds that.
+    `signal_peak` and `signal_mean` in V, or A if the file holds that. `frames` (f, n) are the levels of the frames,
+    each of `frame_s`, that follow each other in the file, `frame_um` (f, n) what is felt on average over each slot.
     """
 
     name: str
@@ -120,6 +122,22 @@ class Heard:
     needs_s: float
     with_gap: bool
     asked_db: float
+    frame_s: float | None = None
+    frames: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    frame_um: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def slot_contrast(self) -> tuple[float, int, int] | None:
+        """Least ON over OFF in dB within a coil over a frame's whole slot, that frame, and the coil; None without any.
+
+        Both are root mean squares over the slot, switching and ringing included.
+        """
+        return worst_contrast(self.frames, (self.frame_um / self.wanted_um) ** 2, self.coil_of)
+
+    @property
+    def held_contrast(self) -> tuple[float, int, int] | None:
+        """Least ON over OFF in dB within a coil at the ends of spans, where levels are taken; that span and coil."""
+        return worst_contrast(self.shares, self.relative**2, self.coil_of)
 
     @property
     def shares(self) -> np.ndarray:
@@ -205,6 +223,12 @@ def hear(
         found = risen.any(0) & (level_m[h] > 0) & (span.levels > 0) & (before <= 0)
         rise_s[h, found] = at_s[risen[:, found].argmax(0)] - span.begin_s
         before = span.levels
+    frame_s, frames, frame_m = sidecar.get("frame_s"), np.zeros((0, len(tau_s))), np.zeros((0, len(tau_s)))
+    if frame_s:
+        keys = sidecar["keyframes"]
+        time_s, levels = (np.array([key[name] for key in keys], float) for name in ("time_s", "levels"))
+        frames = slots_of(time_s, levels, frame_s, Scheme(sidecar["scheme"]).takes_turns)[1]
+        frame_m = _slot_levels(at_s, course_m, np.arange(len(frames) + 1) * frame_s)
     return Heard(
         name=plan.name,
         ids=tuple(taxel.id for taxel in plan.taxels),
@@ -223,7 +247,19 @@ def hear(
         needs_s=SETTLED_TAUS * float(tau_s.max()) + sidecar["period_s"],
         with_gap=gap,
         asked_db=plan.selectivity.asked_db,
+        frame_s=frame_s,
+        frames=frames,
+        frame_um=frame_m / UM,
     )
+
+
+def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> np.ndarray:
+    """Return the root mean squares (f, n) of a `course` (t, n) between edges (f + 1,), straight between its times."""
+    square = course**2
+    steps = np.diff(at_s)[:, None] * (square[1:] + square[:-1]) / 2
+    total = np.concatenate([np.zeros((1, course.shape[1])), steps.cumsum(0)])
+    upto = np.stack([np.interp(edges_s, at_s, one) for one in total.T], 1)
+    return np.asarray(np.sqrt(np.maximum(np.diff(upto, axis=0), 0.0) / np.diff(edges_s)[:, None]))
 
 
 def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: float) -> tuple[Span, ...]:
@@ -241,6 +277,8 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
             spans.append(Span(start_s, start_s, stop_s, start_s, False, True, levels[k : k + each + 1].max(0)))
         return tuple(spans)
     same, begin_s = (np.abs(np.diff(levels, axis=0)).max(1) <= 1e-9).tolist(), time_s[0]
+    if levels.min() < 0:  # the last brake ends in silence, which is no frame
+        same[-1] = False
     for held, run in groupby(range(len(same)), same.__getitem__):
         first, *_, last = [*run] * 2
         if held:
@@ -251,6 +289,8 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
                 window_s = stop_s - period_s
             elif window_s > latest_s:
                 window_s = max(min(latest_s, (start_s + stop_s) / 2), start_s)
+            if frame_s := sidecar.get("frame_s"):  # a brake before the frame is no part of its switching
+                begin_s = max(begin_s, np.floor(start_s / frame_s + 1e-9) * frame_s)
             spans.append(Span(begin_s, start_s, stop_s, window_s, whole, False, levels[first]))
             begin_s = stop_s
     return tuple(spans)
@@ -445,7 +485,8 @@ def heard_table(heard: Heard) -> dict[str, Any]:
 
     In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
-    most; None where no taxel is ON, or OFF.
+    most; None where no taxel is ON, or OFF. `slot_db` is `Heard.slot_contrast`, `held_db` is `Heard.held_contrast`; in
+    `frames` the levels are averages over each frame's whole slot.
     """
     tone, of_coils = _tone_db(heard), ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean")
     return {
@@ -456,6 +497,8 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             "smallest_on_db": _largest(-_db(heard.on), -1.0),
             "loudest_off_db": _largest(_db(heard.off)),
             "selectivity_db": heard.selectivity_db,
+            "slot_db": None if heard.slot_contrast is None else heard.slot_contrast[0],
+            "held_db": None if heard.held_contrast is None else heard.held_contrast[0],
             "tone_low_db": _largest(-tone, -1.0),
             "tone_high_db": _largest(tone),
             "rise_s": _largest(heard.rise_s),
@@ -482,6 +525,11 @@ def heard_table(heard: Heard) -> dict[str, Any]:
                 "settled": heard.settled[h].tolist(),
             }
             for h, span in enumerate(heard.spans)
+        ],
+        "frame_s": heard.frame_s,
+        "frames": [
+            {"start_s": k * (heard.frame_s or 0.0), "levels": levels, "level_um": felt}
+            for k, (levels, felt) in enumerate(zip(heard.frames.tolist(), heard.frame_um.tolist(), strict=True))
         ],
     }
 

@@ -148,14 +148,14 @@ def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
 
 def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     """Bound what a timeline, or whatever the firmware may be sent (None), asks of the coils."""
-    ramp = ramp_s(plan)
+    ramp = ramp_s(plan) if shown is None else min(ramp_s(plan), _shortest_s(shown))
     if shown is None:
         asked = [_any(drive, coil) for coil in drive.coils]
         warm = np.array([own.square_a2 for own in asked])
         level, total_a2 = np.ones(len(plan.taxels)), sum(warm.tolist())
     else:
         squares = np.stack([_squares_a2(drive, coil, shown) for coil in drive.coils])
-        level, total_a2 = shown.levels.max(0), float(squares.sum(0).max())
+        level, total_a2 = np.abs(shown.levels).max(0), float(squares.sum(0).max())
         warm = _warm_a2(plan.spec.coil, shown, squares)
         pairs = zip(drive.coils, squares.max(1).tolist(), strict=True)
         asked = [_Asked(level[coil.taxels], square_a2) for coil, square_a2 in pairs]
@@ -168,6 +168,13 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
         # What is written for a sound card's high-pass is not what flows.
         peak_a = _shown_peak(replace(drive, corner_hz=0.0), shown, "current")
     return Load(peak_v, peak_a, np.array([own.square_a2 for own in asked]), total_a2, level, warm)
+
+
+def _shortest_s(shown: Timeline) -> float:
+    """Return the seconds of the shortest blend of a timeline, a brake's among them; inf without any."""
+    lasts_s = np.diff(shown.time_s)
+    changes = (np.diff(shown.levels, axis=0) != 0).any(1) & (lasts_s > 0)
+    return float(lasts_s[changes].min(initial=inf))
 
 
 def _limit_a(plan: Plan) -> float:
@@ -195,7 +202,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
         tones = levels * current_lines_a(drive.scheme, coil.line_a2)
         return np.asarray(fed * (coil.bias_a**2 + (tones**2).sum(1) / 2))
-    return np.asarray(levels @ coil.line_a2)
+    return np.asarray(np.abs(levels) @ coil.line_a2)
 
 
 def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:

@@ -17,13 +17,16 @@ tones        Σ √(2 g_j A_j) cos(π r_j t + φ_j/2)                 g blended;
 biased       B + Σ g_j A_j/(2B) cos(2π r_j t + φ_j)              g blended; B from and to 0 by √b
 ===========  ==================================================  ================================
 
-and the voltage ``R i + L di/dt`` with the analytic slope, the blend's too. Where a sound card has a high-pass of
-corner f_h, the file has what comes out of it as that voltage u: ``u + 2π f_h ∫ u dt``, which is each line at f times
-``1 − j f_h/f``; on a carrier, all lines as the carrier's. In a transition the integral is taken to have the line's
-envelope: that is off by a share f_h/f of the envelope's own lines at f, which the smooth step has next to none of.
+A level below 0, as a brake has it, is the line in counter-phase; a tone of the current is then a quarter of its period
+late. No blend of tones leads through 0. The voltage is ``R i + L di/dt`` with the analytic slope, the blend's too.
 
-Phases count from the beginning of the file
-through all frames, in whole samples modulo the comb's period: they are as exact after an hour as at first.
+Where a sound card has a high-pass of corner f_h, the file has what comes out of it as that voltage u:
+``u + 2π f_h ∫ u dt``, which is each line at f times ``1 − j f_h/f``; on a carrier, all lines as the carrier's. In a transition the integral is
+taken to have the line's envelope: that is off by a share f_h/f of the envelope's own lines at f, which the smooth step
+has next to none of.
+
+Phases count from the beginning of the file through all frames, in whole samples modulo the comb's period: they are as
+exact after an hour as at first.
 
 Coils of the same frequencies are one matrix product: ``cos(ω(c + f) + φ)`` for c whole rows and f in a row splits into
 a table (row, 2n) that never changes and weights (2n, coils) that turn by one angle a row.
@@ -51,10 +54,11 @@ from padgen.physics.crest import (
     on_comb,
     root_margin,
 )
-from padgen.physics.resonator import relative_energy
+from padgen.physics.resonator import relative_energy, ring_up_time
 from padgen.physics.schemes import bias_a, current_lines_a
 from padgen.physics.selectivity import Scheme
-from padgen.planner.drive_scheme import switch_ms
+from padgen.physics.switching import Brake, blend, blend_slope, keyframes
+from padgen.planner.drive_scheme import switch_brake, switch_ms
 from padgen.planner.plan import CARRIER_OVER_RESONANCE, Plan
 from padgen.planner.plan import carrier_hz as planned_carrier_hz
 from padgen.planner.printed_pads import coils_of
@@ -71,6 +75,8 @@ __all__ = [
     "blend",
     "blend_slope",
     "blocks",
+    "brake_of",
+    "braked_s",
     "coil_lines",
     "constant_a2",
     "drive_at",
@@ -82,6 +88,7 @@ __all__ = [
     "ramp_s",
     "sample_count",
     "steady",
+    "taus_s",
     "timeline",
     "volts",
 ]
@@ -170,7 +177,7 @@ def constant_a2(coil: CoilDrive, levels: np.ndarray) -> np.ndarray:
     lines = np.atleast_2d(levels) * coil.line_a2
     states, which = np.unique(lines, axis=0, return_inverse=True)
     least = least_constant(coil.harmonic, states, coil.phase_rad)
-    return np.asarray((least + states @ coil.margin)[which.reshape(-1)])
+    return np.asarray((least + np.abs(states) @ coil.margin)[which.reshape(-1)])
 
 
 def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_hz: float | None = None) -> PadDrive:
@@ -330,14 +337,16 @@ def highest_hz(plan: Plan, tuning: Tuning | None) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Timeline:
-    """Keyframes: `time_s` (k,), rising from 0, and `levels` (k, taxels) in 0 … 1, taxels as in the plan.
+    """Keyframes: `time_s` (k,), rising from 0, and `levels` (k, taxels) in −1 … 1, taxels as in the plan.
 
-    `loops` tells that the end leads over into the beginning.
+    A level below 0 is a brake's. `loops` tells that the end leads over into the beginning; `frame_s` is how long each
+    of the frames lasts that are shown one after the other, from 0 on, None where it is one state.
     """
 
     time_s: np.ndarray
     levels: np.ndarray
     loops: bool
+    frame_s: float | None = None
 
     @property
     def seconds(self) -> float:
@@ -345,19 +354,10 @@ class Timeline:
         return float(self.time_s[-1])
 
 
-def blend(share: np.ndarray) -> np.ndarray:
-    """Return the smooth step from 0 to 1 over shares of a transition, the integral of `blend_slope`."""
-    return np.asarray(share**5 * (126 - share * (420 - share * (540 - share * (315 - 70 * share)))))
-
-
-def blend_slope(share: np.ndarray) -> np.ndarray:
-    """Return the slope of `blend`, ``630 (s (1 − s))⁴``."""
-    return np.asarray(630 * (share * (1 - share)) ** 4)
-
-
-def frame_s(plan: Plan) -> float:
-    """Return the seconds of a frame at the planned refresh rate of the plan's scheme."""
-    return 1 / {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
+def frame_s(plan: Plan, brake: bool = False) -> float:
+    """Return the seconds of a frame at the planned refresh rate of the plan's scheme, or at its rate with a brake."""
+    rate = next(one for one in plan.refresh if one.scheme == plan.selectivity.drive)
+    return 1 / (rate.braked_frames_per_s if brake and rate.braked_frames_per_s else rate.frames_per_s)
 
 
 def ramp_s(plan: Plan) -> float:
@@ -365,16 +365,51 @@ def ramp_s(plan: Plan) -> float:
     return switch_ms(plan.channels, plan.coils.sets) * MS
 
 
+def taus_s(plan: Plan, tuning: Tuning | None = None) -> np.ndarray:
+    """Return the time constants (taxels,) of the taxels as planned, or of the print that `tuning` tells of."""
+    known = (tuning or planned_tuning(plan)).taxels
+    return np.array([ring_up_time(taxel.resonance_hz, taxel.q) for taxel in known])
+
+
+def brake_of(plan: Plan, tuning: Tuning | None = None) -> Brake:
+    """Return the brake that stops every taxel of the plan, or of a print.
+
+    Raises
+    ------
+    SpecError
+        The channels of a coil take turns: a taxel is driven in its own turn only.
+    """
+    if plan.scheme.takes_turns:
+        raise SpecError(
+            "is for drives that play all channels at once, this one takes turns: a taxel is not driven while it rings",
+            "--brake",
+        )
+    return switch_brake(np.unique(taus_s(plan, tuning)), ramp_s(plan), plan.scheme)
+
+
+def braked_s(plan: Plan, tuning: Tuning | None = None) -> float:
+    """Return the least seconds of a braked frame: it is switched in, held for one blend of the brake, and braked."""
+    brake = brake_of(plan, tuning)
+    return ramp_s(plan) + brake.blend_s + brake.seconds
+
+
 def steady(levels: np.ndarray, seconds: float) -> Timeline:
     """Hold the same levels (taxels,) all the time: a loop without seam if `seconds` are whole periods of the comb."""
     return Timeline(np.array([0.0, seconds]), np.stack([levels, levels]), True)
 
 
-def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) -> Timeline:
+def timeline(
+    plan: Plan,
+    frames: np.ndarray,
+    seconds_each: float | None = None,
+    brake: bool = False,
+    tuning: Tuning | None = None,
+) -> Timeline:
     """Show frames (k, taxels) one after the other, from silence to silence.
 
     `seconds_each` is a frame's length (None: by the planned refresh rate). Where the channels of a coil take
-    turns, a frame is a slot for each channel, up over its one half and down over the other.
+    turns, a frame is a slot for each channel, up over its one half and down over the other. With `brake`, taxels that
+    go OFF are stopped at the end of their last frame, for the time constants of the print that `tuning` tells of.
 
     Raises
     ------
@@ -396,20 +431,20 @@ def timeline(plan: Plan, frames: np.ndarray, seconds_each: float | None = None) 
         )
     if seconds_each is not None and not (np.isfinite(seconds_each) and seconds_each > 0):
         raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
-    if plan.scheme.takes_turns:
+    if plan.scheme.takes_turns and not brake:
         return _in_turns(plan, frames, seconds_each)
-    ramp, length = ramp_s(plan), seconds_each or frame_s(plan)
-    if length < ramp:
+    ramp, length, stop, why = ramp_s(plan), seconds_each or frame_s(plan, brake), None, "which switches in so long"
+    least = ramp
+    if brake:
+        stop, least, why = brake_of(plan, tuning), braked_s(plan, tuning), "which is switched in, held and braked"
+        length = length if seconds_each else max(length, least)
+    if length < least * (1 - 1e-12):
         raise SpecError(
-            f"must be at least {at_least(ramp)} s for a frame, which switches in so long, got {number(length)} s",
+            f"must be at least {at_least(least)} s for a frame, {why}, got {number(length)} s",
             "frames",
         )
-    silence = np.zeros((1, frames.shape[1]))
-    starts = np.arange(len(frames) + 1) * length
-    times = np.stack([starts, starts + ramp], 1).ravel()
-    before = np.concatenate([silence, frames])
-    after = np.concatenate([frames, silence])
-    return Timeline(times, np.stack([before, after], 1).reshape(len(times), -1), False)
+    taus = taus_s(plan, tuning) if stop else None
+    return Timeline(*keyframes(frames, length, ramp, stop, taus), False, length)
 
 
 def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Timeline:
@@ -427,7 +462,7 @@ def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Tim
     for k, frame in enumerate(frames):
         for s in range(slots):
             levels[2 * (k * slots + s) + 1] = np.where(turn == s, frame, 0.0)
-    return Timeline(times, levels, False)
+    return Timeline(times, levels, False, slot * slots)
 
 
 BLOCK = 1 << 17
@@ -644,11 +679,14 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
     if not (before.any() or after.any()):
         return None
     steady = before == after
-    value, slope = _sums(drive, group, where, np.sqrt(before) * steady * group.weight)
+    # i² is in counter-phase where the tone is a quarter of its own period late.
+    turned = group.weight * np.where(np.minimum(before, after) < 0, -1j, 1)
+    before, after = np.abs(before), np.abs(after)
+    value, slope = _sums(drive, group, where, np.sqrt(before) * steady * turned)
     falling, rising, steepness = _ramp(drive, timeline, where)
     for j in np.flatnonzero((~steady).any(0)):
         one = (before != after) & (np.arange(before.shape[1]) == j)
-        tone, tone_slope = _sums(drive, group, where, one * group.weight)
+        tone, tone_slope = _sums(drive, group, where, one * turned)
         low, high = before[:, j], after[:, j]
         envelope = np.sqrt(low * falling + high * rising)
         envelope_slope = group.tau_s * steepness * (high - low) / (2 * np.maximum(envelope, SMALLEST))

@@ -96,7 +96,7 @@ def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
 
 
 def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return the least F₀ (s,) of states `amplitude` (s, n): ``−min_x Σ_j A_sj cos(k_j x + φ_j)``.
+    """Return the least F₀ (s,) of states `amplitude` (s, n) of any signs: ``−min_x Σ_j A_sj cos(k_j x + φ_j)``.
 
     It is 0 for a silent state; otherwise at most rounding above the true value and at most `EXACT` Σ A below it. A grid
     comes first; then each of its pieces in which a Taylor bound allows a deeper dip is divided, until no piece is left.
@@ -135,8 +135,9 @@ def _points(harmonic: np.ndarray, per_cycle: int = PER_CYCLE) -> int:
 def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
     """Return `least_constant` of states, each with at least one amplitude above 0."""
     wave = waveform(harmonic, amplitude, phase, points)
-    total = amplitude.sum(1)
-    bend, twist = amplitude @ harmonic**2.0, amplitude @ harmonic**3.0
+    size = np.abs(amplitude)
+    total = size.sum(1)
+    bend, twist = size @ harmonic**2.0, size @ harmonic**3.0
     lowest, half = wave.min(1), np.pi / points
     # The slope is 0 at the deepest dip, and a grid point lies within half a step of it.
     state, point = np.nonzero(wave <= (lowest + bend * half**2 / 2)[:, None])

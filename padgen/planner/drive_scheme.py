@@ -5,10 +5,11 @@ frequencies, with the choice of cells to turn; and there is the frame rate.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise, product, repeat
 from math import hypot, inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from padgen.physics.schemes import (
     simplest_first,
 )
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, pair_lines, tone_energy
+from padgen.physics.switching import Brake, brake_for, follow, keyframes
 from padgen.planner.channels import hanging_gap_um, heard_modes, magnetic_parts
 from padgen.planner.layout import Layout
 from padgen.planner.plan import (
@@ -50,19 +52,24 @@ if TYPE_CHECKING:
     from padgen.planner.search import Optimum
 
 __all__ = [
+    "LONGEST_S",
+    "MOST_WITH_SPURS",
     "NEAR",
     "RINGS",
+    "SLOT_DB",
     "cell_is_turned",
     "coil_load",
     "coil_reuse",
     "coils_around",
     "fitting_parts",
+    "frame_contrasts",
     "frame_rates",
     "is_fed",
     "placed_channels",
     "plan_selectivity",
     "pull_in_share",
     "slot_ms",
+    "switch_brake",
     "switch_ms",
 ]
 
@@ -107,6 +114,117 @@ def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, 
     together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
     in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
     return tuple(FrameRate(name, 1 / (in_turns if Scheme(name).takes_turns else together)) for name in in_order())
+
+
+SLOT_DB = 10.0
+"""Contrast in dB over a whole frame for which a rate is stated, where more is asked: a taxel that rings down takes
+frames of seconds to average out to 20 dB. Assumed: OFF taxels then have a third of the ON amplitude at most."""
+LONGEST_S = 100.0
+"""Length of a frame up to which one is looked for that keeps that contrast."""
+BRAKE_SHARE = 0.5
+"""Blend of a brake over the planned transition. Half of that still rings no neighbour by more than its steady tone
+does, and takes no more counter-phase than a level of 1 on most pads (docs/frames.md)."""
+
+
+def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
+    """Return the brake for taxels of time constants `tau_s`, where a transition takes `ramp_s`."""
+    return brake_for(tau_s, BRAKE_SHARE * ramp_s, not scheme.has_constant)
+
+
+class _Switched(NamedTuple):
+    """How the channels of a coil are switched: their time constants, a transition, and energy that OFF ones hear."""
+
+    tau_s: np.ndarray
+    ramp_s: float
+    steady: float
+    takes_turns: bool
+    brake: Brake | None
+
+    def contrasts_db(self, seconds: float) -> tuple[float, float]:
+        """Return the contrast over a frame of so many seconds and at its end, in the worst case."""
+        count = len(self.tau_s)
+        frames = np.array([[1.0], [0.0]]) * np.ones(count)
+        if self.takes_turns:
+            time_s = np.arange(4 * count + 1) * seconds / count / 2
+            levels = np.zeros((len(time_s), count))
+            levels[2 * np.arange(count) + 1, np.arange(count)] = 1.0
+        else:
+            time_s, levels = keyframes(frames, seconds, self.ramp_s, self.brake, self.tau_s)
+        amplitude, energy = follow(time_s, levels, self.tau_s)
+        own = time_s[1:] <= seconds * (1 + 1e-9)
+        on, off = energy[own].sum(0) / seconds, energy[~own].sum(0) / seconds
+        last_on, last_off = amplitude[:-1][own][-1], np.zeros(count)
+        if not self.takes_turns:
+            if self.brake is not None:
+                last_on = amplitude[len(time_s) - 1 - 2 * len(self.brake.shares) - 3]
+            else:
+                amplitude, energy = follow(np.array([0.0, self.ramp_s, seconds]), frames[[0, 1, 1]], self.tau_s, 1.0)
+                off, last_off = energy.sum(0) / seconds, amplitude[-1]
+        return self._worst_db(on, off), self._worst_db(last_on**2, last_off**2)
+
+    def _worst_db(self, on: np.ndarray, off: np.ndarray) -> float:
+        """Return the contrast of energies (n,) when ON and when OFF, of two channels where there are two."""
+        ratio = on[:, None] / np.maximum(off + self.steady, 1e-12)
+        if len(on) > 1:
+            ratio[np.diag_indices(len(on))] = inf
+        return decibel(float(ratio.min()) ** 0.5)
+
+    def longest_rate(self, kept_db: float, least_s: float) -> float | None:
+        """Return the most frames per second, of `least_s` or longer, that keep a contrast; None without any."""
+        low = high = least_s
+        while self.contrasts_db(high)[0] < kept_db:
+            low, high = high, 1.5 * high
+            if high > LONGEST_S:
+                return None
+        while high > low * (1 + RATE_STEP):
+            middle = (low * high) ** 0.5
+            low, high = (low, middle) if self.contrasts_db(middle)[0] >= kept_db else (middle, high)
+        return 1 / high
+
+
+RATE_STEP = 1e-4
+"""Relative error of a rate that is looked for."""
+
+
+def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selectivity) -> tuple[FrameRate, ...]:
+    """Return the `frame_rates` with the contrasts of their frames, for the schemes whose selectivity is known."""
+    reached = {figures.scheme: figures.reached_db for figures in selectivity.schemes}
+    ramp_s, kept_db = switch_ms(channels, sets) * MS, min(selectivity.asked_db, SLOT_DB)
+    own = [np.array([channel.ring_up_ms * MS for channel in each]) for each in channel_sets(channels, sets)]
+    alone = len(own[0]) < 2
+    found = []
+    for rate in frame_rates(channels, sets):
+        if not alone and reached.get(rate.scheme, -inf) == -inf:
+            found.append(rate)
+            continue
+        scheme = Scheme(rate.scheme)
+        steady = 0.0 if alone else 10 ** (-reached[rate.scheme] / 10)
+        coils = [_Switched(tau_s, ramp_s, steady, scheme.takes_turns, None) for tau_s in own]
+        least_s = ramp_s * (2 * len(own[0]) if scheme.takes_turns else 1)
+        at_rate = np.min([coil.contrasts_db(1 / rate.frames_per_s) for coil in coils], axis=0).tolist()
+        figures = {
+            "slot_db": at_rate[0],
+            "end_db": None if scheme.takes_turns else at_rate[1],
+            "kept_db": kept_db,
+        }
+        # Slots of other lengths have other blends, which take a while to work out.
+        if not scheme.takes_turns or rate.scheme == selectivity.drive:
+            figures["kept_frames_per_s"] = _slowest([coil.longest_rate(kept_db, least_s) for coil in coils])
+        if not scheme.takes_turns:
+            brake = switch_brake(np.concatenate(own), ramp_s, scheme)
+            braked = [coil._replace(brake=brake) for coil in coils]
+            least_s = ramp_s + brake.blend_s + brake.seconds
+            figures["braked_frames_per_s"] = _slowest([coil.longest_rate(kept_db, least_s) for coil in braked])
+            if figures["braked_frames_per_s"] and not alone:
+                seconds = 1 / figures["braked_frames_per_s"]
+                figures["braked_db"] = min(coil.contrasts_db(seconds)[0] for coil in braked)
+        found.append(replace(rate, **figures))
+    return tuple(found)
+
+
+def _slowest(rates: Sequence[float | None]) -> float | None:
+    """Return the lowest of the rates; None where one has none."""
+    return None if None in rates else min(rate for rate in rates if rate is not None)
 
 
 def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:

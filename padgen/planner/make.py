@@ -21,7 +21,7 @@ from padgen.planner.drive_scheme import (
     coil_load,
     coil_reuse,
     fitting_parts,
-    frame_rates,
+    frame_contrasts,
     is_fed,
     plan_selectivity,
 )
@@ -287,7 +287,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         pitch=pitch_of(taxels),
         selectivity=selectivity,
         load=coil_load(spec, channels, scheme),
-        refresh=frame_rates(channels, spec.coil.sets),
+        refresh=frame_contrasts(channels, spec.coil.sets, selectivity),
         reuse=reuse,
         prints=NOT_PRINTED,
         touched=tuple(touched_pads(spec, channels, scheme)),

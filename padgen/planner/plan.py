@@ -337,10 +337,25 @@ class CoilLoad:
 
 @dataclass(frozen=True, slots=True)
 class FrameRate:
-    """Frames per second at which a taxel that is switched OFF is quiet before the next frame, with one drive scheme."""
+    """Frames per second at which a taxel that is switched OFF is quiet before the next frame, with one drive scheme.
+
+    The other figures are of the contrast of a frame, the smallest ON over the largest OFF amplitude of a coil in dB, in
+    the worst case: one taxel was silent before, another had its full level, all others are ON. At `frames_per_s` it is
+    `end_db` at the frame's end (None where channels take turns) and `slot_db` over the whole frame, as the root mean
+    square of each (`padgen.physics.switching`). `kept_frames_per_s` is the rate up to which a frame keeps `kept_db`
+    over its whole time, which is what is asked, and no more than `SLOT_DB`; `braked_frames_per_s` is that rate with a
+    brake, at which the contrast is `braked_db`. All are None where they were not computed, rates also where no frame
+    is long enough, and with a brake where channels take turns.
+    """
 
     scheme: str
     frames_per_s: float
+    end_db: float | None = None
+    slot_db: float | None = None
+    kept_db: float | None = None
+    kept_frames_per_s: float | None = None
+    braked_frames_per_s: float | None = None
+    braked_db: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,12 +5,12 @@ from math import isfinite, log
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
-from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, number, plain, quieter
+from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, at_most, number, plain, quieter
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
     from padgen.planner.explain import Change, Explanation
-    from padgen.planner.plan import Channel, Plan
+    from padgen.planner.plan import Channel, FrameRate, Plan
     from padgen.planner.print_yield import PrintYield
 
 __all__ = [
@@ -228,6 +228,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
         else "driven by the table, all in step, the coils around make an OFF taxel vibrate at worst"
         f" {quieter(leak_db)} than when it is ON",
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
+        _frames_text(next(rate for rate in plan.refresh if rate.scheme == figures.drive)),
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; {load.reachable_by}"
         f" allows channel 0 at most {number(load.reachable_level_um)} µm",
@@ -241,6 +242,24 @@ def _drive_lines(plan: "Plan") -> list[str]:
         else f"the coil's pull on a washer is known to ± {error:.1%}, and so each current to ± {error / 2:.1%}",
     ]
     return [line for line in lines if line]
+
+
+def _frames_text(rate: "FrameRate") -> str:
+    """Return a sentence on the contrast of frames over their time, and on the rates that keep what is asked."""
+    if rate.slot_db is None or rate.kept_db is None:
+        return ""
+    end = "" if rate.end_db is None else f"{rate.end_db:.1f} dB at its end and "
+    kept = "at no rate"
+    if rate.kept_frames_per_s is not None:
+        kept = f"up to {at_most(rate.kept_frames_per_s)} frames per second"
+    text = (
+        f"at {rate.frames_per_s:.3g} frames per second a frame keeps at worst {end}{rate.slot_db:.1f} dB averaged over"
+        f" its time; {rate.kept_db:.3g} dB on average are kept {kept}"
+    )
+    if rate.braked_frames_per_s is None:
+        return text
+    braked = "" if rate.braked_db is None else f", which keep {rate.braked_db:.1f} dB"
+    return f"{text}, with a brake (padgen drive --brake, WAV only) up to {at_most(rate.braked_frames_per_s)}{braked}"
 
 
 def _selectivity_lines(plan: "Plan") -> list[str]:

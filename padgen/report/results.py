@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from padgen.driver.excitation import Excitation
     from padgen.driver.formats.wav import WaveReport
     from padgen.driver.outputs import Outputs
+    from padgen.driver.slots import FrameContrast
     from padgen.measured.tune import Retuned
     from padgen.planner.plan import Plan
 
@@ -48,7 +49,7 @@ MOST_PICTURES = 4
 def driven_text(
     plan: "Plan", driven: "Driven", frames: "np.ndarray | None", notes: Sequence[str], verbose: bool = False
 ) -> str:
-    """Return the verdict on the pad, how its drive's files came out, what they play, and what a simulated pad hears."""
+    """Return how a drive's files came out, the verdict on the pad, what they play, and what a simulated pad hears."""
     from padgen.driver.frames import frames_text, map_text, taxel_grid
 
     heard, name = driven.heard, plan.name
@@ -72,12 +73,14 @@ def driven_text(
         )
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
         picture = f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
+    errors = [finding for finding in plan.findings if finding.level == "error"]
     lines = [
+        held_line(done, [*errors, *driven.findings]),
         verdict_text(plan.verdict),
-        held_line(done, driven.findings),
         serious_text(driven.findings, verbose),
         picture,
         "" if driven.report is None else _wave_text(driven.report),
+        "" if driven.contrast is None else _contrast_text(driven.contrast),
         "" if heard is None else heard_text(plan, heard),
         *(f"note: {plain(note)}" for note in notes),
         f"written to {place}: {', '.join(driven.files)}",
@@ -107,6 +110,7 @@ def driven_table(plan: "Plan", driven: "Driven", notes: Sequence[str]) -> dict[s
         "folder": str(driven.folder),
         "files": list(driven.files),
         "wave": None if driven.report is None else {**asdict(driven.report), "seconds": driven.report.seconds},
+        "contrast": None if driven.contrast is None else driven.contrast._asdict(),
         "heard": None if driven.heard is None else heard_table(driven.heard),
         "outputs": None if driven.outputs is None else asdict(driven.outputs),
         "notes": list(notes),
@@ -139,6 +143,15 @@ def _wave_text(report: "WaveReport") -> str:
     return "\n".join(told)
 
 
+def _contrast_text(contrast: "FrameContrast") -> str:
+    end = "" if contrast.end_db is None else f", at its end {contrast.end_db:.1f} dB"
+    row, column = contrast.coil
+    return (
+        f"averaged over each frame of {number(contrast.frame_s)} s, the worst coil keeps {contrast.slot_db:.1f} dB of"
+        f" ON over OFF (r{row}c{column} in frame {contrast.frame + 1}){end}, as predicted"
+    )
+
+
 def heard_text(plan: "Plan", heard: "Heard") -> str:
     """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
     import numpy as np
@@ -159,10 +172,14 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
         )
     gap, leak = ", with the pull growing as the gap closes" * heard.with_gap, plan.reuse.leak_db
     leaked = "" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less"
+    slot, held = heard.slot_contrast, heard.held_contrast
+    frames = "" if slot is None else f"\naveraged over each frame {slot[0]:.1f} dB of ON over OFF in the worst coil"
+    frames += "" if slot is None or held is None else f", at its end {held[0]:.1f} dB, as heard"
     return (
         f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
         + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
         + f"\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out{leaked})"
+        + frames
     )
 
 

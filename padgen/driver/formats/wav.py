@@ -257,7 +257,8 @@ def write_wave(
         raise FileError("read back is not what was written; the disk may be full or faulty", str(path))
     mean_square = square_a2 / max(count, 1)
     seconds = np.diff(timeline.time_s)
-    mean = seconds @ (timeline.levels[:-1] + timeline.levels[1:]) / 2
+    strength = np.abs(timeline.levels)
+    mean = seconds @ (strength[:-1] + strength[1:]) / 2
     tones_a2 = float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils)) * drive.rate_hz
     return WaveReport(
         rate_hz=drive.rate_hz,
@@ -363,7 +364,9 @@ def wave_json(plan: Plan, drive: PadDrive, timeline: Timeline, report: WaveRepor
         "findings": [asdict(finding) for finding in report.findings],
         "coils": [{"wav_channel": k, "coil": [c.row, c.column]} for k, c in enumerate(drive.coils)],
         "taxels": [taxels[index] for index in sorted(taxels)],
-        "keyframes_note": "levels of all taxels, in the order of the plan's, from each time on blended into the next",
+        "frame_s": timeline.frame_s,
+        "keyframes_note": "levels of all taxels, in the order of the plan's, from each time on blended into the next;"
+        " below 0: in counter-phase",
     }
     rows = (
         {"time_s": float(f"{time:.10g}"), "levels": [float(f"{level:.10g}") for level in levels]}
