@@ -18,10 +18,10 @@ from tests.conftest import FOUR_LINES, SMALL
 from tests.judge_from_json import broken_limits, judged_level
 
 FEW, MANY = 12, 300
-"""Random pads in every run of the tests, and with ``-m campaign``."""
+"""Random pads in every run of the tests, on a grid that is quickly searched, and with ``-m soak``."""
 
 
-def random_table(draw: random.Random) -> dict:
+def random_table(draw: random.Random, is_quick: bool) -> dict:
     """Return the tables of a spec with a coil, a gap or an amplifier of its own; three in ten burn or cannot be fed."""
     low_hz = draw.uniform(40, 150)
     side_mm = draw.uniform(30, 70)
@@ -30,7 +30,7 @@ def random_table(draw: random.Random) -> dict:
         "resolution": draw.choice([4, 8, 16, 24, 32]),
         "band_hz": [low_hz, low_hz * draw.uniform(2, 8)],
         "q_min": draw.uniform(8, 40),
-        "delta_y": draw.choice([3, 5, 10]),
+        "delta_y": draw.choice([3, 10, 30]),
         "printer": draw.choice(["fdm-0.4", "fdm-0.25", "resin-0.05"]),
         "pad": {"width_mm": side_mm, "depth_mm": side_mm},
         "drive": {"level_um": draw.choice([2.0, 5.0, 10.0, 30.0])},
@@ -50,22 +50,28 @@ def random_table(draw: random.Random) -> dict:
         table["limits"] = {"power_w": draw.choice([0.2, 1.0, 5.0])}
     if kind in (6, 8):
         table["drive"]["voltage_limit_v"] = draw.choice([1.0, 5.0, 12.0])
+    if is_quick:
+        table |= {"resolution": 8, "printer": "fdm-0.4"}
+        table.setdefault("coil", {})["grid"] = [2, 2]
     return table
 
 
-@pytest.fixture(scope="module")
-def pads(request):
-    """Plans of random specs, as the tables of their plan.json, with their findings."""
-    marked = "campaign" in (request.config.getoption("-m") or "")
+def random_pads(count: int, is_quick: bool) -> list:
+    """Return so many plans of random specs, each with the table of its plan.json."""
     draw = random.Random(31)
     found = []
-    while len(found) < (MANY if marked else FEW):
+    while len(found) < count:
         try:
-            plan = pg.plan(random_table(draw))
+            plan = pg.plan(random_table(draw, is_quick))
         except PadgenError:
             continue
         found.append((plan, json.loads(plan_to_json(plan))))
     return found
+
+
+@pytest.fixture(scope="module")
+def pads():
+    return random_pads(FEW, is_quick=True)
 
 
 def wrong_verdicts(pads) -> list[str]:
@@ -80,6 +86,11 @@ def wrong_verdicts(pads) -> list[str]:
 def test_verdicts_of_random_pads_are_what_their_figures_say(pads):
     assert not wrong_verdicts(pads)
     assert len({table["verdict"]["level"] for _, table in pads}) > 2
+
+
+@pytest.mark.soak
+def test_verdicts_of_many_random_pads_are_what_their_figures_say():
+    assert not wrong_verdicts(random_pads(MANY, is_quick=False))
 
 
 def test_a_wrong_verdict_is_caught(pads):

@@ -21,9 +21,9 @@ A level below 0, as a brake has it, is the line in counter-phase; a tone of the 
 late. No blend of tones leads through 0. The voltage is ``R i + L di/dt`` with the analytic slope, the blend's too.
 
 Where a sound card has a high-pass of corner f_h, the file has what comes out of it as that voltage u:
-``u + 2π f_h ∫ u dt``, which is each line at f times ``1 − j f_h/f``; on a carrier, all lines as the carrier's. In a transition the integral is
-taken to have the line's envelope: that is off by a share f_h/f of the envelope's own lines at f, which the smooth step
-has next to none of.
+``u + 2π f_h ∫ u dt``, which is each line at f times ``1 − j f_h/f``; on a carrier, all lines as the carrier's. In a
+transition the integral is taken to have the line's envelope: that is off by a share f_h/f of the envelope's own lines
+at f, which the smooth step has next to none of.
 
 Phases count from the beginning of the file through all frames, in whole samples modulo the comb's period: they are as
 exact after an hour as at first.
