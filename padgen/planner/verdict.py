@@ -73,6 +73,12 @@ def _touched_sentence(plan: Plan) -> str:
         f"channel 0 then resonates at {typical.resonance_hz[0]:.0f} Hz instead of"
         f" {plan.channels[0].resonance_hz:.0f} Hz, with a Q of {typical.q[0]:.2g}"
     )
+    resting = next((push for push in plan.pushed.pushes if push.skin == "typical"), None)
+    if resting and any(resting.contact):
+        moved += (
+            f"; skin at the height of the frame pushes {sum(resting.contact)} of {len(plan.channels)} channels\' washers"
+            " onto the coil"
+        )
     skin = "with typical skin (a provisional model, no print errors)"
     kept_db = typical.all_states_db
     if kept_db is None:
