@@ -471,7 +471,9 @@ def _coarse_rings(coil: CoilSource) -> np.ndarray:
     """Return a coil as a few rings of charge (3, n), for its field beside it.
 
     Each end of a winding is three rings, and the core one at every height of its nodes. Radii and heights in m, charges
-    in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part.
+    in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part. Where a part has
+    charge of both signs, as a face of a core of low permeability may, each sign is a ring of its own: the mean squared
+    radius over a sum that nearly cancels would lie outside of the core, or be negative.
     """
     radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
     # Sorted sets, since np.unique would load numpy.ma in every plan.
@@ -484,7 +486,8 @@ def _coarse_rings(coil: CoilSource) -> np.ndarray:
     if (core := charged_core(coil)) is not None:
         radius, height, charge = core[0].radius, core[0].height, core[0].area * core[1] / (2 * np.pi)
         groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in sorted(set(height))]
-    total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in groups if q.any()]).T
+    signed = [(r, z, part) for r, z, q in groups for part in (np.maximum(q, 0), np.minimum(q, 0)) if part.any()]
+    total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in signed]).T
     across = np.sqrt(square / total)
     return np.stack([across, at / total, total / across])
 
