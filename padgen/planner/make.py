@@ -77,6 +77,9 @@ class Choice(NamedTuple):
     limits: str = ""
 
 
+BROKEN_DOWN = (ArithmeticError, np.linalg.LinAlgError)
+
+
 @contextmanager
 def numbers_hold() -> Iterator[None]:
     """Raise `SolverError` where a computation divides by zero, overflows or has no number, instead of carrying on.
@@ -86,7 +89,7 @@ def numbers_hold() -> Iterator[None]:
     with np.errstate(divide="raise", over="raise", invalid="raise"):
         try:
             yield
-        except (ArithmeticError, np.linalg.LinAlgError) as error:
+        except BROKEN_DOWN as error:
             own = [frame for frame in extract_tb(error.__traceback__) if ROOT in Path(frame.filename).parents]
             raise SolverError(
                 f"leaves the range in which it can be computed ({error} in {own[-1].name} of"

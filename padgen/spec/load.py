@@ -281,8 +281,8 @@ def _printed_rules(spec: Spec) -> list[Rule]:
         (
             drawn + offset >= LEAST_PRINTED_MM - SLACK_MM,
             f"printer.{field}",
-            f"must leave at least {number(LEAST_PRINTED_MM)} mm of the {what}, {number(drawn)} mm as drawn, so be at least"
-            f" {number(LEAST_PRINTED_MM - drawn)} mm, got {number(offset)} mm",
+            f"must leave at least {number(LEAST_PRINTED_MM)} mm of the {what}, {number(drawn)} mm as drawn, so be at"
+            f" least {number(LEAST_PRINTED_MM - drawn)} mm, got {number(offset)} mm",
             [{f"printer.{field}": round(LEAST_PRINTED_MM - drawn, 9)}],
         )
         for field, offset, what, drawn in (
