@@ -7,7 +7,7 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test soak check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak odd check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -34,6 +34,9 @@ test: $(STAMP) ## the whole test suite (compilers and chromium, which some need,
 
 soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware (eight minutes)
 	$(BIN)/python -m pytest -m soak tests/test_firmware.py
+
+odd: $(STAMP) ## plan 20,000 odd specs, fields anywhere within their bounds, and print faults (SPECS=N for fewer; hours)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_odd.py $(SPECS)
 
 check: $(STAMP) ## style and types
 	$(BIN)/ruff check .

@@ -1,4 +1,4 @@
-"""Plan odd specs, each field anywhere within its bounds, and print every fault: `python docs/measure_odd.py [SPECS [FIRST]]`.
+"""Plan odd specs, fields anywhere within their bounds, and print faults: `python docs/measure_odd.py [SPECS [FIRST]]`.
 
 A fault is an internal error, a warning, a figure that is not finite behind a verdict, or a sentence that only says that
 a computation broke down. Plans that take more than `LIMIT_S` of computing time are given up and counted.

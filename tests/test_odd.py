@@ -1,4 +1,4 @@
-"""Odd numbers within the bounds of a spec: a plan of finite figures or one sentence; no verdict on what is no number."""
+"""Odd numbers within the bounds of a spec: a plan of finite figures or one sentence, and no verdict on no number."""
 
 from dataclasses import replace
 from math import inf, nan

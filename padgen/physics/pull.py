@@ -356,7 +356,7 @@ def make_table(
 
 
 def of_one_turn(coil: CoilSource) -> CoilSource:
-    """Return the coil with one turn in all; coils that differ in their turns alone share a table (`PullTable.wound`)."""
+    """Return the coil with one turn in all; coils that differ in their turns alone share its table (see `wound`)."""
     return coil._replace(windings=tuple(w._replace(turns=w.turns / coil.turns) for w in coil.windings))
 
 
