@@ -140,7 +140,9 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
             )
         )
     gap, leak = ", with the pull growing as the gap closes" * heard.with_gap, plan.reuse.leak_db
-    leaked = "" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less"
+    leaked = (
+        "" if leak is None or not plan.reuse.is_known else f", the plan has their leakage at {-leak:.1f} dB or less"
+    )
     return (
         f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
         + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
