@@ -7,7 +7,7 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test soak hostile check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures lock sbom wheels clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak hostile odd check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures lock sbom wheels clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -40,6 +40,9 @@ soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware, rando
 hostile: $(STAMP) ## a thousand folders as strangers may send them, fifty under strace (installed from Debian if missing; an hour)
 	@command -v strace >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends strace; }
 	$(BIN)/python -m pytest -m hostile -n $(CORES) tests/test_hostile_folders.py
+
+odd: $(STAMP) ## plan 20,000 odd specs, fields anywhere within their bounds, and print faults (SPECS=N for fewer; hours)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_odd.py $(SPECS)
 
 check: $(STAMP) ## style and types
 	$(BIN)/ruff check .

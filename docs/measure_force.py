@@ -215,7 +215,7 @@ def tables() -> None:
     for coil, washer in dict.fromkeys(brought_parts()):
         reach = 0.6 * coil.outer_diameter + washer.outer_diameter / 2
         table = make_table(coil, washer, LOW, HIGH, reach, GAPS, offsets := ceil(reach / STEP))
-        places[parts_key(coil, washer)] = [sum(map(len, numbers)), LOW, HIGH, reach, GAPS, offsets]
+        places[parts_key(coil, washer)] = [sum(map(len, numbers)), LOW, HIGH, reach, GAPS, offsets, coil.turns]
         numbers.append(np.concatenate([table.scale, table.shape.ravel()]).astype(np.float32))
     np.save(BROUGHT.with_suffix(".npy"), np.concatenate(numbers))
     lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(place)}" for key, place in places.items())

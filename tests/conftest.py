@@ -9,6 +9,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # As the command does: threads cost more than they bring to small matrices. Before numpy is loaded.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import numpy as np
 import pytest
 
 from padgen.core import seal
@@ -21,6 +22,8 @@ FOUR_LINES = 'name = "tiny"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
 SMALL = FOUR_LINES + "coil = { grid = [1, 1] }\n[pad]\nwidth_mm = 25\ndepth_mm = 25\n"
 
 
+# As plans are made: code that means to divide by zero has an errstate of its own.
+np.seterr(divide="raise", over="raise", invalid="raise")
 # Loaded after the finite-element engine, which carries another OCCT, build123d does not work; before it, it does.
 build123d()
 

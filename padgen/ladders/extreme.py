@@ -13,15 +13,15 @@ sentence. Selectivity has a Q up to 1e7, thousands of channels, lines that all b
 formula in 60 digits, at the frequencies that the doubles stand for.
 """
 
-import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, is_dataclass
-from functools import partial
-from math import nan, pi, sqrt
+from dataclasses import Field, dataclass, fields, is_dataclass
+from functools import cache, partial
+from math import isnan, nan, pi, sqrt
 from pathlib import Path
 from random import Random
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
@@ -42,10 +42,13 @@ from padgen.physics.magnetics import (
 from padgen.physics.modes import RigidBody
 from padgen.physics.propagation import STATED_ERROR, Tones, circuit_current, propagate, squared, steady_lines, tones
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
+from padgen.planner.make import BROKEN_DOWN
+from padgen.planner.plan import lost_figures
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec, catalogue, make_spec
-from padgen.spec.fields import choices
+from padgen.spec.fields import choices, optional_type
+from padgen.spec.load import CATALOGUES, PLAIN_TABLES, laid_over, read_toml, template_paths
 from padgen.verify import mpmath, occ
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
@@ -61,6 +64,7 @@ __all__ = [
     "exact_frequencies",
     "force_cases",
     "frame_answer",
+    "odd_table",
     "outcome",
     "random_pull",
     "random_table",
@@ -787,20 +791,101 @@ DRAWN = [
 """The tables of a spec ("" is the top level) and their fields, those that have bounds or choices."""
 
 
+NOT_ODD = ("structure", "threshold_file", "name", "source")
+ODD = [
+    (name, item)
+    for name, table in [("", Spec), *PLAIN_TABLES.items(), *((key, kind) for key, (kind, _) in CATALOGUES.items())]
+    for item in fields(table)
+    if item.name not in NOT_ODD and (choices(item.metadata) or "low" in item.metadata)
+]
+"""All fields that have bounds or choices, lists as well, and their tables."""
+MOST_TOGETHER, MOST_LISTED = 6, 4
+"""Most fields of one odd spec that are drawn, and most numbers in a drawn list."""
+AT_CORNERS = 0.4
+"""Share of the drawn numbers that are a field's lowest or highest."""
+
+
+def odd_table(number: int) -> dict[str, Any]:
+    """Draw odd spec number `number`: four lines or a template, of which up to six fields are anywhere in their bounds.
+
+    The first specs have one field each, at its lowest, at its highest, or one of its words.
+    """
+    if number < len(corners := _corners()):
+        name, item, value = corners[number]
+        return _with_field(_odd_base(-1), name, item, value)
+    random = Random(number)
+    table = _odd_base(random.randrange(2 * len(template_paths())))
+    for name, item in random.sample(ODD, random.randint(1, MOST_TOGETHER)):
+        table = _with_field(table, name, item, _odd_value(item, random))
+    return table
+
+
+@cache
+def _corners() -> list[tuple[str, "Field[Any]", Any]]:
+    """Return every field of `ODD` with each of its corners or words."""
+    found: list[tuple[str, Field[Any], Any]] = []
+    for name, item in ODD:
+        meta = item.metadata
+        ends = choices(meta) or (meta["low"], meta["high"])
+        found += [(name, item, [end] * (meta["count"] or 1) if "count" in meta else end) for end in ends]
+    return found
+
+
+def _odd_base(number: int) -> dict[str, Any]:
+    """Return a template's table, by the beam model; four lines for the other numbers."""
+    paths = list(template_paths().items())
+    if 0 <= number < len(paths):
+        table = read_toml(paths[number][1], paths[number][0])
+        return {key: value for key, value in table.items() if key != "model"}
+    return {"name": "odd", "resolution": 8, "band_hz": [50.0, 200.0], "q_min": 15.0}
+
+
+def _odd_value(item: "Field[Any]", random: Random) -> Any:
+    """Draw a field's value: one of its words, or numbers at their corners or between, in decades where they may be."""
+    meta = item.metadata
+    if known := choices(meta):
+        return random.choice(known)
+    low, high = float(meta["low"]), float(meta["high"])
+
+    def one() -> float:
+        if random.random() < AT_CORNERS:
+            return random.choice((low, high))
+        if low > 0:
+            return min(max(low * (high / low) ** random.random(), low), high)
+        return low + (high - low) * random.random() ** random.choice((1, 4))
+
+    if "count" in meta:
+        return sorted(one() for _ in range(meta["count"] or random.randint(1, MOST_LISTED)))
+    return one()
+
+
+def _with_field(table: dict[str, Any], name: str, item: "Field[Any]", value: Any) -> dict[str, Any]:
+    """Return the table of a spec with one field set; whole numbers are rounded to such."""
+    kind, numbers = optional_type(item.type)[0], isinstance(value, list)
+    if kind is int or (numbers and get_args(kind)[0] is int):
+        value = [round(v) for v in value] if numbers else round(value)
+    return laid_over(table, {f"{name}.{item.name}" if name else item.name: value})
+
+
 def outcome(table: dict[str, Any]) -> str:
     """Return the fault of the answer to a spec, empty where it is a plan of finite figures or one sentence.
 
-    A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures.
+    A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures, but no
+    other. Warnings are faults, and so are sentences that only say that a computation broke down.
     """
     try:
-        plan = plan_for(make_spec(table))
+        with catch_warnings():
+            simplefilter("error")
+            plan = plan_for(make_spec(table))
     except PadgenError as error:
-        return "its refusal is no sentence" if "\n" in str(error) or len(str(error)) > LONGEST_SENTENCE else ""
+        if "\n" in str(error) or len(str(error)) > LONGEST_SENTENCE:
+            return "its refusal is no sentence"
+        return f"SolverError: {error}" if isinstance(error.__cause__, BROKEN_DOWN) else ""
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     honest = any(finding.level == "error" for finding in plan.findings)
-    lost = re.search(r"(\w+)\W+(nan|inf)\b", repr(vars(plan)))
-    return f"{lost[1]} is no number" if lost and not honest else ""
+    lost = (at for at, value in lost_figures(plan) if isnan(value) or not honest)
+    return next((f"{at} is no number" for at in lost), "")
 
 
 SUM_DIGITS = 60

@@ -46,6 +46,7 @@ __all__ = [
     "brought_table",
     "leakage",
     "make_table",
+    "of_one_turn",
     "parts_key",
     "pull",
     "solved_pulls",
@@ -239,12 +240,12 @@ def _mean_square(orders: int) -> np.ndarray:
 
 OWN_ERROR = 0.008
 """Relative error of a solved pull (docs/accuracy.md)."""
-COLUMNS = 5
+COLUMNS, DIPOLE = 5, 4
 SLOPE_STEP = 0.02
 """Relative step of the gap in differences between solved pulls."""
 
 BROUGHT = Path(__file__).with_name("pulls")
-"""Tables of catalogue parts: the numbers in ``pulls.npy``; the start and the ranges of each table in ``pulls.json``."""
+"""Tables of catalogue parts: numbers in ``pulls.npy``; start, ranges and turns of each table in ``pulls.json``."""
 
 
 class PullAt(NamedTuple):
@@ -285,6 +286,13 @@ class PullTable(NamedTuple):
         slack = 1e-9
         inside = (gap >= self.low * (1 - slack)) & (gap <= self.high * (1 + slack))
         return np.asarray(inside & (offset <= self.reach * (1 + slack)))
+
+    def wound(self, share: float) -> "PullTable":
+        """Return the table of the coil with `share` times its turns: forces go as their square, the dipole as they."""
+        scale, shape = self.scale.copy(), self.shape.copy()
+        scale[0] += 2 * log(share)
+        shape[..., DIPOLE] /= share
+        return self._replace(scale=scale, shape=shape)
 
     def at(self, gap: np.ndarray, offset: np.ndarray) -> PullAt:
         """Return the pulls at gaps and offsets (n,) in m that the table covers.
@@ -347,25 +355,31 @@ def make_table(
     return PullTable(low, high, reach, transforms[0] @ np.log(scale), coefficients)
 
 
+def of_one_turn(coil: CoilSource) -> CoilSource:
+    """Return the coil with one turn in all; coils that differ in their turns alone share its table (see `wound`)."""
+    return coil._replace(windings=tuple(w._replace(turns=w.turns / coil.turns) for w in coil.windings))
+
+
 def parts_key(coil: CoilSource, washer: SteelRing) -> str:
-    """Return all numbers of a coil and a washer as text, to identify the pair."""
-    return " ".join(f"{v:.9g}" for part in (*coil.windings, coil[1:], washer) for v in part)
+    """Return all numbers of a coil and a washer but the coil's turns as text, to identify the pair."""
+    return " ".join(f"{v:.9g}" for part in (*of_one_turn(coil).windings, coil[1:], washer) for v in part)
 
 
 def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
-    """Return the table that comes with padgen for these parts, None for others."""
+    """Return the table that comes with padgen for these parts, with any number of turns; None for others."""
     places, numbers = _supplied_tables()
     place = places.get(parts_key(coil, washer))
     if place is None:
         return None
-    at, low, high, reach, gaps, offsets = place
+    at, low, high, reach, gaps, offsets, turns = place
     end = at + gaps
     shape = numbers[end : end + COLUMNS * gaps * offsets].reshape(gaps, offsets, COLUMNS)
-    return PullTable(low, high, reach, numbers[at:end].astype(float), shape.astype(float))
+    table = PullTable(low, high, reach, numbers[at:end].astype(float), shape.astype(float))
+    return table.wound(coil.turns / turns)
 
 
 @cache
-def _supplied_tables() -> tuple[dict[str, tuple[int, float, float, float, int, int]], np.ndarray]:
+def _supplied_tables() -> tuple[dict[str, tuple[int, float, float, float, int, int, float]], np.ndarray]:
     """Read the places of the tables by `parts_key`, and all their numbers."""
     return json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii")), np.load(BROUGHT.with_suffix(".npy"))
 
@@ -471,7 +485,9 @@ def _coarse_rings(coil: CoilSource) -> np.ndarray:
     """Return a coil as a few rings of charge (3, n), for its field beside it.
 
     Each end of a winding is three rings, and the core one at every height of its nodes. Radii and heights in m, charges
-    in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part.
+    in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part. Where a part has
+    charge of both signs, as a face of a core of low permeability may, each sign is a ring of its own: the mean squared
+    radius over a sum that nearly cancels would lie outside of the core, or be negative.
     """
     radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
     # Sorted sets, since np.unique would load numpy.ma in every plan.
@@ -484,7 +500,8 @@ def _coarse_rings(coil: CoilSource) -> np.ndarray:
     if (core := charged_core(coil)) is not None:
         radius, height, charge = core[0].radius, core[0].height, core[0].area * core[1] / (2 * np.pi)
         groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in sorted(set(height))]
-    total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in groups if q.any()]).T
+    signed = [(r, z, part) for r, z, q in groups for part in (np.maximum(q, 0), np.minimum(q, 0)) if part.any()]
+    total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in signed]).T
     across = np.sqrt(square / total)
     return np.stack([across, at / total, total / across])
 

@@ -17,7 +17,7 @@ import numpy as np
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
-from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, parts_key
+from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, of_one_turn, parts_key
 from padgen.physics.resonator import (
     ModalTaxels,
     TaxelModes,
@@ -203,7 +203,8 @@ def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
 
 def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
     """Return the pulls (n,) on washers over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
-    parts = magnetic_parts(spec)
+    parts = coil, washer = magnetic_parts(spec)
+    one = of_one_turn(coil)
     result, missing = np.empty((len(PullAt._fields), len(gap_m))), np.ones(len(gap_m), bool)
 
     def answer(table: PullTable | None, among: np.ndarray) -> None:
@@ -214,7 +215,7 @@ def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
     answer(_shipped_table(*parts), missing)
     part = pull_range(gap_m)
     for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
-        answer(_own(*parts, k, offset), (offset_m == offset) & (part == k))
+        answer(_own(one, washer, k, offset).wound(coil.turns), (offset_m == offset) & (part == k))
     return PullAt(*result)
 
 

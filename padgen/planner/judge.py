@@ -115,7 +115,7 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     """Tell how much the coils around shake an OFF taxel: in step by the driver table, or each re-tuned on its own."""
     step, asked = plan.reuse.leak_db, plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
-    if step is not None and apart is not None and step < asked:
+    if step is not None and apart is not None and step < asked and plan.reuse.is_known:
         by_table = f" ({quieter(step)} by the driver table)" * (apart >= asked)
         yield Finding(
             "warning" if apart < asked else "note",
@@ -124,6 +124,23 @@ def _leak(plan: Plan) -> Iterator[Finding]:
             "in their worst state the coils around shake this taxel, when it is OFF, re-tuned"
             f" {quieter(apart)} than its own coil does when ON{by_table}; asked are"
             f" {asked:.1f} dB less{f' ({asked - apart:.1g} dB short)' * (apart < asked < apart + 0.1)}",
+        )
+
+
+def _unknown_leak(plan: Plan) -> Iterator[Finding]:
+    """Tell of a leakage that is less certain than large, where it may spoil the selectivity that is asked."""
+    reuse, length_mm, coils = plan.reuse, plan.spec.coil.length_mm, plan.coils
+    if reuse.most_leak_db is not None and not reuse.is_known and reuse.most_leak_db < plan.selectivity.asked_db:
+        pitch_mm = min(coils.pitch_x_mm, coils.pitch_y_mm)
+        shorter = {"coil.length_mm": float(at_most(pitch_mm))}
+        yield Finding(
+            "error",
+            "coil.leak_unknown",
+            f"channel {reuse.leak_channel}",
+            "how much the coils around shake this taxel, when it is OFF, is not known: the model errs by"
+            f" {about(reuse.leak_error)} times the leakage, as cores of {number(length_mm)} mm every"
+            f" {number(pitch_mm)} mm magnetise each other",
+            (shorter, {"coil.core_diameter_mm": 0.0}) if length_mm > pitch_mm else (),
         )
 
 
@@ -298,6 +315,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         _bed,
         _selectivity,
         _leak,
+        _unknown_leak,
         _unsure_pull,
         _limits,
         _softening,

@@ -1,16 +1,19 @@
 """Spec → Plan: run layout, search and judge, try what the spec leaves open, and choose by what prints keep."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from itertools import chain, islice, product
-from math import inf
+from math import inf, isnan
 from operator import attrgetter
+from pathlib import Path
+from traceback import extract_tb
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import InfeasibleError, number
+from padgen.core.errors import InfeasibleError, SolverError, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
@@ -40,6 +43,7 @@ from padgen.planner.plan import (
     Taxel,
     channel_sets,
     level_law,
+    lost_figures,
     passes,
     scheme_named,
     sets_db,
@@ -76,6 +80,30 @@ class Choice(NamedTuple):
     limits: str = ""
 
 
+BROKEN_DOWN = (ArithmeticError, np.linalg.LinAlgError)
+
+
+@contextmanager
+def numbers_hold() -> Iterator[None]:
+    """Raise `SolverError` where a computation divides by zero, overflows or has no number, instead of carrying on.
+
+    Code that means to has a `numpy.errstate` of its own, with the reason.
+    """
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        try:
+            yield
+        except BROKEN_DOWN as error:
+            own = [frame for frame in extract_tb(error.__traceback__) if ROOT in Path(frame.filename).parents]
+            raise SolverError(
+                f"leaves the range in which it can be computed ({error} in {own[-1].name} of"
+                f" {Path(own[-1].filename).relative_to(ROOT)}); some field is far from what is usual",
+                "the spec",
+            ) from error
+
+
+ROOT = Path(__file__).parents[1]
+
+
 def make_plan(spec: Spec) -> Plan:
     """Plan the pad of `spec`.
 
@@ -87,11 +115,13 @@ def make_plan(spec: Spec) -> Plan:
     return with_cures(spec, choose(spec))
 
 
+@numbers_hold()
 def with_cures(spec: Spec, choice: Choice) -> Plan:
     """Return the plan of a `choice` for `spec`; its findings keep only cures that were tried and work."""
-    return with_tried_cures(finish(choice), partial(_planned_with, spec, choice))
+    return with_tried_cures(_finite(finish(choice)), partial(_planned_with, spec, choice))
 
 
+@numbers_hold()
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
 
@@ -106,6 +136,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     return finish(found, quick=True)
 
 
+@numbers_hold()
 def choose(spec: Spec) -> Choice:
     """Search the layouts and size the beams: the fewest coils with which the asked share of prints works.
 
@@ -250,6 +281,14 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     capacity = replace(bare.capacity, prints=count)
     known = replace(bare, left_out=left_out(bare), prints=prints, capacity=capacity, parts=fitting_parts(bare))
     return judged(known, judge(known))
+
+
+def _finite(plan: Plan) -> Plan:
+    """Return the plan; raises `SolverError` if a figure of it is no number, or infinite in a pad that has no error."""
+    broken = any(finding.level == "error" for finding in plan.findings)  # as where a coil does not pull its washer
+    if lost := next(((at, value) for at, value in lost_figures(plan) if isnan(value) or not broken), None):
+        raise SolverError(f"has no finite value ({lost[1]}), so that the pad cannot be judged", lost[0])
+    return plan
 
 
 def _driven(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:

@@ -6,8 +6,9 @@ Reading refuses missing entries, entries of another kind, and sizes that no pad 
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from math import isfinite
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin
@@ -51,6 +52,7 @@ __all__ = [
     "carrier_hz",
     "channel_sets",
     "level_law",
+    "lost_figures",
     "passes",
     "plan_from_json",
     "plan_to_json",
@@ -376,6 +378,16 @@ class Reuse:
     retuned_leaks_db: tuple[float | None, ...] = ()
     leak_error: float = 0.0
 
+    @property
+    def is_known(self) -> bool:
+        """Whether the leakage is known at all: its error is no more than itself."""
+        return self.leak_error <= 1
+
+    @property
+    def most_leak_db(self) -> float | None:
+        """How far the worst leakage stays below the taxel's own level at least, its error counted."""
+        return None if self.leak_db is None else self.leak_db - decibel(1 + self.leak_error)
+
 
 @dataclass(frozen=True, slots=True)
 class Pitch:
@@ -595,6 +607,23 @@ class Plan:
 def channel_sets(channels: Sequence[Channel], sets: int) -> tuple[tuple[Channel, ...], ...]:
     """Split channels between the sets that alternate from coil to coil: every `sets`-th channel goes to one set."""
     return tuple(tuple(channels[k::sets]) for k in range(sets))
+
+
+NO_FIGURES = (Spec, Taxel, Finding)
+"""Parts of a plan whose numbers are bounded already, copied from its channels and cells, or words."""
+
+
+def lost_figures(value: Any, where: str = "") -> Iterator[tuple[str, float]]:
+    """Yield place and value of every figure of a plan, or of a part of it, that is not finite."""
+    if isinstance(value, float):
+        if not isfinite(value):
+            yield where, value
+    elif isinstance(value, tuple):
+        for i, entry in enumerate(value):
+            yield from lost_figures(entry, f"{where}[{i}]")
+    elif is_dataclass(value) and not isinstance(value, NO_FIGURES):
+        for item in fields(value):
+            yield from lost_figures(getattr(value, item.name), f"{where}.{item.name}" if where else item.name)
 
 
 def plan_to_json(plan: Plan) -> str:

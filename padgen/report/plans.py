@@ -220,13 +220,18 @@ def _drive_lines(plan: "Plan") -> list[str]:
     figures, load, leak_db = plan.selectivity, plan.load, plan.reuse.leak_db
     frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
     error = max((c.force_error for c in plan.channels if c.force_constant_n_per_a2 > 0), default=None)
+    leaked = ""
+    if not plan.reuse.is_known:
+        leaked = "how much the coils around make an OFF taxel vibrate is not known"
+    elif leak_db is not None:
+        leaked = (
+            "driven by the table, all in step, the coils around make an OFF taxel vibrate at worst"
+            f" {quieter(leak_db)} than when it is ON"
+        )
     lines = [
         f"drive: {figures.drive}, {figures.why}",
         *([] if figures.one_hot_db is None else _selectivity_lines(plan)),
-        ""
-        if leak_db is None
-        else "driven by the table, all in step, the coils around make an OFF taxel vibrate at worst"
-        f" {quieter(leak_db)} than when it is ON",
+        leaked,
         f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
         _frames_text(next(rate for rate in plan.refresh if rate.scheme == figures.drive)),
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"

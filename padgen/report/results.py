@@ -171,7 +171,9 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
             )
         )
     gap, leak = ", with the pull growing as the gap closes" * heard.with_gap, plan.reuse.leak_db
-    leaked = "" if leak is None else f", the plan has their leakage at {-leak:.1f} dB or less"
+    leaked = (
+        "" if leak is None or not plan.reuse.is_known else f", the plan has their leakage at {-leak:.1f} dB or less"
+    )
     slot, held = heard.slot_contrast, heard.held_contrast
     frames = "" if slot is None else f"\naveraged over each frame {slot[0]:.1f} dB of ON over OFF in the worst coil"
     frames += "" if slot is None or held is None else f", at its end {held[0]:.1f} dB, as heard"

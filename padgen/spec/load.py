@@ -300,6 +300,29 @@ def _down(value: float) -> float:
     return floor(value * 1e3 + SLACK_MM) / 1e3
 
 
+LEAST_PRINTED_MM = 0.01
+"""Least thickness and width of a beam as it prints, that of the fields for both."""
+
+
+def _printed_rules(spec: Spec) -> list[Rule]:
+    """Bound how much thinner and narrower than drawn beams print, by what is left of the smallest beam."""
+    printer = spec.printer
+    thickness = spec.suspension.thickness_mm or printer.height_mm(printer.smallest_beam_layers)
+    return [
+        (
+            drawn + offset >= LEAST_PRINTED_MM - SLACK_MM,
+            f"printer.{field}",
+            f"must leave at least {number(LEAST_PRINTED_MM)} mm of the {what}, {number(drawn)} mm as drawn, so be at"
+            f" least {number(LEAST_PRINTED_MM - drawn)} mm, got {number(offset)} mm",
+            [{f"printer.{field}": round(LEAST_PRINTED_MM - drawn, 9)}],
+        )
+        for field, offset, what, drawn in (
+            ("z_offset_mm", printer.z_offset_mm, "thickness of the thinnest beam", thickness),
+            ("width_offset_mm", printer.width_offset_mm, "width of the narrowest beam", printer.smallest_beam_mm),
+        )
+    ]
+
+
 def _beam_rules(spec: Spec) -> list[Rule]:
     thickness, printer = spec.suspension.thickness_mm, spec.printer
     if thickness is None:
@@ -607,7 +630,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     if not spec.leaves_layout_free:
         gap_mm, reuse = spec.coil.gap_mm or DEFAULT_GAP_MM, spec.coil.reuse.replace("auto", "same")
         spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
-    for rules in (_band_rules, _parts_rules, _taxel_rules, _beam_rules, _threshold_rules):
+    for rules in (_band_rules, _parts_rules, _taxel_rules, _beam_rules, _printed_rules, _threshold_rules):
         for holds, where, sentence, cures in rules(spec):
             if not holds:
                 raise SpecError(sentence, where, cures)
