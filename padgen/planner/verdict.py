@@ -75,10 +75,8 @@ def _touched_sentence(plan: Plan) -> str:
     )
     resting = next((push for push in plan.pushed.pushes if push.skin == "typical"), None)
     if resting and any(resting.contact):
-        moved += (
-            f"; skin at the height of the frame pushes {sum(resting.contact)} of {len(plan.channels)} channels\' washers"
-            " onto the coil"
-        )
+        count = f"{sum(resting.contact)} of {len(plan.channels)} channels"
+        moved += f"; skin at the height of the frame pushes the washers of {count} onto the coil"
     skin = "with typical skin (a provisional model, no print errors)"
     kept_db = typical.all_states_db
     if kept_db is None:
