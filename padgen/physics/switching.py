@@ -121,11 +121,13 @@ def follow(
         elif np.array_equal(before, after):
             fallen, off = np.exp(-seconds / tau), begun - before
             amplitude[k + 1] = before + off * fallen
-            energy[k] = before**2 * seconds + 2 * before * off * tau * (1 - fallen) + off**2 * tau / 2 * (1 - fallen**2)
+            held = before**2 * seconds + 2 * before * off * tau * (1 - fallen) + off**2 * tau / 2 * (1 - fallen**2)
+            # A taxel that takes hours to ring up has next to none, of which rounding may leave less than nothing.
+            energy[k] = np.maximum(held, 0.0)
         else:
             form, last = passage(tau, seconds)
             three = np.stack([begun, before, after], 1)
-            energy[k] = np.einsum("na,nab,nb->n", three, form, three)
+            energy[k] = np.maximum(np.einsum("na,nab,nb->n", three, form, three), 0.0)
             amplitude[k + 1] = (last * three).sum(1)
     return amplitude, energy
 

@@ -182,12 +182,15 @@ class _Switched(NamedTuple):
         return 1 / high
 
 
-RATE_STEP = 1e-4
+RATE_STEP = 1e-3
 """Relative error of a rate that is looked for."""
 
 
 def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selectivity) -> tuple[FrameRate, ...]:
-    """Return the `frame_rates` with the contrasts of their frames, for the schemes whose selectivity is known."""
+    """Return the `frame_rates` with the contrasts of their frames, for the schemes whose selectivity is known.
+
+    The rates that keep a contrast are looked for with the chosen scheme alone.
+    """
     reached = {figures.scheme: figures.reached_db for figures in selectivity.schemes}
     ramp_s, kept_db = switch_ms(channels, sets) * MS, min(selectivity.asked_db, SLOT_DB)
     own = [np.array([channel.ring_up_ms * MS for channel in each]) for each in channel_sets(channels, sets)]
@@ -207,10 +210,10 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
             "end_db": None if scheme.takes_turns else at_rate[1],
             "kept_db": kept_db,
         }
-        # Slots of other lengths have other blends, which take a while to work out.
-        if not scheme.takes_turns or rate.scheme == selectivity.drive:
+        is_chosen = rate.scheme == selectivity.drive
+        if is_chosen:
             figures["kept_frames_per_s"] = _slowest([coil.longest_rate(kept_db, least_s) for coil in coils])
-        if not scheme.takes_turns:
+        if is_chosen and not scheme.takes_turns:
             brake = switch_brake(np.concatenate(own), ramp_s, scheme)
             braked = [coil._replace(brake=brake) for coil in coils]
             least_s = ramp_s + brake.blend_s + brake.seconds

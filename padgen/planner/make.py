@@ -25,6 +25,7 @@ from padgen.planner.drive_scheme import (
     coil_reuse,
     fitting_parts,
     frame_contrasts,
+    frame_rates,
     is_fed,
     plan_selectivity,
 )
@@ -279,7 +280,14 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
     capacity = replace(bare.capacity, prints=count)
-    known = replace(bare, left_out=left_out(bare), prints=prints, capacity=capacity, parts=fitting_parts(bare))
+    known = replace(
+        bare,
+        left_out=left_out(bare),
+        prints=prints,
+        capacity=capacity,
+        parts=fitting_parts(bare),
+        refresh=frame_contrasts(bare.channels, spec.coil.sets, bare.selectivity),
+    )
     return judged(known, judge(known))
 
 
@@ -326,7 +334,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         pitch=pitch_of(taxels),
         selectivity=selectivity,
         load=coil_load(spec, channels, scheme),
-        refresh=frame_contrasts(channels, spec.coil.sets, selectivity),
+        refresh=frame_rates(channels, spec.coil.sets),
         reuse=reuse,
         prints=NOT_PRINTED,
         touched=tuple(touched_pads(spec, channels, scheme)),
