@@ -542,7 +542,7 @@ def test_a_wrong_plan_of_a_random_spec_is_found(monkeypatch):
     plan = extreme.plan_for(extreme.make_spec(table))
     lost = replace(plan, channels=(replace(plan.channels[0], sag_um=nan), *plan.channels[1:]))
     monkeypatch.setattr(extreme, "plan_for", lambda spec: lost)
-    assert outcome(table) == "sag_um is no number"
+    assert outcome(table) == "channels[0].sag_um is no number"
 
     def breaks(spec):
         raise ZeroDivisionError("by nothing")
