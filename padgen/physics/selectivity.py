@@ -23,6 +23,7 @@ its response to each line differs, but the lines' energies still only add.
 
 from collections.abc import Iterator
 from functools import lru_cache
+from itertools import islice
 from math import erfc
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -335,9 +336,26 @@ def print_share(
         spread = np.broadcast_to(np.sqrt(missed**2 + followed**2 * (1 + moves) + LEAST), heard.shape)
         near = (closest > 0) & (apart - closest < FARTHEST_SIGMA * spread)
         low, high = ((apart + sign * closest)[near] / spread[near] / 2**0.5 for sign in (-1, 1))
-        fails = np.array([(erfc(a) - erfc(b)) / 2 for a, b in zip(low.tolist(), high.tolist(), strict=True)])
+        # Of a narrow gap the area under the bell curve is its height times the width, to 1e-5.
+        narrow = high - low < NARROW
+        middle = (low + high)[narrow] / 2
+        fails = np.exp(-(middle**2)) * (high - low)[narrow] / np.pi**0.5
         log_share += float(np.log(np.maximum(1 - fails, LEAST)).sum())
+        ends = zip(low[~narrow].tolist(), high[~narrow].tolist(), strict=True)
+        while some := list(islice(ends, AT_A_TIME)):
+            fails = np.array([(erfc(a) - erfc(b)) / 2 for a, b in some])
+            log_share += float(np.log(np.maximum(1 - fails, LEAST)).sum())
+            if coils * log_share < LEAST_LOG_SHARE:  # as more lines only make it less
+                return 0.0
     return float(np.exp(coils * log_share))
+
+
+NARROW = 1e-3
+"""Width of a gap in sigmas, times √2, below which the bell curve is taken as level across it."""
+AT_A_TIME = 4096
+"""Pairs of a line and a taxel after which it is seen whether any good pad is left."""
+LEAST_LOG_SHARE = -50.0
+"""Logarithm of a share that is none: with 1e-22 no pad is good."""
 
 
 @lru_cache(maxsize=64)

@@ -190,28 +190,34 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
             yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
 
 
-def _best(found: Sequence[Choice], overloaded: bool = False) -> Choice:
+Driven = dict[int, tuple[Choice, tuple[Channel, ...], Selectivity]]
+"""Choices whose drive has been chosen, by `id`: kept with them, so that no other choice gets the same `id`."""
+
+
+def _best(found: Sequence[Choice], known: Driven | None = None, overloaded: bool = False) -> Choice:
     """Return the choice with the fewest coils whose prints work as asked, else that with the most working prints.
 
-    Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`.
+    Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`; what is `known` of
+    them is not computed again.
     """
     asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
     rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
     tried: list[tuple[Choice, Tried]] = []
+    known = known or {}
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
-        one = _tried(choice, asked, overloaded)
+        one = _tried(choice, asked, known, overloaded)
         if one.share >= wanted:
             return choice
         tried.append((choice, one))
     if not overloaded and all(one.at_most_db == -inf for _, one in tried):
-        return _best(found, overloaded=True)
+        return _best(found, known, overloaded=True)
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
     for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
             break
         if one.share < 0:
-            one = _tried(choice, least, overloaded)
+            one = _tried(choice, least, known, overloaded)
         if (one.share, one.print_db) > (best.share, best.print_db):
             best, chosen, least = one, choice, asked if one.share > 0 else one.print_db
     return chosen
@@ -241,7 +247,7 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
             yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
-def _tried(choice: Choice, least_db: float, overloaded: bool = False) -> Tried:
+def _tried(choice: Choice, least_db: float, known: Driven, overloaded: bool = False) -> Tried:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`.
 
     The steps are the resonances alone, then pull and modes, then leakage, then simulated prints. Where `overloaded`,
@@ -251,7 +257,9 @@ def _tried(choice: Choice, least_db: float, overloaded: bool = False) -> Tried:
     at_most = sets_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
     if at_most < least_db:
         return Tried(at_most)
-    channels, selectivity = _driven(choice)
+    if id(choice) not in known:
+        known[id(choice)] = (choice, *_driven(choice))
+    _, channels, selectivity = known[id(choice)]
     meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
     scheme = scheme_named(spec, selectivity.drive)
     load = coil_load(spec, channels, scheme)

@@ -450,6 +450,8 @@ PADS, FEWEST = 1000, 100
 """Pads that are simulated, and the fewest where a pad takes much work."""
 QUICK_PADS, NEAR_SHARE = 200, 0.07
 """Pads for comparing layouts, and three sigma of their good share: more are simulated if it is so near to the asked."""
+HOPELESS = 0.5
+"""Share of the asked share below which a layout is no candidate, so that few pads suffice to compare it."""
 SURE_SHARE, SURE_DB = 0.013, 0.2
 """Half intervals above which more pads are simulated; of two hundred plans none is then off by 2 % or 0.3 dB."""
 WORK, MOST_WORK = 4e6, 1.6e7
@@ -478,7 +480,8 @@ def compared_prints(plan: Plan, least_db: float) -> tuple[float, Prints]:
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
     prints = _simulated(plan, design, QUICK_PADS, stages)
-    if 0 < prints.good_share < plan.spec.print_share + NEAR_SHARE:
+    wanted = plan.spec.print_share
+    if HOPELESS * wanted < prints.good_share < wanted + NEAR_SHARE:
         prints = _simulated_until_sure(plan, design, stages)
     return paper_db, prints
 
