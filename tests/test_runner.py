@@ -350,8 +350,7 @@ def test_idle_workers_that_have_ended_cost_no_job(started):
 
 def test_idle_workers_end_by_themselves():
     code = (
-        "import padgen.core.runner as r, time\nr.START = r.START.replace('r.serve', 'r.IDLE_S = 0.1; r.serve')\n"
-        "from tests.test_runner import *\nown = Runner()\nfirst = own.run(process_of).value\n"
+        "from tests.test_runner import *\nown = Runner(idle_s=0.1)\nfirst = own.run(process_of).value\n"
         "wait_until(lambda: not alive(first))\nassert own.run(process_of).value not in (None, first)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env=ENVIRONMENT, cwd=ROOT)

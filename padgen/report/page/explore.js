@@ -1,17 +1,18 @@
 // The form of padgen explore: one control for each field of the spec; every move plans anew and shows the page's new data.
 "use strict";
 (() => {
-  const { schema, values } = window.padgenForm;
+  const { schema, values, changed, error: unplanned } = window.padgenForm; // changed: fields by their dotted names
   const token = new URLSearchParams(location.search).get("token");
-  const changed = {}; // fields by their dotted names
+  const page = `${performance.timeOrigin}-${Math.random()}`; // by which the server knows this page's requests
   const controls = {}; // the same names: {set, told}
   const make = (kind, text, properties) => Object.assign(document.createElement(kind), { textContent: text }, properties);
 
-  async function ask(what, body) {
+  async function ask(what, body, signal) {
     const answer = await fetch(`/${what}`, {
       method: "POST",
-      headers: { "Content-Type": "application/json", "X-Padgen-Token": token },
+      headers: { "Content-Type": "application/json", "X-Padgen-Token": token, "X-Padgen-Page": page },
       body: JSON.stringify(body),
+      signal,
     });
     const text = await answer.text();
     let data;
@@ -24,13 +25,22 @@
   }
 
   // At most one plan is asked for at a time; moves that come meanwhile are planned together, the newest last. The figures
-  // are shown first. All else follows where no newer move waits, and while moves keep coming now and then.
+  // are shown first. All else follows where no newer move waits, and while moves keep coming now and then. A slow plan is
+  // given up for a newer move, which also ends the server's work on it.
   const NOW_AND_THEN_MS = 400;
+  const SLOW_MS = 500;
   let busy = false;
   let waiting = false;
+  let asked = null; // {start, stop} of the plan that is waited for
+  function overtake() {
+    if (!asked || !waiting) return;
+    const left = SLOW_MS - (performance.now() - asked.start);
+    if (left > 0) setTimeout(overtake, left);
+    else asked.stop.abort();
+  }
   async function replan() {
     waiting = true;
-    if (busy) return;
+    if (busy) return overtake();
     busy = true;
     let drawn = performance.now();
     try {
@@ -38,9 +48,23 @@
         waiting = false;
         const start = performance.now();
         const fields = { ...changed };
-        const data = await ask("plan", fields);
+        asked = { start, stop: new AbortController() };
+        let data;
+        try {
+          data = await ask("plan", fields, asked.stop.signal);
+        } catch (error) {
+          if (error.name === "AbortError") continue;
+          throw error;
+        } finally {
+          asked = null;
+        }
         refuse(data.error);
         if (data.error) continue;
+        if (unplanned) {
+          // This page has nothing to show a plan with.
+          location.replace(`/?${new URLSearchParams({ token, fields: JSON.stringify(fields) })}`);
+          return;
+        }
         window.padgen.figures(data);
         window.padgen.tookMs = performance.now() - start;
         document.dispatchEvent(new Event("padgen-figures"));
@@ -61,6 +85,7 @@
     status.textContent = error ? `${error.where ? `${error.where}: ` : ""}${error.message}` : "";
     status.hidden = !error;
     document.body.classList.toggle("refused", Boolean(error));
+    if (unplanned) document.getElementById("verdict").textContent = `No plan. ${status.textContent}`;
     for (const [name, control] of Object.entries(controls)) {
       const own = error && (error.where === name || error.where.startsWith(`${name}.`) || error.where.startsWith(`${name}[`));
       control.told.textContent = own ? error.message : "";
@@ -208,6 +233,11 @@
   live.hidden = false;
   document.body.classList.add("live");
   document.getElementById("verdict").setAttribute("aria-live", "polite");
+  if (unplanned) {
+    document.body.classList.add("unplanned");
+    document.getElementById("name").textContent = values.name;
+    refuse(unplanned);
+  }
 
   save.addEventListener("click", async () => {
     const data = await ask("save", changed);
