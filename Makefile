@@ -7,7 +7,7 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test soak check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak hostile check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -34,6 +34,10 @@ test: $(STAMP) ## the whole test suite (compilers and chromium, which some need,
 
 soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware (eight minutes)
 	$(BIN)/python -m pytest -m soak tests/test_firmware.py
+
+hostile: $(STAMP) ## a thousand folders as strangers may send them, fifty under strace (installed from Debian if missing; an hour)
+	@command -v strace >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends strace; }
+	$(BIN)/python -m pytest -m hostile -n $(CORES) tests/test_hostile_folders.py
 
 check: $(STAMP) ## style and types
 	$(BIN)/ruff check .

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import SpecError
+from padgen.core.files import read_as_one
 from padgen.make.pad import Pad, parse_parts
 from padgen.make.planning import Progress, plan_for, plan_to_compare, spec_of
 from padgen.planner.plan import Plan
@@ -187,9 +188,13 @@ def check(
         return replace(laid, figures={**laid.figures, "compared_with": source})
     from padgen.solid.parts import check_foreign, read_mesh
 
-    part, plan = read_mesh(Path(mesh)), None
-    if spec is not None:
-        plan, source = plan_to_compare(spec, Path(mesh), progress)
+    path, plan = Path(mesh), None
+    if spec is None:
+        part = read_mesh(path)
+    else:
+        part, (plan, source) = read_as_one(
+            path.parent, lambda: (read_mesh(path), plan_to_compare(spec, path, progress))
+        )
     progress("checking")
     report = check_foreign(part, plan.spec if plan else make_spec(SMALLEST_SPEC), plan)
     return replace(report, figures={**report.figures, "compared_with": source}) if plan else report

@@ -11,6 +11,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import pytest
 
+from padgen.core import seal
 from padgen.core.cache import VARIABLE
 from padgen.planner import Plan, make_plan
 from padgen.solid.kernel import build123d
@@ -30,11 +31,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Give all tests one cache, shared between their processes, apart from the user's."""
+    """Give all tests one cache and one secret, shared between their processes, apart from the user's."""
     folder = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         folder = folder.parent
     os.environ[VARIABLE] = str(folder / "shared-cache")
+    os.environ[seal.VARIABLE] = str(folder / "shared-state")
 
 
 @pytest.fixture(scope="session")

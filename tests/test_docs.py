@@ -15,7 +15,7 @@ from padgen.core.errors import PadgenError
 from padgen.planner import plan_to_json
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").glob("*.md"))]
 RUN = ("README.md", "docs/tutorial.md", "docs/howto.md")
 """Pages whose fenced blocks are run in order, `text` excepted, which needs a printer or a sound card."""
 FENCED = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

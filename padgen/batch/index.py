@@ -30,7 +30,7 @@ from padgen.batch.definition import Sweep, variant_name
 from padgen.batch.variant import STATUSES, Record
 from padgen.core.display import PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError
-from padgen.core.files import OutputFolder, csv_cell, json_line, reason
+from padgen.core.files import OutputFolder, csv_cell, json_line, open_plain, reason
 from padgen.planner.drive_rows import table_csv
 
 __all__ = [
@@ -386,7 +386,8 @@ class Journal:
     def __enter__(self) -> "Journal":
         place, line = 0, b"\n"
         try:
-            self._file, self._reader = FileIO(self.path, "a"), self.path.open("rb")
+            self._file = FileIO(open_plain(self.path, os.O_RDWR | os.O_APPEND), "a")
+            self._reader = self.path.open("rb")
             for line in self._reader:
                 found = _parsed(line)
                 number = found.number if isinstance(found, Record) else found

@@ -32,8 +32,8 @@ from padgen.batch.definition import Limits, Sweep, Variant, count_points, varian
 from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_index
 from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import code_hash, limit_bytes, version, versions
-from padgen.core.errors import EngineMissingError, FileError, PadgenError, SpecError, number
-from padgen.core.files import answer_within, locked, reason, take_away
+from padgen.core.errors import LONGEST_PART, EngineMissingError, FileError, PadgenError, SpecError, number
+from padgen.core.files import answer_within, locked, open_plain, reason, take_away
 from padgen.core.registry import PLUGINS, plugin_code
 from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
 
@@ -421,15 +421,17 @@ def sole_sweep(folder: Path) -> Iterator[None]:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             has_lock = held.enter_context(locked(lock, LOCK_S))
-            holder = "" if has_lock else lock.read_text(errors="replace")
-            if holder or has_lock is False:
-                advice = "or name another folder" if has_lock is False else f"or, if it no longer runs, remove {LOCK}"
-                raise FileError(
-                    f"another sweep writes into it ({holder}); wait until it has ended, {advice}", str(folder)
+            with os.fdopen(open_plain(lock, os.O_RDWR), "r+", errors="replace") as word:
+                holder = "" if has_lock else word.read(LONGEST_PART)
+                if holder or has_lock is False:
+                    advice = "name another folder" if has_lock is False else f"if it no longer runs, remove {LOCK}"
+                    raise FileError(
+                        f"another sweep writes into it ({holder}); wait until it has ended, or {advice}", str(folder)
+                    )
+                word.truncate(0)
+                word.write(
+                    f"process {os.getpid()} on {socket.gethostname()} since {time.strftime('%Y-%m-%d %H:%M:%S')}"
                 )
-            lock.write_text(
-                f"process {os.getpid()} on {socket.gethostname()} since {time.strftime('%Y-%m-%d %H:%M:%S')}"
-            )
         except OSError as error:
             raise FileError(f"cannot be written to ({reason(error)})", str(folder)) from error
         if has_lock is None:

@@ -16,6 +16,7 @@ from padgen.core.files import (
     file_hash,
     json_text,
     read_bounded,
+    recover,
 )
 from padgen.core.registry import PAD_FORMATS, names_in, plugin_code
 from padgen.make.planning import plan_for
@@ -98,8 +99,12 @@ def writes_folders(sweep: Sweep) -> bool:
 
 
 def is_whole(folder: Path, stage: str) -> bool:
-    """Tell whether the files that a stage writes are all there."""
-    names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": built_files(folder) or [MANIFEST]}
+    """Tell whether the files that a stage writes are all there, in a folder that a sweep writes into."""
+    try:
+        recover(folder)
+        names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": built_files(folder) or [MANIFEST]}
+    except FileError:  # it is half-written, and not by this user
+        return False
     return all((folder / name).is_file() for name in ("plan.json", *names.get(stage, ())))
 
 
@@ -131,6 +136,8 @@ def run_task(task: Task) -> Record:
 
 def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
     spec, out = make_spec(task.table, Path(task.folder)), Path(task.out or "")
+    if task.out and out.is_symlink():
+        raise FileError("is a link, where the variant's folder must be; remove it", str(out))
     if task.stage == "build":
         from padgen.make.pad import Pad
 

@@ -37,7 +37,7 @@ COMMANDS = {
     "calibrate": retune.add_calibrate,
     "study": sweep.add_study,
     "sweep": sweep.add_sweep,
-    **dict.fromkeys(("cache", "templates", "init", "schema"), small.add),
+    **dict.fromkeys(("cache", "restore", "templates", "init", "schema"), small.add),
 }
 """The function that declares each command and its options."""
 

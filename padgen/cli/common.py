@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from padgen.core.errors import SpecError, plain
+from padgen.core.errors import FileError, SpecError, plain
 
 __all__ = [
     "BAD_INPUT",
@@ -96,7 +96,14 @@ def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, f
     spec = spec_of(options.spec, {"model": {"structure": options.model}} if options.model is not None else None)
     if options.tolerance is not None:
         return spec, parse_tolerance(options.tolerance)
-    return recorded_spec(spec, folder_of(options, spec.name)) if recorded and options.model is None else spec, None
+    if not recorded or options.model is not None:
+        return spec, None
+    folder = folder_of(options, spec.name)
+    if hasattr(options, "output"):  # of commands that are about to write there
+        from padgen.core.files import recover
+
+        recover(folder)
+    return recorded_spec(spec, folder), None
 
 
 def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -> Any:
@@ -107,9 +114,21 @@ def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -
 
 
 def folder_of(options: argparse.Namespace, name: str) -> Path:
-    """Return the folder of the results: that of ``--output``, else ``out/NAME``."""
+    """Return the folder of the results: that of ``--output``, else ``out/NAME``.
+
+    Raises
+    ------
+    FileError
+        The latter is a link, which may be a stranger's.
+    """
     given = getattr(options, "output", None)
-    return Path(given) if given else Path("out") / name
+    if given:
+        return Path(given)
+    folder = Path("out") / name
+    for path in (folder.parent, folder):
+        if path.is_symlink():
+            raise FileError(f"is a link to {path.readlink()}; name the folder of the results with -o", str(path))
+    return folder
 
 
 def show(text: str, stream: Any = None) -> None:

@@ -26,12 +26,14 @@ def add(commands: Any) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from padgen.core.files import OutputFolder
+    from padgen.core.files import OutputFolder, read_as_one, recover
     from padgen.planner import plan_to_json
 
     given = Path(options.spec)
     with progress_line() as progress:
         if given.is_dir():
+            if not options.output:
+                recover(given)
             plan, source = _recorded(given), given
         else:
             plan = plan_of(options, progress)
@@ -39,7 +41,7 @@ def _report(options: argparse.Namespace) -> int:
         from padgen.report.page import REPORT_FILE, Page, study_of
         from padgen.report.plans import verdict_line
 
-        pad = _built(plan, source)
+        pad = read_as_one(source, lambda: _built(plan, source))
         progress("drawing the page")
         page = Page(plan, pad, study_of(source)).html
         folder = Path(options.output) if options.output else source
@@ -58,11 +60,11 @@ def _report(options: argparse.Namespace) -> int:
 
 def _recorded(folder: Path) -> Any:
     """Return the plan in a folder: planned anew where that gives the same plan, since a file holds ten digits."""
-    from padgen.core.files import differs
+    from padgen.core.files import differs, read_as_one
     from padgen.make.planning import plan_for
     from padgen.planner import plan_to_json, read_plan
 
-    if not (folder / "plan.json").exists():
+    if not read_as_one(folder, (folder / "plan.json").exists, "plan.json"):
         raise SpecError("has no plan.json; name a spec, or a folder that padgen plan or build wrote", str(folder))
     plan = read_plan(folder / "plan.json")
     if plan.spec.model.structure != "solid":

@@ -1,4 +1,4 @@
-"""The small commands ``padgen cache``, ``padgen templates``, ``padgen init`` and ``padgen schema``."""
+"""The small commands ``padgen cache``, ``restore``, ``templates``, ``init`` and ``schema``."""
 
 import argparse
 import json
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from padgen.cli.common import DONE, answer
-from padgen.core.errors import FileError
+from padgen.core.errors import FileError, plain
 
 __all__ = ["add", "add_cache", "use_cache"]
 
@@ -31,6 +31,15 @@ def add(commands: Any) -> None:
         action.add_argument("--json", action="store_true", help="one JSON object on standard output")
         action.set_defaults(command=_cache, action=name)
 
+    restore = commands.add_parser(
+        "restore",
+        help="put a folder back as it was before a run that was killed",
+        description="Undo what a killed run had begun to change in a folder. Commands that write into the folder do so"
+        " first; those that only read change nothing, and ask for this one.",
+    )
+    restore.add_argument("folder", metavar="DIR", help="folder of results")
+    restore.add_argument("--json", action="store_true", help="one JSON object on standard output")
+    restore.set_defaults(command=_restore)
     templates = commands.add_parser("templates", help="list the templates, or show one")
     templates.add_argument("name", metavar="NAME", nargs="?")
     templates.set_defaults(command=_templates, head="")
@@ -50,6 +59,18 @@ def _templates(options: argparse.Namespace) -> int:
         raise FileError(unknown_name(options.name, list(texts), "template", "").message, "NAME")
     listed = "".join(f"{name:<12}  {text.splitlines()[0].lstrip('# ')}\n" for name, text in texts.items())
     print(options.head + texts[options.name] if options.name else listed, end="")
+    return DONE
+
+
+def _restore(options: argparse.Namespace) -> int:
+    from padgen.core.files import recover
+
+    folder = Path(options.folder)
+    if not folder.is_dir():
+        raise FileError("is not a folder" if folder.exists() else "there is no such folder", options.folder)
+    is_restored = recover(folder)
+    told = "is as it was before the run that was killed" if is_restored else "is whole; nothing was changed"
+    answer(options, {"folder": options.folder, "restored": is_restored}, f"{plain(options.folder)} {told}")
     return DONE
 
 

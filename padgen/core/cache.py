@@ -125,7 +125,7 @@ def load_bytes(kind: str, key: str) -> bytes | None:
     """Return the stored bytes and mark them as used now; None where there are none or they are damaged."""
     path = _path(kind, key)
     try:
-        if not path.is_file():
+        if not path.is_file() or _is_linked(path):
             return None
         head, _, data = read_bounded(path, LARGEST_ENTRY, "an entry of the cache").partition(b"\n")
     except (FileError, OSError):
@@ -141,6 +141,8 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
     """Keep bytes, if the folder can be written."""
     path = _path(kind, key)
     aside = path.with_suffix(f".{os.getpid()}-{next(_file_numbers)}{ASIDE}")
+    if _is_linked(path) or _is_linked(aside):
+        return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         aside.write_bytes(_head(key, data) + b"\n" + data)
@@ -180,6 +182,8 @@ def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
     with ExitStack() as stack:
         for key in sorted(keys):  # in one order, so that no two processes wait for each other
             path = _path(kind, key).with_suffix(CLAIM)
+            if _is_linked(path):
+                continue
             with suppress(OSError):
                 path.parent.mkdir(parents=True, exist_ok=True)
             stack.enter_context(locked(path, PATIENCE_S))
@@ -287,11 +291,16 @@ def _entries() -> Iterator[tuple[Path, float, int]]:
     Only files named as entries count, since the folder may be one of the user's own.
     """
     for path in folder().glob("*/[0-9a-f][0-9a-f]/*"):
-        if OWN.fullmatch(path.name):
+        if OWN.fullmatch(path.name) and not _is_linked(path):
             with suppress(OSError):
                 state = path.stat()
                 if S_ISREG(state.st_mode):
                     yield path, state.st_mtime, state.st_size
+
+
+def _is_linked(path: Path) -> bool:
+    """Return whether a file of the cache, or a folder in it on the way there, is a link: no link leads out of it."""
+    return any(each.is_symlink() for each in (path, path.parent, path.parents[1]))
 
 
 def _path(kind: str, key: str) -> Path:

@@ -2,8 +2,14 @@
 
 `OutputFolder` collects the files of one run in a hidden folder aside. `commit` puts a journal into the folder, moves
 the files in one by one, and removes the journal, which commits the change; the replaced files lie aside until then.
-Whoever finds a journal and gets the folder's lock, which a living process would hold, puts everything back with the
-journal (`recover`). A kill while files are put back does no harm, since the next process continues from there.
+Whoever is about to write, finds a journal and gets the folder's lock, which a living process would hold, puts
+everything back with the journal (`recover`). A kill while files are put back does no harm, since the next process
+continues from there.
+
+A folder may be a stranger's. So only a journal with the seal of this user (`core/seal.py`) for this very folder is
+followed, no link is followed on the way to a file that is moved, and nothing that reads ever writes: a reader that
+meets a journal waits for a living process (`settle`), and otherwise says what restores the folder. Several files of a
+folder are read as one state of it by `read_as_one`.
 
 ``manifest.json`` lists padgen's files with their hashes. A listed file that still has its hash is padgen's and may be
 removed and replaced. Any other file is the user's: it is never removed, and is kept as ``NAME.old`` where an output
@@ -23,19 +29,21 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, is_dataclass
-from errno import EDQUOT, EIO, ENOSPC
+from dataclasses import asdict, dataclass, is_dataclass, replace
+from errno import EDQUOT, EIO, ENOSPC, ENOTDIR, EPERM
 from functools import partial
 from hashlib import file_digest, sha256
 from itertools import count, takewhile
 from math import isfinite
 from pathlib import Path
+from shlex import quote
 from threading import Thread
 from types import TracebackType
 from typing import Any, TypeVar
 
 from padgen import __version__
 from padgen.core.errors import FileError
+from padgen.core.seal import is_sealed, seal_of
 
 __all__ = [
     "LOCK",
@@ -54,10 +62,13 @@ __all__ = [
     "json_text",
     "lock_file",
     "locked",
+    "open_plain",
+    "read_as_one",
     "read_bounded",
     "read_manifest",
     "reason",
     "recover",
+    "settle",
     "take_away",
     "unlock_file",
     "write_synced",
@@ -89,6 +100,26 @@ def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
             unlock_file(path, file)
 
 
+def open_plain(path: Path, flags: int) -> int:
+    """Open a file to write into it, made where there is none, and return its descriptor.
+
+    Raises
+    ------
+    OSError
+        It cannot be opened, or it is a link, a folder, a pipe or a device.
+    """
+    with suppress(FileNotFoundError):
+        kind = path.lstat().st_mode
+        if not stat.S_ISREG(kind):
+            told = "it is a link" if stat.S_ISLNK(kind) else "it is no ordinary file"
+            raise OSError(EPERM, told, str(path))
+    file = os.open(path, flags | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0), 0o644)
+    if os.fstat(file).st_nlink > 1:
+        os.close(file)
+        raise OSError(EPERM, "it is a link to a file that has other names", str(path))
+    return file
+
+
 def lock_file(path: Path) -> int:
     """Create and lock a file; return its open descriptor, or -1 where another process has the lock.
 
@@ -97,7 +128,7 @@ def lock_file(path: Path) -> int:
     OSError
         The file cannot be made, or the file system has no locks.
     """
-    file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
+    file = open_plain(path, os.O_RDWR)
     try:
         if sys.platform == "win32":
             import msvcrt
@@ -137,10 +168,19 @@ def unlock_file(path: Path, file: int) -> None:
 PARTIAL = ".partial-"
 JOURNAL = ".padgen.journal"
 LOCK = ".padgen.lock"
+MANIFEST = "manifest.json"
 REPLACED = ".replaced"
 """Name, in the folder aside, of the folder with padgen's own replaced and removed files."""
+ASIDE = re.compile(re.escape(PARTIAL) + "([0-9]{1,99})(?:-[0-9]{1,99})?", re.ASCII)
+"""The name of a folder aside: the process's number, and in versions after 0.2 the change's."""
+MOST_ATTEMPTS = 100
+_own_asides: set[str] = set()
+"""Absolute paths of the folders aside that are in use in this process."""
+_aside_numbers = count(1)
 PATIENCE_S = 10.0
-"""Longest wait in s of a commit for another, which takes milliseconds."""
+"""Longest wait in s for another process's commit, which takes milliseconds."""
+GLANCE_S = 0.1
+"""Longest wait in s for a commit of which nothing tells that its process lives; one on another machine may."""
 MOST_JSON = 1_000_000
 """Largest manifest or journal in bytes; the largest pad's have a hundredth of this."""
 PLAIN_NAME = re.compile(r"\w[\w.-]{0,254}", re.ASCII)
@@ -153,57 +193,137 @@ class _Moves:
     """The moves of a commit, by names of files in the folder.
 
     `new` files, with their hashes, come from the folder `aside`. `away` are padgen's own files that go there. `kept`
-    are users' files, each with its new name.
+    are users' files, each with its new name. `seal` is of all this and of the folder, empty where there is no secret.
     """
 
     aside: str
     new: dict[str, str]
     away: list[str]
     kept: dict[str, str]
+    seal: str = ""
+
+    def names(self) -> set[str]:
+        """Return the names of all files that are moved."""
+        return {*self.new, *self.away, *self.kept, *self.kept.values()}
+
+    def sealed_text(self, path: Path) -> bytes:
+        """Return what is sealed: the moves, and which folder in `path` they are of, so that no copy has the seal."""
+        place = [os.path.realpath(path), path.stat().st_ino, (path / self.aside).lstat().st_ino]
+        return json.dumps([self.aside, self.new, self.away, self.kept, place], sort_keys=True).encode()
+
+
+@dataclass(frozen=True, slots=True)
+class _Folder:
+    """An open folder, in which files have plain names: on the way to them no link is followed.
+
+    `file` is its descriptor, None where the system has none of folders.
+    """
+
+    path: Path
+    file: int | None
+
+    def at(self, name: str) -> str | Path:
+        """Return by what a function of `os` finds a file, given the descriptor as `dir_fd`."""
+        return self.path / name if self.file is None else name
+
+    def has(self, name: str) -> bool:
+        """Return whether there is a file, folder or link of this name."""
+        try:
+            os.stat(self.at(name), dir_fd=self.file, follow_symlinks=False)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def move(self, name: str, to: "_Folder", new: str | None = None) -> None:
+        """Move a file to the folder `to`, under its own or a `new` name."""
+        os.replace(self.at(name), to.at(new or name), src_dir_fd=self.file, dst_dir_fd=to.file)
+
+    def remove(self, name: str) -> None:
+        """Remove a file."""
+        os.unlink(self.at(name), dir_fd=self.file)
+
+    def sync(self) -> None:
+        """Wait until the names in the folder are on the disk, where the system can do this."""
+        if self.file is None:
+            return
+        try:
+            os.fsync(self.file)
+        except OSError as error:
+            if error.errno in BAD_DISK:
+                raise
+
+
+HAS_HANDLES = hasattr(os, "O_DIRECTORY") and {os.open, os.stat, os.rename, os.unlink} <= os.supports_dir_fd
+
+
+@contextmanager
+def _opened(path: Path, within: _Folder | None = None) -> Iterator[_Folder]:
+    """Open a folder; one that lies `within` another only if it is no link.
+
+    Raises
+    ------
+    OSError
+        It is not there, or is no folder.
+    """
+    if within is not None and not stat.S_ISDIR(path.lstat().st_mode):
+        raise NotADirectoryError(ENOTDIR, os.strerror(ENOTDIR), str(path))
+    if not HAS_HANDLES:
+        yield _Folder(path, None)
+        return
+    if within is None:
+        file = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    else:
+        file = os.open(path.name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=within.file)
+    try:
+        yield _Folder(path, file)
+    finally:
+        with suppress(OSError):
+            os.close(file)
 
 
 def _move_all(path: Path, moves: _Moves) -> None:
     """Move all files of a folder that is `_held`; after an error all are moved back."""
-    aside, journal = path / moves.aside, path / JOURNAL
-    try:
-        (aside / REPLACED).mkdir()
-        write_synced(aside / JOURNAL, json.dumps(asdict(moves)).encode())
-        (aside / JOURNAL).replace(journal)
-        _sync_folder(path)
-        for name in moves.away:
-            (path / name).replace(aside / REPLACED / name)
-        for name, there in moves.kept.items():
-            (path / name).replace(path / there)
-        for name in moves.new:
-            (aside / name).replace(path / name)
-        _sync_folder(path)
-        journal.unlink()
-    except BaseException:
-        if os.path.lexists(journal):
-            _move_back(path, moves)
-        raise
+    with _opened(path) as folder, _opened(path / moves.aside, folder) as aside:
+        (aside.path / REPLACED).mkdir()
+        with _opened(aside.path / REPLACED, aside) as replaced:
+            sealed = replace(moves, seal=seal_of(moves.sealed_text(path)))
+            write_synced(aside.path / JOURNAL, json.dumps(asdict(sealed)).encode())
+            try:
+                aside.move(JOURNAL, folder)
+                folder.sync()
+                for name in moves.away:
+                    folder.move(name, replaced)
+                for name, there in moves.kept.items():
+                    folder.move(name, folder, there)
+                for name in moves.new:
+                    aside.move(name, folder)
+                folder.sync()
+                folder.remove(JOURNAL)
+            except BaseException:
+                if folder.has(JOURNAL) and not aside.has(JOURNAL):
+                    _move_back(folder, aside, replaced, moves)
+                raise
 
 
-def _move_back(path: Path, moves: _Moves) -> None:
+def _move_back(folder: _Folder, aside: _Folder, replaced: _Folder, moves: _Moves) -> None:
     """Undo each completed move, and keep files that a user has put there since under another name."""
-    aside = path / moves.aside
-    lie = {name: aside / REPLACED / name for name in moves.away}
-    lie |= {name: path / there for name, there in moves.kept.items()}
-    for name in (moves.new | lie) if aside.is_dir() else ():
-        place, old = path / name, lie.get(name)
-        if old is not None and not os.path.lexists(old):
+    lie = {name: (replaced, name) for name in moves.away}
+    lie |= {name: (folder, there) for name, there in moves.kept.items()}
+    for name in moves.new | lie:
+        place, old = folder.path / name, lie.get(name)
+        if old is not None and not old[0].has(old[1]):
             continue  # it was never moved, or is back already
-        if os.path.lexists(place):
-            if not os.path.lexists(aside / name) and _has_hash(place, moves.new.get(name, "")):
-                place.replace(aside / name)
+        if folder.has(name):
+            if not aside.has(name) and _has_hash(place, moves.new.get(name, "")):
+                folder.move(name, aside)
             elif old is not None:
                 there = _free_name(place)
-                place.replace(there)
+                folder.move(name, folder, there.name)
                 _say_kept(place, there)
         if old is not None:
-            old.replace(place)
-    _sync_folder(path)
-    (path / JOURNAL).unlink()
+            old[0].move(old[1], folder, name)
+    folder.sync()
+    folder.remove(JOURNAL)
 
 
 @contextmanager
@@ -213,16 +333,16 @@ def _held(path: Path) -> Iterator[None]:
     Raises
     ------
     FileError
-        Another process holds the folder, or the commit cannot be undone.
+        Another process holds the folder, or there is a commit that cannot be undone or is not this user's.
     """
     with locked(path / LOCK, PATIENCE_S) as has_lock:
         moves = _read_journal(path)
         # Without locks, the process number in the folder's name decides.
-        if has_lock is False or (has_lock is None and moves and _runs(moves.aside)):
+        if has_lock is False or (has_lock is None and moves and _runs(path / moves.aside)):
             raise FileError("another process is writing into it; try again when that has ended", str(path))
         if moves:
             try:
-                _move_back(path, moves)
+                _restore(path, moves)
             except OSError as error:
                 sentence = f"a killed run left it half-written, and it cannot be restored ({reason(error)})"
                 raise FileError(sentence, str(path)) from error
@@ -230,26 +350,152 @@ def _held(path: Path) -> Iterator[None]:
         yield
 
 
-def recover(path: Path) -> None:
-    """Undo the unfinished commit of a killed process; call this before reading the folder.
+def _restore(path: Path, moves: _Moves) -> None:
+    """Undo an unfinished commit, if it is this user's in this folder.
+
+    Raises
+    ------
+    FileError
+        It is not.
+    OSError
+        The files cannot be moved.
+    """
+    if not _is_own(path, moves):
+        old = path / moves.aside / REPLACED
+        raise FileError(
+            f"says that {path} is half-written, and was not written here by this user's padgen; nothing is changed:"
+            f" take what you need from {old}, if that is there, and remove {JOURNAL}",
+            str(path / JOURNAL),
+        )
+    with (
+        _opened(path) as folder,
+        _opened(path / moves.aside, folder) as aside,
+        _opened(aside.path / REPLACED, aside) as replaced,
+    ):
+        _move_back(folder, aside, replaced, moves)
+
+
+def _is_own(path: Path, moves: _Moves) -> bool:
+    """Return whether this user's padgen wrote a journal, for this very folder; anything else is a stranger's data.
+
+    Raises
+    ------
+    OSError
+        The secret cannot be read.
+    """
+    try:
+        text = moves.sealed_text(path)
+    except OSError:  # it has no folder aside
+        return False
+    return is_sealed(text, moves.seal)
+
+
+def recover(path: Path) -> bool:
+    """Undo the unfinished commit of a killed process in a folder that is about to be written; tell if there was one.
 
     Raises
     ------
     FileError
         As `_held`.
     """
-    if _read_journal(path):
+    is_torn = _read_journal(path) is not None
+    if is_torn:
         with _held(path):
             pass
+    return is_torn
+
+
+def settle(folder: Path, name: str) -> None:
+    """Wait while a commit moves this file of a folder; call this before reading the file. Nothing is written.
+
+    Raises
+    ------
+    FileError
+        The commit does not end: its process was killed, or it is a stranger's. The sentence says what to do.
+    """
+    start = time.monotonic()
+    while (moves := _read_journal(folder)) and name.casefold() in map(str.casefold, moves.names()):
+        is_own = False
+        with suppress(OSError):
+            is_own = _is_own(folder, moves)
+        is_going_on = is_own and _runs(folder / moves.aside)
+        if time.monotonic() - start > (PATIENCE_S if is_going_on else GLANCE_S):
+            if is_going_on:
+                told = "another process is writing it; try again when that has ended"
+            elif is_own:
+                told = f"a killed run left its folder half-written; padgen restore {quote(str(folder))} puts that back"
+            else:
+                told = (
+                    f"its folder is half-written, as {JOURNAL} says, which this user's padgen did not write there;"
+                    f" remove {JOURNAL} to read the folder as it is"
+                )
+            raise FileError(told, str(folder / name))
+        time.sleep(LOOK_S)
+
+
+def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
+    """Return what `read` finds in a folder, all of it in one state: `read` is called again where a commit came between.
+
+    `name` is the only file that it reads; without it, all that every commit moves.
+
+    Raises
+    ------
+    FileError
+        As `settle`, or commits come faster than the files are read.
+    """
+    for _ in range(MOST_ATTEMPTS):
+        settle(folder, name)
+        before = _state(folder)
+        try:
+            found = read()
+        except FileError:
+            if _state(folder) == before:
+                raise
+        else:
+            if _state(folder) == before:
+                return found
+    raise FileError("other processes write into it faster than it can be read; try again", str(folder))
+
+
+def _state(folder: Path) -> tuple[object, ...]:
+    """Return what differs between two states of a folder: each commit has a journal, and a manifest of its own."""
+    try:
+        manifest = (folder / MANIFEST).lstat()
+    except (OSError, ValueError):
+        return (os.path.lexists(folder / JOURNAL),)
+    return os.path.lexists(folder / JOURNAL), manifest.st_ino, manifest.st_mtime_ns, manifest.st_size
 
 
 def _drop_partial(path: Path) -> None:
     """Remove half-written files of killed processes from a folder."""
-    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left.name)]
-    if left or (path / LOCK).exists():  # holding the folder removes the lock's file, too
+    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left)]
+    if left:
         with _held(path):
             for folder in left:
                 _remove_aside(folder)
+    elif os.path.lexists(path / LOCK):
+        with locked(path / LOCK, 0):  # which removes the file that a killed process left
+            pass
+
+
+def _make_aside(path: Path) -> Path:
+    """Make a new folder aside of this process in `path`, which is made with its parents, and return its path.
+
+    Its name is one process's and one change's, so that neither processes nor threads share it.
+    """
+    for attempt in count(1):
+        aside = path / f"{PARTIAL}{os.getpid()}-{next(_aside_numbers)}"
+        _own_asides.add(os.path.abspath(aside))  # noqa: PTH100
+        try:
+            aside.mkdir(parents=True)
+            return aside
+        except OSError as error:
+            _own_asides.discard(os.path.abspath(aside))  # noqa: PTH100
+            # A stranger's file has the name, or another run that failed has just removed the folder that it had made.
+            passes = isinstance(error, FileNotFoundError) or os.path.lexists(aside)
+            if not passes or attempt == MOST_ATTEMPTS:
+                raise
+    raise AssertionError
 
 
 def _remove_aside(folder: Path) -> None:
@@ -262,10 +508,9 @@ def _read_journal(path: Path) -> _Moves | None:
     """Return the journal in a folder, None where there is none or it is not padgen's."""
     try:
         moves = _Moves(**_read_json_table(path / JOURNAL))
-        names = (*moves.new, *moves.away, *moves.kept, *moves.kept.values())
-        plain = all(PLAIN_NAME.fullmatch(name) for name in names) and all(map(HASH.fullmatch, moves.new.values()))
-        return moves if plain and _process(moves.aside) else None
-    except (TypeError, AttributeError):
+        texts = all(map(PLAIN_NAME.fullmatch, moves.names())) and all(map(HASH.fullmatch, moves.new.values()))
+        return moves if texts and _process(moves.aside) and isinstance(moves.seal, str) else None
+    except (TypeError, AttributeError):  # it is of another shape
         return None
 
 
@@ -316,40 +561,26 @@ def write_synced(path: Path, data: bytes | bytearray) -> None:
         os.close(file)
 
 
-def _sync_folder(path: Path) -> None:
-    """Wait until the names in a folder are on the disk, where the system can do this."""
-    if not hasattr(os, "O_DIRECTORY"):
-        return
-    try:
-        file = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
-        try:
-            os.fsync(file)
-        finally:
-            os.close(file)
-    except OSError as error:
-        if error.errno in BAD_DISK:
-            raise
-
-
 def _process(aside: str) -> int:
     """Return the process number in the name of a folder aside, 0 where it has none."""
-    number = aside.removeprefix(PARTIAL)
-    return int(number) if aside.startswith(PARTIAL) and number.isascii() and number.isdecimal() else 0
+    found = ASIDE.fullmatch(aside)
+    return int(found[1]) if found else 0
 
 
-def _runs(aside: str) -> bool:
-    """Return whether another process, the owner of a folder aside, still runs; without an owner, return True."""
+def _runs(aside: Path) -> bool:
+    """Return whether the change that a folder aside is of may still be going on; without an owner, return True."""
     import psutil
 
-    process = _process(aside)
+    process = _process(aside.name)
+    if process == os.getpid():
+        return os.path.abspath(aside) in _own_asides  # noqa: PTH100 # else an earlier process had this number
     try:
-        return not process or (process != os.getpid() and psutil.pid_exists(process))
+        return not process or psutil.pid_exists(process)
     except OverflowError:
         return False
 
 
 PLAN = "plan.json"
-MANIFEST = "manifest.json"
 YIELD_FILE = "yield.json"
 SPEC = "spec"
 MEASURED_FILES = ("tuning.json", "measured.csv", "printed.json")
@@ -427,7 +658,7 @@ class OutputFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._aside = path / f"{PARTIAL}{os.getpid()}"
+        self._aside = path
         self._made: list[Path] = []
         self._hashes: dict[str, str] = {}
 
@@ -436,7 +667,7 @@ class OutputFolder:
             self._made = list(takewhile(lambda path: not path.exists(), (self.path, *self.path.parents)))
             recover(self.path)
             _drop_partial(self.path)
-            self._aside.mkdir(parents=True)
+            self._aside = _make_aside(self.path)
         except OSError as error:
             raise FileError(f"cannot be written to ({reason(error)})", str(self.path)) from error
         return self
@@ -447,6 +678,7 @@ class OutputFolder:
         moves = _read_journal(self.path)
         if not moves or moves.aside != self._aside.name:  # else its files are needed to undo the commit
             _remove_aside(self._aside)
+        _own_asides.discard(os.path.abspath(self._aside))  # noqa: PTH100
         if kind is not None:
             with suppress(OSError):
                 for folder in self._made:
@@ -534,8 +766,13 @@ def read_manifest(path: Path) -> dict[str, Any]:
     """Return the manifest in a folder, empty where there is no valid one of padgen.
 
     A valid one holds plain names of files, each with a hash.
+
+    Raises
+    ------
+    FileError
+        As `settle`.
     """
-    recover(path)
+    settle(path, MANIFEST)
     manifest = _read_json_table(path / MANIFEST)
     try:
         files = manifest["files"]
@@ -561,24 +798,31 @@ def is_unchanged(path: Path, name: str) -> bool:
 
 def take_away(path: Path) -> None:
     """Remove padgen's unchanged files from a folder, and the folder if it is then empty."""
-    aside = path / f"{PARTIAL}{os.getpid()}"
+    if path.is_symlink():  # it is not padgen that has made this
+        return
     with suppress(OSError, FileError):
         _drop_partial(path)
         with _held(path):
             files = read_manifest(path).get("files")
             if files is not None:
-                aside.mkdir()
-                ours = [name for name, known in files.items() if _has_hash(path / name, known)]
-                _move_all(path, _Moves(aside.name, {}, [*ours, MANIFEST], {}))
-                _remove_aside(aside)
+                aside = _make_aside(path)
+                try:
+                    ours = [name for name, known in files.items() if _has_hash(path / name, known)]
+                    _move_all(path, _Moves(aside.name, {}, [*ours, MANIFEST], {}))
+                    _remove_aside(aside)
+                finally:
+                    _own_asides.discard(os.path.abspath(aside))  # noqa: PTH100
         path.rmdir()
 
 
 def differs(path: Path, name: str, text: str) -> bool:
     """Return whether a folder has a file of this name with another text."""
-    recover(path)
+    settle(path, name)
+    file, data = path / name, text.encode()
     try:
-        return (path / name).read_bytes() != text.encode()
+        if not file.is_file():
+            return False
+        return file.stat().st_size != len(data) or _read_at_most(file, len(data) + 1, len(data) + 1) != data
     except OSError:
         return False
 
@@ -600,9 +844,12 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
     Raises
     ------
     FileError
-        The file is missing, a folder, a device or too large, or cannot be read.
+        The file is missing, a folder, a device or too large, or cannot be read; or as `settle`.
     """
-    recover(path.parent)
+    return read_as_one(path.parent, partial(_read_once, path, most_bytes, what), path.name)
+
+
+def _read_once(path: Path, most_bytes: int, what: str) -> bytes:
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError
-from padgen.core.files import OutputFolder, differs
+from padgen.core.files import OutputFolder, differs, recover
 from padgen.core.units import MH
 from padgen.core.wav_reader import Wave, read_wav
 from padgen.driver.excitation import excitation, sweep_table
@@ -379,7 +379,11 @@ class Bench:
         )
         told(f"{name}: fitting")
         path = self.folder / RECORDED / TRIED / f"{name}.wav"
+        for each in (path.parents[1], path.parent, path.parents[1] / path.name):
+            if each.is_symlink():
+                raise FileError("is a link, where recordings must be; remove it", str(each))
         path.parent.mkdir(parents=True, exist_ok=True)
+        path.unlink(missing_ok=True)  # it may be a link
         # Means over some samples are enough, and do not fill the disk; one that was clipped stays so.
         most = int(self.rate_hz / (KEPT * measuring_band_hz(plan)[1]))
         step = max((k for k in range(1, most + 1) if self.rate_hz % k == 0), default=1)
@@ -433,6 +437,7 @@ def bench(
             error.where,
         ) from error
     text = plan_to_json(plan)
+    recover(folder)
     if any((folder / RECORDED).glob("*.wav")) and differs(folder, "plan.json", text):
         raise FileError("has recordings of another plan; name another folder with -o", str(folder))
     with OutputFolder(folder) as out:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.cache import code_hash, versions
 from padgen.core.errors import Finding
-from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text
+from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text, read_as_one, recover
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
 from padgen.make.planning import Progress, plan_for, with_found_layout
 from padgen.spec import Spec
@@ -61,6 +61,12 @@ def up_to_date(
     report: bool = False,
 ) -> Built | None:
     """Return the build in `folder` if none of its inputs has changed, else None."""
+    return read_as_one(folder, lambda: _up_to_date(spec, folder, formats, instances, parts, report))
+
+
+def _up_to_date(
+    spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...], report: bool
+) -> Built | None:
     inputs = _inputs(with_found_layout(spec, folder), formats, instances, parts, report)
     # No hash covers the code of registered extensions.
     if inputs["registered"] or not is_current(folder, inputs):
@@ -171,6 +177,7 @@ class Pad:
             The folder cannot be written; its old files stay.
         """
         folder, formats = Path(folder), parse_formats(",".join(formats))
+        recover(folder)
         # With a tolerance, only planning decides on the model.
         spec = self.spec if self.tolerance is None else self.plan.spec
         if self.given and not force:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.errors import PadgenError, SolverError, SpecError, number
-from padgen.core.files import recover
+from padgen.core.files import read_as_one, settle
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import answers, laid_over, read_table, without_none
 
@@ -100,6 +100,7 @@ def with_found_layout(spec: Spec, folder: Path) -> Spec:
 
 def _as_recorded(spec: Spec, folder: Path) -> Spec:
     """Return the spec that the plan in `folder` records where it answers `spec`, else `spec`."""
+    settle(folder, PLAN)  # else a plan that is half-written would count as none
     try:
         recorded = load_spec(str(folder / PLAN))
     except PadgenError:  # there is no plan
@@ -173,8 +174,8 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
         plan, source = read_plan(path), spec
     else:
         asked = load_spec(spec)
-        recover(mesh.parent)
-        recorded = read_plan(beside) if beside.is_file() else None
+        is_there = read_as_one(mesh.parent, beside.is_file, PLAN)
+        recorded = read_plan(beside) if is_there else None
         if recorded and answers(recorded.spec, asked):
             plan, source = recorded, str(beside)
         else:

@@ -27,12 +27,13 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_most, number
-from padgen.core.files import read_bounded, reason, recover
+from padgen.core.files import read_as_one, read_bounded, reason
 from padgen.core.units import MH
 from padgen.core.wav_reader import Wave, read_wav
 from padgen.physics.resonance_fit import MOST_SAMPLES, SENSORS, current_of_voltage
@@ -130,12 +131,10 @@ def read_measured(
     paths = [path] if isinstance(path, Path) else [*path]
     files: list[Path] = []
     for each in paths:
-        recover(each)
-        recover(each.parent)
         try:
             if not each.exists():
                 raise FileError("there is no such file or folder", str(each))
-            inside = sorted(each.iterdir()) if each.is_dir() else ()
+            inside = read_as_one(each, partial(_sorted, each)) if each.is_dir() else ()
         except OSError as error:  # or a name that no file can have
             raise FileError(f"cannot be read ({reason(error)})", str(each)) from error
         known = [p for p in inside if p.suffix.lower() in (".csv", ".wav", ".wave") and not p.name.startswith(".")]
@@ -151,6 +150,10 @@ def read_measured(
         power = SENSORS.index(sensor)
         found = [p if isinstance(p, Row) or p.power is not None else replace(p, power=power) for p in found]
     return _ordered(found, stated, where, plan)
+
+
+def _sorted(folder: Path) -> list[Path]:
+    return sorted(folder.iterdir())
 
 
 def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Measured:

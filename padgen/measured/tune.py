@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from padgen.core.errors import LEVELS, FileError, Finding, at_most, number
-from padgen.core.files import OutputFolder, differs, is_unchanged, json_text
+from padgen.core.files import OutputFolder, differs, is_unchanged, json_text, recover
 from padgen.core.units import GRAM, MG
 from padgen.measured.fits import TaxelFit, fit_measured, fitted, tuning_picture
 from padgen.measured.read import read_measured, read_measured_text
@@ -662,6 +662,7 @@ def write_retuned(
     """
     progress("fitting resonances")
     if simulated is not None:
+        recover(folder)
         if differs(folder, MEASURED, simulated[1]) and not is_unchanged(folder, MEASURED):
             raise FileError(
                 "is not of a simulated print, and --simulate would take its place; name another folder with -o",

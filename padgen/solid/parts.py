@@ -10,6 +10,7 @@ import io
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from math import isfinite, nan, sqrt
 from pathlib import Path
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from padgen.core.errors import Finding, GeometryError, InfeasibleError, MeshFileError, number
-from padgen.core.files import read_bounded, reason, recover
+from padgen.core.files import read_as_one, read_bounded, reason
 from padgen.planner.drive_rows import table_csv
 from padgen.planner.fixtures import (
     Tray,
@@ -378,8 +379,13 @@ def read_mesh(path: Path) -> Mesh:
     ------
     MeshFileError
         The file is not there, not a mesh, or holds no triangles.
+    FileError
+        A killed run left its folder half-written.
     """
-    recover(path.parent)
+    return read_as_one(path.parent, partial(_read_mesh, path), path.name)
+
+
+def _read_mesh(path: Path) -> Mesh:
     try:
         if not path.is_file():
             there = "is a folder; name a mesh in it, as pad.stl" if path.is_dir() else "is not a file"

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from padgen.core.errors import FileError, SpecError, at_most, number, shown
-from padgen.core.files import read_bounded, reason, recover
+from padgen.core.files import read_as_one, read_bounded, reason
 from padgen.core.registry import SCHEMES
 from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
@@ -443,10 +443,9 @@ def find_spec(spec: str) -> Path:
     if not spec.strip():
         raise FileError("must name a TOML file or a template, got nothing", "SPEC")
     try:
-        recover(path.parent)
         if path.is_dir():
             raise FileError("is a folder, must be a TOML file or the name of a template", spec)
-        if path.exists():
+        if read_as_one(path.parent, path.exists, path.name):
             return path
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", spec) from error
