@@ -141,7 +141,7 @@ class Live:
 
 
 def _page(spec: Spec, fields: Mapping[str, Any], data: dict[str, Any] | None, error: PadgenError | None) -> str:
-    """Return the page with a form of `spec`, in which `fields` are changed, and the `data` of its plan or the `error`."""
+    """Return the page with a form of `spec`, in which `fields` are changed, and its plan's `data` or the `error`."""
     here = Path(__file__).parent / "page"
     told = error and _told(error)
     form = json.dumps({"schema": spec_schema(), "values": asdict(spec), "changed": dict(fields), "error": told})
