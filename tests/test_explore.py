@@ -20,7 +20,7 @@ import padgen as pg
 from padgen.core.files import MANIFEST, PARTIAL, json_line
 from padgen.core.registry import PLUGINS
 from padgen.planner import plan_to_json
-from padgen.report.live import MOST_CONNECTIONS, PLANNERS, Live
+from padgen.report.live import MOST_CONNECTIONS, PLANNERS
 from padgen.report.page import page_data, scene_data
 from padgen.report.plans import verdict_line
 from padgen.spec.load import find_spec, read_table
@@ -295,8 +295,15 @@ def slow_server(tmp_path_factory):
     assert running.told.read_text() == ""
 
 
+def answer_on(line):
+    """Return the answer that comes on a connection."""
+    answer = http.client.HTTPResponse(line)
+    answer.begin()
+    return json.loads(answer.read())
+
+
 def at_work(server):
-    """Return the workers of a server that sleep within a plan, by what wakes a sleeper."""
+    """Return the numbers of the processes that a server has started."""
     return {worker.pid for worker in server.workers() if worker.status() != psutil.STATUS_ZOMBIE}
 
 
@@ -325,8 +332,8 @@ def test_a_newer_plan_of_a_page_ends_its_older_one_and_no_other_page_s(slow_serv
     time.sleep(0.2)
     start = time.monotonic()
     newer = server.send(server.request("/plan", {"q_min": 18}, "own"))
-    assert b"was replaced by a newer plan of the same page" in older.recv(10_000)
-    assert b'"channels"' in newer.recv(100_000)
+    assert "was replaced by a newer plan of the same page" in answer_on(older)["error"]["message"]
+    assert "error" not in answer_on(newer)
     assert time.monotonic() - start < PLENTY_S
     other.settimeout(0.2)
     with pytest.raises(TimeoutError):
@@ -342,7 +349,6 @@ def test_a_plan_that_takes_too_long_is_given_up(tmp_path):
     )
     server = patient(tmp_path, tmp_path / "slow.toml", ("--time-limit", "3"))
     told = "took longer than 3 s"
-    assert told in server.call("plan", {})[1]["error"]["message"]
     status, text = server.ask("/", None, "GET")
     assert status == 200 and told in text and "window.padgenForm = " in text
     assert "error" not in server.call("plan", {"drive.scheme": "tones"})[1]
@@ -358,7 +364,7 @@ def test_a_signal_ends_everything_under_way(tmp_path, end):
     workers = at_work(server)
     start = time.monotonic()
     server.process.send_signal(end)
-    server.process.wait(PLENTY_S)
+    server.process.communicate(timeout=PLENTY_S)
     # A second, were nobody else at work here; a plan would have taken a quarter of an hour.
     assert time.monotonic() - start < PLENTY_S / 3
     wait_until(lambda: not any(map(alive, workers)))
@@ -381,19 +387,24 @@ def test_half_sent_requests_are_dropped(tmp_path):
     server = Server(tmp_path, own=("-c", IMPATIENT, str(tmp_path)))
     whole = server.request("/plan", {"q_min": 16})
     lines = [server.send(whole[: len(whole) * share // 100]) for share in (0, 1, 20, 90, 99) for _ in range(10)]
+
+    def is_hung_up(line):
+        try:
+            return line.recv(1) == b""
+        except ConnectionResetError:
+            return True
+
     drip = server.send(whole[:20])
     with pytest.raises(OSError):
         for byte in whole[20:]:
             drip.send(bytes([byte]))
             time.sleep(0.1)
-    for line in lines:
-        with pytest.raises(ConnectionResetError):
-            assert line.recv(1) != b""
+    assert all(map(is_hung_up, lines))
     lines = []
     for _ in range(MOST_CONNECTIONS + 20):
         lines.append(server.send(b"POST"))
-    wait_until(lambda: server.ask("/progress", {})[0] == 200)
-    for line in lines:
+    assert all(map(is_hung_up, lines))
+    for line in (drip, *lines):
         line.close()
     # A whole one is answered, although its plan comes later than a half one is dropped; and nothing was printed.
     assert "error" not in server.call("plan", {"q_min": 16})[1]
@@ -412,26 +423,36 @@ def test_clients_that_go_away_are_no_news(slow_server):
     assert server.told.read_text() == ""
 
 
+SAVED = """
+import sys
+from pathlib import Path
+from padgen.report.live import Live
+from padgen.spec.load import find_spec, read_table
+
 def saved(folder, number):
-    """Save a spec as one of many."""
     path = find_spec("paper-32")
     live = Live(read_table(path, "paper-32"), path.parent, folder)
     return live.save({"name": f"own-{number % 10}", "q_min": 15 + number % 10})["written"]
+"""
 
 
 def test_a_hundred_threads_save_at_once(tmp_path):
     """Ten names, ten times each: all succeed, and every file is whole."""
+    names = {}
+    exec(SAVED, names)
     with ThreadPoolExecutor(100) as threads:
-        written = set(threads.map(lambda number: saved(tmp_path, number), range(100)))
+        written = set(threads.map(lambda number: names["saved"](tmp_path, number), range(100)))
     check_saved(tmp_path, written)
 
 
 def test_eight_processes_save_at_once(tmp_path):
-    code = "import sys\nfrom pathlib import Path\nfrom tests.test_explore import saved\n" + (
-        "for number in range(10):\n    saved(Path(sys.argv[1]), number)\n"
-    )
-    command = [sys.executable, "-c", code, str(tmp_path)]
-    started = [subprocess.Popen(command, cwd=Path(__file__).parents[1]) for _ in range(8)]
+    command = [
+        sys.executable,
+        "-c",
+        f"{SAVED}\nfor number in range(10):\n    saved(Path(sys.argv[1]), number)",
+        tmp_path,
+    ]
+    started = [subprocess.Popen(command) for _ in range(8)]
     assert [process.wait(120) for process in started] == [0] * 8
     check_saved(tmp_path, {str(tmp_path / f"own-{number}.toml") for number in range(10)})
 
@@ -543,10 +564,10 @@ def test_a_spec_without_a_plan_shows_its_form_and_is_mended_there(tmp_path):
         assert not page.locator("#view").is_visible()
         page.fill("#field-resolution", "3000")
         page.dispatch_event("#field-resolution", "change")
-        page.wait_for_function("document.getElementById('verdict').textContent.includes('3000 taxels')")
+        wait_until(lambda: "3000 taxels" in page.text_content("#verdict"))
         page.fill("#field-resolution", "16")
         page.dispatch_event("#field-resolution", "change")
-        page.wait_for_function("window.padgen?.view().shows(padgen.data)", timeout=1000 * LATE_S)
+        wait_until(lambda: page.locator("#view").is_visible())
         assert page.text_content("#verdict span:last-child") == verdict_line(pg.plan("paper-32", resolution=16))
         assert page.input_value("#field-resolution") == "16"
         page.evaluate(PLANNED, ["q_min", "number", "16"])
@@ -557,14 +578,21 @@ def test_a_spec_without_a_plan_shows_its_form_and_is_mended_there(tmp_path):
     assert told == [] and server.told.read_text() == ""
 
 
+CHOOSE = """(scheme) => {
+  const box = document.getElementById("field-drive");
+  box.value = scheme;
+  box.dispatchEvent(new Event("change"));
+}"""
+
+
 def test_a_slow_plan_is_given_up_for_a_newer_move(slow_server):
     with sync_playwright() as playwright:
         running = playwright.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
         page = running.new_page(viewport={"width": 1280, "height": 860})
         page.goto(slow_server.address, timeout=1000 * LATE_S)
-        page.select_option("#field-drive", "endless")
-        page.wait_for_timeout(200)
-        page.select_option("#field-drive", "tones")
-        page.wait_for_function("padgen.data.motion.scheme === 'tones'", timeout=1000 * LATE_S)
+        for scheme in ("endless", "tones"):
+            page.evaluate(CHOOSE, scheme)
+            page.wait_for_timeout(200)
+        wait_until(lambda: page.evaluate("padgen.data.motion.scheme") == "tones")
         assert not page.locator("#live .status").is_visible()
         running.close()
