@@ -84,6 +84,13 @@ class Server:
         self.process.terminate()
         self.process.communicate(timeout=10)
 
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        self.process.kill()
+        self.process.communicate()
+
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
@@ -347,31 +354,31 @@ def test_a_plan_that_takes_too_long_is_given_up(tmp_path):
     (tmp_path / "slow.toml").write_text(
         'name = "slow"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\ndrive = "endless"\n'
     )
-    server = patient(tmp_path, tmp_path / "slow.toml", ("--time-limit", "3"))
-    told = "took longer than 3 s"
-    status, text = server.ask("/", None, "GET")
-    assert status == 200 and told in text and "window.padgenForm = " in text
-    assert "error" not in server.call("plan", {"drive.scheme": "tones"})[1]
-    server.stop()
+    with patient(tmp_path, tmp_path / "slow.toml", ("--time-limit", "3")) as server:
+        told = "took longer than 3 s"
+        status, text = server.ask("/", None, "GET")
+        assert status == 200 and told in text and "window.padgenForm = " in text
+        assert "error" not in server.call("plan", {"drive.scheme": "tones"})[1]
+        server.stop()
 
 
 @pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_ends_everything_under_way(tmp_path, end):
-    server = patient(tmp_path)
-    lines = [server.send(server.request(path, SLOW)) for path in ("/plan", "/scene", "/build", "/plan")]
-    wait_until(lambda: len(at_work(server)) > PLANNERS + 1)  # with those that save and build
-    lines += [server.send(server.request("/plan", {})[:size]) for size in (1, 60, -1)]
-    workers = at_work(server)
-    start = time.monotonic()
-    server.process.send_signal(end)
-    server.process.communicate(timeout=PLENTY_S)
-    # A second, were nobody else at work here; a plan would have taken a quarter of an hour.
-    assert time.monotonic() - start < PLENTY_S / 3
-    wait_until(lambda: not any(map(alive, workers)))
-    assert "Traceback" not in server.told.read_text()
-    assert not list(tmp_path.rglob("*.json"))
-    for line in lines:
-        line.close()
+    with patient(tmp_path) as server:
+        lines = [server.send(server.request(path, SLOW)) for path in ("/plan", "/scene", "/build", "/plan")]
+        wait_until(lambda: len(at_work(server)) > PLANNERS + 1)  # with those that save and build
+        lines += [server.send(server.request("/plan", {})[:size]) for size in (1, 60, -1)]
+        workers = at_work(server)
+        start = time.monotonic()
+        server.process.send_signal(end)
+        server.process.communicate(timeout=PLENTY_S)
+        # A second, were nobody else at work here; a plan would have taken a quarter of an hour.
+        assert time.monotonic() - start < PLENTY_S / 3
+        wait_until(lambda: not any(map(alive, workers)))
+        assert "Traceback" not in server.told.read_text()
+        assert not list(tmp_path.rglob("*.json"))
+        for line in lines:
+            line.close()
 
 
 IMPATIENT = """
@@ -384,32 +391,30 @@ serve("paper-32", Path(sys.argv[1]), 0, lambda address: print(address, flush=Tru
 
 def test_half_sent_requests_are_dropped(tmp_path):
     """Wherever they stop, even if single bytes keep coming; also more of them than there may be connections."""
-    server = Server(tmp_path, own=("-c", IMPATIENT, str(tmp_path)))
-    whole = server.request("/plan", {"q_min": 16})
-    lines = [server.send(whole[: len(whole) * share // 100]) for share in (0, 1, 20, 90, 99) for _ in range(10)]
+    with Server(tmp_path, own=("-c", IMPATIENT, str(tmp_path))) as server:
+        whole = server.request("/plan", {"q_min": 16})
+        lines = [server.send(whole[: len(whole) * share // 100]) for share in (0, 1, 20, 90, 99) for _ in range(10)]
 
-    def is_hung_up(line):
-        try:
-            return line.recv(1) == b""
-        except ConnectionResetError:
-            return True
+        def is_hung_up(line):
+            try:
+                return line.recv(1) == b""
+            except ConnectionResetError:
+                return True
 
-    drip = server.send(whole[:20])
-    with pytest.raises(OSError):
-        for byte in whole[20:]:
-            drip.send(bytes([byte]))
-            time.sleep(0.1)
-    assert all(map(is_hung_up, lines))
-    lines = []
-    for _ in range(MOST_CONNECTIONS + 20):
-        lines.append(server.send(b"POST"))
-    assert all(map(is_hung_up, lines))
-    for line in (drip, *lines):
-        line.close()
-    # A whole one is answered, although its plan comes later than a half one is dropped; and nothing was printed.
-    assert "error" not in server.call("plan", {"q_min": 16})[1]
-    server.stop()
-    assert server.told.read_text() == ""
+        drip = server.send(whole[:20])
+        with pytest.raises(OSError):
+            for byte in whole[20:]:
+                drip.send(bytes([byte]))
+                time.sleep(0.1)
+        assert all(map(is_hung_up, lines))
+        many = [server.send(b"POST") for _ in range(MOST_CONNECTIONS + 20)]
+        assert all(map(is_hung_up, many))
+        for line in (drip, *lines, *many):
+            line.close()
+        # A whole one is answered, although its plan comes later than a half one is dropped; and nothing was printed.
+        assert "error" not in server.call("plan", {"q_min": 16})[1]
+        server.stop()
+        assert server.told.read_text() == ""
 
 
 def test_clients_that_go_away_are_no_news(slow_server):
@@ -551,31 +556,31 @@ def test_a_spec_without_a_plan_shows_its_form_and_is_mended_there(tmp_path):
     """The reason stands where the verdict would; once the fields make a pad, the page shows it."""
     spec = tmp_path / "crowded.toml"
     spec.write_text(Path(find_spec("paper-32")).read_text().replace("resolution = 32", "resolution = 4096"))
-    server = Server(tmp_path, spec)
-    reason = server.call("plan", {})[1]["error"]["message"]
-    assert "4096 taxels" in reason
-    with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
-        page = running.new_page(viewport={"width": 1280, "height": 860})
-        told = []
-        hear(page, told)
-        assert page.goto(server.address, timeout=1000 * LATE_S).status == 200
-        assert reason in page.text_content("#verdict")
-        assert not page.locator("#view").is_visible()
-        page.fill("#field-resolution", "3000")
-        page.dispatch_event("#field-resolution", "change")
-        wait_until(lambda: "3000 taxels" in page.text_content("#verdict"))
-        page.fill("#field-resolution", "16")
-        page.dispatch_event("#field-resolution", "change")
-        wait_until(lambda: page.locator("#view").is_visible())
-        assert page.text_content("#verdict span:last-child") == verdict_line(pg.plan("paper-32", resolution=16))
-        assert page.input_value("#field-resolution") == "16"
-        page.evaluate(PLANNED, ["q_min", "number", "16"])
-        plan = pg.plan("paper-32", resolution=16, q_min=16)
-        assert page.text_content("#verdict span:last-child") == verdict_line(plan)
-        running.close()
-    server.stop()
-    assert told == [] and server.told.read_text() == ""
+    with Server(tmp_path, spec) as server:
+        reason = server.call("plan", {})[1]["error"]["message"]
+        assert "4096 taxels" in reason
+        with sync_playwright() as playwright:
+            running = playwright.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
+            page = running.new_page(viewport={"width": 1280, "height": 860})
+            told = []
+            hear(page, told)
+            assert page.goto(server.address, timeout=1000 * LATE_S).status == 200
+            assert reason in page.text_content("#verdict")
+            assert not page.locator("#view").is_visible()
+            page.fill("#field-resolution", "3000")
+            page.dispatch_event("#field-resolution", "change")
+            wait_until(lambda: "3000 taxels" in page.text_content("#verdict"))
+            page.fill("#field-resolution", "32")
+            page.dispatch_event("#field-resolution", "change")
+            wait_until(lambda: page.locator("#view").is_visible())
+            assert page.text_content("#verdict span:last-child") == verdict_line(pg.plan("paper-32"))
+            assert page.input_value("#field-resolution") == "32"
+            page.evaluate(PLANNED, ["q_min", "number", "16"])
+            plan = pg.plan("paper-32", q_min=16)
+            assert page.text_content("#verdict span:last-child") == verdict_line(plan)
+            running.close()
+        server.stop()
+        assert told == [] and server.told.read_text() == ""
 
 
 CHOOSE = """(scheme) => {
