@@ -172,8 +172,12 @@ class Runner:
 
         def start() -> None:
             with suppress(PadgenError):
-                if len(self._all) < count:
-                    self._release(self._started(self._conditions()), inf)
+                conditions = self._conditions()
+                with self._lock:
+                    if len(self._all) >= count:
+                        return
+                    worker = self._new(conditions)
+                self._release(self._ready(worker), inf)
 
         for _ in range(count):
             self.threads.submit(start)
@@ -197,7 +201,8 @@ class Runner:
                     return worker
                 worker.retire()
                 self._all.discard(worker)
-        return self._started(conditions)
+            worker = self._new(conditions)
+        return self._ready(worker)
 
     def _conditions(self) -> tuple[Any, ...]:
         """Return all that a worker takes over from this process as it starts."""
@@ -207,13 +212,16 @@ class Runner:
         path = [entry for entry in sys.path if isinstance(entry, str)]
         return dict(os.environ), folder, path, self._imports
 
-    def _started(self, conditions: tuple[Any, ...]) -> "_Worker":
-        """Return a new worker that is ready for a job."""
-        with self._lock:
-            if self._closed:
-                raise SolverError("was ended", WHERE)
-            worker = _Worker(conditions, self._cores, self._idle_s)
-            self._all.add(worker)  # before it is ready, so that `close` can end it
+    def _new(self, conditions: tuple[Any, ...]) -> "_Worker":
+        """Start a worker, while this runner is locked."""
+        if self._closed:
+            raise SolverError("was ended", WHERE)
+        worker = _Worker(conditions, self._cores, self._idle_s)
+        self._all.add(worker)  # before it is ready, so that `close` can end it
+        return worker
+
+    def _ready(self, worker: "_Worker") -> "_Worker":
+        """Wait until a new worker is ready, and return it."""
         try:
             worker.wait()
         except SolverError:
