@@ -124,9 +124,12 @@ def moves() -> list[str]:
             tools.send("Performance.enable", {"timeDomain": "threadTicks"})
 
             def spent_ms(server: Server = server, tools: CDPSession = tools) -> tuple[float, float]:
-                user, kernel = Path(f"/proc/{server.process.pid}/stat").read_text().rpartition(")")[2].split()[11:13]
+                # The server's own and that of its workers, who plan.
+                pids = [server.process.pid, *(worker.pid for worker in server.workers())]
+                times = [Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[11:13] for pid in pids]
                 told = {metric["name"]: metric["value"] for metric in tools.send("Performance.getMetrics")["metrics"]}
-                return 1e3 * (int(user) + int(kernel)) / os.sysconf("SC_CLK_TCK"), 1e3 * told["TaskDuration"]
+                ticks = sum(int(user) + int(kernel) for user, kernel in times)
+                return 1e3 * ticks / os.sysconf("SC_CLK_TCK"), 1e3 * told["TaskDuration"]
 
             rows = []
             for step in steps(pg.plan(name)):

@@ -249,6 +249,48 @@ def test_limit_of_memory_holds_for_what_the_job_starts(shared, started):
 
 
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="elsewhere the peak is the worker's of all jobs")
+def test_a_job_that_is_not_wanted_any_more_is_ended_with_its_worker(started):
+    with Runner() as own:
+        wanted = threading.Event()
+        wanted.set()
+        job = own.submit(sleeps, 60, wanted=wanted.is_set)
+        waits = own.submit(sleeps, 60, wanted=wanted.is_set)
+        wait_until(started)
+        (worker,) = started()
+        wanted.clear()
+        assert (job.result(20).kind, job.result().limit) == ("failed", "wanted")
+        assert waits.result(20).limit == "wanted"
+        wait_until(lambda: not alive(worker.pid))
+        assert own.run(process_of, wanted=lambda: True).kind == "value"
+
+
+def tells(steps: list[str]):
+    for step in steps:
+        runner.tell(step)
+    return len(steps)
+
+
+def test_the_steps_of_a_job_are_heard_in_order(shared):
+    heard = []
+    steps = ["modelling", "", "x" * 100_000]
+    assert shared.run(tells, steps, hear=heard.append).value == 3
+    assert heard == steps
+    assert shared.run(tells, steps).value == 3
+    assert tells(steps) == 3  # outside a worker nobody hears
+
+
+def test_as_many_workers_are_prepared_as_are_lacking(started):
+    with Runner(2) as own:
+        for _ in range(2):
+            own.prepare(2)
+            own.threads.submit(int).result(20)
+            wait_until(lambda: len(started()) == 2)
+        assert own.run(dies, signal.SIGKILL).kind == "failed"
+        assert len(started()) == 1
+        own.prepare(2)
+        wait_until(lambda: len(started()) == 2)
+
+
 def test_peaks_are_the_jobs_own_and_of_all_its_processes(shared):
     bare = shared.run(process_of).peak_mb
     # 100 MB held for a moment by the worker, or by another process for long enough to be seen.
@@ -350,8 +392,7 @@ def test_idle_workers_that_have_ended_cost_no_job(started):
 
 def test_idle_workers_end_by_themselves():
     code = (
-        "import padgen.core.runner as r, time\nr.START = r.START.replace('r.serve', 'r.IDLE_S = 0.1; r.serve')\n"
-        "from tests.test_runner import *\nown = Runner()\nfirst = own.run(process_of).value\n"
+        "from tests.test_runner import *\nown = Runner(idle_s=0.1)\nfirst = own.run(process_of).value\n"
         "wait_until(lambda: not alive(first))\nassert own.run(process_of).value not in (None, first)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env=ENVIRONMENT, cwd=ROOT)

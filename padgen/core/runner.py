@@ -44,6 +44,7 @@ __all__ = [
     "refuse_unshared",
     "reset_peak",
     "serve",
+    "tell",
     "uninterrupted",
 ]
 
@@ -78,7 +79,8 @@ class Answer:
     """The result of a job.
 
     `kind` is 'value'; 'refused', where the function raised `error`, a `PadgenError` of its own class; or 'failed',
-    where the function broke down, its process died, or it exceeded `limit` ('time_s' or 'memory_mb'), as `error` says.
+    where the function broke down, its process died, or it exceeded `limit` ('time_s' or 'memory_mb'), as `error` says;
+    `limit` is 'wanted' where nobody wanted the answer any more.
     `seconds` and `peak_mb` (10⁶ bytes, of the worker and all its processes) are the job's; None where nobody measured.
     """
 
@@ -95,17 +97,22 @@ class Answer:
         return str(self.error or "")
 
 
+UNWANTED = Answer("failed", None, SolverError("was ended, since nobody wants its answer any more"), limit="wanted")
+
+
 class Runner:
     """Workers that are started when needed and reused; a context manager that ends them.
 
     As many workers run as threads call `run` at a time; the pool `threads` has `workers` threads for this. Workers load
     the modules named in `imports` as they start, before any limit counts; if one cannot be loaded, the job that needs
-    it fails. Each worker may use its share of the cores for processes of its own.
+    it fails. Each worker may use its share of the cores for processes of its own. A worker ends after `idle_s` without
+    a job.
     """
 
-    def __init__(self, workers: int = 1, imports: tuple[str, ...] = ()) -> None:
+    def __init__(self, workers: int = 1, imports: tuple[str, ...] = (), idle_s: float = IDLE_S) -> None:
         self.threads = ThreadPoolExecutor(workers)
         self._cores, self._imports = max(core_count() // workers, 1), imports
+        self._idle_s = idle_s
         self._lock = Lock()
         self._idle: list[_Worker] = []
         self._all: set[_Worker] = set()
@@ -119,8 +126,19 @@ class Runner:
     ) -> None:
         self.close()
 
-    def run(self, function: Callable[..., Any], *arguments: Any, time_s: float = inf, most_mb: float = inf) -> Answer:
+    def run(
+        self,
+        function: Callable[..., Any],
+        *arguments: Any,
+        time_s: float = inf,
+        most_mb: float = inf,
+        wanted: Callable[[], bool] = lambda: True,
+        hear: Callable[[str], object] = lambda step: None,
+    ) -> Answer:
         """Call a function of a module in a worker and return its answer; function, arguments and result must pickle.
+
+        The worker is ended as soon as the answer is not `wanted`. `hear` gets the steps that the function
+        tells (`tell`).
 
         Raises
         ------
@@ -132,9 +150,11 @@ class Runner:
         except Exception as error:
             return _broken(error)
         while True:
+            if not wanted():
+                return UNWANTED
             worker = self._idle_or_new()
             try:
-                answer = worker.ask(job, time_s, most_mb)
+                answer = worker.ask(job, time_s, most_mb, wanted, hear)
             except BaseException:
                 worker.kill()
                 raise
@@ -143,16 +163,21 @@ class Runner:
             if answer is not None:
                 return answer
 
-    def submit(self, function: Callable[..., Any], *arguments: Any, **limits: float) -> "Future[Answer]":
+    def submit(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> "Future[Answer]":
         """Call `run` in a thread and return its future."""
-        return self.threads.submit(self.run, function, *arguments, **limits)
+        return self.threads.submit(self.run, function, *arguments, **options)
 
     def prepare(self, count: int) -> None:
-        """Start workers without waiting; if none starts, the next `run` raises the error."""
+        """Start workers until there are `count`, without waiting; if none starts, the next `run` raises the error."""
 
         def start() -> None:
             with suppress(PadgenError):
-                self._release(self._idle_or_new(), inf)
+                conditions = self._conditions()
+                with self._lock:
+                    if len(self._all) >= count:
+                        return
+                    worker = self._new(conditions)
+                self._release(self._ready(worker), inf)
 
         for _ in range(count):
             self.threads.submit(start)
@@ -168,10 +193,7 @@ class Runner:
 
     def _idle_or_new(self) -> "_Worker":
         """Return an idle worker that was started under the present conditions, or start a new one."""
-        folder = None
-        with suppress(OSError):  # it was removed
-            folder = Path.cwd()
-        conditions = dict(os.environ), folder, [entry for entry in sys.path if isinstance(entry, str)], self._imports
+        conditions = self._conditions()
         with self._lock:
             while self._idle:
                 worker = self._idle.pop()
@@ -179,10 +201,27 @@ class Runner:
                     return worker
                 worker.retire()
                 self._all.discard(worker)
-            if self._closed:
-                raise SolverError("was ended", WHERE)
-            worker = _Worker(conditions, self._cores)
-            self._all.add(worker)  # before it is ready, so that `close` can end it
+            worker = self._new(conditions)
+        return self._ready(worker)
+
+    def _conditions(self) -> tuple[Any, ...]:
+        """Return all that a worker takes over from this process as it starts."""
+        folder = None
+        with suppress(OSError):  # it was removed
+            folder = Path.cwd()
+        path = [entry for entry in sys.path if isinstance(entry, str)]
+        return dict(os.environ), folder, path, self._imports
+
+    def _new(self, conditions: tuple[Any, ...]) -> "_Worker":
+        """Start a worker, while this runner is locked."""
+        if self._closed:
+            raise SolverError("was ended", WHERE)
+        worker = _Worker(conditions, self._cores, self._idle_s)
+        self._all.add(worker)  # before it is ready, so that `close` can end it
+        return worker
+
+    def _ready(self, worker: "_Worker") -> "_Worker":
+        """Wait until a new worker is ready, and return it."""
         try:
             worker.wait()
         except SolverError:
@@ -209,7 +248,7 @@ class _Worker:
     It is started under `conditions`: environment, working folder, module path, modules to load.
     """
 
-    def __init__(self, conditions: tuple[Any, ...], cores: int) -> None:
+    def __init__(self, conditions: tuple[Any, ...], cores: int, idle_s: float) -> None:
         self.conditions = conditions
         environment, _, path, imports = conditions
         with ExitStack() as ends:
@@ -220,7 +259,7 @@ class _Worker:
                 ends.callback(os.close, own)
                 try:
                     self._process = subprocess.Popen(
-                        [sys.executable, "-P", "-c", START, json.dumps([path, imports, life])],
+                        [sys.executable, "-P", "-c", START, json.dumps([path, imports, life, idle_s])],
                         stdin=subprocess.PIPE,
                         stdout=subprocess.PIPE,
                         stderr=self._log,
@@ -252,8 +291,15 @@ class _Worker:
         if self._messages.get() is None:
             raise SolverError(f"cannot start ({self._last_line or f'exit code {self._process.returncode}'})", WHERE)
 
-    def ask(self, job: bytes, time_s: float, most_mb: float) -> Answer | None:
-        """Return the answer to a pickled job, and end the worker if it exceeds a limit.
+    def ask(
+        self,
+        job: bytes,
+        time_s: float,
+        most_mb: float,
+        wanted: Callable[[], bool],
+        hear: Callable[[str], object],
+    ) -> Answer | None:
+        """Return the answer to a pickled job, and end the worker if it exceeds a limit or is not `wanted` any more.
 
         None where this worker, `rested`, had ended before it took the job.
         """
@@ -267,6 +313,9 @@ class _Worker:
             try:
                 message = self._messages.get(timeout=WATCH_S)
             except Empty:
+                if not wanted():
+                    self.kill()
+                    return UNWANTED
                 peak = max(peak, memory_mb(self.pid))
                 # One look counts for a few at most, since this process may have been stopped meanwhile.
                 now = perf_counter()
@@ -285,9 +334,12 @@ class _Worker:
                 return Answer("failed", None, SolverError(self._cause_of_end()), perf_counter() - start, peak or None)
             if taken:
                 try:
-                    answer: Answer = pickle.loads(message)
+                    answer: Answer | str = pickle.loads(message)
                 except Exception as error:
                     return _broken(error)
+                if isinstance(answer, str):
+                    hear(answer)
+                    continue
                 return replace(answer, peak_mb=max(peak, answer.peak_mb or 0.0) or None)
             taken = True
 
@@ -457,13 +509,25 @@ def _is_life_line(descriptor: int) -> bool:
     return sys.platform == "linux" and descriptor > 2
 
 
-def serve(imports: list[str], life: int) -> None:
-    """Answer jobs in the worker until there is nobody left to ask.
+_answers: IO[bytes] | None = None
+"""Where a worker's messages go; None in any other process."""
+
+
+def tell(step: str) -> None:
+    """Tell a step of the present job to who listens to it (`hear` of `Runner.run`); do nothing outside a worker."""
+    if _answers is not None:
+        _send(_answers, pickle.dumps(step))
+
+
+def serve(imports: list[str], life: int, idle_s: float) -> None:
+    """Answer jobs in the worker until there is nobody left to ask, or none is asked for `idle_s`.
 
     `life` is one end of a pipe, whose other end the parent holds.
     """
+    global _answers
     # Under new descriptors, out of reach of libraries that print and of child processes.
     questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    _answers = answers
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -494,7 +558,7 @@ def serve(imports: list[str], life: int) -> None:
     _send(answers, EMPTY)
     while True:
         try:
-            job = waiting.get(timeout=IDLE_S)
+            job = waiting.get(timeout=None if idle_s == inf else idle_s)
         except Empty:
             job = EMPTY
         if job == EMPTY:

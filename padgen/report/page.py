@@ -397,14 +397,17 @@ def study_of(folder: Path) -> dict[str, Any] | None:
     return {"ladders": ladders}
 
 
-def page_html(data: dict[str, Any], *, script: str = "", style: str = "", connect: bool = False) -> str:
+def page_html(
+    data: dict[str, Any], *, script: str = "", style: str = "", connect: bool = False, drawn: bool = True
+) -> str:
     """Return the page that shows `data`, with a further `script` and `style` where these are given.
 
-    Its policy allows these scripts and styles by their hashes and nothing else; with `connect` it may ask its own
+    If it is not `drawn`, the page's own script, which shows a plan, is left out; of `data` the name suffices. Its
+    policy allows these scripts and styles by their hashes and nothing else; with `connect` it may ask its own
     server, else it may load nothing at all.
     """
     styles = [_text("page.min.css"), *([style] if style else [])]
-    scripts = [_text("page.min.js"), *([script] if script else [])]
+    scripts = [*([_text("page.min.js")] if drawn else []), *([script] if script else [])]
     own_server = "'self'" if connect else "'none'"
     policy = (
         f"default-src 'none'; img-src data: blob:; script-src {_hashes(scripts)}; style-src {_hashes(styles)};"

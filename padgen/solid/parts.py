@@ -7,6 +7,7 @@ as one of them, and judged.
 """
 
 import io
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -371,6 +372,10 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     return table_csv(("item", "quantity", "unit", "what"), rows)
 
 
+# Loaders log tracebacks of what they pass over, such as normals that are no numbers; without a handler Python prints
+# them. Programs that use padgen and set up logging still get them.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
 LEAST_LIKENESS = 0.2
 """Least likeness of a mesh to a part (share of the part's corners found, less the difference in size)."""
 SURE_LIKENESS = {"pad": 0.999, "coupon": 0.5, "tray": 0.5, "coupon-tray": 0.0}
@@ -410,8 +415,10 @@ def _read_mesh(path: Path) -> Mesh:
     import trimesh
 
     try:
-        # From memory, so that trimesh opens no other file which this one names.
-        part = trimesh.load(io.BytesIO(data), file_type=kind[1:], force="mesh", process=False)
+        # From memory and without materials, so that trimesh opens no other file which this one names, nor tries to.
+        part = trimesh.load(
+            io.BytesIO(data), file_type=kind[1:], force="mesh", process=False, resolver=None, skip_materials=True
+        )
     except Exception as error:  # trimesh's readers raise errors of many kinds
         raise MeshFileError(f"is not a mesh that can be read ({error or type(error).__name__})", str(path)) from error
     if not isinstance(part, trimesh.Trimesh) or not len(part.faces):

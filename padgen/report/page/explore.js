@@ -1,17 +1,18 @@
 // The form of padgen explore: one control for each field of the spec; every move plans anew and shows the page's new data.
 "use strict";
 (() => {
-  const { schema, values } = window.padgenForm;
+  const { schema, values, changed, error: unplanned } = window.padgenForm; // changed: fields by their dotted names
   const token = new URLSearchParams(location.search).get("token");
-  const changed = {}; // fields by their dotted names
-  const controls = {}; // the same names: {set, told}
+  const page = `${performance.timeOrigin}-${Math.random()}`; // by which the server knows this page's requests
+  const controls = {}; // the same names: {told, input}
   const make = (kind, text, properties) => Object.assign(document.createElement(kind), { textContent: text }, properties);
 
-  async function ask(what, body) {
+  async function ask(what, body, signal) {
     const answer = await fetch(`/${what}`, {
       method: "POST",
-      headers: { "Content-Type": "application/json", "X-Padgen-Token": token },
+      headers: { "Content-Type": "application/json", "X-Padgen-Token": token, "X-Padgen-Page": page },
       body: JSON.stringify(body),
+      signal,
     });
     const text = await answer.text();
     let data;
@@ -24,13 +25,22 @@
   }
 
   // At most one plan is asked for at a time; moves that come meanwhile are planned together, the newest last. The figures
-  // are shown first. All else follows where no newer move waits, and while moves keep coming now and then.
+  // are shown first. All else follows where no newer move waits, and while moves keep coming now and then. A slow plan is
+  // given up for a newer move, which also ends the server's work on it.
   const NOW_AND_THEN_MS = 400;
+  const SLOW_MS = 500;
   let busy = false;
   let waiting = false;
+  let asked = null; // {start, stop} of the plan that is waited for
+  function overtake() {
+    if (!asked || !waiting) return;
+    const left = SLOW_MS - (performance.now() - asked.start);
+    if (left > 0) setTimeout(overtake, left);
+    else asked.stop.abort();
+  }
   async function replan() {
     waiting = true;
-    if (busy) return;
+    if (busy) return overtake();
     busy = true;
     let drawn = performance.now();
     try {
@@ -38,9 +48,23 @@
         waiting = false;
         const start = performance.now();
         const fields = { ...changed };
-        const data = await ask("plan", fields);
+        asked = { start, stop: new AbortController() };
+        let data;
+        try {
+          data = await ask("plan", fields, asked.stop.signal);
+        } catch (error) {
+          if (error.name === "AbortError") continue;
+          throw error;
+        } finally {
+          asked = null;
+        }
         refuse(data.error);
         if (data.error) continue;
+        if (unplanned) {
+          // This page has nothing to show a plan with.
+          location.replace(`/?${new URLSearchParams({ token, fields: JSON.stringify(fields) })}`);
+          return;
+        }
         window.padgen.figures(data);
         window.padgen.tookMs = performance.now() - start;
         document.dispatchEvent(new Event("padgen-figures"));
@@ -61,11 +85,35 @@
     status.textContent = error ? `${error.where ? `${error.where}: ` : ""}${error.message}` : "";
     status.hidden = !error;
     document.body.classList.toggle("refused", Boolean(error));
+    if (unplanned) document.getElementById("verdict").textContent = `No plan. ${status.textContent}`;
     for (const [name, control] of Object.entries(controls)) {
       const own = error && (error.where === name || error.where.startsWith(`${name}.`) || error.where.startsWith(`${name}[`));
       control.told.textContent = own ? error.message : "";
       control.told.hidden = !own;
+      if (own) control.input.setAttribute("aria-invalid", "true");
+      else control.input.removeAttribute("aria-invalid");
     }
+  }
+
+  // Labels are words with their unit; most follow from the field's name.
+  const LABELS = {
+    q_min: "smallest Q",
+    delta_y: "ON over OFF asked, as a ratio",
+    band_hz: "band of resonances, Hz",
+    print_share: "share of prints that must work",
+    glue_mg: "glue per washer, mg",
+    grid: "coils: rows, columns",
+    reuse: "channels of neighbouring coils",
+    level_law: "levels fall as 1/f to the power of",
+    tune: "what tunes a beam",
+  };
+  const UNITS = { mm: "mm", um: "µm", mg: "mg", g: "g", hz: "Hz", s: "s", ms: "ms", w: "W", v: "V", a: "A", ohm: "Ω", mh: "mH", mpa: "MPa", gpa: "GPa", g_per_cm3: "g/cm³", frames_per_s: "frames/s" };
+  function labelOf(name) {
+    const key = name.split(".").pop();
+    if (LABELS[key]) return LABELS[key];
+    const unit = Object.keys(UNITS).sort((a, b) => b.length - a.length).find((each) => key.endsWith(`_${each}`));
+    const words = (unit ? key.slice(0, -unit.length - 1) : key).replaceAll("_", " ");
+    return unit ? `${words}, ${UNITS[unit]}` : words;
   }
 
   function change(name, value) {
@@ -101,6 +149,7 @@
       change(name, moved);
     });
     box.addEventListener("change", () => {
+      if (box.validity.badInput) return refuse({ where: name, message: "must be a number" });
       if (box.value !== "") slider.setTo(Number(box.value));
       change(name, box.value === "" ? null : Number(box.value));
     });
@@ -159,11 +208,11 @@
     const told = make("p", "", { className: "told", hidden: true });
     inputs[0].id = id;
     inputs[0].name = name;
-    const label = make("label", name.split(".").pop().replaceAll("_", " "), { htmlFor: id, title: field.description ?? "" });
+    const label = make("label", labelOf(name), { htmlFor: id, title: field.description ?? "" });
     const help = make("small", field.description ?? "", { id: `${id}-help` });
     inputs[0].setAttribute("aria-describedby", help.id);
     line.append(label, ...inputs, help, told);
-    controls[name] = { told };
+    controls[name] = { told, input: inputs[0] };
     return line;
   }
 
@@ -208,6 +257,11 @@
   live.hidden = false;
   document.body.classList.add("live");
   document.getElementById("verdict").setAttribute("aria-live", "polite");
+  if (unplanned) {
+    document.body.classList.add("unplanned");
+    document.getElementById("name").textContent = values.name;
+    refuse(unplanned);
+  }
 
   save.addEventListener("click", async () => {
     const data = await ask("save", changed);
