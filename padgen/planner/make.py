@@ -43,7 +43,7 @@ from padgen.planner.plan import (
     scheme_named,
     sets_db,
 )
-from padgen.planner.printed_pads import NOT_PRINTED, compared_prints, what_prints_keep
+from padgen.planner.printed_pads import NOT_PRINTED, QUICK_PADS, SURELY, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
 from padgen.planner.sizing import SizedChannel
@@ -57,6 +57,9 @@ REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "b
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
+MOST_SURE = 8
+"""Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
+those that few prints leave the most hope for."""
 _grid = attrgetter("rows", "columns", "channels")
 
 
@@ -161,17 +164,21 @@ def _best(found: Sequence[Choice]) -> Choice:
     rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
     tried: list[tuple[Choice, Tried]] = []
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
-        one = _tried(choice, asked)
+        one = _tried(choice, asked, wanted)
         if one.share >= wanted:
             return choice
         tried.append((choice, one))
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
+    # Few prints are enough of those that surely work less often than another.
     chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
+    surely = max(one.share - one.unsure_share for _, one in tried)
+    most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
+    surely = max(surely, *most_likely[MOST_SURE - 1 : MOST_SURE])
     for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
             break
-        if one.share < 0:
-            one = _tried(choice, least)
+        if one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share)):
+            one = _tried(choice, least, max(surely, best.share))
         if (one.share, one.print_db) > (best.share, best.print_db):
             best, chosen, least = one, choice, asked if one.share > 0 else one.print_db
     return chosen
@@ -180,12 +187,14 @@ def _best(found: Sequence[Choice]) -> Choice:
 class Tried(NamedTuple):
     """Figures of a choice: an upper bound of its selectivity in dB, the share of prints that work, and their dB.
 
-    A negative `share` means that no prints were simulated.
+    A negative `share` means that no prints were simulated. `unsure_share` is by how much more prints might change it;
+    0 where they were simulated.
     """
 
     at_most_db: float
     share: float = -1.0
     print_db: float = -inf
+    unsure_share: float = 0.0
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
@@ -201,8 +210,8 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
             yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
-def _tried(choice: Choice, least_db: float) -> Tried:
-    """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`.
+def _tried(choice: Choice, least_db: float, least_share: float) -> Tried:
+    """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
     The steps are the resonances alone, then pull and modes, then leakage, then simulated prints.
     """
@@ -219,11 +228,13 @@ def _tried(choice: Choice, least_db: float) -> Tried:
         at_most = min(at_most, selectivity.kept_db)
     if at_most < least_db:
         return Tried(at_most)
-    paper_db, prints = compared_prints(_assemble(choice, channels, selectivity), least_db)
+    paper_db, prints = compared_prints(_assemble(choice, channels, selectivity), least_db, least_share)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
         return Tried(at_most)
-    return Tried(at_most, prints.good_share, inf if prints.print_db is None else prints.print_db)
+    print_db = inf if prints.print_db is None else prints.print_db
+    unsure = SURELY * prints.error_share if 0 < prints.good_share and prints.pads <= QUICK_PADS else 0.0
+    return Tried(at_most, prints.good_share, print_db, unsure)
 
 
 def finish(choice: Choice, quick: bool = False) -> Plan:
