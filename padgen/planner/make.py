@@ -3,7 +3,8 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain, islice, product
+from heapq import merge
+from itertools import chain, islice, product, starmap, tee
 from math import inf
 from operator import attrgetter
 from typing import NamedTuple
@@ -117,20 +118,26 @@ def choose(spec: Spec) -> Choice:
 
 
 def _searched(spec: Spec, quick: bool = False) -> Choice | None:
-    found: list[Choice] = []
-    known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
+    ranked: list[Iterator[Choice]] = []
+    known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided_specs(spec):
         # The gap changes no beam, and the drive does only where resonances are optimised for it.
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
             some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
-            known[key] = list(islice(some, None if spec.leaves_layout_free and not quick else 1))
-        if quick and known[key]:
-            return Choice(decided, *known[key][0])
-        found += [Choice(decided, *sized) for sized in known[key]]
-    if not found:
+            known[key] = islice(some, None if spec.leaves_layout_free and not quick else 1)
+        known[key], sized = tee(known[key])
+        own = starmap(partial(Choice, decided), sized)
+        if quick and (first := next(own, None)):
+            return first
+        ranked.append(own)
+    # Layouts are sized when it is their turn: those after the first one whose prints work never are.
+    found = merge(*ranked, key=_coils_key)
+    some_found = list(islice(found, 2))
+    if not some_found:
         return None
-    spec, layout, channels, *_ = best = found[0] if len(found) == 1 else _best(found)
+    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, found))
+    spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     pulls = force_constants(spec, channels, sites)
     far = int(pulls.argmin())
@@ -158,19 +165,22 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
             yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
 
 
-def _best(found: Sequence[Choice]) -> Choice:
-    """Return the choice with the fewest coils whose prints work as asked, else that with the most working prints."""
-    asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
-    rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
+def _coils_key(choice: Choice) -> tuple[bool, int]:
+    return choice.layout.surplus > 0, choice.layout.coils
+
+
+def _best(rank: Iterator[Choice]) -> Choice:
+    """Return the first choice of `rank` whose prints work as asked, else that with the most working prints."""
     tried: list[tuple[Choice, Tried]] = []
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
-        one = _tried(choice, asked, wanted)
-        if one.share >= wanted:
+        asked = decibel(choice.spec.delta_y)
+        one = _tried(choice, asked, choice.spec.print_share)
+        if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     # Few prints are enough of those that surely work less often than another.
-    chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
+    chosen, best, least = tried[0][0], Tried(-inf, -inf, -inf), -inf
     surely = max(one.share - one.unsure_share for _, one in tried)
     most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
     surely = max(surely, *most_likely[MOST_SURE - 1 : MOST_SURE])
@@ -233,7 +243,7 @@ def _tried(choice: Choice, least_db: float, least_share: float) -> Tried:
     if prints is NOT_PRINTED:
         return Tried(at_most)
     print_db = inf if prints.print_db is None else prints.print_db
-    unsure = SURELY * prints.error_share if 0 < prints.good_share and prints.pads <= QUICK_PADS else 0.0
+    unsure = SURELY * prints.error_share if prints.good_share > 0 and prints.pads <= QUICK_PADS else 0.0
     return Tried(at_most, prints.good_share, print_db, unsure)
 
 
