@@ -538,8 +538,14 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
         assert "9" in page.locator("#live .status").inner_text()
         assert page.evaluate("document.body.classList.contains('refused')")
         assert page.evaluate("window.padgen.data.spec.q_min") == float(value)
+        marked = "document.getElementById('field-resolution').getAttribute('aria-invalid')"
+        faded = "Number(getComputedStyle(document.getElementById('verdict')).opacity)"
+        assert page.evaluate(marked) == "true" and page.evaluate(faded) < 0.6
         page.evaluate(PLANNED, ["pad.width_mm", "number", "52"])
         assert not page.evaluate("document.body.classList.contains('refused')")
+        assert page.evaluate(marked) is None and page.evaluate(faded) == 1
+        labels = {name: page.text_content(f"label[for='field-{name}']") for name in ("q_min", "pad.width_mm")}
+        assert labels == {"q_min": "smallest Q", "pad.width_mm": "width, mm"}
         assert page.evaluate("padgen.view().drawNow(), linked") == linked > 0
         asked.clear()
         last = page.evaluate(BURST, list(range(500, 600, 5)))

@@ -14,7 +14,7 @@ from padgen.physics.magnetics import coil_rings, rings_potential, solenoid
 from padgen.physics.pull import _coarse_rings
 from padgen.planner import make, make_plan
 from padgen.planner.channels import pulls
-from padgen.report.plans import plan_text, verdict_level
+from padgen.report.plans import plan_text
 from padgen.spec import catalogue, make_spec
 
 FOUR = {"name": "odd", "resolution": 8, "band_hz": [50, 200], "q_min": 15}
@@ -65,7 +65,7 @@ def test_no_pad_works_by_a_leakage_that_is_not_known(length_mm, known):
     codes = [finding.code for finding in plan.findings if finding.level == "error"]
     assert plan.reuse.is_known == known
     assert ("coil.leak_unknown" in codes) == (not known)
-    assert (verdict_level(plan) == "error") == (not known)
+    assert (plan.verdict.level == "error") == (not known)
     assert ("is not known" in plan_text(plan)) == (not known)
     for cure in next((f.cures for f in plan.findings if f.code == "coil.leak_unknown"), ()):
         cured = make_plan(spec_of("pad-32", {"coil": {"length_mm": cure["coil.length_mm"]}}))

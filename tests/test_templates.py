@@ -43,7 +43,7 @@ def paper_16(plan):
     assert resonances(plan) == pytest.approx([60], rel=1e-3)
     # One channel has no other to be told from.
     assert plan.selectivity.all_states_db is None
-    assert {f.code for f in plan.findings} == {"print.spread", "touch.skin", "model.left_out"}
+    assert {f.code for f in plan.findings} == {"print.spread", "touch.skin", "touch.push", "model.left_out"}
 
 
 def paper_32(plan):

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from itertools import chain, islice, product
+from heapq import merge
+from itertools import chain, islice, product, starmap, tee
 from math import inf, isnan
 from operator import attrgetter
 from pathlib import Path
@@ -49,7 +50,7 @@ from padgen.planner.plan import (
     scheme_named,
     sets_db,
 )
-from padgen.planner.printed_pads import NOT_PRINTED, compared_prints, what_prints_keep
+from padgen.planner.printed_pads import NOT_PRINTED, QUICK_PADS, SURELY, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
 from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
@@ -65,6 +66,9 @@ REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "b
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
+MOST_SURE = 8
+"""Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
+those that few prints leave the most hope for."""
 _grid = attrgetter("rows", "columns", "channels")
 
 
@@ -149,20 +153,26 @@ def choose(spec: Spec) -> Choice:
 
 
 def _searched(spec: Spec, quick: bool = False) -> Choice | None:
-    found: list[Choice] = []
-    known: dict[tuple[str, ...], list[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
+    ranked: list[Iterator[Choice]] = []
+    known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided_specs(spec):
         # The gap changes no beam, and the drive does only where resonances are optimised for it.
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
             some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
-            known[key] = list(islice(some, None if spec.leaves_layout_free and not quick else 1))
-        if quick and known[key]:
-            return Choice(decided, *known[key][0])
-        found += [Choice(decided, *sized) for sized in known[key]]
-    if not found:
+            known[key] = islice(some, None if spec.leaves_layout_free and not quick else 1)
+        known[key], sized = tee(known[key])
+        own = starmap(partial(Choice, decided), sized)
+        if quick and (first := next(own, None)):
+            return first
+        ranked.append(own)
+    # Layouts are sized when it is their turn: those after the first one whose prints work never are.
+    found = merge(*ranked, key=_coils_key)
+    some_found = list(islice(found, 2))
+    if not some_found:
         return None
-    spec, layout, channels, *_ = best = found[0] if len(found) == 1 else _best(found)
+    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, found))
+    spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     pulls = force_constants(spec, channels, sites)
     far = int(pulls.argmin())
@@ -194,30 +204,37 @@ Driven = dict[int, tuple[Choice, tuple[Channel, ...], Selectivity]]
 """Choices whose drive has been chosen, by `id`: kept with them, so that no other choice gets the same `id`."""
 
 
-def _best(found: Sequence[Choice], known: Driven | None = None, overloaded: bool = False) -> Choice:
-    """Return the choice with the fewest coils whose prints work as asked, else that with the most working prints.
+def _coils_key(choice: Choice) -> tuple[bool, int]:
+    return choice.layout.surplus > 0, choice.layout.coils
+
+
+def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool = False) -> Choice:
+    """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
 
     Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`; what is `known` of
     them is not computed again.
     """
-    asked, wanted = decibel(found[0].spec.delta_y), found[0].spec.print_share
-    rank = sorted(found, key=lambda choice: (choice.layout.surplus > 0, choice.layout.coils))
     tried: list[tuple[Choice, Tried]] = []
     known = known or {}
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
-        one = _tried(choice, asked, known, overloaded)
-        if one.share >= wanted:
+        asked = decibel(choice.spec.delta_y)
+        one = _tried(choice, asked, choice.spec.print_share, known, overloaded)
+        if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
     if not overloaded and all(one.at_most_db == -inf for _, one in tried):
-        return _best(found, known, overloaded=True)
+        return _best((choice for choice, _ in tried), known, overloaded=True)
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
-    chosen, best, least = rank[0], Tried(-inf, -inf, -inf), -inf
+    # Few prints are enough of those that surely work less often than another.
+    chosen, best, least = tried[0][0], Tried(-inf, -inf, -inf), -inf
+    surely = max(one.share - one.unsure_share for _, one in tried)
+    most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
+    surely = max(surely, *most_likely[MOST_SURE - 1 : MOST_SURE])
     for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
             break
-        if one.share < 0:
-            one = _tried(choice, least, known, overloaded)
+        if one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share)):
+            one = _tried(choice, least, max(surely, best.share), known, overloaded)
         if (one.share, one.print_db) > (best.share, best.print_db):
             best, chosen, least = one, choice, asked if one.share > 0 else one.print_db
     return chosen
@@ -226,12 +243,14 @@ def _best(found: Sequence[Choice], known: Driven | None = None, overloaded: bool
 class Tried(NamedTuple):
     """Figures of a choice: an upper bound of its selectivity in dB, the share of prints that work, and their dB.
 
-    A negative `share` means that no prints were simulated.
+    A negative `share` means that no prints were simulated. `unsure_share` is by how much more prints might change it;
+    0 where they were simulated.
     """
 
     at_most_db: float
     share: float = -1.0
     print_db: float = -inf
+    unsure_share: float = 0.0
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
@@ -247,8 +266,8 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
             yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
-def _tried(choice: Choice, least_db: float, known: Driven, overloaded: bool = False) -> Tried:
-    """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`.
+def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, overloaded: bool = False) -> Tried:
+    """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
     The steps are the resonances alone, then pull and modes, then leakage, then simulated prints. Where `overloaded`,
     only the amplifier's limits are kept, not the coils'.
@@ -271,11 +290,13 @@ def _tried(choice: Choice, least_db: float, known: Driven, overloaded: bool = Fa
         at_most = min(at_most, selectivity.kept_db)
     if at_most < least_db:
         return Tried(at_most)
-    paper_db, prints = compared_prints(_assemble(choice, channels, selectivity), least_db)
+    paper_db, prints = compared_prints(_assemble(choice, channels, selectivity), least_db, least_share)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
         return Tried(at_most)
-    return Tried(at_most, prints.good_share, inf if prints.print_db is None else prints.print_db)
+    print_db = inf if prints.print_db is None else prints.print_db
+    unsure = SURELY * prints.error_share if prints.good_share > 0 and prints.pads <= QUICK_PADS else 0.0
+    return Tried(at_most, prints.good_share, print_db, unsure)
 
 
 def finish(choice: Choice, quick: bool = False) -> Plan:

@@ -54,7 +54,9 @@ __all__ = [
     "NAMES",
     "NOT_PRINTED",
     "OF_A_PRINT",
+    "QUICK_PADS",
     "STAGES",
+    "SURELY",
     "Coils",
     "Design",
     "Simulated",
@@ -450,10 +452,10 @@ PADS, FEWEST = 1000, 100
 """Pads that are simulated, and the fewest where a pad takes much work."""
 QUICK_PADS, NEAR_SHARE = 200, 0.07
 """Pads for comparing layouts, and three sigma of their good share: more are simulated if it is so near to the asked."""
-HOPELESS = 0.5
-"""Share of the asked share below which a layout is no candidate, so that few pads suffice to compare it."""
 SURE_SHARE, SURE_DB = 0.013, 0.2
 """Half intervals above which more pads are simulated; of two hundred plans none is then off by 2 % or 0.3 dB."""
+SURELY = 2.0
+"""Half intervals of 95 % by which a share of few prints is below another that more prints would not reach, either."""
 WORK, MOST_WORK = 4e6, 1.6e7
 """Most responses that are computed at first, and when more pads are simulated."""
 SIGMAS_95 = 1.96
@@ -468,11 +470,11 @@ def what_prints_keep(plan: Plan, quick: bool = False) -> Prints:
     return _simulated(plan, design, QUICK_PADS, STAGES) if quick else _simulated_until_sure(plan, design, STAGES)
 
 
-def compared_prints(plan: Plan, least_db: float) -> tuple[float, Prints]:
+def compared_prints(plan: Plan, least_db: float, least_share: float) -> tuple[float, Prints]:
     """Return the selectivity in dB of the pad as drawn, leakage and other modes counted, and its re-tuned prints.
 
-    As many prints are simulated as comparing layouts needs; none (`NOT_PRINTED`) if the drawn pad keeps less than
-    `least_db`.
+    As many prints are simulated as comparing layouts needs: none (`NOT_PRINTED`) if the drawn pad keeps less than
+    `least_db`, and few if these show that the share of good ones is below `least_share`.
     """
     design, stages = design_of(plan, None), STAGES[-1:]
     ratio = float(printed(design, spreads_of(plan.spec).none(), 1, 0, stages).ratio.min())
@@ -480,8 +482,8 @@ def compared_prints(plan: Plan, least_db: float) -> tuple[float, Prints]:
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
     prints = _simulated(plan, design, QUICK_PADS, stages)
-    wanted = plan.spec.print_share
-    if HOPELESS * wanted < prints.good_share < wanted + NEAR_SHARE:
+    may_reach = prints.good_share + SURELY * prints.error_share >= least_share
+    if may_reach and 0 < prints.good_share < plan.spec.print_share + NEAR_SHARE:
         prints = _simulated_until_sure(plan, design, stages)
     return paper_db, prints
 

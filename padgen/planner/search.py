@@ -32,7 +32,7 @@ from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, 
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
 from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, reach
 from padgen.planner.suspensions import Room, allowed
-from padgen.spec import Spec
+from padgen.spec import Drive, Spec
 
 __all__ = [
     "Optimum",
@@ -265,8 +265,15 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
 @lru_cache(maxsize=64)
 def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...], ...]:
     """Return beams for the first ladder that prints; with optimised spacing, for all ladders that print."""
-    sized = (channels for hz in ladders(spec, count, space) if (channels := beams_for_resonances(spec, space, hz)))
+    undriven = replace(spec, drive=Drive())
+    sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
+
+
+@lru_cache(maxsize=256)
+def _resonating(spec: Spec, space: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
+    """Return beams for resonances; of the same ones they are the same whatever drive they are optimised for."""
+    return beams_for_resonances(spec, space, resonance_hz)
 
 
 def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:

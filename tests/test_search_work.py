@@ -1,0 +1,35 @@
+"""How much the search computes, counted: layouts sized and prints simulated, which no machine's speed changes."""
+
+from dataclasses import replace
+from math import inf
+
+import pytest
+
+from padgen.planner import make_plan, search
+from padgen.planner.printed_pads import QUICK_PADS, compared_prints
+from padgen.spec import load_spec, make_spec
+
+
+@pytest.mark.parametrize(("spacing", "most"), [("spread", 5), ("optimised", 9)])
+def test_layouts_after_the_first_that_works_are_not_sized(monkeypatch, spacing, most):
+    # When all were sized before the first was tried, there were 30 and 86.
+    sized = []
+    beams = search._beams
+
+    def counted(spec, layout):
+        sized.append(layout)
+        return beams(spec, layout)
+
+    monkeypatch.setattr(search, "_beams", counted)
+    make_plan(make_spec({"name": "a", "resolution": 10, "band_hz": [50, 120], "q_min": 30, "spacing": spacing}))
+    assert 0 < len(sized) <= most
+
+
+def test_few_prints_are_simulated_of_a_layout_that_cannot_be_chosen():
+    plan = make_plan(load_spec("resin-fine"))
+    plan = replace(plan, spec=replace(plan.spec, print_share=0.99))
+    sure = compared_prints(plan, -inf, 0.0)[1]
+    few = compared_prints(plan, -inf, 1.5)[1]
+    assert 0 < sure.good_share < 1
+    assert few.pads <= QUICK_PADS < sure.pads
+    assert abs(few.good_share - sure.good_share) <= few.error_share + sure.error_share
