@@ -6,6 +6,7 @@
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -26,16 +27,18 @@ def main() -> None:
     print("|---|---|---|---|---|---|---|---|")
     for name in PADS:
         plan = pg.plan(name)
-        asked = [{"pattern": one} for one in PATTERNS] + [{"text": one} for one in TEXTS]
+        asked: list[dict[str, Any]] = [{"pattern": one} for one in PATTERNS] + [{"text": one} for one in TEXTS]
         for brake in (False, True):
             stated, integrated, heard = [], [], []
+            frame_s = 0.0
             for shown in asked:
                 with TemporaryDirectory() as folder:
                     driven = pg.drive(plan, **shown, brake=brake).save(folder, formats=("wav",), hear=True)
-                    if driven.contrast is None:
+                    if driven.contrast is None or driven.heard is None or driven.heard.slot_contrast is None:
                         continue
+                    frame_s = driven.contrast.frame_s
                     frames = levels_of(plan, None, **shown)
-                    slots, _ = slot_contrast_db(plan, frames, driven.contrast.frame_s, Path(folder))
+                    slots, _ = slot_contrast_db(plan, frames, frame_s, Path(folder))
                     stated.append(driven.contrast.slot_db)
                     integrated.append(np.nanmin(slots))
                     heard.append(driven.heard.slot_contrast[0])
@@ -43,7 +46,7 @@ def main() -> None:
             off = np.subtract(integrated, stated)
             ear = np.subtract(heard, integrated)
             print(
-                f"| {name} | {plan.scheme.name} | {'yes' if brake else 'no'} | {driven.contrast.frame_s:.3f}"
+                f"| {name} | {plan.scheme.name} | {'yes' if brake else 'no'} | {frame_s:.3f}"
                 f" | {len(off)}"
                 f" | {min(stated):.1f} … {max(stated):.1f} | {off.min():+.2f} … {off.max():+.2f}"
                 f" | {ear.min():+.2f} … {ear.max():+.2f} |",

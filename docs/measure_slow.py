@@ -121,4 +121,5 @@ def main(specs: int, first: int, calls: bool) -> None:
 
 if __name__ == "__main__":
     numbers = [int(word) for word in sys.argv[1:] if word.isdigit()]
-    main(*([*numbers, *(SPECS, 0)[len(numbers) :]]), "--calls" in sys.argv)
+    asked = [*numbers, *(SPECS, 0)[len(numbers) :]]
+    main(asked[0], asked[1], "--calls" in sys.argv)
