@@ -5,7 +5,7 @@ from math import inf
 
 import pytest
 
-from padgen.planner import make_plan, search
+from padgen.planner import make, make_plan, search
 from padgen.planner.printed_pads import QUICK_PADS, compared_prints
 from padgen.spec import load_spec, make_spec
 
@@ -33,3 +33,23 @@ def test_few_prints_are_simulated_of_a_layout_that_cannot_be_chosen():
     assert 0 < sure.good_share < 1
     assert few.pads <= QUICK_PADS < sure.pads
     assert abs(few.good_share - sure.good_share) <= few.error_share + sure.error_share
+
+
+@pytest.mark.parametrize("count", [1, 3, 40])
+def test_the_layout_that_works_most_often_is_found_with_many_prints_of_few(monkeypatch, count):
+    spec = load_spec("paper-32")  # its layout is given, so that no bent beams are tried
+    shares = [0.3 + 0.5 * (7 * k % count) / count for k in range(count)]
+    sure = []
+
+    def tried(choice, least_db, least_share):
+        share, unsure = shares[choice.layout], 0.05
+        if share + unsure < least_share:
+            return make.Tried(30.0, share - 0.02 * (choice.layout % 2), 20.0, unsure)
+        sure.append(choice)
+        return make.Tried(30.0, share, 20.0)
+
+    monkeypatch.setattr(make, "_tried", tried)
+    monkeypatch.setattr(make, "_with_bent_beams", lambda tried: iter(()))
+    found = make._best(make.Choice(spec, k, ()) for k in range(count))
+    assert shares[found.layout] == max(shares)
+    assert len(sure) <= make.MOST_SURE

@@ -229,7 +229,7 @@ def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool 
     chosen, best, least = tried[0][0], Tried(-inf, -inf, -inf), -inf
     surely = max(one.share - one.unsure_share for _, one in tried)
     most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
-    surely = max(surely, *most_likely[MOST_SURE - 1 : MOST_SURE])
+    surely = max([surely, *most_likely[MOST_SURE - 1 : MOST_SURE]])
     for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
         if one.at_most_db < least:
             break
