@@ -58,7 +58,7 @@ def test_every_cure_of_random_specs_does_what_it_says():
         for what, fault in cures_of(random_table(number)):
             assert not fault, (number, what, fault)
             tried[what] += 1
-    assert tried.total() > 20 and {"resolution", "washer", "coil.heat"} <= set(tried), tried
+    assert tried.total() > 20 and {"washer", "coil.heat"} <= set(tried), tried
 
 
 @pytest.mark.parametrize(

@@ -570,7 +570,7 @@ def test_modes_and_leakage_are_counted_once_each():
         10 ** (-plan.selectivity.placed_all_states_db / 10) + 10 ** (-leak / 10) for leak in plan.reuse.retuned_leaks_db
     )
     lost = max(c.level_loss_db for c in plan.channels)
-    paper_db, prints = compared_prints(plan, np.inf)
+    paper_db, prints = compared_prints(plan, np.inf, 0.0)
     assert prints is NOT_PRINTED
     assert paper_db == pytest.approx(-10 * np.log10(worst) - lost, abs=1.0)
     assert paper_db <= min(*plan.reuse.retuned_leaks_db, plan.selectivity.kept_db)
