@@ -159,7 +159,7 @@ VERDICTS = ("error", "short", "retune", "good")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether a pad does its job, for whoever reads one line only.
+    """The verdict on a pad: that it does its job, by how much, or why not, in one line.
 
     Parameters
     ----------

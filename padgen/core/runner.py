@@ -510,7 +510,7 @@ def _is_life_line(descriptor: int) -> bool:
 
 
 _answers: IO[bytes] | None = None
-"""Where a worker's messages go; None in any other process."""
+"""The stream for a worker's messages; None in any other process."""
 
 
 def tell(step: str) -> None:

@@ -132,7 +132,7 @@ def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
 
 
 class _Switched(NamedTuple):
-    """How the channels of a coil are switched: their time constants, a transition, and energy that OFF ones hear."""
+    """The switching of a coil's channels: their time constants, a transition, and energy that OFF ones hear."""
 
     tau_s: np.ndarray
     ramp_s: float

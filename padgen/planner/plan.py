@@ -380,12 +380,12 @@ class Reuse:
 
     @property
     def is_known(self) -> bool:
-        """Whether the leakage is known at all: its error is no more than itself."""
+        """True where the leakage is known: its error is no more than itself."""
         return self.leak_error <= 1
 
     @property
     def most_leak_db(self) -> float | None:
-        """How far the worst leakage stays below the taxel's own level at least, its error counted."""
+        """Least distance in dB of the worst leakage below the taxel's own level, its error counted."""
         return None if self.leak_db is None else self.leak_db - decibel(1 + self.leak_error)
 
 
@@ -448,7 +448,7 @@ class Touched:
 
 @dataclass(frozen=True, slots=True)
 class Push:
-    """What a push does to each channel's taxel (n,) at rest, from the place where it hangs.
+    """The effect of a push on each channel's taxel (n,) at rest, from the place where it hangs.
 
     `push_mn` is a force on the boss; or it is None, and `skin` lies at the height of the frame: 'low', 'typical' or
     'high'. `deflection_mm` is that of the washer's axis if no coil were below; `contact` is where that closes the gap.

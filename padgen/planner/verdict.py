@@ -12,7 +12,7 @@ from padgen.planner.plan import Plan
 __all__ = ["NOT_JUDGED", "judged"]
 
 NOT_JUDGED = Verdict("error", "not judged yet", "", "", "", None)
-"""What a plan has until it is `judged`."""
+"""The placeholder in a plan that is not `judged` yet."""
 CAUSES = ("selectivity.all_states", "coil.leak", "print.share")
 """Codes of findings that say why prints keep too little, the deepest cause first."""
 

@@ -327,7 +327,7 @@ NONE_WORKS = {
     "short": "; every variant falls short of what it asks, and these come nearest",
     "faulty": "; no variant works",
 }
-"""What the heading of a front says by the kind of variant that it is of."""
+"""The end of a front's heading, by the kind of variant that the front is of."""
 
 
 def _front_text(sweep: "Sweep", overview: "Overview") -> str:
