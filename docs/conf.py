@@ -11,7 +11,9 @@ sys.path.insert(0, str(HERE.parent))
 from padgen import __version__  # noqa: E402
 from padgen.core.errors import number  # noqa: E402
 
-project, author, copyright = "padgen", "the developers of padgen", "the developers of padgen, Apache-2.0"
+project = "padgen"
+author = "the developers of padgen"
+copyright = "the developers of padgen, Apache-2.0"
 version = release = __version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 myst_enable_extensions = ["colon_fence"]

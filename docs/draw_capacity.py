@@ -16,9 +16,12 @@ from padgen.planner.search import largest_counts, printed_count
 from tests.test_yield import BAND_HZ, COILS, good_share
 
 PAGE = Path(__file__).with_name("yield.md")
-BEGIN, END = "<!-- made by docs/draw_capacity.py -->\n", "<!-- end -->\n"
+BEGIN = "<!-- made by docs/draw_capacity.py -->\n"
+END = "<!-- end -->\n"
 SHARE, LAW, PADS = 0.9, LevelLaw(1), 400
-QS, ASKED_DB, SPREADS = (10, 15, 30, 60), (14, 20), (0.0, 0.01, 0.02, 0.04, 0.08)
+QS = (10, 15, 30, 60)
+ASKED_DB = (14, 20)
+SPREADS = (0.0, 0.01, 0.02, 0.04, 0.08)
 MOST = 40
 """Channels up to which random cases are judged."""
 DRAWN = [k * 0.0025 for k in range(41)]
@@ -55,11 +58,16 @@ def table() -> list[str]:
 
 def random_cases(cases: int = 150) -> Counter:
     """How often the closed form is how many channels off the Monte-Carlo, biased (True) and otherwise."""
-    off, rng = Counter[tuple[bool, int]](), np.random.default_rng(5)
+    off = Counter[tuple[bool, int]]()
+    rng = np.random.default_rng(5)
     for k in range(cases):
-        name, tuned = in_order()[k % 4], rng.random() < 0.7
-        q, asked_db, law = rng.uniform(8, 80), rng.uniform(12, 24), LevelLaw(rng.choice([0, 0.5, 1, 2]))
-        band_hz, coils = (20.0, float(20 * np.exp(rng.uniform(1, 4)))), int(rng.choice([1, 4, 16, 64]))
+        name = in_order()[k % 4]
+        tuned = rng.random() < 0.7
+        q = rng.uniform(8, 80)
+        asked_db = rng.uniform(12, 24)
+        law = LevelLaw(rng.choice([0, 0.5, 1, 2]))
+        band_hz = (20.0, float(20 * np.exp(rng.uniform(1, 4))))
+        coils = int(rng.choice([1, 4, 16, 64]))
         spreads = (rng.uniform(0.003, 0.06), 0.0) if tuned else (0.0, rng.uniform(0.001, 0.024))
         asked = band_hz, q, law, Scheme(name), asked_db
         found, (most, _) = printed_count(*asked, SHARE, coils, *spreads), largest_counts(*asked)

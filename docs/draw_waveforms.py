@@ -12,7 +12,8 @@ from padgen.planner import make_plan
 from padgen.spec import load_spec
 
 RATE_HZ = 48_000
-SHOWN_S, HIGHEST_HZ = 0.1, 750.0
+SHOWN_S = 0.1
+HIGHEST_HZ = 750.0
 
 
 def played(scheme: str) -> tuple[PadDrive, np.ndarray, np.ndarray]:

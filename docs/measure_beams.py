@@ -25,7 +25,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.test_beam_model import errors_and_estimates, row_spec
 
 SET = Path(__file__).parents[1] / "tests" / "reference" / "beam_calibration.json"
-STEEL_PA, STEEL_POISSON = 200e9, 0.3
+STEEL_PA = 200e9
+STEEL_POISSON = 0.3
 BINS = ((1, 2), (2, 4), (4, 8), (8, 16), (16, 100))
 
 
@@ -76,7 +77,8 @@ def write_step(row: dict[str, Any], path: Path) -> float:
     from padgen.solid.kernel import build123d
     from padgen.solid.taxel import taxel_solid, washer_solid
 
-    spec, b = row_spec(row), build123d()
+    spec = row_spec(row)
+    b = build123d()
     shape = plate_shape(spec)
     arrangement = suspension(row["topology"]).arrange(shape, beam_of(row), spec.printer.smallest_gap_mm)
     top_mm = spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm
@@ -94,8 +96,10 @@ def write_step(row: dict[str, Any], path: Path) -> float:
         arrangement=lambda _: arrangement,
         cell=Cell(1, 1, length + rib, width + rib, "x"),
     )
-    printed, washer = taxel_solid(plan, channel), washer_solid(plan, channel)
-    printed.label, washer.label = "printed", "washer"
+    printed = taxel_solid(plan, channel)
+    washer = washer_solid(plan, channel)
+    printed.label = "printed"
+    washer.label = "washer"
     b.export_step(b.Compound(label=row["name"], children=[printed, washer]), path)
     return float(washer.volume)
 
@@ -105,7 +109,8 @@ def solve(row: dict[str, Any], path: Path, washer_mm3: float) -> tuple[float, li
     from padgen.verify.elasticity import Elastic, SolidTaxel, solve_modes
 
     spec = row_spec(row)
-    material, washer = spec.material, spec.washer
+    material = spec.material
+    washer = spec.washer
     printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     steel = Elastic(STEEL_PA, STEEL_POISSON, washer.density_g_per_cm3 * G_PER_CM3)
     arrangement = suspension(row["topology"]).arrange(plate_shape(spec), beam_of(row), spec.printer.smallest_gap_mm)

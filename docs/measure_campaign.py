@@ -38,13 +38,16 @@ from padgen.spec import Spec, catalogue, make_spec
 from padgen.verify.elasticity import Elastic, layered
 
 SET = Path(__file__).parents[1] / "tests" / "reference" / "taxel_campaign.csv"
-SEED, THIRD = 20261122, 3
+SEED = 20261122
+THIRD = 3
 MODES = 6
-TIME_S, MOST_MB = 240, 3000
+TIME_S = 240
+MOST_MB = 3000
 TRIES = 60
 TOPOLOGIES = ("cantilever", "folded", "bridge")
 BENT = ("serpentine-3", "serpentine-5", "serpentine-7")
-BENT_FROM, LATER_FROM = 1000, 1070
+BENT_FROM = 1000
+LATER_FROM = 1070
 """First numbers of taxels on bent beams, and of those that no choice was made on."""
 MOST_ACROSS = 4.0
 """Largest length in mm of a serpentine's leg where dimensions are drawn directly."""
@@ -112,7 +115,8 @@ def rows_of(path: Path = SET) -> list[Row]:
     ]
 
 
-ADDED, MOST_ADDED = 0.15, 2e-3
+ADDED = 0.15
+MOST_ADDED = 2e-3
 """Share of the change from order 2 to 3 by which higher orders still lower a frequency, and its maximum.
 
 Order 4 lowered it by 0.02 to 0.42 % on ten of the taxels.
@@ -197,7 +201,8 @@ def compared(row: Row, frame_depth_mm: float | None = None) -> list[Compared]:
     own = np.concatenate([model.modes.at_point(model.washer_point_m), model.modes.shape[3:]])
     alike = np.linalg.solve(own, motion.T) ** 2
     alike /= alike.sum(0)
-    hz, found = true_hz(row), []
+    hz = true_hz(row)
+    found = []
     for k in range(MODES):
         best = int(alike[k].argmax())
         if alike[k, best] > ALIKE:
@@ -230,7 +235,8 @@ def line(name: str, group: list[Compared]) -> str:
     if not group:
         return f"| {name} | 0 | | | | | |"
     error, stated = (np.abs([getattr(one, key) for one in group]) for key in ("error", "stated"))
-    middle, own = np.median(error), np.median(stated)
+    middle = np.median(error)
+    own = np.median(stated)
     return (
         f"| {name} | {len(group)} | {middle:.2%} | {np.quantile(error, 0.9):.1%} | {own:.2%} | {own / middle:.1f}"
         f" | {(error <= stated).mean():.1%} |"
@@ -303,11 +309,14 @@ def _printed(random: Any) -> Row:
         ratio = _logs(random, 0.1 if process == "fdm" else 0.5, 1)
     if process == "fdm":
         layer = float(random.choice([0.05, 0.1, 0.15, 0.2, 0.25, 0.3]))
-        first, line = max(layer, float(random.choice([0.1, 0.2, 0.3]))), float(random.choice([0.27, 0.45]))
+        first = max(layer, float(random.choice([0.1, 0.2, 0.3])))
+        line = float(random.choice([0.27, 0.45]))
         gap = 0.3 if line > 0.3 else 0.2
     else:
         layer = float(random.choice([0.025, 0.05, 0.1]))
-        first, line, gap = layer, 0.3, 0.2
+        first = layer
+        line = 0.3
+        gap = 0.2
     name = str(random.choice(WASHERS))
     washer = SMALLEST if name == "m1" else {key: float(catalogue("washer")[name][key]) for key in SMALLEST}
     row: Row = {
@@ -379,7 +388,8 @@ _SIZED = {"width_mm": 1.0, "thickness_mm": 1.0, "length_mm": 1.0}
 def _planned(random: Any, topologies: tuple[str, ...]) -> Row:
     """Draw one channel of the plan of a random spec."""
     row: Row = {"topology": str(random.choice(topologies)), **_printed(random)}
-    channels, coils = int(random.integers(1, 4)), int(random.integers(1, 5))
+    channels = int(random.integers(1, 4))
+    coils = int(random.integers(1, 5))
     pitch = _logs(random, 1.3, 4) * row["plate_width_mm"] * channels**0.5
     base = _logs(random, 25, 600) * (row["youngs_modulus_gpa"] / 2) ** 0.5
     table = table_of(row)
@@ -431,10 +441,12 @@ def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row
 
     ngsolve.SetNumThreads(1)
     began = time.process_time()
-    spec, arrangement = spec_of(row), model_of(row).arrangement
+    spec = spec_of(row)
+    arrangement = model_of(row).arrangement
     taxel, washer, (recess, depth) = spec.taxel, spec.washer, recess_mm(spec)
     # The boss is made shorter by the volume of its chamfer.
-    radius, edge = taxel.boss_diameter_mm / 2, taxel.boss_edge_mm
+    radius = taxel.boss_diameter_mm / 2
+    edge = taxel.boss_edge_mm
     top = spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm - edge**2 * (radius - edge / 3) / radius**2
     ring = (washer.outer_diameter_mm, washer.inner_diameter_mm, depth - washer.thickness_mm)
     boss = (taxel.boss_diameter_mm, top, taxel.plate_thickness_mm)
@@ -489,8 +501,10 @@ def solved_step(row: Row) -> Any:
         arrangement=lambda _: arrangement,
         cell=Cell(1, 1, sides.x1 - sides.x0, sides.y1 - sides.y0, "x"),
     )
-    printed, washer = taxel_solid(plan, channel), washer_solid(plan, channel)
-    printed.label, washer.label = "printed", "washer"
+    printed = taxel_solid(plan, channel)
+    washer = washer_solid(plan, channel)
+    printed.label = "printed"
+    washer.label = "washer"
     steel = Elastic(200e9, 0.3, spec.washer.density_g_per_cm3 * G_PER_CM3)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "taxel.step"

@@ -27,7 +27,10 @@ TURN = np.pi / 8
 """Turn of a bend within one chord, in rad."""
 PIECE = 2.5
 """Largest length over width of the straight pieces of a bent beam."""
-PRINTED, WASHER, CLAMPED, MIDDLE = "printed", "washer", "clamped", "middle"
+PRINTED = "printed"
+WASHER = "washer"
+CLAMPED = "clamped"
+MIDDLE = "middle"
 
 
 class Round(NamedTuple):
@@ -75,7 +78,8 @@ def _polygon(points: Any) -> Any:
 
 def _angles(fine: tuple[bool, bool]) -> np.ndarray:
     """Return corners of half a polygon in rad, closer at 0 or π where a beam meets the wall there."""
-    near, far = [0, 4, 8, 13, 20, 30, 45, 60, 75, 90], [0, 15, 30, 45, 60, 75, 90]
+    near = [0, 4, 8, 13, 20, 30, 45, 60, 75, 90]
+    far = [0, 15, 30, 45, 60, 75, 90]
     first, last = (near if one else far for one in fine)
     return np.radians([*first, *(180 - a for a in last[-2::-1])])
 
@@ -89,7 +93,8 @@ def _radii(diameter: float, angle: np.ndarray) -> np.ndarray:
 
 def _half_disc(diameter: float, x: float, angle: np.ndarray) -> Any:
     radius = _radii(diameter, angle)
-    along, up = x + radius * np.cos(angle), np.maximum(radius * np.sin(angle), 0.0)
+    along = x + radius * np.cos(angle)
+    up = np.maximum(radius * np.sin(angle), 0.0)
     up[[0, -1]] = 0.0
     return _polygon([(float(a), float(b)) for a, b in zip(along, up, strict=True)])
 
@@ -114,7 +119,9 @@ class Strip(NamedTuple):
 def _strips(taxel: Taxel) -> list[Strip]:
     found = []
     for path in taxel.arrangement.beams:
-        x, y, half = float(path.root_mm[0]), float(path.root_mm[1]), float(path.width_mm) / 2
+        x = float(path.root_mm[0])
+        y = float(path.root_mm[1])
+        half = float(path.width_mm) / 2
         if y >= 0:
             found.append(Strip(x, path.direction[0], max(y - half, 0.0) if y else 0.0, y + half, float(path.length_mm)))
     return found
@@ -159,7 +166,8 @@ def _meshed(faces: list[Any], lines: list[tuple[float, float, float]], levels: i
 
     shape = Glue(faces)
     for edge in shape.edges:
-        a, b = edge.start, edge.end
+        a = edge.start
+        b = edge.end
         edge.hpref = 0.0
         for at, low, high in lines:
             if (
@@ -189,11 +197,13 @@ def _bent_strip(path: Any) -> list[Any]:
     half, (x, y), heading = float(path.width_mm) / 2, (float(v) for v in path.root_mm), 0.0
     rungs = [((x, y), (0.0, 1.0))]
     for segment in path.segments:
-        length, turn = float(segment.length_mm), float(segment.turn_rad)
+        length = float(segment.length_mm)
+        turn = float(segment.turn_rad)
         count = round(abs(turn) / TURN) if turn else int(np.ceil(length / (PIECE * 2 * half)))
         for _ in range(count):
             heading += turn / count / 2
-            x, y = x + length / count * np.cos(heading), y + length / count * np.sin(heading)
+            x = x + length / count * np.cos(heading)
+            y = y + length / count * np.sin(heading)
             heading += turn / count / 2
             rungs.append(((x, y), (-np.sin(heading), np.cos(heading))))
     sides = [[(float(a + s * half * n), float(b + s * half * m)) for s in (-1, 1)] for (a, b), (n, m) in rungs]
@@ -203,15 +213,19 @@ def _bent_strip(path: Any) -> list[Any]:
 def bent_plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
     """Mesh the whole plan of a taxel on one bent beam."""
     (path,), (block,), r = taxel.arrangement.beams, taxel.arrangement.blocks, taxel.round
-    half, thickness, x0 = float(path.width_mm) / 2, float(path.thickness_mm), taxel.sides[0]
+    half = float(path.width_mm) / 2
+    thickness = float(path.thickness_mm)
+    x0 = taxel.sides[0]
     reach = REACH * max(thickness, -x0)
-    low, high = max(-half - reach, taxel.sides[2]), min(half + reach, taxel.sides[3])
+    low = max(-half - reach, taxel.sides[2])
+    high = min(half + reach, taxel.sides[3])
     begin, end, *sides = (float(v) for v in block[:4])
     faces = [_rectangle(x0, 0.0, low, high), *_bent_strip(path), _rectangle(begin, end, *sides)]
     angle = np.linspace(0, 2 * np.pi, 25)
     for diameter in (r.recess_mm, r.washer_outer_mm, r.washer_inner_mm, r.boss_mm, r.post_mm):
         if diameter > 0:
-            radius, centre = _radii(diameter, angle)[0], float(taxel.arrangement.washer_x_mm)
+            radius = _radii(diameter, angle)[0]
+            centre = float(taxel.arrangement.washer_x_mm)
             at = centre + radius * np.cos(angle[:-1]), radius * np.sin(angle[:-1])
             faces.append(_polygon(list(zip(*(v.tolist() for v in at), strict=True))))
     return _meshed(faces, [(0.0, -half, half), (begin, -half, half)], levels, size)
@@ -242,7 +256,8 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
     for strip in strips:
         depth = -x0 if strip.sign > 0 else x1 - whole
         reach = REACH * max(thickness, depth) + taxel.fillet_mm
-        low, high = max(strip.low - reach, 0.0), min(strip.high + reach, y1)
+        low = max(strip.low - reach, 0.0)
+        high = min(strip.high + reach, y1)
         root = (
             0.0
             if strip.sign > 0
@@ -290,7 +305,8 @@ def plan_mesh(taxel: Taxel, levels: int, size: float) -> Plan:
 
 def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
     """Return the materials over a place of the plan, each from level to level."""
-    arrangement, r = taxel.arrangement, taxel.round
+    arrangement = taxel.arrangement
+    r = taxel.round
     x, y = place[0], abs(place[1])  # round parts are the same on both sides
     distance = np.hypot(x - float(arrangement.washer_x_mm), y)
     whole = float(arrangement.window_mm[0])
@@ -298,10 +314,12 @@ def _columns(taxel: Taxel, place: np.ndarray) -> list[tuple[float, float, str]]:
     fine, coarse = (np.linspace(0, np.pi, 13),) * 2 if taxel.bends else _rounds(taxel)
 
     def within(diameter: float, angle: np.ndarray) -> bool:
-        radius, at = _radii(diameter, angle), np.arctan2(y, x - float(arrangement.washer_x_mm))
+        radius = _radii(diameter, angle)
+        at = np.arctan2(y, x - float(arrangement.washer_x_mm))
         k = int(np.clip(np.searchsorted(angle, at) - 1, 0, len(angle) - 2))
         (ax, ay), (bx, by) = ((radius[j] * np.cos(angle[j]), radius[j] * np.sin(angle[j])) for j in (k, k + 1))
-        px, py = distance * np.cos(at), distance * np.sin(at)
+        px = distance * np.cos(at)
+        py = distance * np.sin(at)
         return bool((bx - ax) * (py - ay) - (by - ay) * (px - ax) > 0)
 
     if x < 0 or x > whole:
@@ -328,7 +346,8 @@ def taxel_mesh(taxel: Taxel, levels: int, size: float) -> Any:
     import ngsolve
 
     plan = (bent_plan_mesh if taxel.bends else plan_mesh)(taxel, levels, size)
-    thickness, r = float(taxel.arrangement.beams[0].thickness_mm), taxel.round
+    thickness = float(taxel.arrangement.beams[0].thickness_mm)
+    r = taxel.round
     marks = {0.0, thickness, taxel.frame_mm, r.plate_top_mm, r.recess_depth_mm, r.washer_low_mm, r.boss_top_mm}
     marks |= {float(b.height_mm) for b in taxel.arrangement.blocks}
     for level in range(1, levels + 1):
@@ -370,7 +389,8 @@ def taxel_mesh(taxel: Taxel, levels: int, size: float) -> Any:
             mesh.Add(nm.Element3D(index[material], below + above))
             count = len(corners)
             for k in range(count):
-                p, q = corners[k], corners[(k + 1) % count]
+                p = corners[k]
+                q = corners[(k + 1) % count]
                 ends = plan.points[[p, q]][:, :2]
                 held = any(
                     (np.abs(ends[:, axis] - at) < 1e-7).all() for axis, at in ((0, x0), (0, x1), (1, y0), (1, y1))
@@ -429,9 +449,11 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
     import ngsolve as ngs
     import scipy.sparse as sparse
 
-    space, scalar = ngs.VectorH1(mesh, order=order), ngs.H1(mesh, order=order)
+    space = ngs.VectorH1(mesh, order=order)
+    scalar = ngs.H1(mesh, order=order)
     (u, v), (a, b) = space.TnT(), scalar.TnT()
-    stiffness, mass = ngs.BilinearForm(space, symmetric=True), ngs.BilinearForm(scalar, symmetric=True)
+    stiffness = ngs.BilinearForm(space, symmetric=True)
+    mass = ngs.BilinearForm(scalar, symmetric=True)
     for name, material in materials.items():
         where = ngs.dx(definedon=mesh.Materials(name))
         stiffness += energy(material, u, v) * where
@@ -442,9 +464,12 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
     lumps = sparse.csr_matrix((values, columns, starts))
     dofs = _dofs(mesh, scalar, order)
     washer = ngs.dx(definedon=mesh.Materials(WASHER))
-    x, y, z = MM * (ngs.x - axis_x), MM * ngs.y, MM * ngs.z
+    x = MM * (ngs.x - axis_x)
+    y = MM * ngs.y
+    z = MM * ngs.z
     rigid = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, -z, y), (z, 0, -x), (-y, x, 0)]
-    test, field = space.TestFunction(), ngs.GridFunction(space)
+    test = space.TestFunction()
+    field = ngs.GridFunction(space)
     density = mesh.MaterialCF({name: energy(material, field, field) for name, material in materials.items()})
     place = MM * (np.array([v.point for v in mesh.vertices]) - [axis_x, 0, 0])
     into, out = stiffness.mat.CreateColVector(), stiffness.mat.CreateColVector()
@@ -460,11 +485,15 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
     def inertia(vectors: np.ndarray) -> np.ndarray:
         return np.concatenate([lumps @ part for part in vectors.reshape(3, scalar.ndof, -1)])
 
-    frequency, change, motion, unknowns = [], [], [], 0
+    frequency = []
+    change = []
+    motion = []
+    unknowns = 0
     whole = not dofs.middle.any()
     for axes in (WHOLE if whole else FIELDS).values():
         count, halves = (2 * count, 1) if whole else (count, 2)
-        loads, moved = [], np.zeros((3, scalar.ndof, len(axes)))
+        loads = []
+        moved = np.zeros((3, scalar.ndof, len(axes)))
         for j, k in enumerate(axes):
             form = ngs.LinearForm(space)
             form += MM**3 * ngs.InnerProduct(ngs.CoefficientFunction(rigid[k]), test) * washer
@@ -475,7 +504,8 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
         load = np.array(loads).T
         load = load @ np.linalg.inv(moved.reshape(-1, len(axes)).T @ load)
         slides = np.concatenate([dofs.clamped | (dofs.middle if k in _HELD.get(axes, ()) else False) for k in range(3)])
-        chosen, found = dofs.order <= 2, []
+        chosen = dofs.order <= 2
+        found = []
         for refined in (False, True):
             free = np.tile(chosen, 3) & ~slides
             inverse = stiffness.mat.Inverse(ngs.BitArray(free.tolist()), inverse="sparsecholesky")

@@ -35,17 +35,20 @@ def tampering(places: int) -> None:
     for name in KINDS:
         found = []
         for seed in range(places):
-            plan, pad = plans[seed % 2], pads[seed % 2]
+            plan = plans[seed % 2]
+            pad = pads[seed % 2]
             found.append(errors(tampered(name, seed, plan, pad)[0], plan))
         hits = sum(bool(each) for each in found)
-        caught, tried = caught + hits, tried + places
+        caught = caught + hits
+        tried = tried + places
         said = next((f"{each[0].where}: {each[0].message}" for each in found if each), "")
         print(f"| {name} | {hits} | {places} | {said} |", flush=True)
     print(f"\n{caught} of {tried} caught.\n")
 
 
 def accused(pads: int, first: int) -> None:
-    tried, wrong = Counter[str](), Counter[str]()
+    tried = Counter[str]()
+    wrong = Counter[str]()
     for seed in count(first):
         if sum(tried.values()) == pads:
             break

@@ -14,7 +14,8 @@ SPECS = 300
 
 def main(specs: int) -> int:
     """Try the cures of so many specs; the exit code is 1 where one is false."""
-    right, wrong = Counter[str](), 0
+    right = Counter[str]()
+    wrong = 0
     for number in range(specs):
         for cured, fault in cures_of(random_table(number)):
             right[cured] += not fault

@@ -23,11 +23,13 @@ from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate
 
 HERE = Path(__file__).parent
-MASS_KG, GAP_M = 1e-4, 1e-3
+MASS_KG = 1e-4
+GAP_M = 1e-3
 
 
 def cpu_s(work: Callable[[], Any], runs: int = 1) -> tuple[Any, float]:
-    best, result = float("inf"), None
+    best = float("inf")
+    result = None
     for _ in range(runs):
         start = time.process_time()
         result = work()
@@ -41,7 +43,9 @@ def row(*cells: object) -> str:
 
 def linear_rates(hz: np.ndarray, q: float, force: Tones) -> Callable[[float, np.ndarray], np.ndarray]:
     omega, n = 2 * np.pi * hz, len(hz)
-    angular, size, phase = 2 * np.pi * force.frequency_hz, force.amplitude / MASS_KG, force.phase_rad
+    angular = 2 * np.pi * force.frequency_hz
+    size = force.amplitude / MASS_KG
+    phase = force.phase_rad
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
         push = float(size @ np.cos(angular * t + phase))

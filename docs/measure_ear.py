@@ -52,7 +52,8 @@ def states_of(plan: Plan) -> np.ndarray:
     n = len(plan.sets[0])
     if n <= MOST_SPELLED_OUT:
         return (np.arange(2**n)[:, None] >> np.arange(n)) & 1
-    spec, own = plan.spec, plan.sets[0]
+    spec = plan.spec
+    own = plan.sets[0]
     scheme = plan.scheme
     worst = all_states(placed_channels(spec, own), scheme, coil_modes(spec, own)).state
     random = np.random.default_rng(1).random((RANDOM_STATES, n)) < 0.5
@@ -65,7 +66,8 @@ def one_at_a_time(plan: Plan) -> np.ndarray:
 
 def through(plan: Plan, drive: PadDrive, states: np.ndarray) -> list[tuple[np.ndarray, Heard]]:
     """Play files until coils have been in all states, each coil of a file in another state."""
-    heard, coils = [], drive.coils
+    heard = []
+    coils = drive.coils
     for first in range(0, len(states), len(coils)):
         levels = np.zeros(len(plan.taxels))
         for k, coil in enumerate(coils):
@@ -94,7 +96,8 @@ def templates() -> list[str]:
     ]
     for name in sorted(template_paths()):
         plan = make_plan(load_spec(name))
-        drive, states = make_drive(plan, RATE_HZ), states_of(plan)
+        drive = make_drive(plan, RATE_HZ)
+        states = states_of(plan)
         start = time.process_time()
         found, tone = figures(through(plan, drive, states))
         took = time.process_time() - start
@@ -120,8 +123,11 @@ def templates() -> list[str]:
 def state_by_state() -> str:
     """Compare each state's loudest OFF taxel with the modal model's, for the pad with the most channels."""
     plan = make_plan(load_spec("wide-11"))
-    drive, spec, own = make_drive(plan, RATE_HZ), plan.spec, plan.sets[0]
-    which, modes = placed_channels(spec, own), coil_modes(spec, own)
+    drive = make_drive(plan, RATE_HZ)
+    spec = plan.spec
+    own = plan.sets[0]
+    which = placed_channels(spec, own)
+    modes = coil_modes(spec, own)
     tones = felt_energy(modes, slice(None), which.resonance_hz) * (which.line / which.line[:, None]) ** 2
     misses = []
     for levels, heard in through(plan, drive, states_of(plan)):
@@ -159,7 +165,8 @@ def pair() -> list[str]:
         "| state | 60 Hz taxel: own line, dB | all that is felt | 78 Hz taxel: own line, dB | all that is felt |",
         "|---|---|---|---|---|",
     ]
-    tone, felt = heard.tone_um[0] / heard.wanted_um, heard.relative[0]
+    tone = heard.tone_um[0] / heard.wanted_um
+    felt = heard.relative[0]
     for state, k in (("10", 1), ("01", 2), ("11", 3)):
         cells = []
         for index, bit in zip(drive.coils[k].taxels, state, strict=True):
@@ -208,7 +215,8 @@ def gap() -> list[str]:
             for k, coil in enumerate(drive.coils):
                 levels[coil.taxels] = states[-1 - k % len(states)]
             line = steady(levels, drive.period_s)
-            without, start = heard_from_file(plan, drive, line), time.process_time()
+            without = heard_from_file(plan, drive, line)
+            start = time.process_time()
             closing = heard_from_file(plan, drive, line, gap=True)
             took = time.process_time() - start
             tone = (closing.tone_um[0] / closing.wanted_um)[levels > 0]
@@ -240,9 +248,11 @@ def cost() -> list[str]:
     plan = make_plan(parse_spec(LARGE.format(taxels=128)))
     drive = make_drive(plan, RATE_HZ)
     frames = (np.random.default_rng(3).random((5, len(plan.taxels))) < 0.5).astype(float)
-    before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start = time.process_time()
     with TemporaryDirectory() as folder:
-        path, line = Path(folder) / "drive.wav", timeline(plan, frames, (10 - ramp_s(plan)) / 5)
+        path = Path(folder) / "drive.wav"
+        line = timeline(plan, frames, (10 - ramp_s(plan)) / 5)
         report = write_wave(path, drive, line)
         sidecar = json.loads(wave_json(plan, drive, line, report))
         wrote = time.process_time()

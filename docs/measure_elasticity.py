@@ -34,7 +34,8 @@ from padgen.verify.elasticity import (
 from tests.test_elasticity import POLYMER, REFERENCE, RING_MM3, STEEL, off_reference, write_steps
 
 RUNS = 3
-GRADED, UNIFORM = (0.05, 1e3), (None, 0.25)
+GRADED = (0.05, 1e3)
+UNIFORM = (None, 0.25)
 """Element sizes along singular edges, and everywhere, in mm."""
 
 
@@ -75,7 +76,8 @@ def estimates(folder: Path) -> list[str]:
     for name in REFERENCE["cases"]:
         for tolerance in (1e-2, 3e-3, 3e-4):
             seconds, found = quickest(converged_modes, taxel(folder, name), tolerance)
-            off, estimate = 100 * off_reference(found, name)[0], 100 * found.error[0]
+            off = 100 * off_reference(found, name)[0]
+            estimate = 100 * found.error[0]
             asked = f"{name} | {tolerance:g} | {found.order}, {SETTINGS[found.setting].levels}"
             rows.append(f"| {asked} | {off:.4f} | {estimate:.4f} | {seconds:.2f} |")
     return rows

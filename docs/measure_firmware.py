@@ -35,7 +35,9 @@ STAND_INS = {
     "string.h": "#include <stddef.h>\nvoid *memcpy(void *, const void *, size_t), *memset(void *, int, size_t);\n",
 }
 SAMPLES = 12
-RAM, STACK, END = 0x20000000, 0x200F0000, 0x1F00000
+RAM = 0x20000000
+STACK = 0x200F0000
+END = 0x1F00000
 ENABLE_FPU = 0xE000ED88
 TAKEN = 3
 """Clocks that a branch takes more when it is taken, at most."""
@@ -63,7 +65,8 @@ def compiled(folder: Path, soft: bool) -> Path:
 
 def clocks(instruction: capstone.CsInsn) -> int:
     """Return the clocks of an instruction; a conditional branch as if it were not taken."""
-    name, operands = instruction.mnemonic.split(".")[0], instruction.op_str
+    name = instruction.mnemonic.split(".")[0]
+    operands = instruction.op_str
     if name.startswith(("vdiv", "vsqrt")):
         return 14
     if name.startswith(("vmla", "vmls", "vnml", "vfm", "vfnm")):
@@ -108,7 +111,9 @@ class Machine:
         self.reader = capstone.Cs(capstone.CS_ARCH_ARM, capstone.CS_MODE_THUMB | capstone.CS_MODE_MCLASS)
         self.reader.detail = True
         self.known: dict[int, tuple[int, bool]] = {}
-        self.count, self.next, self.branches = 0, 0, False
+        self.count = 0
+        self.next = 0
+        self.branches = False
         self.cpu.hook_add(unicorn.UC_HOOK_CODE, self.step)
 
     def step(self, cpu: unicorn.Uc, at: int, size: int, _: object) -> None:
@@ -119,11 +124,13 @@ class Machine:
             self.known[at] = clocks(one), may
         self.count += TAKEN * (self.branches and at != self.next)
         cost, self.branches = self.known[at]
-        self.count, self.next = self.count + cost, at + size
+        self.count = self.count + cost
+        self.next = at + size
 
     def call(self, name: str) -> int:
         """Run a function and return its clocks."""
-        self.count, self.branches = 0, False
+        self.count = 0
+        self.branches = False
         self.cpu.reg_write(arm.UC_ARM_REG_SP, STACK)
         self.cpu.reg_write(arm.UC_ARM_REG_LR, END | 1)
         self.cpu.emu_start(self.symbols[name] | 1, END)

@@ -47,7 +47,12 @@ REFERENCE = Path(__file__).parents[1] / "tests" / "reference" / "magnetostatics.
 COIL = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
 WASHER = SteelRing(4 * MM, 2 * MM, 0.5 * MM, 1000)
 TEMPLATES = ("paper-16", "paper-32", "wide-11", "triple-48", "quad-64", "resin-fine")
-INNER, OUTER, STRAIGHT, LOW, HIGH, FAR = 19.5, 37.5, 14.5, 26.7, 123.3, 600.0
+INNER = 19.5
+OUTER = 37.5
+STRAIGHT = 14.5
+LOW = 26.7
+HIGH = 123.3
+FAR = 600.0
 """TEAM 20's winding in mm: half widths, their straight part, heights; radius of the far sphere."""
 TEAM_20 = {0.98: 8.00, 3.01: 53.8, 4.52: 74.7, 5.02: 79.7}
 
@@ -133,7 +138,8 @@ def consequences() -> None:
     for stiffness in (5.0, 20.0, 100.0):
         current = float(stiffness * square_per_stiffness[end]) ** 0.5
         row(stiffness, current, float(z[end] / MM), f"{np.sqrt(1 - softening) - 1:.1%}")
-    place, pitch = np.array([3 * MM, 0.0]), np.array([[12.5 * MM, 0.0]])
+    place = np.array([3 * MM, 0.0])
+    pitch = np.array([[12.5 * MM, 0.0]])
     estimate = leakage(COIL, WASHER, MM, place[None], pitch).mutual[0, 0, 0]
     found = many_coils(COIL, WASHER, MM, place, np.concatenate([np.zeros((1, 2)), pitch]))
     near, far = (float(solid_pull(Pull(COIL, WASHER, MM, x * MM)).wrench[0, 2]) for x in (3, 9.5))
@@ -157,7 +163,8 @@ def team_mesh() -> Any:
 
     quarter = occ.Box(occ.Pnt(0, 0, -2 * FAR), occ.Pnt(2 * FAR, 2 * FAR, 2 * FAR))
     yoke = block(63.5, 12.5, 0, 150) - block(38.5, 12.5, 25, 125) - block(13.5, 12.5, 125, 150)
-    pole, within = block(12.5, 5, 26.5, 125), winding(INNER) * quarter
+    pole = block(12.5, 5, 26.5, 125)
+    within = winding(INNER) * quarter
     # The source jumps at the ends of the winding: the mesh has a face there, also through the pole.
     poles = [(pole * within).mat("pole"), (pole - within).mat("pole")]
     yoke.mat("yoke").maxh = 12
@@ -193,7 +200,10 @@ def team() -> None:
         row(current, measured, *pulls, solved.unknowns)
 
 
-LOW, HIGH, GAPS, STEP = 0.35 * MM, 6 * MM, 9, 0.17 * MM
+LOW = 0.35 * MM
+HIGH = 6 * MM
+GAPS = 9
+STEP = 0.17 * MM
 """Gaps of the tables that padgen brings, and how far their offsets are apart, about."""
 
 
@@ -228,7 +238,8 @@ FIELDS = (
     "washer_inner_mm", "washer_thickness_mm", "washer_permeability", "gap_mm", "offset_mm",
     "axial_n_per_a2", "side_n_per_a2", "moment_nm_per_a2", "reference_error",
 )  # fmt: skip
-SEED, TURNS = 20, 1000
+SEED = 20
+TURNS = 1000
 GOOD = 0.01
 """Largest accepted error of a solution over its axial force; above it the next elements are tried."""
 ELEMENTS = ((3, 1, 1.0), (4, 1, 1.0), (4, 1, 1 / 3))
@@ -244,11 +255,15 @@ def drawn(case: int) -> list[float]:
 
     core = 0.0 if uniform() < 0.15 else uniform(1, 20)
     inner = (core + (uniform(0.5, 2) if uniform() < 0.5 else 0.0)) if core else uniform(1, 20)
-    outer, length = inner + 2 * uniform(1.5, 8), uniform(4, 25)
-    core_permeability, thread = logarithmic(20, 5000), uniform(1, 6)
+    outer = inner + 2 * uniform(1.5, 8)
+    length = uniform(4, 25)
+    core_permeability = logarithmic(20, 5000)
+    thread = uniform(1, 6)
     bore = 1.07 * thread
-    rim, thickness = bore * uniform(1.65, 2.4), max(0.2, thread * uniform(0.1, 0.28))
-    permeability, gap = logarithmic(20, 2000), logarithmic(0.2, 5)
+    rim = bore * uniform(1.65, 2.4)
+    thickness = max(0.2, thread * uniform(0.1, 0.28))
+    permeability = logarithmic(20, 2000)
+    gap = logarithmic(0.2, 5)
     offset = 0.0 if uniform() < 0.1 else uniform(0, min(15, outer / 2 + rim / 2))
     numbers = outer, inner, length, core, core_permeability, rim, bore, thickness, permeability, gap, offset
     return [round(value, 4) for value in numbers]

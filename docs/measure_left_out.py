@@ -82,7 +82,8 @@ def spread_table(found: list[Row]) -> list[str]:
     lines = ["| term | scenes | true from | to | ratio least | median | most |", "|---|---|---|---|---|---|---|"]
     for term in dict.fromkeys(row[0] for row in found):
         true, ratio = zip(*((t, b / t) for of, _, b, t in found if of == term), strict=True)
-        least, most = f"{min(ratio):.2f}", f"{max(ratio):.2f}"
+        least = f"{min(ratio):.2f}"
+        most = f"{max(ratio):.2f}"
         lines.append(
             f"| {term} | {len(true)} | {min(true):.1g} | {max(true):.1g} | {least} | {median(ratio):.2f} | {most} |"
         )
@@ -92,10 +93,12 @@ def spread_table(found: list[Row]) -> list[str]:
 def times_table(name: str) -> list[str]:
     """Return the table of run times: of each bound, and of the term itself as the finer models compute it."""
     spec, plan = truth.scene(name)
-    channel, grid = plan.channels, plan.coils
+    channel = plan.channels
+    grid = plan.coils
     layout = Layout(grid.rows, grid.columns, len(channel), 1, 1, 1.0, 1.0, "x", 0, (("none", 1.0),))
     reused = spec, layout, channel, plan.scheme
-    case, beam = truth.FIELDS["paper coil"], truth.BEAMS[0]
+    case = truth.FIELDS["paper coil"]
+    beam = truth.BEAMS[0]
     taxel = finer_models.suspended(spec, plan, beam[1], BeamShape(*beam[2]))
     pull, amplitude, resonance, drive, bias = np.array([[0.033], [1e-5], [56.0], [28.0], [0.0]])
     pairs: dict[str, tuple[Callable[[], object], Callable[[], object], int]] = {
@@ -122,7 +125,8 @@ def times_table(name: str) -> list[str]:
     }
     lines = ["| term | bound ms | computed ms | ratio |", "|---|---|---|---|"]
     for term, (bound, computed, runs) in pairs.items():
-        left_ms, computed_ms = cpu_ms(bound, 20), cpu_ms(computed, runs)
+        left_ms = cpu_ms(bound, 20)
+        computed_ms = cpu_ms(computed, runs)
         lines.append(f"| {term} | {left_ms:.2f} | {computed_ms:.1f} | {computed_ms / left_ms:.0f} |")
     all_ms = cpu_ms(lambda: left_out(plan), 20)
     lines += [
@@ -170,7 +174,8 @@ def bounded(term: str) -> str:
 def compared(plan: Plan, term: str, model: Callable[[Plan], object]) -> list[object]:
     """Return bound, true size, seconds, and the size's own error; an error of the model stands in place of its size."""
     start = time.perf_counter()
-    bound, off = next(e.bound for e in plan.left_out if e.term == bounded(term)), None
+    bound = next(e.bound for e in plan.left_out if e.term == bounded(term))
+    off = None
     true = solved(model, plan) if term in finer_models.TRUE else solved_in_time(model, plan)
     if isinstance(true, finer_models.Sized):
         true, off = true
@@ -229,11 +234,14 @@ def renewed_bounds() -> None:
 
     Rows of specs that have no plan any more go.
     """
-    rows, bounds, known = [], dict[str, float | None](), ""
+    rows = []
+    bounds = dict[str, float | None]()
+    known = ""
     for row in csv.DictReader(CAMPAIGN.open()):
         if row["term"] != REFUSED and row["term"] not in finer_models.OWN_BOUND:
             if row["number"] != known:
-                plan, known = planned(int(row["number"])), row["number"]
+                plan = planned(int(row["number"]))
+                known = row["number"]
                 bounds = {entry.term: entry.bound for entry in plan.left_out} if plan else {}
             if bounded(row["term"]) not in bounds:
                 continue
@@ -254,7 +262,11 @@ def campaign_table() -> list[str]:
     ]
     rows = [row for row in csv.DictReader(CAMPAIGN.open()) if row["term"] != REFUSED]
     for term in sorted({row["term"] for row in rows}):
-        own, true, ratio, free, lost = [r for r in rows if r["term"] == term], [], [], 0, 0
+        own = [r for r in rows if r["term"] == term]
+        true = []
+        ratio = []
+        free = 0
+        lost = 0
         for row in own:
             try:
                 size = float(row["true"])

@@ -44,7 +44,11 @@ def plans() -> Iterator[tuple[str, Plan]]:
 
 def main(specs: int) -> int:
     """Compare so many random specs; the exit code is 1 if a file exceeds what was judged."""
-    rng, worst, files, beyond, refused = np.random.default_rng(1), np.zeros(4), 0, 0, 0
+    rng = np.random.default_rng(1)
+    worst = np.zeros(4)
+    files = 0
+    beyond = 0
+    refused = 0
     for index, (name, plan) in enumerate(plans()):
         if index == specs + len(template_paths()):
             break
@@ -59,7 +63,8 @@ def main(specs: int) -> int:
                     continue
             share = np.divide(found, judged, out=np.zeros(4), where=judged > 0)
             assert (found[judged == 0] == 0).all()
-            worst, files = np.maximum(worst, share), files + 1
+            worst = np.maximum(worst, share)
+            files = files + 1
             if (share > (TURNS if plan.scheme.takes_turns else EXCEEDED)).any():
                 beyond += 1
                 print(f"{name}, carrier {hz}: {share}", flush=True)

@@ -82,7 +82,8 @@ def by_plan_and_finest(taxel: Any) -> tuple[float, float, float, float]:
 
     start = time.process_time()
     found = converged_modes(taxel, FINEST)
-    seconds, finest = time.process_time() - start, converged_modes(taxel, FINEST, first=len(SETTINGS) - 1)
+    seconds = time.process_time() - start
+    finest = converged_modes(taxel, FINEST, first=len(SETTINGS) - 1)
     hz, finest_hz = (float(one.modes.frequency_hz[one.modes.working]) for one in (found, finest))
     return hz, found.working_error, seconds, finest_hz
 

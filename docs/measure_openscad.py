@@ -44,8 +44,10 @@ def scad(plan: Plan) -> str:
 
 def _outside(size: Any) -> str:
     """Return the border's flat outline with its holes."""
-    x, y = size.width_mm / 2 + size.border_mm, size.depth_mm / 2 + size.border_mm
-    round_mm, hole = size.border_mm / 2, size.hole_diameter_mm / 2
+    x = size.width_mm / 2 + size.border_mm
+    y = size.depth_mm / 2 + size.border_mm
+    round_mm = size.border_mm / 2
+    hole = size.hole_diameter_mm / 2
     inner = f"square([{2 * (x - round_mm):.6f}, {2 * (y - round_mm):.6f}], center=true)"
     text = f"offset(r={round_mm:.6f}, $fn={_sides(round_mm)}) {inner};"
     if hole:
@@ -60,14 +62,18 @@ def _outside(size: Any) -> str:
 
 def _module(plan: Plan, channel: Channel) -> str:
     """Return a channel's window, moving parts and recess in the taxel's own axes."""
-    arranged, plate, k = plan.arrangement(channel), plan.plate, channel.index
+    arranged = plan.arrangement(channel)
+    plate = plan.plate
+    k = channel.index
     length, width = (float(v) for v in arranged.window_mm)
     x = float(arranged.washer_x_mm)
     boxes: list[tuple[float, ...]] = []
     for path in arranged.beams:
-        root, tip = path.corners[0], path.corners[-1]
+        root = path.corners[0]
+        tip = path.corners[-1]
         low, high = sorted((float(root.x_mm), float(tip.x_mm)))
-        y, half = float(root.y_mm), float(path.width_mm) / 2
+        y = float(root.y_mm)
+        half = float(path.width_mm) / 2
         # Beams reach a little into frame and plate, since bodies that only touch are no solid for CGAL.
         boxes.append((low - 0.01, high + 0.01, y - half, y + half, float(path.thickness_mm)))
     boxes += [tuple(float(v) for v in block) for block in arranged.blocks]
@@ -75,7 +81,9 @@ def _module(plan: Plan, channel: Channel) -> str:
         f"translate([{x0:.6f}, {y0:.6f}, 0]) cube([{x1 - x0:.6f}, {y1 - y0:.6f}, {z:.6f}]);\n"
         for x0, x1, y0, y1, z in boxes
     )
-    radius, edge, top = plate.boss_diameter_mm / 2, plate.boss_edge_mm, plate.boss_top_mm
+    radius = plate.boss_diameter_mm / 2
+    edge = plate.boss_edge_mm
+    top = plate.boss_top_mm
     low = plate.thickness_mm - 0.01
     if top > plate.thickness_mm:
         fine = f"$fn={_sides(radius)}"
@@ -94,7 +102,8 @@ def _module(plan: Plan, channel: Channel) -> str:
 
 
 def _placed(plan: Plan, taxel: Any, what: str) -> str:
-    coils, site = plan.coils, plan.channels[taxel.channel].site
+    coils = plan.coils
+    site = plan.channels[taxel.channel].site
     x = (taxel.coil[1] - (coils.columns - 1) / 2) * coils.pitch_x_mm
     y = (taxel.coil[0] - (coils.rows - 1) / 2) * coils.pitch_y_mm
     cosine, sine = TURNS[site.along]
@@ -110,9 +119,12 @@ def _sides(radius: float) -> int:
 
 def openscad(command: list[str], count: int = BUILDS) -> list[str]:
     """Return a table row for a loop over the first `count` pads of the sweep of distinct pads."""
-    base, seconds, off = load_spec("paper-32"), list[float](), list[float]()
+    base = load_spec("paper-32")
+    seconds = list[float]()
+    off = list[float]()
     with tempfile.TemporaryDirectory() as folder:
-        text, mesh = Path(folder, "pad.scad"), Path(folder, "pad.stl")
+        text = Path(folder, "pad.scad")
+        mesh = Path(folder, "pad.stl")
         for pair in beam_pairs()[:count]:
             plan = make_plan(replace(base, resonances_hz=pair))
             text.write_text(scad(plan))

@@ -34,11 +34,13 @@ def main() -> None:
         for clamping in asked.clampings.split(","):
             start = time.process_time()
             modes, held = pad_modes(plan, clamping, asked.order)
-            seconds, bounds = time.process_time() - start, flexibility_bounds(plan, clamping)
+            seconds = time.process_time() - start
+            bounds = flexibility_bounds(plan, clamping)
             for driven in central_taxels(plan):
                 channel = plan.taxels[driven].channel
                 every = [shift(plan, modes, held, k) for k, t in enumerate(plan.taxels) if t.channel == channel]
-                below, away = crosstalk_db(plan, modes, driven), np.abs(coils - coils[driven]).sum(1)
+                below = crosstalk_db(plan, modes, driven)
+                away = np.abs(coils - coils[driven]).sum(1)
                 others = [below[(away == steps) & (below > 0)].min(initial=np.inf) for steps in (0, 1)]
                 shares = ", ".join(f"{100 * v:+.3f}" for v in (min(every), np.mean(every), max(every)))
                 loudest = ", ".join(f"{-v:.1f}" for v in others)

@@ -74,7 +74,8 @@ def yields(prints: int) -> list[str]:
             before = predicted(plan, truth, tones_at(plan, planned_tuning(plan)), planned_um)
             dbs.append((worst_db(before), worst_db(predicted(plan, truth, tones_at(plan, truth)))))
         before_db, after_db = np.array(dbs, float).T
-        after, here = result.retuned, np.quantile(after_db, [0.05, 0.5, 0.95])
+        after = result.retuned
+        here = np.quantile(after_db, [0.05, 0.5, 0.95])
         lines.append(
             f"| {name} | {result.planned.median_db:.1f}, {np.median(before_db):.1f} |"
             f" {after.q05_db:.1f}, {after.median_db:.1f}, {after.q95_db:.1f};"
@@ -91,7 +92,8 @@ def rest(prints: int = 200) -> list[str]:
     ]
     plan = plan_of("paper-32")
     for name, places in (("none", ()), ("one coil", ((1, 1),)), ("a coil in each corner", CORNERS), ("coupon", None)):
-        errors, stated = [], []
+        errors = []
+        stated = []
         for seed in range(prints):
             truth = simulate_print(plan, seed)
             known = [fit_of(t) for t, p in zip(truth.taxels, plan.taxels, strict=True) if p.coil in (places or ())]
@@ -127,7 +129,8 @@ def shifting(prints: int = 60) -> list[str]:
     ]
     for name, drive in (("paper-32", "tones"), ("quad-64", "biased"), ("quad-64", "spur-free"), ("quad-64", "tones")):
         plan = plan_of(name, drive)
-        spreads, scheme = spreads_for(plan, SIGMA), scheme_named(plan.spec, drive)
+        spreads = spreads_for(plan, SIGMA)
+        scheme = scheme_named(plan.spec, drive)
         rows = [shifted(plan, simulate_print(plan, seed, spreads), scheme) for seed in range(prints)]
         base, gain, price = np.array(rows).T
         lines.append(
@@ -141,7 +144,8 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
     """Return the first coil's dB with tones on the resonances, the dB gained by moving them, and the current's dB."""
     index = coils_of(plan)[(0, 0)]
     tones = tones_at(plan, truth)
-    hz, line = tones.hz[index], tones.line_a2[index]
+    hz = tones.hz[index]
+    line = tones.line_a2[index]
     q = np.array([truth.taxels[i].q for i in index])
     which = Channels(hz[:, None], q[:, None], line[:, None])
 
@@ -151,7 +155,9 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
         off = off_energy(which, scheme, drivers=Channels(tone[:, None], q[:, None], strength[:, None]))
         return float(-10 * np.log10(off.max())), strength
 
-    best, by, step = tried(np.zeros(len(hz)))[0], np.zeros(len(hz)), 1.0
+    best = tried(np.zeros(len(hz)))[0]
+    by = np.zeros(len(hz))
+    step = 1.0
     base = best
     while step > 0.02:
         moves = [(j, sign) for j in range(len(hz)) for sign in (1, -1)]
@@ -161,7 +167,9 @@ def shifted(plan: Plan, truth: Tuning, scheme: Scheme) -> tuple[float, float, fl
             other[j] = np.clip(other[j] + sign * step, -3, 3)
             db, _ = tried(other)
             if db > best + 1e-6:
-                best, by, better = db, other, True
+                best = db
+                by = other
+                better = True
         step = step if better else step / 2
     return base, best - base, float(10 * np.log10(tried(by)[1].sum() / line.sum()))
 
@@ -214,13 +222,16 @@ def fitted_recording(plan: Plan, excitation: str, how: Any, seed: int) -> tuple[
 
 def recorded_row(results: list[tuple[Any, str, float]]) -> str:
     """Return counts, errors, coverage and time of `fitted_recording`s."""
-    count, seconds = len(results), np.mean([seconds for _, _, seconds in results])
+    count = len(results)
+    seconds = np.mean([seconds for _, _, seconds in results])
     fits = np.array([found for found, _, _ in results if found is not None], float)
     if not len(fits):
         return f"0 of {count} | | | | {seconds:.2f}"
     true, found, sigma = np.moveaxis(fits, 1, 0)
-    error, within = np.abs(found / true - 1), (np.abs(found - true) < 1.96 * sigma).mean(0)
-    middle, worst = np.median(error, axis=0), error.max(0)
+    error = np.abs(found / true - 1)
+    within = (np.abs(found - true) < 1.96 * sigma).mean(0)
+    middle = np.median(error, axis=0)
+    worst = error.max(0)
     return (
         f"{len(fits)} of {count} | {middle[0]:.3%}, {worst[0]:.2%} | {middle[1]:.1%}, {worst[1]:.1%} |"
         f" {within[0]:.1%}, {within[1]:.1%} | {seconds:.2f}"
@@ -231,7 +242,8 @@ def biggest() -> Iterator[str]:
     """Yield processor time and memory of `padgen retune` with files at the limits of what is read."""
     yield "| file | MB | taxels | processor time, s | s a taxel | memory, MB |"
     yield "|---|---|---|---|---|---|"
-    plan, rng = plan_of("paper-32"), np.random.default_rng(0)
+    plan = plan_of("paper-32")
+    rng = np.random.default_rng(0)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for what, rate, seconds, ids in (
@@ -274,24 +286,31 @@ print(used.ru_utime + used.ru_stime, used.ru_maxrss)
 """Runs a command from a small process, whose memory does not count as the command's."""
 
 
-SWING_READ, STEPS, FALLEN = 0.05, 8, 0.7
+SWING_READ = 0.05
+STEPS = 8
+FALLEN = 0.7
 """One sigma of a swing that is read by eye, over the largest; tones in a bandwidth; the swing at both sides."""
 
 
 def by_eye(count: int = 10_000) -> str:
     """Return errors of f and Q that are read off by a stroboscope: the middle of both sides where the swing is 70 %."""
-    rng, errors = np.random.default_rng(0), []
+    rng = np.random.default_rng(0)
+    errors = []
     for _ in range(count):
         q = 15 * np.exp(0.25 * rng.standard_normal())
         f = 1 + (np.arange(-3 * STEPS, 3 * STEPS) + rng.uniform()) / (STEPS * q)
         swing = 1 / np.hypot(1, q * (f - 1 / f)) + SWING_READ * rng.standard_normal(len(f))
-        top, low = int(swing.argmax()), swing < FALLEN * swing.max()
-        below, above = f[:top][low[:top]][-1], f[top:][low[top:]][0]
-        below, above = below + 0.5 / (STEPS * q), above - 0.5 / (STEPS * q)
+        top = int(swing.argmax())
+        low = swing < FALLEN * swing.max()
+        below = f[:top][low[:top]][-1]
+        above = f[top:][low[top:]][0]
+        below = below + 0.5 / (STEPS * q)
+        above = above - 0.5 / (STEPS * q)
         hz = np.sqrt(below * above)
         errors.append((hz - 1, hz * np.sqrt(FALLEN**-2 - 1) / (above - below) / q - 1))
     error = np.abs(errors)
-    middle, most = np.median(error, 0), np.quantile(error, 0.95, axis=0)
+    middle = np.median(error, 0)
+    most = np.quantile(error, 0.95, axis=0)
     return f"f {middle[0]:.2%}, 95 % within {most[0]:.1%}; Q {middle[1]:.0%}, {most[1]:.0%}"
 
 

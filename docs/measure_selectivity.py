@@ -17,7 +17,8 @@ from padgen.planner.search import largest_counts
 from padgen.spec import load_spec, parse_spec
 
 HERE = Path(__file__).parent
-LOW_HZ, HIGH_HZ = 20.0, 1000.0
+LOW_HZ = 20.0
+HIGH_HZ = 1000.0
 TONES, SPUR_FREE = Scheme("tones"), Scheme("spur-free")
 
 
@@ -36,7 +37,8 @@ def best_s(work: Callable[[], object], runs: int = 3) -> float:
 
 def eleven() -> list[str]:
     lines = ["| 11 channels, Q = 15 | drive | one on, dB | all 2¹¹ states, dB |", "|---|---|---|---|"]
-    paper, wide = paper_ladder(LOW_HZ, 11, 15, 10), geometric_ladder(LOW_HZ, HIGH_HZ, 11)
+    paper = paper_ladder(LOW_HZ, 11, 15, 10)
+    wide = geometric_ladder(LOW_HZ, HIGH_HZ, 11)
     optimised = optimal_ladder(LOW_HZ, HIGH_HZ, 11, 15, LevelLaw(1), SPUR_FREE)
     for name, ladder, p in (
         ("paper's ladder, equal displacement", paper, 0),
@@ -122,7 +124,8 @@ def yields() -> list[str]:
     ]
 
     def row(name: str, result: PrintYield) -> str:
-        before, after = result.planned, result.retuned
+        before = result.planned
+        after = result.retuned
         return (
             f"| {name} | {before.taxels.share:.1%}, {before.pads.share:.2%} | {after.taxels.share:.1%},"
             f" {after.pads.share:.2%} | {before.median_db:.1f} → {after.median_db:.1f} |"
@@ -193,7 +196,12 @@ def chart(clean_curve: list[tuple[int, float, float]]) -> str:
     for scheme in map(Scheme, in_order()):
         points = [(float(n), all_states(even(geometric_ladder(LOW_HZ, HIGH_HZ, n), 15, 1), scheme).db) for n in counts]
         curves.append((scheme.name, points))
-    left, top, width, height, low, high = 60.0, 20.0, 560.0, 320.0, -20.0, 60.0
+    left = 60.0
+    top = 20.0
+    width = 560.0
+    height = 320.0
+    low = -20.0
+    high = 60.0
 
     def at(n: float, db: float) -> str:
         x = left + (n - 2) / 11 * width

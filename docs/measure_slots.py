@@ -29,7 +29,9 @@ def main() -> None:
         plan = pg.plan(name)
         asked: list[dict[str, Any]] = [{"pattern": one} for one in PATTERNS] + [{"text": one} for one in TEXTS]
         for brake in (False, True):
-            stated, integrated, heard = [], [], []
+            stated = []
+            integrated = []
+            heard = []
             frame_s = 0.0
             for shown in asked:
                 with TemporaryDirectory() as folder:

@@ -62,7 +62,8 @@ def changed_template(random: Random) -> dict[str, Any]:
         if known := choices(meta):
             value: Any = random.choice(known)
         else:
-            low, high = max(meta["low"], 1e-3), meta["high"]
+            low = max(meta["low"], 1e-3)
+            high = meta["high"]
             value = random.choice([meta["low"], high, *(low * (high / low) ** random.random() for _ in range(4))])
         entry = table.setdefault(name, {}) if name else table
         entry[item.name] = int(value) if item.type == "int" or item.type is int else value

@@ -18,7 +18,9 @@ from padgen.make.solid_tuning import solid_taxel
 from padgen.planner.plan import Channel, Plan
 from padgen.solid.formats.step import write_taxel_step
 
-ORDER, NEWTON, SMALL = 3, 12, 1e-10
+ORDER = 3
+NEWTON = 12
+SMALL = 1e-10
 SPECS: tuple[dict[str, Any], ...] = (
     {"resonances_hz": [70, 120]},
     {"resonances_hz": [180, 370]},
@@ -49,25 +51,32 @@ def secants(taxel: Any, forces_n: list[float]) -> list[tuple[float, float]]:
     mesh = ngs.Mesh(coarse_mesh(shape))
     mesh.Curve(ORDER)
     space = ngs.VectorH1(mesh, order=ORDER, dirichlet=CLAMPED)
-    u, where = space.TrialFunction(), mesh.Materials(WASHER)
+    u = space.TrialFunction()
+    where = mesh.Materials(WASHER)
     volume = ngs.Integrate(1, mesh, definedon=where)
     deform = ngs.Id(3) + ngs.Grad(u)
     strain = 0.5 * (deform.trans * deform - ngs.Id(3))
-    pull, form = ngs.Parameter(0.0), ngs.BilinearForm(space, symmetric=True)
+    pull = ngs.Parameter(0.0)
+    form = ngs.BilinearForm(space, symmetric=True)
     for name, material in taxel.materials.items():
         # MPa and mm: newtons.
-        e, nu = material.modulus_pa * 1e-6, material.poisson
-        shear, lame = e / 2 / (1 + nu), e * nu / (1 + nu) / (1 - 2 * nu)
+        e = material.modulus_pa * 1e-6
+        nu = material.poisson
+        shear = e / 2 / (1 + nu)
+        lame = e * nu / (1 + nu) / (1 - 2 * nu)
         square = shear * ngs.InnerProduct(strain, strain) + lame / 2 * ngs.Trace(strain) ** 2
         form += ngs.Variation(square * ngs.dx(definedon=mesh.Materials(name)))
     form += ngs.Variation(-pull / volume * u[2] * ngs.dx(definedon=where))
-    found, residual, step = ngs.GridFunction(space), None, None
+    found = ngs.GridFunction(space)
+    residual = None
+    step = None
     result = []
     assert PRINTED in taxel.materials
     for force in forces_n:
         pull.Set(force)
         for _ in range(NEWTON):
-            residual, step = found.vec.CreateVector(), found.vec.CreateVector()
+            residual = found.vec.CreateVector()
+            step = found.vec.CreateVector()
             form.Apply(found.vec, residual)
             form.AssembleLinearization(found.vec)
             step.data = form.mat.Inverse(space.FreeDofs(), inverse="sparsecholesky") * residual
@@ -80,7 +89,8 @@ def secants(taxel: Any, forces_n: list[float]) -> list[tuple[float, float]]:
 
 
 def rows(plan: Plan, channel: Channel) -> list[str]:
-    k, alpha = channel.stiffness_n_per_m, channel.hardening_per_mm2 * 1e6
+    k = channel.stiffness_n_per_m
+    alpha = channel.hardening_per_mm2 * 1e6
     levels = [1e-6, 33e-6, 87e-6, 150e-6]
     forces = [k * z * (1 + alpha * z**2) for z in levels]
     with tempfile.TemporaryDirectory() as folder:
@@ -89,7 +99,8 @@ def rows(plan: Plan, channel: Channel) -> list[str]:
         taxel = solid_taxel(plan, channel, step)
         with ProcessPoolExecutor(1, get_context("spawn")) as pool:
             found = pool.submit(secants, taxel, forces).result()
-    out, beam = [], channel.beam
+    out = []
+    beam = channel.beam
     first = found[0][1]
     for moved, secant in found[1:]:
         by_beam = 1 + alpha * moved**2

@@ -12,8 +12,11 @@ from statistics import median
 from padgen.core.cache import VARIABLE
 
 PADGEN = str(Path(sys.executable).with_name("padgen"))
-PLANS, BUILDS, MANY = 1000, 60, 10_000
-COLD_RUNS, ROUNDS = 5, 3
+PLANS = 1000
+BUILDS = 60
+MANY = 10_000
+COLD_RUNS = 5
+ROUNDS = 3
 HEAD = """
 name = "measured"
 base = "paper-32"
@@ -88,7 +91,8 @@ def swept_s(work: Path, text: str, workers: int, cache: Path) -> tuple[float, fl
 
 def compared(work: Path, name: str, count: int, text: str, cold: list[str], bar: str, known: bool = False) -> str:
     """Return a row on a sweep on one and on two workers and the cold command, in turn: medians of times and ratios."""
-    rounds, memory = [], 0.0
+    rounds = []
+    memory = 0.0
     for _ in range(ROUNDS):
         seconds = [cold_s(work, *cold)]
         for workers in (1, 2):
@@ -109,7 +113,8 @@ def compared(work: Path, name: str, count: int, text: str, cold: list[str], bar:
 
 def sweeps() -> list[str]:
     """Return the table of plans and builds, with their bars."""
-    build, plan = ["build", "paper-32"], HEAD.format(stage="plan")
+    build = ["build", "paper-32"]
+    plan = HEAD.format(stage="plan")
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
         rows = [
@@ -144,7 +149,9 @@ def sweeps() -> list[str]:
 def many() -> list[str]:
     """Return the figures of 10,000 variants: the parent's memory over time, and the time of a second run."""
     with tempfile.TemporaryDirectory() as folder:
-        path, out, cache = Path(folder, "sweep.toml"), Path(folder, "out"), Path(folder, "cache")
+        path = Path(folder, "sweep.toml")
+        out = Path(folder, "out")
+        cache = Path(folder, "cache")
         path.write_text(HEAD.format(stage="plan") + MANY_AXES)
         command = [PADGEN, "sweep", str(path), "-o", str(out), "--json"]
         memory = watched_mb(command, cache)

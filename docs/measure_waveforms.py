@@ -17,7 +17,8 @@ from padgen.physics.crest import (
     waveform,
 )
 
-LOW_HZ, HIGH_HZ = 20.0, 1000.0
+LOW_HZ = 20.0
+HIGH_HZ = 1000.0
 FRAMES_S = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 COUNTS = (4, 8, 11)
 DRAWS = 10_000
@@ -27,7 +28,9 @@ LAWS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "p = 1, equal velocity": lambda f: f,
     "p = 0, equal displacement": lambda f: f**2,
 }
-OHM, HENRY, LIMIT_V = 62.9, 41.7e-3, 30.0
+OHM = 62.9
+HENRY = 41.7e-3
+LIMIT_V = 30.0
 
 
 def lines(count: int, period_s: float, law: str) -> tuple[np.ndarray, np.ndarray]:
@@ -39,7 +42,8 @@ def lines(count: int, period_s: float, law: str) -> tuple[np.ndarray, np.ndarray
 
 def random_search(harmonic: np.ndarray, amplitude: np.ndarray) -> float:
     """Return the least constant of `DRAWS` random phases: all on a grid, the best 20 of them exactly."""
-    random, points = np.random.default_rng(1), 1 << (8 * int(harmonic.max()) - 1).bit_length()
+    random = np.random.default_rng(1)
+    points = 1 << (8 * int(harmonic.max()) - 1).bit_length()
     draws = random.uniform(0, 2 * np.pi, (DRAWS, len(harmonic)))
     depth = [-waveform(harmonic, amplitude[None], phase, points).min() for phase in draws]
     best = draws[np.argsort(depth)[:20]]
@@ -100,7 +104,8 @@ def combs() -> Iterator[str]:
     for count in (2, *COUNTS, 20):
         for q in (15.0, 100.0, 1000.0):
             for step in (1, 2):
-                resonance, quality = np.geomspace(LOW_HZ, HIGH_HZ, count), np.full(count, q)
+                resonance = np.geomspace(LOW_HZ, HIGH_HZ, count)
+                quality = np.full(count, q)
                 period = comb_period_s(resonance, quality, step, 48000)
                 off = off_resonance(resonance, quality, period, step).max()
                 yield f"| {count} | {q:g} | {step} | {period:.3g} | {off:.2f} |"

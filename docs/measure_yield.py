@@ -22,7 +22,9 @@ from padgen.planner.search import _beams, channel_limit, sites_of
 from padgen.spec import Spec, load_spec, parse_spec
 from padgen.spec.load import template_paths
 
-SPECS, PADS, SMALL_PADS = 200, 40_000, 4000
+SPECS = 200
+PADS = 40_000
+SMALL_PADS = 4000
 MOST_TAXELS = 5_120_000
 """Printed taxels of a template at most: 10,000 pads of `big-512`, whose share is then good to 1 % (two sigma)."""
 PRINTERS = ("fdm-0.4", "fdm-0.4", "fdm-0.25", "resin-0.05")
@@ -31,7 +33,8 @@ PRINTERS = ("fdm-0.4", "fdm-0.4", "fdm-0.25", "resin-0.05")
 def random_spec(seed: int, most: int) -> Spec:
     """A spec of up to `most` taxels, whose layout is free in two of three."""
     rng = random.Random(seed)
-    side, low = rng.choice((18, 25, 30, 40, 50)), rng.uniform(30, 90)
+    side = rng.choice((18, 25, 30, 40, 50))
+    low = rng.uniform(30, 90)
     taxels = rng.choice([n for n in (2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 16, 18, 20, 24, 32, 48) if n <= most])
     text = f"""
 name = "random-{seed}"
@@ -102,7 +105,8 @@ def templates() -> list[str]:
 
 
 def estimates(specs: int) -> list[str]:
-    seed, off = 0, list[tuple[float, ...]]()
+    seed = 0
+    off = list[tuple[float, ...]]()
     while len(off) < specs:
         seed += 1
         try:
@@ -126,7 +130,9 @@ def estimates(specs: int) -> list[str]:
 
 
 def searches(specs: int) -> list[str]:
-    seed, found, times = 10_000, list[tuple[float, int, int]](), list[float]()
+    seed = 10_000
+    found = list[tuple[float, int, int]]()
+    times = list[float]()
     while len(found) < specs:
         seed += 1
         spec = random_spec(seed, 24)

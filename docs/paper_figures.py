@@ -28,7 +28,9 @@ MEASURED_OFF_DB = (25.0, 20.0)
 MEASURED_BOTH_DB = -10.0
 """Approximate level of state 11, against the states with one tone."""
 STATES = ("10", "01", "11")
-SETTLE_S, WINDOW_S, SAMPLES = 2.0, 1.0, 512
+SETTLE_S = 2.0
+WINDOW_S = 1.0
+SAMPLES = 512
 """Fifteen ring-ups, then one second, in which all lines of 30 and 39 Hz are whole multiples of 1 Hz."""
 
 
@@ -96,7 +98,8 @@ def paper_figures(plan: Plan) -> PaperFigures:
 
 
 def _spectrum(plan: Plan, q: float, state: str) -> Spectrum:
-    channels, coil = plan.sets[0][:2], plan.spec.coil
+    channels = plan.sets[0][:2]
+    coil = plan.spec.coil
     on = np.array([bit == "1" for bit in state])
     mass = np.array([c.effective_mass_g for c in channels]) * GRAM
     pull = np.array([c.force_constant_n_per_a2 for c in channels])

@@ -190,7 +190,8 @@ def check(
         return replace(laid, figures={**laid.figures, "compared_with": source})
     from padgen.solid.parts import check_foreign, read_mesh
 
-    path, plan = Path(mesh), None
+    path = Path(mesh)
+    plan = None
     if spec is None:
         part = read_mesh(path)
     else:

@@ -18,7 +18,8 @@ def exhaustive_states_db(which: Channels, scheme: Scheme, modes: ModalTaxels | N
         if len(part.makers) == 1:
             # A harmonic is no disturbance of its own taxel: it is there only when that is ON.
             heard[part.makers[0], 1:, part.makers[0]] = 0.0
-        playing, heard = np.prod([states[:, maker] for maker in part.makers], axis=0, dtype=float), heard.sum(1)
+        playing = np.prod([states[:, maker] for maker in part.makers], axis=0, dtype=float)
+        heard = heard.sum(1)
         energy += (playing[:, None] * heard).max(-1) if scheme.takes_turns else playing @ heard.T
     on = states.astype(bool)
     return float(10 * np.log10(energy[on].min() / energy[~on].max()))

@@ -53,7 +53,8 @@ from padgen.verify.field_solid import PlacedWasher, Pull, Steel, solid_force
 from padgen.verify.pad_frame import PadModes, peak_hz
 
 MOST_CHANNELS = 4
-AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
+AIR_KG_PER_M3 = 1.2
+AIR_PA_S = 1.8e-5
 
 
 def some(plan: Plan) -> list[Channel]:
@@ -96,7 +97,8 @@ def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | No
     if least_um < rest_um / 20:
         return None
     least_um = min(least_um, 0.75 * rest_um)
-    lows, high = np.log(least_um), np.log(max(rest_um + 1.1 * channel.level_um, 1.2 * rest_um))
+    lows = np.log(least_um)
+    high = np.log(max(rest_um + 1.1 * channel.level_um, 1.2 * rest_um))
     at = (lows + high) / 2 + (high - lows) / 2 * np.cos(np.pi * (np.arange(nodes) + 0.5) / nodes)
     modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
     offset = channel.site.coil_distance_mm * MM
@@ -119,7 +121,8 @@ def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | No
 
 def balance(channel: Channel, curve: PullCurve) -> tuple[float, float] | None:
     """Return the deflection by a constant mean pull and the one in balance, in µm; None where nothing balances."""
-    gap, static = curve.rest_um, channel.static_um
+    gap = curve.rest_um
+    static = channel.static_um
     slack = static * max(1 - static / gap, 0) ** max(channel.pull_exponent, 0)
     z = np.linspace(0, gap - curve.least_um - channel.level_um, 4001)
     over = z - slack * curve.at(z)
@@ -164,7 +167,8 @@ def true_softening(plan: Plan) -> float:
 
 def squares_at_worst(plan: Plan, own, k: int, phase: np.ndarray) -> np.ndarray:
     """Return the largest i² (A²) where channel k's own line of i² is at `phase`, and the others' at any phase."""
-    scheme, lines = plan.scheme, np.array([c.line_a2 for c in own])
+    scheme = plan.scheme
+    lines = np.array([c.line_a2 for c in own])
     others = np.delete(np.arange(len(own)), k)
     if scheme.name == "spur-free":
         return (1 + plan.spec.drive.headroom) * lines.sum() + lines[k] * np.cos(phase) + lines[others].sum()
@@ -176,16 +180,19 @@ def squares_at_worst(plan: Plan, own, k: int, phase: np.ndarray) -> np.ndarray:
 
 def true_switching(plan: Plan) -> float | None:
     """Compute the free motion after switching off, from vibration, mean deflection and the dying current's pull."""
-    spec, delays = plan.spec, []
+    spec = plan.spec
+    delays = []
     lag = spec.coil.inductance_mh * MH / spec.coil.resistance_ohm
     phase = np.linspace(0, 2 * np.pi, 181)
     for channel in plan.channels:
         if channel.ring_down_ms <= 0:
             continue
         own = plan.sets[channel.index % len(plan.sets)]
-        w, tau = 2 * np.pi * channel.resonance_hz, channel.ring_up_ms * 1e-3
+        w = 2 * np.pi * channel.resonance_hz
+        tau = channel.ring_up_ms * 1e-3
         root = complex(-1 / tau, w * np.sqrt(1 - 1 / (4 * channel.q**2)))
-        worst, least = squares_at_worst(plan, own, own.index(channel), phase), 0 * phase
+        worst = squares_at_worst(plan, own, own.index(channel), phase)
+        least = 0 * phase
         for square in (worst, least):
             pushed = square * channel.force_constant_n_per_a2 / channel.stiffness_n_per_m / UM
             fall = -2 / lag if lag > 0 else -1e12
@@ -199,14 +206,17 @@ def true_switching(plan: Plan) -> float | None:
 
 def true_motion(plan: Plan) -> float:
     """Integrate the current with the flux of a moving washer; return the largest error over the channel's own tone."""
-    spec, scheme = plan.spec, plan.scheme
-    resistance, inductance = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
+    spec = plan.spec
+    scheme = plan.scheme
+    resistance = spec.coil.resistance_ohm
+    inductance = spec.coil.inductance_mh * MH
     true = []
     for channel in some(plan):
         if channel.line_a2 <= 0:
             continue
         own = plan.sets[channel.index % len(plan.sets)]
-        lines, k = np.array([c.line_a2 for c in own]), own.index(channel)
+        lines = np.array([c.line_a2 for c in own])
+        k = own.index(channel)
         swing = 2 * np.pi * channel.resonance_hz
         settle = ceil((8 * inductance / resistance) * channel.resonance_hz / 2) * 2 / channel.resonance_hz
         per_period = 400
@@ -216,14 +226,17 @@ def true_motion(plan: Plan) -> float:
         t = np.arange(steps + 1) / (channel.resonance_hz * per_period)
         if scheme.name == "spur-free":
             constant = (1 + spec.drive.headroom) * lines.sum()
-            planned, tone = np.sqrt(constant + lines[k] * np.cos(swing * t)), lines[k] / 2 / np.sqrt(constant)
+            planned = np.sqrt(constant + lines[k] * np.cos(swing * t))
+            tone = lines[k] / 2 / np.sqrt(constant)
             moved = np.sin(swing * t)
         elif scheme.name == "biased":
             tone = current_lines_a(scheme, lines)[k]
-            planned, moved = bias_a(scheme, lines) + tone * np.sin(swing * t), -np.cos(swing * t)
+            planned = bias_a(scheme, lines) + tone * np.sin(swing * t)
+            moved = -np.cos(swing * t)
         else:
             tone = current_lines_a(scheme, lines)[k]
-            planned, moved = tone * np.sin(swing / 2 * t), -np.sin(swing * t)
+            planned = tone * np.sin(swing / 2 * t)
+            moved = -np.sin(swing * t)
         flux = 2 * channel.force_constant_n_per_a2 * channel.level_um * UM * moved
         # Of δ = current − planned: d/dt((L + flux) δ) + R δ = −d/dt(flux · planned); midpoint rule on (L + flux) δ.
         source = -np.diff(flux * planned)
@@ -231,12 +244,10 @@ def true_motion(plan: Plan) -> float:
         if (inductance + flux).min() <= 0:
             true.append(inf)
             continue
-        linked, error, keep, add = (
-            0.0,
-            np.empty(steps),
-            ((1 - rate) / (1 + rate)).tolist(),
-            (source / (1 + rate)).tolist(),
-        )
+        linked = 0.0
+        error = np.empty(steps)
+        keep = ((1 - rate) / (1 + rate)).tolist()
+        add = (source / (1 + rate)).tolist()
         for i in range(steps):
             linked = keep[i] * linked + add[i]
             error[i] = linked
@@ -276,9 +287,13 @@ def suspended(spec: Spec, plan: Plan, topology: str, shape: BeamShape) -> Suspen
 def element_error(taxel: Suspended, parts: int = 3) -> float:
     """Return by how much the condensed beams' resonance is above that of many elements, relative."""
     modulus, _, density = taxel.elastic
-    nodes, elements, roots, tips = [], [], [], []
+    nodes = []
+    elements = []
+    roots = []
+    tips = []
     for beam in taxel.beams:
-        section, tip = beam.section, np.asarray(beam.tip, float)
+        section = beam.section
+        tip = np.asarray(beam.tip, float)
         root = tip - np.array([*np.asarray(beam.direction, float), 0.0]) * float(section.length)
         points, pairs = divided(root, tip, parts, sum(map(len, nodes)))
         cut = rectangle(float(section.width), float(section.thickness), 0.0, float(section.across))
@@ -331,7 +346,8 @@ def elastica(
         y = np.array([0.0, 0.0, ends[0] * moment, moment])
 
         def rate(v: np.ndarray) -> np.ndarray:
-            cosine, sine = np.cos(v[2]), np.sin(v[2])
+            cosine = np.cos(v[2])
+            sine = np.sin(v[2])
             stretch = 1 + (along * cosine + force * sine) / slender if slender else 1.0
             return np.array([stretch * cosine, stretch * sine, v[3], along * stretch * sine - force * stretch * cosine])
 
@@ -354,7 +370,9 @@ def elastica(
     first = (1 / 2 + ends[1]) / (1 + ends[0] + ends[1]) if slender else 1 + arm
     free = first * ends[0] + first - 1 / 2  # slope at the tip
     compliance = first * ends[0] + first / 2 - 1 / 6 + (0.0 if slender else arm * (free + ends[1] * arm))
-    force, held, found = most / compliance / 12, [], [(0.0, 0.0, 1 + body[0], 0.0, 0.0)]
+    force = most / compliance / 12
+    held = []
+    found = [(0.0, 0.0, 1 + body[0], 0.0, 0.0)]
     # Of a bridge the force along follows from how much a cubic shortens: 0.6 z².
     guess = np.array([force * first, 0.5 * (force * compliance) ** 2 * slender if slender else 0.0])
     while found[-1][0] < most and len(found) < 90:
@@ -367,7 +385,8 @@ def elastica(
         found.append((z + arm * np.sin(turned), force, *place, turned))
         more = 1 + 1 / len(found[1:]) if not slender else 1.2
         held.append((force, solved.x))
-        guess, force = solved.x * np.array([more, more**2]), force * more
+        guess = solved.x * np.array([more, more**2])
+        force = force * more
         if len(held) > 2:
             (f0, a), (f1, b) = held[-2:]
             guess = b + (b - a) * (force - f1) / (f1 - f0)
@@ -379,7 +398,8 @@ def elastica(
 
 def elastica_rise(found: Elastica, level: float, away: float) -> float:
     """Return the relative rise of the resonance for motion of amplitude `level` about `away`, over small motion."""
-    z, scale = found.z[1:], found.z[-1]
+    z = found.z[1:]
+    scale = found.z[-1]
     # Both are even in z (force over z).
     stiffness, mass = (
         np.polynomial.Polynomial.fit((z / scale) ** 2, v, 5, domain=[0, 1])
@@ -393,7 +413,8 @@ def elastica_rise(found: Elastica, level: float, away: float) -> float:
 
     high = away + level
     energy = potential(np.array(high))
-    low_end, low_start = away, away - 2.0 * level
+    low_end = away
+    low_start = away - 2.0 * level
     for _ in range(60):
         middle = (low_end + low_start) / 2
         low_end, low_start = (middle, low_start) if potential(np.array(middle)) < energy else (low_end, middle)
@@ -414,8 +435,10 @@ def motion_rise(plan: Plan, channel: Channel) -> float:
         beam_shape(channel),
     )
     placement = model.placements[0]
-    section, length = placement.section, channel.beam.length_mm * MM
-    washer, tip = model.washer_point_m, np.asarray(placement.tip, float)
+    section = placement.section
+    length = channel.beam.length_mm * MM
+    washer = model.washer_point_m
+    tip = np.asarray(placement.tip, float)
     ends = float(section.ends.root) / length, float(section.ends.tip) / length
     body = model.body
     bridge = channel.hardening_per_mm2 > 0
@@ -426,13 +449,17 @@ def motion_rise(plan: Plan, channel: Channel) -> float:
     bends = modulus * float(section.width * section.thickness**3) / 12
     # Along itself a beam is as stiff as the plan's model has it, ends included.
     slender = float(tip_stiffness(section, modulus, poisson)[0, 0]) * length**3 / bends if bridge else None
-    level, away = channel.level_um * UM / length, (channel.sag_um + channel.static_um) * UM / length
+    level = channel.level_um * UM / length
+    away = (channel.sag_um + channel.static_um) * UM / length
     hard = channel.hardening_per_mm2 * channel.beam.length_mm**2
     # Where all is of the second order it is found at larger motions, since digits run out.
     more = max((0.1 / np.sqrt(hard) if bridge else 0.03) / (level + away), 1.0)
-    level, away = level * more, away * more
+    level = level * more
+    away = away * more
     if bridge:
-        arm, centre, gyration = 0.0, 0.0, 0.0
+        arm = 0.0
+        centre = 0.0
+        gyration = 0.0
     most = min(away, (away / hard) ** (1 / 3)) * 1.2 if bridge else away
     found = elastica(arm, (centre, gyration), ends, slender, 1.15 * (level + most))
     if slender:  # the true offset is smaller: the beam has hardened
@@ -493,7 +520,8 @@ def moved_cells(plan: Plan, channel: Channel, across: int, wide_mm: float) -> Mo
     own_x = x + float(arrangement.washer_x_mm)
     motion = np.array(channel.mode_motions[int(np.argmax(channel.mode_shares))])
     rigid = 1 + (motion[3] * y - motion[4] * x) * MM / motion[2]
-    moves, field = np.zeros(x.shape, bool), np.zeros(x.shape)
+    moves = np.zeros(x.shape, bool)
+    field = np.zeros(x.shape)
     for b in arrangement.blocks:
         inside = (own_x > b.low_x_mm) & (own_x < b.high_x_mm) & (y > b.low_y_mm) & (y < b.high_y_mm)
         moves |= inside
@@ -527,7 +555,8 @@ def true_air_mass(plan: Plan, across: int = 34) -> float | None:
         if cells.height <= 0:
             return None
         panels = ~cells.slot
-        at, half = cells.at[panels], cells.side / 2
+        at = cells.at[panels]
+        half = cells.side / 2
         x, y = (at[:, None] - at[None]).transpose(2, 0, 1)
 
         def upward(high: float, x=x, y=y, half=half) -> np.ndarray:
@@ -535,11 +564,16 @@ def true_air_mass(plan: Plan, across: int = 34) -> float | None:
             total = np.zeros(x.shape)
             corners = [(-half, -half), (half, -half), (half, half), (-half, half)]
             for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
-                rx, ry, sx, sy = x - ax, y - ay, x - bx, y - by
-                r, s = np.sqrt(rx**2 + ry**2 + high**2), np.sqrt(sx**2 + sy**2 + high**2)
+                rx = x - ax
+                ry = y - ay
+                sx = x - bx
+                sy = y - by
+                r = np.sqrt(rx**2 + ry**2 + high**2)
+                s = np.sqrt(sx**2 + sy**2 + high**2)
                 cross = rx * sy - ry * sx
                 square = cross**2 + high**2 * ((rx - sx) ** 2 + (ry - sy) ** 2)
-                dx, dy = bx - ax, by - ay
+                dx = bx - ax
+                dy = by - ay
                 total += cross * ((dx * rx + dy * ry) / r - (dx * sx + dy * sy) / s) / square
             return total / (4 * pi)
 
@@ -555,7 +589,8 @@ def true_air_damping(plan: Plan, across: int = 90) -> float | None:
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 
-    coil_m, true = plan.spec.coil.outer_diameter_mm * MM / 2, []
+    coil_m = plan.spec.coil.outer_diameter_mm * MM / 2
+    true = []
     for channel in some(plan):
         offset = channel.site.coil_distance_mm * MM
         reach = min(coil_m + offset, 3e-2)
@@ -566,22 +601,23 @@ def true_air_damping(plan: Plan, across: int = 90) -> float | None:
         x, y = channel.site.washer_mm
         axis = -np.array([cosine * x + sine * y, -sine * x + cosine * y]) * MM
         over = ((cells.at - axis) ** 2).sum(1) < (coil_m - cells.side / 2) ** 2  # beyond them the pressure is none
-        film, slot_wide = cells.height**3 / (12 * AIR_PA_S), plan.plate.gap_mm * MM
+        film = cells.height**3 / (12 * AIR_PA_S)
+        slot_wide = plan.plate.gap_mm * MM
         through = slot_wide**2 / (12 * AIR_PA_S * plan.plate.thickness_mm * MM) * cells.side**2
         number = np.full(across**2, -1)
         number[over] = np.arange(over.sum())
         grid = number.reshape(across, across)
-        rows, columns, values = [], [], []
+        rows = []
+        columns = []
+        values = []
         diagonal = np.where(cells.slot, through, 0.0)[over] + 4 * film
         for a, b in ((grid[:-1], grid[1:]), (grid[:, :-1], grid[:, 1:])):
             both = (a >= 0) & (b >= 0)
             rows += [a[both], b[both]]
             columns += [b[both], a[both]]
             values += [np.full(2 * both.sum(), -film)]
-        rows, columns = (
-            np.concatenate([*rows, np.arange(len(diagonal))]),
-            np.concatenate([*columns, np.arange(len(diagonal))]),
-        )
+        rows = np.concatenate([*rows, np.arange(len(diagonal))])
+        columns = np.concatenate([*columns, np.arange(len(diagonal))])
         matrix = coo_matrix((np.concatenate([*values, diagonal]), (rows, columns))).tocsc()
         squeezed = np.where(cells.moves, cells.motion, 0.0)[over] * cells.side**2
         pressure = spsolve(matrix, squeezed)
@@ -618,7 +654,8 @@ def true_far_modes(plan: Plan) -> float | None:
     """Compare an OFF taxel's motion under all tones with every mode to that with the modes that the plan counts."""
     true = []
     for own in plan.sets:
-        line, hz = placed_channels(plan.spec, own).line, np.array([c.resonance_hz for c in own])
+        line = placed_channels(plan.spec, own).line
+        hz = np.array([c.resonance_hz for c in own])
         weight = (line / line[:, None]) ** 2 * (1 - np.eye(len(line)))
         taxels = coil_modes(plan.spec, own), heard_modes(plan.spec, own, line)
         every, heard = ((felt_energy(t, slice(None), hz) * weight).sum(1) for t in taxels)
@@ -643,7 +680,8 @@ def climbed(at: Callable[[int], tuple[float, float]], orders: Sequence[int], bou
     before, _ = at(orders[0])
     for order in orders[1:]:
         size, apart = at(order)
-        off, before = abs(size - before) + apart, size
+        off = abs(size - before) + apart
+        before = size
         if abs(bound - size) > off:
             break
     return Sized(size, off)
@@ -717,7 +755,8 @@ def fields_in_space(
     steels = {"core": coil.core_permeability, **{f"washer{i}": w.ring.permeability for i, w in enumerate(washers)}}
 
     def at(order: int) -> tuple[float, float]:
-        field, pulls = None, []
+        field = None
+        pulls = []
         for case in cases:
             field = field_solid.solve_scalar(
                 mesh, source, {**steels, **case}, far_mm, order, 2.0 if half else 1.0, field
@@ -748,7 +787,8 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
     from padgen.verify.field_solid import _curl, _half_plane, wound
 
     mesh, far = _half_plane(coil, washer, gap, 2)
-    space, radius = ng.H1(mesh, order=4, complex=True), ng.x
+    space = ng.H1(mesh, order=4, complex=True)
+    radius = ng.x
     u, v = space.TnT()
     weight = 2 * np.pi * radius
     steels = {"core": coil.core_permeability, "washer": washer.permeability}
@@ -759,7 +799,8 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
     source = ng.LinearForm(weight * density * radius * v * more).Assemble()
     near = ng.GridFunction(ng.H1(mesh, order=1))
     near.vec.FV().NumPy()[:] = [float(on) for on in near.space.GetDofs(mesh.Materials("washer"))]
-    slope, forces = ng.grad(near), []
+    slope = ng.grad(near)
+    forces = []
     for angular in (0.0, 2 * np.pi * hz):
         form = ng.BilinearForm(space)
         form += weight * reluctivity * ng.InnerProduct(_curl(u), _curl(v)) * more
@@ -838,9 +879,11 @@ def drawn(bodies: Sequence[Placed], step: float, outside: Callable[[int, np.ndar
     `outside` returns, for the number of a body and its answer to potentials at its points, what it draws alone.
     """
     ends = np.cumsum([0, *(len(b.order) * len(b.body.area) for b in bodies)])
-    mutual, alone = np.zeros((ends[-1], ends[-1])), []
+    mutual = np.zeros((ends[-1], ends[-1]))
+    alone = []
     for i, one in enumerate(bodies):
-        own, points = slice(ends[i], ends[i + 1]), one.points()
+        own = slice(ends[i], ends[i + 1])
+        points = one.points()
         answer = np.zeros((len(one.order), len(one.body.area)) * 2)
         for part, order in enumerate(one.order):
             answer[part, :, part] = one.body.response[order]
@@ -878,13 +921,15 @@ def washer_body(washer: SteelRing, orders: int, nodes: tuple[int, int] = (9, 5))
 
 def many_coils(coil: CoilSource, washer: SteelRing, gap: float, place: np.ndarray, axes: np.ndarray) -> np.ndarray:
     """Return pulls (k, k) in N/A² on a washer at `place` by currents in coils at `axes` (k, 2), the own coil first."""
-    core, step = charged_core(coil, 12, 2), 0.8 * gap
+    core = charged_core(coil, 12, 2)
+    step = 0.8 * gap
     ring = Placed(washer_body(washer, 4), place, gap, 4)
     bodies = [*([Placed(core[0], axis, 0.0, 2) for axis in axes] if core else []), ring]
     coils = [Wound(winding_rings(coil.windings, step), axis) for axis in axes]
 
     def outside(i: int, answer: np.ndarray) -> np.ndarray:
-        one, alone = bodies[i], np.zeros((len(answer), len(axes)))
+        one = bodies[i]
+        alone = np.zeros((len(answer), len(axes)))
         for k, wound in enumerate(coils):
             if one is not ring and i == k:
                 alone[: len(one.body.area), k] = core[1]  # a core in its own coil
@@ -938,12 +983,14 @@ def true_shielding(plan: Plan, most: int = 20) -> float | None:
 
 def true_leakage(plan: Plan) -> float | None:
     """Compare what the coils next to the middle one leak with the plan's model of leakage."""
-    grid, parts = plan.coils, magnetic_parts(plan.spec)
+    grid = plan.coils
+    parts = magnetic_parts(plan.spec)
     steps = coils_around(grid.rows, grid.columns)
     steps = steps[np.abs(steps).max(1) == 1]
     if not len(steps):
         return None
-    axes, true = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM, []
+    axes = steps * np.array([grid.pitch_x_mm, grid.pitch_y_mm]) * MM
+    true = []
     for channel in some(plan)[:2]:
         place = np.array(channel.site.washer_mm) * MM
         pulls = many_coils(*parts, gap_m(plan), place, np.concatenate([np.zeros((1, 2)), axes]))

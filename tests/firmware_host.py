@@ -136,7 +136,8 @@ class Host:
 
     def run(self, script: str, *options: str) -> Run:
         """Run the firmware with a script of `feed` and `run` lines."""
-        volts, log = self.folder / "volts", self.folder / "log"
+        volts = self.folder / "volts"
+        log = self.folder / "log"
         command = [self.program, "script", "--volts", volts, "--log", log, *options]
         done = subprocess.run(command, input=script, capture_output=True, text=True, timeout=60)
         assert done.returncode == 0, done.stderr
@@ -216,8 +217,11 @@ class Meter:
     FINER = 4
 
     def __init__(self, host: Host, slower_s: Sequence[float] = (HEAT_S, 60.0)) -> None:
-        spec, drive, self.coils = host.plan.spec, host.drive, len(host.drive.coils)
-        self.ohm, self.limit_w = spec.coil.resistance_ohm, spec.coil.power_limit_w
+        spec = host.plan.spec
+        drive = host.drive
+        self.coils = len(host.drive.coils)
+        self.ohm = spec.coil.resistance_ohm
+        self.limit_w = spec.coil.power_limit_w
         lag_s = spec.coil.inductance_mh * 1e-3 / self.ohm
         self.left = np.exp(-1 / (lag_s * drive.rate_hz * self.FINER)) if lag_s else 0.0
         self.shortest_s = 2.0 ** host.number("PADGEN_HEAT_SHIFT") / drive.rate_hz
@@ -254,7 +258,8 @@ class Meter:
 
 def metered(host: Host, script: str, *options: str) -> Meter:
     """Run a script of any length, its voltages read by a `Meter` as they come."""
-    meter, pipe = Meter(host), host.folder / "pipe"
+    meter = Meter(host)
+    pipe = host.folder / "pipe"
     if not pipe.exists():
         os.mkfifo(pipe)
     command = [host.program, "script", "--volts", pipe, "--log", host.folder / "log", *options]
@@ -271,7 +276,8 @@ def metered(host: Host, script: str, *options: str) -> Meter:
 
 def noise(host: Host, rng: np.random.Generator, count: int, due: int) -> Iterator[str]:
     """Yield random bytes as fast as the line brings them, now and then a frame among them, `due` the first of these."""
-    taxels, rate_hz = len(host.plan.taxels), host.drive.rate_hz
+    taxels = len(host.plan.taxels)
+    rate_hz = host.drive.rate_hz
     for start in range(0, count, 1000):
         if start % 40_000 == 0:
             yield host.hello + feed(frame_message(np.ones(taxels), due))
@@ -284,7 +290,9 @@ def noise(host: Host, rng: np.random.Generator, count: int, due: int) -> Iterato
 
 def sessions(host: Host, rng: np.random.Generator, count: int) -> Iterator[str]:
     """Yield sessions: messages in order, some of them damaged, forged, doubled or cut, with time and resets between."""
-    taxels, rate, due = len(host.plan.taxels), host.drive.rate_hz, 0
+    taxels = len(host.plan.taxels)
+    rate = host.drive.rate_hz
+    due = 0
     for _ in range(count):
         if rng.random() < 0.3:
             yield "reset\n"
@@ -295,7 +303,8 @@ def sessions(host: Host, rng: np.random.Generator, count: int) -> Iterator[str]:
             kind = rng.choice([Kind.FRAME, Kind.PING, Kind.SILENCE, Kind.HELLO], p=[0.7, 0.2, 0.05, 0.05])
             message = frame_message(levels, due) if kind == Kind.FRAME else Message(int(kind), 0)
             packet = bytearray(encode(message))
-            change, place = rng.integers(0, 20), int(rng.integers(0, len(packet)))
+            change = rng.integers(0, 20)
+            place = int(rng.integers(0, len(packet)))
             if change == 0:
                 packet[place] ^= 1 << rng.integers(0, 8)
             elif change == 1:

@@ -36,7 +36,8 @@ class Extrusions:
 def read_gcode(path: Path) -> Extrusions:
     """Read the extruding moves of PrusaSlicer's G-code for 1.75 mm filament."""
     x = y = e = 0.0
-    height, layer = 0.0, -1
+    height = 0.0
+    layer = -1
     filament = np.pi / 4 * 1.75**2
     tops: list[float] = []
     rows = []
@@ -51,11 +52,15 @@ def read_gcode(path: Path) -> Extrusions:
             e = 0.0
         elif line.startswith("G1 "):
             words = {w[0]: float(w[1:]) for w in line.split(";")[0].split()[1:]}
-            nx, ny, ne = words.get("X", x), words.get("Y", y), words.get("E", e)
+            nx = words.get("X", x)
+            ny = words.get("Y", y)
+            ne = words.get("E", e)
             if ne > e and (nx, ny) != (x, y) and layer >= 0:
                 length = ((nx - x) ** 2 + (ny - y) ** 2) ** 0.5
                 rows.append((x, y, nx, ny, (ne - e) * filament / length / height, height, layer))
-            x, y, e = nx, ny, ne
+            x = nx
+            y = ny
+            e = ne
     table = np.array(rows)
     return Extrusions(*np.split(table[:, :4], 2, 1), *table[:, 4:6].T, table[:, 6].astype(int), np.array(tops))
 
@@ -106,7 +111,8 @@ def laid_recesses(plan: Plan, lines: Extrusions, centre_mm: tuple[float, float])
         middle = np.array([taxel.x_mm, taxel.y_mm]) + centre_mm
         roof = _distance(lines, middle) < plan.plate.recess_diameter_mm / 4
         first = lines.layer[roof].min()
-        top, height = lines.layer_top_mm[first], lines.height[roof & (lines.layer == first)].max()
+        top = lines.layer_top_mm[first]
+        height = lines.height[roof & (lines.layer == first)].max()
         beads = (lines.width + ROUND_EDGES * lines.height) / 2
         below = lines.layer < first
         rooms = [2 * (_distance(lines, middle + step) - beads)[below].min() for step in AROUND]
@@ -116,7 +122,8 @@ def laid_recesses(plan: Plan, lines: Extrusions, centre_mm: tuple[float, float])
 
 def _distance(lines: Extrusions, point: np.ndarray) -> np.ndarray:
     """Return the distance of a point from the middle line of each extrusion."""
-    along, start = lines.stop - lines.start, point - lines.start
+    along = lines.stop - lines.start
+    start = point - lines.start
     share = np.clip((start * along).sum(1) / (along**2).sum(1), 0, 1)
     return np.hypot(*(start - share[:, None] * along).T)
 
@@ -136,8 +143,10 @@ def _middles(plan: Plan, channel: Channel, taxel: Taxel) -> list[tuple[np.ndarra
 def _laid_width(lines: Extrusions, at: np.ndarray, middle: np.ndarray, across: np.ndarray, width: float) -> float:
     """Return the sum of the widths of the lines that cross the section through `middle`."""
     along = np.array([across[1], -across[0]])
-    start, stop = lines.start[at] - middle, lines.stop[at] - middle
-    a, b = start @ along, stop @ along
+    start = lines.start[at] - middle
+    stop = lines.stop[at] - middle
+    a = start @ along
+    b = stop @ along
     crosses = (a * b <= 0) & (np.abs(a - b) > 1e-9)
     share = np.divide(a, a - b, out=np.zeros_like(a), where=crosses)
     place = (start @ across) + share * ((stop - start) @ across)

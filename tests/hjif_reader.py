@@ -86,7 +86,9 @@ def _read_channel(entry: dict[str, Any]) -> HapticChannel:
     (band,) = entry["bands"]
     if band["band_type"] != "VectorialWave":
         raise ValueError(f"a {band['band_type']} band")
-    time_s, level, hz = [], [], 0.0
+    time_s = []
+    level = []
+    hz = 0.0
     for effect in band["effects"]:
         for frame in effect["keyframes"]:
             time_s.append((effect["position"] + frame["relative_position"]) / TICKS_PER_S)

@@ -85,7 +85,10 @@ class Maker:
     """One hostile folder: what is outside, `pad` with what a stranger sent, and `own` for results."""
 
     def __init__(self, root: Path, model: Path, seed: int) -> None:
-        self.root, self.pad, self.victim, self.seed = root, root / "pad", root / "victim", seed
+        self.root = root
+        self.pad = root / "pad"
+        self.victim = root / "victim"
+        self.seed = seed
         self.random = Random(seed)
         root.mkdir(parents=True)
         shutil.copytree(model, self.pad)
@@ -129,7 +132,8 @@ class Maker:
 
     def journal(self) -> None:
         """Leave a journal, mostly well formed, with a folder aside of any kind."""
-        pick, some = self.random.choice, [*self.names, *VICTIMS]
+        pick = self.random.choice
+        some = [*self.names, *VICTIMS]
         aside = f".partial-{pick(['1', '1-1', str(os.getpid()), '4194305', '4194305-7', '99999999999'])}"
         new = {}
         for name in self.random.sample(some, self.random.randint(0, 3)):
@@ -239,7 +243,8 @@ class Maker:
 
 def commands(root: Path, seed: int) -> list[list[str]]:
     """Return every command that reads, each with results that go to `own` alone."""
-    pad, own = f"{root}/pad", f"{root}/own"
+    pad = f"{root}/pad"
+    own = f"{root}/own"
     listed = [
         ["check", f"{pad}/pad.stl"],
         ["check", f"{pad}/pad.stl", "--spec", f"{pad}/spec.toml"],
@@ -382,7 +387,9 @@ def main(arguments: list[str]) -> dict:
     start = time.monotonic()
     for seed in seeds:
         folder = top / f"h{seed}"
-        pad, own, victim = folder / "pad", folder / "own", folder / "victim"
+        pad = folder / "pad"
+        own = folder / "own"
+        victim = folder / "victim"
         listed = commands(folder, seed)
         if "--few" in arguments:
             quick = [each for each in listed if QUICK.search(" ".join(each))]

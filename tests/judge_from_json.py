@@ -12,8 +12,10 @@ BAND_SLACK = 1e-3
 
 def broken_limits(plan: dict[str, Any]) -> set[str]:
     """Return the names of the limits that the pad breaks with all taxels on."""
-    spec, load = plan["spec"], plan["load"]
-    coil, amplifier = spec["coil"], spec.get("amplifier")
+    spec = plan["spec"]
+    load = plan["load"]
+    coil = spec["coil"]
+    amplifier = spec.get("amplifier")
     coils = plan["coils"]["rows"] * plan["coils"]["columns"]
     watts = (load["current_rms_ma"] / 1e3) ** 2 * coil["resistance_ohm"]
     power_w = spec["limits"]["power_w"]
@@ -51,7 +53,8 @@ def broken_limits(plan: dict[str, Any]) -> set[str]:
 
 def fits_bed(spec: dict[str, Any]) -> bool:
     """Return whether the pad with its border lies on the printer's bed, in either orientation."""
-    pad, printer = spec["pad"], spec["printer"]
+    pad = spec["pad"]
+    printer = spec["printer"]
     sides = sorted(pad[f"{side}_mm"] + 2 * pad["border_mm"] for side in ("width", "depth"))
     bed = sorted((printer["bed_x_mm"], printer["bed_y_mm"]))
     return sides[0] <= bed[0] and sides[1] <= bed[1]
@@ -61,7 +64,8 @@ def judged_level(plan: dict[str, Any]) -> str:
     """Return 'error', 'short', 'retune' or 'good'."""
     if broken_limits(plan):
         return "error"
-    prints, spec = plan["prints"], plan["spec"]
+    prints = plan["prints"]
+    spec = plan["spec"]
     if prints["print_db"] is None:
         return "good"
     if prints["planned_db"] >= 20 * log10(spec["delta_y"]):

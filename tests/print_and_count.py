@@ -31,7 +31,8 @@ WASHER = 0.01 / 2
 
 def terms_of(printer: str, level: str) -> dict[str, float]:
     """Return the terms of the table's column for a printer of the catalogue."""
-    column, k = (3 if printer.startswith("resin") else 2), LEVELS.index(level)
+    column = 3 if printer.startswith("resin") else 2
+    k = LEVELS.index(level)
     table = {
         cells[0].strip(): cells
         for line in SPREAD.read_text().splitlines()
@@ -49,9 +50,12 @@ def terms_of(printer: str, level: str) -> dict[str, float]:
 
 def kept_db(plan: dict, level: str = "typical", pads: int = 2000, leak: bool = True, seed: int = 0) -> np.ndarray:
     """Return ON over OFF in dB of each pad's worst coil and state (pads,), each taxel driven at its own resonance."""
-    spec, channels, taxels = plan["spec"], plan["channels"], plan["taxels"]
+    spec = plan["spec"]
+    channels = plan["channels"]
+    taxels = plan["taxels"]
     assert plan["selectivity"]["drive"] in ("tones", "spur-free") and spec["drive"]["threshold_hz"] is None
-    terms, rng = terms_of(spec["printer"]["name"], level), np.random.default_rng(seed)
+    terms = terms_of(spec["printer"]["name"], level)
+    rng = np.random.default_rng(seed)
     place = np.array([[t["x_mm"], t["y_mm"]] for t in taxels])
     far = np.linalg.norm(place[:, None] - place, axis=-1) / CORRELATION_MM[spec["printer"]["process"]]
     field = np.linalg.cholesky(np.exp(-(far**2)) + 1e-9 * np.eye(len(taxels))) @ rng.standard_normal(
@@ -61,7 +65,8 @@ def kept_db(plan: dict, level: str = "typical", pads: int = 2000, leak: bool = T
     own = rng.standard_normal((5, len(taxels), pads))
     log_f = np.empty((len(taxels), pads))
     for i, taxel in enumerate(taxels):
-        beam, mass = channels[taxel["channel"]]["beam"], channels[taxel["channel"]]["effective_mass_g"]
+        beam = channels[taxel["channel"]]["beam"]
+        mass = channels[taxel["channel"]]["effective_mass_g"]
         height = terms["common_z"] * common_z + terms["field"] * field[i] + terms["t"] * own[0, i]
         log_f[i] = 0.5 * terms["common_e"] * common_e + 1.5 * height / beam["thickness_mm"]
         log_f[i] += 0.5 * terms["w"] * own[1, i] / beam["width_mm"] - 1.5 * terms["l"] * own[2, i] / beam["length_mm"]

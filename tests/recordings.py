@@ -66,7 +66,8 @@ class Recording(NamedTuple):
 def modal(force, hz, q, sensor, rate=INNER_HZ):
     """Return displacement, velocity or acceleration (`sensor` 0, 1, 2) of a mode at rest before the force."""
     omega = 2 * np.pi * hz
-    a, b = [[0.0, 1.0], [-(omega**2), -omega / q]], [[0.0], [omega**2]]
+    a = [[0.0, 1.0], [-(omega**2), -omega / q]]
+    b = [[0.0], [omega**2]]
     c = [[[1.0, 0.0]], [[0.0, 1 / omega]], [[-1.0, -1 / (omega * q)]]][sensor]
     ad, bd, cd, dd, _ = cont2discrete((np.array(a), np.array(b), np.array(c), [[float(sensor == 2)]]), 1 / rate, "foh")
     den = np.poly(ad)
@@ -153,7 +154,8 @@ def recorded(
     reference = None if current is None else CubicSpline(inner, current)(time)
     if highpass_hz:
         b, a = butter(1, highpass_hz, "high", fs=rate)
-        motion, reference = lfilter(b, a, motion), None if reference is None else lfilter(b, a, reference)
+        motion = lfilter(b, a, motion)
+        reference = None if reference is None else lfilter(b, a, reference)
     if clipped:
         top = np.quantile(np.abs(motion), 1 - clipped)
         motion = np.clip(motion / top, -1, 1)

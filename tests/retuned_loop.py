@@ -70,7 +70,8 @@ def kept_db(plan, tuning, truth, coils, folder, rate_hz=8000):
     kept = []
     for place in coils:
         force = lfilter(num.ravel(), den, played[:, sorted(index).index(place)].astype(float)) ** 2
-        on, off = [], []
+        on = []
+        off = []
         for taxel in index[place]:
             own = truth.taxels[taxel]
             moved = modal(force, own.resonance_hz, own.q, 0, rate) * own.response_um_per_a2 / own.q / wanted[taxel]

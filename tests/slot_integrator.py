@@ -19,7 +19,8 @@ def slot_contrast_db(plan, frames, seconds, folder):
     where a coil has none of either.
     """
     rate, played = wavfile.read(folder / "drive.wav")
-    ohm, henry = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * 1e-3
+    ohm = plan.spec.coil.resistance_ohm
+    henry = plan.spec.coil.inductance_mh * 1e-3
     circuit = cont2discrete(([1.0], [henry, ohm]), 1 / rate, "foh")
     lowest_hz = min(channel.resonance_hz for channel in plan.channels)
     vibration = butter(4, lowest_hz / 2, "high", fs=rate, output="sos")
@@ -35,7 +36,8 @@ def slot_contrast_db(plan, frames, seconds, folder):
         # A line of 1 at the resonance moves the taxel by Q.
         wanted = channel.q * channel.line_a2
         for k in range(len(frames)):
-            start, stop = round(k * seconds * rate), round((k + 1) * seconds * rate)
+            start = round(k * seconds * rate)
+            stop = round((k + 1) * seconds * rate)
             level[k, index] = np.sqrt((motion[start:stop] ** 2).mean()) / wanted
             held = motion[stop - round(END_PERIODS / lowest_hz * rate) : stop]
             last[k, index] = np.sqrt((held**2).mean()) / wanted
@@ -46,7 +48,8 @@ def slot_contrast_db(plan, frames, seconds, folder):
         for k, frame in enumerate(np.asarray(frames)):
             for coil in np.unique(coil_of):
                 own = coil_of == coil
-                on, off = own & (frame > 0), own & (frame <= 0)
+                on = own & (frame > 0)
+                off = own & (frame <= 0)
                 if on.any() and off.any():
                     contrast[k, coil] = 20 * np.log10((figure[k, on] / frame[on]).min() / figure[k, off].max())
         found.append(contrast)

@@ -46,14 +46,18 @@ class Place:
     """A random taxel of a pad: its washer's place, its arrangement, and its beams."""
 
     def __init__(self, rng, plan, pad):
-        self.rng, self.plan, self.pad = rng, plan, pad
+        self.rng = rng
+        self.plan = plan
+        self.pad = pad
         self.solid = as_manifold(pad.mesh, "pad")
         self.taxel = plan.taxels[rng.integers(len(plan.taxels))]
         self.x, self.y = self.taxel.x_mm, self.taxel.y_mm
         self.channel = plan.channels[self.taxel.channel]
         self.arrangement = plan.arrangement(self.channel)
-        self.plate, self.top = plan.plate, plan.spec.pad.frame_thickness_mm
-        self.wide, self.deep = plan.plate.recess_diameter_mm, plan.plate.recess_depth_mm
+        self.plate = plan.plate
+        self.top = plan.spec.pad.frame_thickness_mm
+        self.wide = plan.plate.recess_diameter_mm
+        self.deep = plan.plate.recess_depth_mm
         self.thick = float(self.arrangement.beams[0].thickness_mm)
 
     def at(self, x, y, z):
@@ -89,11 +93,13 @@ class Place:
     def on_gap(self, z):
         """Return a place in the middle of the gap beside the plate at height `z`, and the direction across the gap."""
         contours = [np.asarray(c) for c in self.solid.slice(z).to_polygons()]
-        width, depth = self.plan.cell.width_mm / 2, self.plan.cell.depth_mm / 2
+        width = self.plan.cell.width_mm / 2
+        depth = self.plan.cell.depth_mm / 2
         found = []
         for c in contours:
             following = np.roll(c, -1, axis=0)
-            middle, along = (c + following) / 2, following - c
+            middle = (c + following) / 2
+            along = following - c
             length = np.hypot(*along.T)
             near = (np.abs(middle - (self.x, self.y)) < (width, depth)).all(1) & (length > 1.5)
             for m, d, n in zip(middle[near], along[near], length[near], strict=True):
@@ -110,7 +116,8 @@ class Place:
 
     def hole(self):
         pad = self.plan.spec.pad
-        x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+        x = (pad.width_mm + pad.border_mm) / 2
+        y = (pad.depth_mm + pad.border_mm) / 2
         return x * self.rng.choice([-1, 1]), y * self.rng.choice([-1, 1])
 
 
@@ -220,7 +227,8 @@ def swapped(p):
     """Swap all taxels of two channels."""
     grid = p.pad.grid.copy()
     a, b = p.rng.choice(len(p.plan.channels), 2, replace=False)
-    grid[(p.pad.grid == a)], grid[(p.pad.grid == b)] = b, a
+    grid[(p.pad.grid == a)] = b
+    grid[(p.pad.grid == b)] = a
     return assembled(p.plan, p.pad.tiles, p.pad.border, grid)
 
 

@@ -59,7 +59,8 @@ def test_a_spec_from_anything(work):
         "coil": {"grid": [1, 1]},
         "pad": {"width_mm": 25, "depth_mm": 25},
     }
-    by_path, by_table = pg.plan("tiny.toml"), pg.plan(table)
+    by_path = pg.plan("tiny.toml")
+    by_table = pg.plan(table)
     assert by_path == by_table == pg.plan(Path("tiny.toml")) == pg.plan(by_path.spec)
     assert pg.plan("tiny.toml", q_min=20).channels[0].q == 20
     changed = pg.plan(by_path.spec, coil={"gap_mm": 1.5}, drive="biased").spec

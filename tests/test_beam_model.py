@@ -36,7 +36,8 @@ def row_spec(row):
     made = row.get("spec")
     if made is None:
         spec = load_spec(row["name"].rpartition("-")[0])
-        taxel, printer = replace(spec.taxel, washer_clearance_mm=0.2), replace(spec.printer, shortest_beam_mm=0.0)
+        taxel = replace(spec.taxel, washer_clearance_mm=0.2)
+        printer = replace(spec.printer, shortest_beam_mm=0.0)
         return replace(spec, taxel=taxel, printer=printer)
     taxel = {key: made[key] for key in ("plate_length_mm", "plate_width_mm", "plate_thickness_mm", "fillet_mm")}
     return make_spec(
@@ -64,7 +65,8 @@ def errors_and_estimates(row):
     along = motion[[0, 2, 4]].max(0) > motion[[1, 3, 5]].max(0)
     pairs = {}
     for family, chosen in (("along", along), ("across", ~along)):
-        found, estimate = model.modes.frequency_hz[chosen], model.mode_errors[chosen]
+        found = model.modes.frequency_hz[chosen]
+        estimate = model.mode_errors[chosen]
         for k, hz in enumerate(row[f"{family}_hz"]):
             kind = "working" if hz == row["working_hz"] else family
             pairs.setdefault(kind, []).append((float(found[k] / hz - 1), float(estimate[k])))
@@ -95,8 +97,10 @@ def test_resonance_against_elasticity(row):
 
 def test_an_uncertain_part_that_holds_nearly_all_of_the_energy():
     """The stated error covers springs in series whose uncertain one is as stiff, or as soft, as it may be."""
-    frequency, parts = np.full(6, 100.0), len(UNCERTAINTY)
-    at, uncertain = list(UNCERTAINTY).index("mount"), UNCERTAINTY["mount"]
+    frequency = np.full(6, 100.0)
+    parts = len(UNCERTAINTY)
+    at = list(UNCERTAINTY).index("mount")
+    uncertain = UNCERTAINTY["mount"]
     for share in (0.05, 0.5, 0.95):
         energies = np.zeros((6, parts))
         energies[:, at] = share * (2 * np.pi * frequency) ** 2
@@ -158,7 +162,8 @@ def test_out_of_range_it_says_so():
 
 
 def test_estimates_of_a_grid_are_those_of_its_taxels():
-    width, length = np.array([0.5, 2.0]), np.array([1.0, 8.0])
+    width = np.array([0.5, 2.0])
+    length = np.array([1.0, 8.0])
     for topology in ("cantilever", "bridge"):
         grid = TaxelModel(SPEC, topology, plate_shape(SPEC), BeamShape(width, 0.4 + 0 * width, length))
         assert grid.error_estimate.shape == (2,)

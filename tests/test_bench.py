@@ -51,7 +51,10 @@ class Print:
 
     def __init__(self, plan, seed: int) -> None:
         rng = np.random.default_rng(seed)
-        self.plan, self.rng, self.at, self.gain = plan, rng, "", 1.0
+        self.plan = plan
+        self.rng = rng
+        self.at = ""
+        self.gain = 1.0
         self.true = {
             taxel.id: (
                 plan.channels[taxel.channel].resonance_hz * rng.uniform(0.85, 1.15),
@@ -62,7 +65,8 @@ class Print:
         self.rest()
 
     def rest(self) -> None:
-        self._states, self._time = {}, 0
+        self._states = {}
+        self._time = 0
 
     def heard(self, volts: np.ndarray) -> np.ndarray:
         """Return what the input hears (n,) while the coils get `volts` (n, coils)."""
@@ -98,13 +102,17 @@ class CallbackStop(Exception):  # noqa: N818
 class Card:
     """The parts of sounddevice that padgen records with; its output drives the coils of a `Print`."""
 
-    PortAudioError, CallbackStop = PortAudioError, CallbackStop
+    PortAudioError = PortAudioError
+    CallbackStop = CallbackStop
 
     def __init__(self, pad: Print, outputs: int = 2, inputs: int = 1, gain: float = 1.0) -> None:
         pad.gain = gain
-        self.pad, self.outputs, self.sounded = pad, outputs, []
+        self.pad = pad
+        self.outputs = outputs
+        self.sounded = []
         self.status = SimpleNamespace(input_overflow=False, output_underflow=False)
-        self.breaks_after, self.source = 10**9, None
+        self.breaks_after = 10**9
+        self.source = None
         self.entries = [
             {"index": 0, "name": "Mike", "max_input_channels": inputs, "max_output_channels": 0},
             {"index": 1, "name": "Loud", "max_input_channels": 0, "max_output_channels": outputs},
@@ -133,7 +141,10 @@ class Running:
     def __init__(self, card, outputs, samplerate, dtype, callback, finished_callback, device) -> None:
         if samplerate != RATE_HZ:
             raise PortAudioError("Invalid sample rate")
-        self.card, self.outputs, self.callback, self.over = card, outputs, callback, finished_callback
+        self.card = card
+        self.outputs = outputs
+        self.callback = callback
+        self.over = finished_callback
         self.thread = threading.Thread(target=self.run, daemon=True)
 
     def __enter__(self):
@@ -185,7 +196,9 @@ def card(plan, tmp_path, monkeypatch) -> Card:
 @pytest.fixture
 def person(card, monkeypatch, capsys):
     """Give a person's deeds by the name that is asked for, which also move the sensor, and what was asked."""
-    deeds, asked, said = {}, [], []
+    deeds = {}
+    asked = []
+    said = []
 
     def answer() -> str:
         told = capsys.readouterr()
@@ -380,7 +393,8 @@ def test_the_firmware_shakes_a_print(card, plan, tmp_path, person, capsys):
 
 def test_the_sweep_of_the_firmware(tmp_path_factory):
     pad = host("quick", tmp_path_factory)
-    table, rate = sweep_table(pad.plan), pad.drive.rate_hz
+    table = sweep_table(pad.plan)
+    rate = pad.drive.rate_hz
     count = pad.number("PADGEN_SWEEP_SAMPLES")
     sweep = feed(Message(Kind.EXCITE, 1, b"\5\0"))
     frame = feed(Message(Kind.FRAME_BITS, 0, b"\1\0"))

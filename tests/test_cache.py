@@ -301,7 +301,8 @@ def test_a_claim_needs_no_folder(tmp_path, monkeypatch):
 
 def test_a_lock_on_a_file_that_was_taken_away_is_none(tmp_path, monkeypatch):
     """A holder may release and remove the lock's file between our opening and our locking it."""
-    path, lock = tmp_path / "claim", fcntl.flock
+    path = tmp_path / "claim"
+    lock = fcntl.flock
 
     def late(file, how):
         path.unlink()

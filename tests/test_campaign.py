@@ -81,7 +81,8 @@ def test_other_modes_state_their_own_error(held_out):
 
 def test_a_deep_frame_widens_the_stated_error():
     """Plans add twice the change by the frame's true depth (chosen on this set: 96 % are within)."""
-    rows, within = [row for row in ROWS if campaign.is_deep(row)], []
+    rows = [row for row in ROWS if campaign.is_deep(row)]
+    within = []
     for row in rows:
         (own,) = working(campaign.compared(row))
         model = campaign.model_of(row)

@@ -272,7 +272,8 @@ def test_a_tapered_beam(small_pad, small_plan):
     solid = as_manifold(small_pad.mesh, "pad")
     spot = to_cell(np.array([0.9 * channel.beam.length_mm, 0.0, 0.0]), channel)
     washer = to_cell(np.array([float(small_plan.arrangement(channel).washer_x_mm), 0.0, 0.0]), channel)
-    x, y = taxel.x_mm + spot[0] - washer[0], taxel.y_mm + spot[1] - washer[1]
+    x = taxel.x_mm + spot[0] - washer[0]
+    y = taxel.y_mm + spot[1] - washer[1]
     half = channel.beam.width_mm / 2
     across = abs(to_cell(np.array([0.0, 1.0, 0.0]), channel) - to_cell(np.zeros(3), channel))
     notch = box((0.3, 0.3, 2.0), (-0.15, -0.15, -1.0)).translate((x + half * across[0], y + half * across[1], 0.0))

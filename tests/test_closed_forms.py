@@ -37,9 +37,11 @@ from padgen.spec import load_spec
 
 @pytest.mark.parametrize("angle", [0.0, 0.7, pi / 2, -2.1])
 def test_a_tip_moves_with_its_body(angle: float) -> None:
-    tip, at = np.array([1.3, -0.4, 0.2]), np.array([0.5, 0.6, -0.7])
+    tip = np.array([1.3, -0.4, 0.2])
+    at = np.array([0.5, 0.6, -0.7])
     beam = BeamPlacement(None, tip, np.array([cos(angle), sin(angle)]))  # type: ignore[arg-type]
-    shift, turn = np.array([0.11, -0.23, 0.31]), np.array([0.7, 0.5, -0.9])
+    shift = np.array([0.11, -0.23, 0.31])
+    turn = np.array([0.7, 0.5, -0.9])
     own = np.array([[cos(angle), sin(angle), 0], [-sin(angle), cos(angle), 0], [0, 0, 1]])
     expected = np.concatenate([own @ (shift + np.cross(turn, tip - at)), own @ turn])
     assert to_tip(beam, at) @ np.concatenate([shift, turn]) == pytest.approx(expected, abs=1e-14)
@@ -57,7 +59,8 @@ def test_the_squared_slope_of_a_cubic() -> None:
 
 @pytest.mark.parametrize("radius, apart", [(1.0, 0.4), (0.5, 1.0), (2.5, 0.3), (0.2, 0.1), (2.0, 4.0)])
 def test_the_area_that_two_circles_share(radius: float, apart: float) -> None:
-    other, side = 1.0, np.linspace(-1, 1, 1000)
+    other = 1.0
+    side = np.linspace(-1, 1, 1000)
     x, y = np.meshgrid(side, side)
     shared = ((x**2 + y**2 < other**2) & ((x - apart) ** 2 + y**2 < radius**2)).mean() * 4
     assert pi * _common_radius(np.array([radius]), other, np.array([apart]))[0] ** 2 == pytest.approx(
@@ -78,7 +81,11 @@ def test_the_magnetisation_lost_to_saturation(share: float, chi: float, demagnet
 
 
 def test_the_stress_of_a_straight_beam() -> None:
-    width, thickness, length, force, moment = 8e-4, 3e-4, 6e-3, 0.02, 3e-5
+    width = 8e-4
+    thickness = 3e-4
+    length = 6e-3
+    force = 0.02
+    moment = 3e-5
     beam = BeamSection(width, thickness, length)
     for load, expected in (
         (np.array([0, 0, force, 0, 0, 0]), 6 * force * length / (width * thickness**2)),
@@ -89,9 +96,14 @@ def test_the_stress_of_a_straight_beam() -> None:
 
 def test_what_skin_adds() -> None:
     """A rigid disc on a half-space has k = 2 E* a; with it moves half of the 8/3 ρ a³ of a disc in a fluid (Lamb)."""
-    skin, radius, mass, hz, q = SKINS["typical"], 3e-3, 2e-4, 60.0, 15.0
+    skin = SKINS["typical"]
+    radius = 3e-3
+    mass = 2e-4
+    hz = 60.0
+    q = 15.0
     stiffness = mass * (2 * pi * hz) ** 2
-    all_k, all_m = stiffness + 2 * skin.modulus * radius, mass + 8 / 3 * 1100.0 * radius**3 / 2
+    all_k = stiffness + 2 * skin.modulus * radius
+    all_m = mass + 8 / 3 * 1100.0 * radius**3 / 2
     loss = stiffness / (2 * pi * hz * q) + skin.time * 2 * skin.modulus * radius
     found = [float(v) for v in touched(skin, radius, stiffness, mass, q)]
     assert found == pytest.approx([(all_k / all_m) ** 0.5 / 2 / pi, (all_k * all_m) ** 0.5 / loss, all_k], rel=1e-12)
@@ -142,7 +154,8 @@ def test_plastic_with_voids_weighs_its_share(paper_plan: Plan) -> None:
     class Half(TaxelModel):
         plastic_share = 0.5
 
-    spec, beam = paper_plan.spec, paper_plan.channels[0].beam
+    spec = paper_plan.spec
+    beam = paper_plan.channels[0].beam
     shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
     whole, half = (kind(spec, beam.topology, plate_shape(spec), shape).body.mass for kind in (TaxelModel, Half))
     washer = spec.washer

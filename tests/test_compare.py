@@ -89,7 +89,8 @@ def test_faces_cut_anew_are_told_from_others():
 
 
 def turned(mesh, degrees):
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    c = np.cos(np.radians(degrees))
+    s = np.sin(np.radians(degrees))
     return mesh.vertices_mm @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
 
 

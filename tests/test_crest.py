@@ -34,7 +34,8 @@ from padgen.physics.crest import (
 from padgen.physics.resonator import relative_energy
 
 SETTINGS = settings(max_examples=60, deadline=None, derandomize=True)
-OHM, HENRY = 62.9, 41.7e-3
+OHM = 62.9
+HENRY = 41.7e-3
 
 
 def even(count, period_s=0.5):
@@ -64,7 +65,8 @@ def constant(harmonic, amplitude):
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_period_is_the_shortest(count, step, q):
     resonance = np.geomspace(31.7, 911.3, count)
-    quality, rate = np.full(count, q), 4000
+    quality = np.full(count, q)
+    rate = 4000
     period = comb_period_s(resonance, quality, step, rate)
     samples = round(period * rate)
     assert samples / rate == period
@@ -84,7 +86,8 @@ def test_lines_are_whole_multiples_of_the_step():
 
 
 def test_sharp_lines_get_the_best_period_up_to_the_longest():
-    resonance, rate = np.geomspace(40.3, 777.7, 6), 1000
+    resonance = np.geomspace(40.3, 777.7, 6)
+    rate = 1000
     quality = np.full(6, 1e4)
     period = comb_period_s(resonance, quality, 1, rate)
     tried = np.arange(100, round(LONGEST_S * rate) + 1) / rate
@@ -107,7 +110,8 @@ def test_a_measured_pad_gets_a_comb_that_any_print_fits():
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_line_off_by_the_most_changes_little_for_others(apart, bound_db, side):
     """Bound a neighbour's change in motion when a line moves off its resonance and is made stronger for it."""
-    q, own = 1000.0, 100.0
+    q = 1000.0
+    own = 100.0
     half = own / (2 * q)
     heard = []
     for line in (own, own + side * MOST_OFF * half):
@@ -138,7 +142,8 @@ def test_least_constant_is_the_depth(harmonic, seed, states):
 @pytest.mark.parametrize("harmonic", [[97, 98, 99, 100], [1, 100], [1, 2, 29999], [500, 501, 999, 1000]])
 def test_least_constant_of_narrow_and_long_combs(harmonic):
     """A grid of its density alone would miss 2 % of a dip between its points."""
-    k, random = np.array(harmonic), np.random.default_rng(1)
+    k = np.array(harmonic)
+    random = np.random.default_rng(1)
     for _ in range(5):
         phase = random.uniform(0, 2 * np.pi, len(k))
         depth, missed = brute(k, np.ones(len(k)), phase)
@@ -161,7 +166,8 @@ def test_least_constant_of_states(seed):
     random = np.random.default_rng(seed)
     k = random.integers(1, 200, 5)
     one, other = random.uniform(0, 1, (2, 5)) * random.integers(0, 2, (2, 5))
-    phase, shift = random.uniform(0, 2 * np.pi, 5), random.uniform(0, 2 * np.pi)
+    phase = random.uniform(0, 2 * np.pi, 5)
+    shift = random.uniform(0, 2 * np.pi)
     first, second, both, scaled = least_constant(k, np.stack([one, other, one + other, 3.7 * one]), phase)
     scale = (one + other).sum() * EXACT * 4 + 1e-12
     assert both <= first + second + scale
@@ -170,8 +176,10 @@ def test_least_constant_of_states(seed):
 
 
 def test_many_states_in_blocks(monkeypatch):
-    k, random = even(6), np.random.default_rng(0)
-    amplitude, phase = random.uniform(0, 1, (50, 6)), random.uniform(0, 6, 6)
+    k = even(6)
+    random = np.random.default_rng(0)
+    amplitude = random.uniform(0, 1, (50, 6))
+    phase = random.uniform(0, 6, 6)
     at_once = least_constant(k, amplitude, phase)
     monkeypatch.setattr(crest, "BLOCK", 1 << 14)
     np.testing.assert_allclose(least_constant(k, amplitude, phase), at_once, rtol=1e-12)
@@ -192,7 +200,8 @@ def test_schroeder_phases():
 @pytest.mark.parametrize("pair", [(1, 2), (1, 3), (3, 5), (2, 6), (10, 25), (7, 9), (4, 4)])
 @pytest.mark.parametrize("second", [0.3, 1.0, 2.0])
 def test_two_lines_get_their_best_phase(pair, second):
-    k, amplitude = np.array(pair), np.array([1.0, second])
+    k = np.array(pair)
+    amplitude = np.array([1.0, second])
     found = constant(k, amplitude) * amplitude.sum()
     tried = [least_constant(k, amplitude, np.array([0.0, p]))[0] for p in np.linspace(0, 2 * np.pi, 721)]
     if pair == (4, 4):
@@ -204,9 +213,11 @@ def test_two_lines_get_their_best_phase(pair, second):
 
 
 def test_three_lines_get_their_best_phases():
-    k, x = np.array([1, 2, 3]), np.arange(96) * (2 * np.pi / 96)
+    k = np.array([1, 2, 3])
+    x = np.arange(96) * (2 * np.pi / 96)
     p = np.linspace(0, 2 * np.pi, 180, endpoint=False)
-    second, third = np.cos(2 * x + p[:, None]), np.cos(3 * x + p[:, None])
+    second = np.cos(2 * x + p[:, None])
+    third = np.cos(3 * x + p[:, None])
     depth = -(np.cos(x) + second[:, None] + third[None]).min(-1)
     found = constant(k, np.ones(3))
     assert found <= depth.min() / 3 + 2e-3
@@ -216,7 +227,8 @@ def test_three_lines_get_their_best_phases():
 @pytest.mark.parametrize("count, bar", [(4, 0.9415), (8, 0.62), (11, 0.52)])
 def test_copper_loss_of_a_half_second_frame(count, bar):
     """The loss is also clearly below that of a random search of 1000 draws, judged by a grid that flatters them."""
-    k, random = even(count), np.random.default_rng(0)
+    k = even(count)
+    random = np.random.default_rng(0)
     found = constant(k, np.ones(count))
     assert found <= bar
     draws = random.uniform(0, 2 * np.pi, (1000, count))
@@ -242,7 +254,8 @@ def test_descent_gains_on_schroeder_and_on_all_alike(exponent):
 
 
 def test_only_the_shape_matters():
-    k, amplitude = np.array([5, 12, 31, 77]), np.array([1.0, 0.5, 2.0, 1.5])
+    k = np.array([5, 12, 31, 77])
+    amplitude = np.array([1.0, 0.5, 2.0, 1.5])
     phase = low_crest_phases(k, amplitude)
     np.testing.assert_array_equal(low_crest_phases(6 * k, 3.7e-13 * amplitude), phase)
     order = np.array([2, 0, 3, 1])
@@ -292,7 +305,8 @@ def margin(k, line, *, rate=48000, period=0.5, henry=HENRY, limit=30.0, bandwidt
 
 def state_voltage(k, line, phase, share, level, *, finer=12 * 48000, period=0.5, henry=HENRY):
     """Return the voltage of a state by its definition: the root of the force, differentiated by frequency."""
-    points, own = round(finer * period), level * line
+    points = round(finer * period)
+    own = level * line
     force = least_constant(k, own, phase)[0] + share @ own + waveform(k, own[None], phase, points)[0]
     current = np.fft.rfft(np.sqrt(force), norm="forward")
     hz = np.arange(len(current)) / period
@@ -307,10 +321,12 @@ def alias_db(hz, spectrum, band):
 @pytest.mark.parametrize("count, exponent", [(1, 2), (2, 0), (5, 1), (11, 2)])
 def test_voltage_fits_the_rate_in_every_state(count, exponent):
     k = np.array([500]) if count == 1 else even(count)
-    line, random = 1e-3 * (k / k[-1]) ** (2.0 - exponent), np.random.default_rng(0)
+    line = 1e-3 * (k / k[-1]) ** (2.0 - exponent)
+    random = np.random.default_rng(0)
     phase, found = margin(k, line)
     states = [np.ones(count), *np.eye(count), *random.uniform(0, 1, (2, count)), *random.integers(0, 2, (2, count))]
-    reached, peaks = [], []
+    reached = []
+    peaks = []
     for level in filter(np.any, states):
         hz, spectrum = state_voltage(k, line, phase, found.share, level)
         reached.append(alias_db(hz, spectrum, 24000))
@@ -327,14 +343,16 @@ def test_voltage_fits_the_rate_in_every_state(count, exponent):
 
 
 def test_less_margin_would_not_do():
-    k, line = even(4), np.full(4, 1e-3)
+    k = even(4)
+    line = np.full(4, 1e-3)
     phase, found = margin(k, line)
     hz, spectrum = state_voltage(k, line, phase, 0.8 * found.share, np.eye(4)[3])
     assert alias_db(hz, spectrum, 24000) > ALIAS_DB + 5
 
 
 def test_margin_follows_the_amplifier():
-    k, line = even(4), np.full(4, 1e-3)
+    k = even(4)
+    line = np.full(4, 1e-3)
     at_48 = margin(k, line)[1]
     assert margin(k, line, rate=96000)[1].share[-1] < 0.4 * at_48.share[-1]
     narrow = margin(k, line, bandwidth=12000)[1]
@@ -349,7 +367,8 @@ def test_margin_follows_the_amplifier():
 
 def test_margin_keeps_the_voltage_limit_where_it_can():
     """More margin blunts the cusp of a single high channel, and with it the jump of its voltage."""
-    k, line = np.array([500]), np.array([1e-3])
+    k = np.array([500])
+    line = np.array([1e-3])
     free = margin(k, line, limit=1e9)[1]
     margins = np.geomspace(free.share[0], 1.0, 60)
     theta = np.linspace(0, 2 * np.pi, 4096)
@@ -369,7 +388,8 @@ def test_margin_keeps_the_voltage_limit_where_it_can():
 
 
 def test_a_long_period_is_judged_by_a_piece(monkeypatch):
-    k, line = even(5, 1.25), np.full(5, 1e-3)
+    k = even(5, 1.25)
+    line = np.full(5, 1e-3)
     whole = margin(k, line, period=1.25)[1]
     monkeypatch.setattr(crest, "MOST_SAMPLES", 1 << 16)
     piece = margin(k, line, period=1.25)[1]

@@ -79,10 +79,8 @@ def test_a_finding_names_a_cure(changes, code):
 
 
 def test_too_few_outputs_name_a_cure_for_a_grid_that_is_given():
-    coil, amplifier = (
-        {"grid": [4, 4], "reuse": "alternate", "gap_mm": 1},
-        {"channels": 4, "coupling": "DC", "voltage_v": 20, "current_a": 1},
-    )
+    coil = {"grid": [4, 4], "reuse": "alternate", "gap_mm": 1}
+    amplifier = {"channels": 4, "coupling": "DC", "voltage_v": 20, "current_a": 1}
     found = cures_of({**BASE, "resolution": 32, "delta_y": 5, "coil": coil, "amplifier": amplifier})
     assert found and not any(fault for _, fault in found)
 

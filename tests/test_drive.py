@@ -209,7 +209,8 @@ def test_frames_by_hand(paper_plan):
 
 
 def test_load_of_tones_by_hand(paper_plan):
-    rows, load = drive_rows(paper_plan), paper_plan.load
+    rows = drive_rows(paper_plan)
+    load = paper_plan.load
     currents = [row.current_ma_peak for row in rows]
     assert load.current_peak_ma == pytest.approx(sum(currents))
     assert load.voltage_peak_v == pytest.approx(sum(row.voltage_v_peak for row in rows))
@@ -297,7 +298,8 @@ def test_leakage_of_a_coil_without_a_core_is_its_pull(paper_spec):
     """Without cores, a neighbour pulls the washer as it would pull one of its own that far off its axis."""
     coil, washer = magnetic_parts(paper_spec)
     coil = coil._replace(core_diameter=0.0)
-    place, pitch = np.array([[3e-3, 0.0], [4.4e-3, 0.0]]), 12.5e-3
+    place = np.array([[3e-3, 0.0], [4.4e-3, 0.0]])
+    pitch = 12.5e-3
     found = leakage(coil, washer, 1e-3, place, np.array([[pitch, 0.0]]))
     x = place[:, 0]
     own, other = (np.array([pull(coil, washer, 1e-3, each).axial for each in at]) for at in (x, pitch - x))
@@ -318,7 +320,8 @@ def test_leakage_goes_through_the_own_core(paper_spec):
 @pytest.mark.parametrize("place_mm", [(3.0, 0.0), (4.4, 1.0), (-3.0, 2.0)])
 def test_leakage_is_what_all_cores_together_make(paper_spec, place_mm):
     """Nine cores in each other's fields: an own current 1 and a neighbour's i pull 1 + 2 i product + i² mutual."""
-    parts, place = magnetic_parts(paper_spec), np.array(place_mm) * 1e-3
+    parts = magnetic_parts(paper_spec)
+    place = np.array(place_mm) * 1e-3
     steps = np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if (x, y) != (0, 0)]) * 12.5e-3
     found = leakage(*parts, 1e-3, place[None], steps)
     pulls = many_coils(*parts, 1e-3, place, np.concatenate([np.zeros((1, 2)), steps]))
@@ -345,7 +348,8 @@ def test_neighbours_in_step_add_their_fields():
     """In a row of three coils, the fields of both outer ones add on the middle washer before they are squared."""
     row = FOUR.replace("width_mm = 25", "width_mm = 37.5").replace("[2, 2]", "[1, 3]")
     plan = plan_of("resonances_hz = [80]\n" + row.replace("resolution = 16", "resolution = 3"))
-    place, pitch = np.array([plan.channels[0].site.washer_mm]) * 1e-3, plan.coils.pitch_x_mm * 1e-3
+    place = np.array([plan.channels[0].site.washer_mm]) * 1e-3
+    pitch = plan.coils.pitch_x_mm * 1e-3
     found = leakage(*magnetic_parts(plan.spec), 1e-3, place, np.array([[-pitch, 0.0], [pitch, 0.0]]))
     assert plan.reuse.leak_db == pytest.approx(-20 * np.log10(np.abs(found.mutual).sum()), abs=1e-6)
     assert found.mutual[0, 0, 1] == pytest.approx(found.mutual[0, 1, 0])
@@ -353,7 +357,8 @@ def test_neighbours_in_step_add_their_fields():
 
 def superposed_leak(plan, own_on, other_on, seconds=60):
     """Return energies of OFF taxels under the sampled product of two coils' currents, for a unit product."""
-    spec, scheme = plan.spec, Scheme(plan.selectivity.drive)
+    spec = plan.spec
+    scheme = Scheme(plan.selectivity.drive)
     resonance = np.array([c.resonance_hz for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
     line = mass * resonance  # equal velocity, equal Q
@@ -410,10 +415,12 @@ def test_leakage_of_a_pair_adds_up(scheme):
     plan = plan_of("resonances_hz = [60, 150]\n" + row, scheme=scheme)
     tones, spurs, beats = _heard(plan.spec, Scheme(scheme), plan.channels, 0)
     place = np.array([c.site.washer_mm for c in plan.channels]) * 1e-3
-    worst, pitch = 0.0, plan.coils.pitch_x_mm * 1e-3
+    worst = 0.0
+    pitch = plan.coils.pitch_x_mm * 1e-3
     found = leakage(*magnetic_parts(plan.spec), 1e-3, place, np.array([[-pitch, 0.0], [pitch, 0.0]]))
     for side in (0, 1):
-        square, product = abs(found.mutual[:, side, side]), abs(found.product[:, side])
+        square = abs(found.mutual[:, side, side])
+        product = abs(found.product[:, side])
         constant = product if scheme == "biased" else 0
         lines = (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
         worst = max(worst, float(lines.max()))
@@ -425,7 +432,8 @@ def test_leakage_of_a_pair_adds_up(scheme):
 @pytest.mark.parametrize("text", [FOUR, ALTERNATE], ids=["same", "alternate"])
 @pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased", "time-shared"])
 def test_mean_pull_and_heat_of_each_scheme_by_hand(scheme, text):
-    plan, losses = plan_of(text, scheme=scheme), []
+    plan = plan_of(text, scheme=scheme)
+    losses = []
     for own in plan.sets:
         line = np.array([c.force_mn * 1e-3 / c.force_constant_n_per_a2 for c in own])
         tone = line / np.sqrt(2 * 5 * line.max())
@@ -509,9 +517,11 @@ def test_slots_in_turn_are_long_enough():
     for i, c in enumerate(plan.channels):
         square = np.concatenate(2 * [0 * slot if j == i else slot for j, slot in enumerate(slots)])
         # Exact step of a damped oscillator under a force that is constant over it.
-        w, z = 2 * pi * c.resonance_hz, 1 / (2 * c.q)
+        w = 2 * pi * c.resonance_hz
+        z = 1 / (2 * c.q)
         step = expm(np.array([[0, 1, 0], [-(w**2), -2 * z * w, 1], [0, 0, 0]]) * dt)
-        b, a = [0.0, *step[0, [2]]], [1.0, -np.trace(step[:2, :2]), np.linalg.det(step[:2, :2])]
+        b = [0.0, *step[0, [2]]]
+        a = [1.0, -np.trace(step[:2, :2]), np.linalg.det(step[:2, :2])]
         b.append(step[0, 1] * step[1, 2] - step[1, 1] * step[0, 2])
         path = lfilter(b, a, square * c.force_constant_n_per_a2 / (c.effective_mass_g * 1e-3))
         # The mean pull's slow sag is not felt: taken off by a mean over a period of the resonance.
@@ -546,7 +556,8 @@ def test_alternate_sets_are_dealt_like_a_chessboard():
 
 
 def test_alternate_sets_leak_less_and_cost_little():
-    same, alternate = plan_of(scheme="biased"), plan_of(ALTERNATE, scheme="biased")
+    same = plan_of(scheme="biased")
+    alternate = plan_of(ALTERNATE, scheme="biased")
     assert alternate.reuse.leak_db > same.reuse.leak_db + 6
     assert same.selectivity.all_states_db > alternate.selectivity.all_states_db > same.selectivity.all_states_db - 6
 

@@ -62,8 +62,10 @@ def test_spurs_of_a_triple_fall_next_to_a_third_channel():
 
 def test_spectrum_of_the_squared_current(paper_plan):
     """The lines of the sampled square of state 11's current are the table's."""
-    rows, state = drive_rows(paper_plan), coil_states(paper_plan)[3]
-    rate, seconds = 2000, 200
+    rows = drive_rows(paper_plan)
+    state = coil_states(paper_plan)[3]
+    rate = 2000
+    seconds = 200
     time = np.arange(rate * seconds) / rate
     current = sum(r.current_ma_peak * 1e-3 * np.sin(2 * np.pi * r.drive_hz * time) for r in rows)
     window = np.hanning(len(time))
@@ -127,7 +129,8 @@ def test_the_recipe_makes_the_lines_of_the_state(scheme, state):
     table = json.loads(drive_json(plan))
     rows = [row for row in table["channels"] if row["channel"] != "bias"]
     (listed,) = [s for s in table["states"] if s["state"] == state]
-    rate, seconds = 2000, 300
+    rate = 2000
+    seconds = 300
     time = np.arange(rate * seconds) / rate
     current = played(table["current"][0], rows, [bit == "1" for bit in state], time)
     window = np.blackman(len(time))

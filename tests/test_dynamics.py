@@ -40,7 +40,8 @@ from padgen.spec import load_spec
 from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
 from tests.finer_models import merged
 
-MASS, GAP = 1e-4, 1e-3
+MASS = 1e-4
+GAP = 1e-3
 HZ = np.array([20.0, 63.0, 200.0, 1000.0])
 CRITICAL = (0.5, 0.5 * (1 + 1e-12), 0.5 * (1 - 1e-12), 0.5 * (1 + 1e-6))
 
@@ -85,7 +86,8 @@ def test_phases_of_long_times_keep_their_digits():
 
 def test_thirty_two_resonators_for_ten_seconds():
     hz = np.geomspace(20, 1000, 32)
-    force, times = tones(hz, 1e-5, np.arange(32.0)), np.linspace(0, 10, 401)
+    force = tones(hz, 1e-5, np.arange(32.0))
+    times = np.linspace(0, 10, 401)
     moved = propagate(hz, 15.0, MASS, force, times)
     for i, k in ((0, 400), (7, 13), (18, 250), (31, 399)):
         exact = exact_displacement(hz[i], 15.0, MASS, force, times[k])
@@ -93,7 +95,8 @@ def test_thirty_two_resonators_for_ten_seconds():
 
 
 def test_times_may_come_in_any_order_and_amplitudes_by_receiver():
-    times, force = np.array([0.7, 0.0, 0.2]), tones(HZ[:2], np.array([[1.0, 0], [0, 2.0], [1.0, 2.0]]))
+    times = np.array([0.7, 0.0, 0.2])
+    force = tones(HZ[:2], np.array([[1.0, 0], [0, 2.0], [1.0, 2.0]]))
     moved = propagate([50.0, 90, 130], 8.0, MASS, force, times)
     for k, t in enumerate(times):
         alone = propagate([50.0, 90, 130], 8.0, MASS, force, [t])
@@ -105,7 +108,9 @@ def test_times_may_come_in_any_order_and_amplitudes_by_receiver():
 
 def test_phasors_are_what_propagation_ends_in():
     force = squared(tones([30.0, 39.0, 0.0], [0.02, 0.02, 0.01], [0.1, 0.2, 0.0]))
-    hz, times = np.array([60.0, 78.0]), np.linspace(20, 20.1, 17)  # 145 ring-ups
+    # 145 ring-ups
+    hz = np.array([60.0, 78.0])
+    times = np.linspace(20, 20.1, 17)
     lines = steady_lines(hz, 26.0, MASS, force)
     turning = np.exp(2j * np.pi * force.frequency_hz[:, None] * times)
     moved = propagate(hz, 26.0, MASS, force, times)
@@ -123,12 +128,15 @@ def test_squares_and_merging_keep_the_signal():
     assert signal(merged(doubled), times) == pytest.approx(2 * signal(wave, times), abs=1e-12)
     # Frequencies of lines are known beyond the last digit of a double.
     odd = squared(tones([0.1, 1e6 / 3], 1.0))
-    total, rest = odd.frequency_hz[1], odd.rest_hz[1]
+    total = odd.frequency_hz[1]
+    rest = odd.rest_hz[1]
     assert rest != 0 and (total - 1e6 / 3) - 0.1 == pytest.approx(-rest, abs=1e-20)
 
 
 def test_a_circuit_current_solves_its_equation():
-    voltage, resistance, inductance = tones([0.0, 500.0], [1.0, 2.0], [0.0, 0.3]), 62.9, 0.0417
+    voltage = tones([0.0, 500.0], [1.0, 2.0], [0.0, 0.3])
+    resistance = 62.9
+    inductance = 0.0417
     times = np.linspace(0, 0.01, 12)
     current = circuit_current(voltage, resistance, inductance, 0.004)
     turn = -current.decay_per_s + 2j * np.pi * current.frequency_hz
@@ -177,7 +185,8 @@ def test_collocation_integrates_what_it_must(stages):
 
 
 def test_a_step_is_of_the_order_of_its_theory():
-    rule, errors = radau(2), []
+    rule = radau(2)
+    errors = []
     for length in (0.05, 0.025):  # dy/dt = -y
         slopes = np.linalg.solve(np.eye(2) + length * rule.integrals, -np.ones(2))
         errors.append(abs(1 + length * rule.weights @ slopes - np.exp(-length)))
@@ -186,7 +195,8 @@ def test_a_step_is_of_the_order_of_its_theory():
 
 @pytest.mark.parametrize("constant_s", [1e-6, 1e-3, 10.0])
 def test_a_vanishing_pull_is_the_linear_case(constant_s):
-    inductance, times = 62.9 * constant_s, np.linspace(0, 0.05, 101)
+    inductance = 62.9 * constant_s
+    times = np.linspace(0, 0.05, 101)
     voltage = tones([0.0, 500.0], [1.0, 2.0], [0.0, 0.3])
     weak = np.array([1e-12, 2e-12])
     system = make_system([1000.0, 300.0], 15.0, MASS, weak, 2.0, GAP, 62.9, inductance)
@@ -300,7 +310,8 @@ def test_extreme_cases_are_right_or_refused(case):
         with pytest.raises(SolverError, match="pulled onto the coil"):
             case.solve()
         return
-    answer, exact = case.solve(), case.reference()
+    answer = case.solve()
+    exact = case.reference()
     assert np.abs(answer.values - exact).max() <= answer.stated_error * np.abs(exact).max()
     assert answer.stated_error <= 1e-6
 

@@ -103,7 +103,9 @@ def test_motion_is_that_of_the_equations(hz, q, henry):
     from scipy.integrate import solve_ivp
     from scipy.signal import lfilter
 
-    ohm, omega, seconds = 12.0, 2 * np.pi * hz, 0.3
+    ohm = 12.0
+    omega = 2 * np.pi * hz
+    seconds = 0.3
 
     def volts(time_s):
         swell = np.sin(np.pi * time_s / seconds) ** 4
@@ -131,7 +133,9 @@ def test_motion_from_rest_is_the_closed_form(hz, q):
     from scipy.signal import lfilter
 
     # i = I sin has i² = I² (1 − cos)/2: a constant and one line, from rest at t = 0.
-    drive_hz, time_s, mass = 0.49 * hz, np.arange(RATE) / RATE, 1e-3
+    drive_hz = 0.49 * hz
+    time_s = np.arange(RATE) / RATE
+    mass = 1e-3
     felt = lfilter(*mode_filter(hz, q, RATE), np.sin(2 * np.pi * drive_hz * time_s) ** 2)
     force = tones([0.0, 2 * drive_hz], np.array([0.5, -0.5]) * mass * (2 * np.pi * hz) ** 2)
     exact = propagate(np.array([hz]), max(q, 0.5 * (1 + 1e-9)), mass, force, time_s)[0]
@@ -142,7 +146,8 @@ def test_motion_from_rest_is_the_closed_form(hz, q):
 def test_the_current_of_a_carrier_is_its_phasors(carrier_hz, tolerance):
     from scipy.signal import freqz
 
-    ohm, henry = 12.0, 8e-3
+    ohm = 12.0
+    henry = 8e-3
     _, answer = freqz(*circuit_filter(ohm, henry, RATE), [carrier_hz], fs=RATE)
     late = np.exp(-2j * np.pi * carrier_hz * (AROUND - 1) / RATE)
     assert answer[0] == pytest.approx(late / (ohm + 2j * np.pi * carrier_hz * henry), rel=tolerance)
@@ -194,10 +199,13 @@ def test_other_schemes_keep_what_the_plan_says_of_them(scheme, tmp_path):
 def test_eleven_channels_hear_what_the_modal_model_says(tmp_path):
     plan = make_plan(load_spec("wide-11"))
     drive = make_drive(plan, RATE)
-    spec, own = plan.spec, plan.sets[0]
-    which, modes = placed_channels(spec, own), coil_modes(spec, own)
+    spec = plan.spec
+    own = plan.sets[0]
+    which = placed_channels(spec, own)
+    modes = coil_modes(spec, own)
     heard_tones = felt_energy(modes, slice(None), which.resonance_hz) * (which.line / which.line[:, None]) ** 2
-    rng, worst = np.random.default_rng(5), []
+    rng = np.random.default_rng(5)
+    worst = []
     for _ in range(3):
         levels = (rng.random(len(plan.taxels)) < 0.5).astype(float)
         heard = hear(plan, *played(plan, drive, steady(levels, drive.period_s), tmp_path))
@@ -456,7 +464,8 @@ def test_the_table_is_plain_data(pair, tmp_path):
 
 def test_a_file_that_holds_nothing_is_refused(pair, tmp_path):
     plan, drive = pair
-    ones, none = np.ones(len(plan.taxels)), np.zeros(len(plan.taxels))
+    ones = np.ones(len(plan.taxels))
+    none = np.zeros(len(plan.taxels))
     line = Timeline(np.array([0.0, 0.2, 0.4]), np.stack([none, ones, none]), False)
     wave, sidecar = played(plan, drive, line, tmp_path)
     with pytest.raises(FileError, match="holds no state"):

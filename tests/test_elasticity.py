@@ -136,7 +136,8 @@ def tapered(corners: list[tuple[float, float]]) -> Any:
 
     wires = []
     for x, (width, height) in zip((0.0, 1000.0), corners, strict=True):
-        y, z = width / 2, height / 2
+        y = width / 2
+        z = height / 2
         points = [Pnt(x, -y, -z), Pnt(x, y, -z), Pnt(x, y, z), Pnt(x, -y, z)]
         wires.append(Wire([Segment(points[k - 1], points[k]) for k in range(4)]))
     solid = ThruSections(wires, solid=True).solids[0]
@@ -244,7 +245,8 @@ def rounding(step: Path, order: int) -> list[bool]:
     kept = []
     for blocks in (True, False):
         system = assembled(mesh, {PRINTED: POLYMER, WASHER: STEEL}, order, blocks=blocks)
-        solve, loads = factored(system), rigid_loads(system, WASHER, 7900.0, 3.25)
+        solve = factored(system)
+        loads = rigid_loads(system, WASHER, 7900.0, 3.25)
         kept.append(accurate(system, solve, loads, np.array([solve(load) for load in loads.T]).T))
     return kept
 

@@ -74,7 +74,8 @@ def test_volts_drive_the_current_through_the_coil(kind, inductance):
 
 
 def test_the_slope_of_noise_is_its_derivative_while_it_fades_in(plan):
-    rate, low = 20_000, 40.0
+    rate = 20_000
+    low = 40.0
     line = shaking_line_a2(plan)
     current, slope = noise_current_a(2 * rate, rate, (low, 60.0), line, 15.0, 0)
     time = np.arange(len(current)) / rate
@@ -141,7 +142,8 @@ def test_noise_needs_less_constant_than_random_phases_would(plan):
 
 
 def test_planned_taxels_move_as_they_are_to(plan):
-    chirp, noise = excitation(plan, "chirp", RATE), excitation(plan, "noise", RATE, seconds=20)
+    chirp = excitation(plan, "chirp", RATE)
+    noise = excitation(plan, "noise", RATE, seconds=20)
     level = np.array([c.level_um for c in plan.channels])
     assert chirp.level_share == 1
     swing = np.ptp(amplitudes_um(plan, chirp), axis=1) / 2
@@ -175,7 +177,8 @@ def test_limits_of_amplifier_and_coil_are_kept(drive, coil, limit, kind):
 @pytest.mark.parametrize("together", [True, False])
 def test_blocks_play_each_coil_its_turn(plan, together):
     played = excitation(plan, "chirp", RATE, together=together)
-    whole, turn = np.concatenate(list(played.blocks())), played.voltage_v
+    whole = np.concatenate(list(played.blocks()))
+    turn = played.voltage_v
     assert whole.shape == (played.samples, 2)
     assert played.seconds == pytest.approx(len(whole) / RATE)
     assert played.coils == ((0, 0), (0, 1))

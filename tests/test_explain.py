@@ -101,7 +101,8 @@ def test_naming_what_the_search_takes_changes_nothing(resolution):
     """A spec that names the found coil grid, reuse, gap and drive gets the same plan."""
     text = f'name = "own"\nresolution = {resolution}\nband_hz = [50, 200]\nq_min = 15\n'
     plan = make_plan(parse_spec(text))
-    coils, taken = plan.coils, plan.spec
+    coils = plan.coils
+    taken = plan.spec
     named = make_plan(
         parse_spec(
             f"{text}drive = '{taken.drive.scheme}'\n[coil]\ngrid = [{coils.rows}, {coils.columns}]\n"
@@ -123,7 +124,8 @@ def test_optimised_spacing_is_tried(explained):
 
 def test_changes_are_ranked_by_what_prints_keep_then_by_what_they_buy(explained):
     _, plan, explanation = explained
-    changes, asked = explanation.changes, plan.spec.print_share
+    changes = explanation.changes
+    asked = plan.spec.print_share
     assert (explanation.good_share, explanation.print_db) == (plan.prints.good_share, plan.prints.print_db)
     assert plan.prints.good_share < asked
     works = [c.good_share is not None and c.good_share >= asked for c in changes]
@@ -242,7 +244,8 @@ def test_resonances_are_those_of_the_beams_that_print():
 
     plan = coarse(0.45)
     for channel in plan.channels:
-        beam, spec = channel.beam, plan.spec
+        beam = channel.beam
+        spec = plan.spec
         shape = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
         model = TaxelModel(spec, beam.topology, plate_shape(spec), shape)
         assert channel.resonance_hz == pytest.approx(float(model.resonance_hz))

@@ -517,7 +517,8 @@ def test_a_slider_moves_the_page_and_a_refusal_is_told_beside_its_field(server):
     with sync_playwright() as playwright:
         running = playwright.chromium.launch(executable_path=chromium(), args=ARGUMENTS)
         page = running.new_page(viewport={"width": 1280, "height": 860})
-        told, asked = [], []
+        told = []
+        asked = []
         page.add_init_script(WATCH)
         page.on("request", lambda request: asked.append(urlsplit(request.url).path))
         hear(page, told)

@@ -191,7 +191,8 @@ def test_picture_shows_the_nearer_part(monkeypatch):
         assert data == _3mf.picture_png(Mesh(np.concatenate(plates).astype(float), np.array(triangles)), (60, 40))
         return np.asarray(Image.open(io.BytesIO(data)))
 
-    level, tilted = plate(1, 6, 6), plate(3, -5, 5)
+    level = plate(1, 6, 6)
+    tilted = plate(3, -5, 5)
     image = pixels(level, tilted)
     assert image.shape == (40, 60, 3)
     assert image[20, 30].tolist() == pixels(level)[20, 30].tolist()

@@ -41,7 +41,8 @@ from padgen.planner import read_plan
 from padgen.solid.parts import read_mesh
 from padgen.spec import find_spec
 
-PLAN_A, PLAN_B = '{"name": "a"}', '{"name": "b"}'
+PLAN_A = '{"name": "a"}'
+PLAN_B = '{"name": "b"}'
 
 
 def put(folder, built_from=None, remove=(), **texts):
@@ -211,7 +212,8 @@ def test_a_folder_that_is_not_in_the_way_is_of_no_account(tmp_path):
 
 
 def test_a_link_is_a_users_and_what_it_points_to_stays(tmp_path):
-    outside, folder = tmp_path / "outside.stl", tmp_path / "out"
+    outside = tmp_path / "outside.stl"
+    folder = tmp_path / "out"
     put(folder, pad_stl="ours", coupon_stl="ours")
     outside.write_text("ours")
     for name in ("pad.stl", "coupon.stl"):
@@ -246,7 +248,8 @@ TAMPERED = {
 
 @pytest.mark.parametrize("text", TAMPERED.values(), ids=TAMPERED)
 def test_a_tampered_manifest_is_none(tmp_path, text):
-    folder, victim = tmp_path / "out", tmp_path / "victim.txt"
+    folder = tmp_path / "out"
+    victim = tmp_path / "victim.txt"
     folder.mkdir()
     victim.write_text("mine")
     (folder / "study.csv").write_text("mine")
@@ -276,7 +279,9 @@ def test_a_manifest_that_is_no_file_is_none(tmp_path):
 def test_a_commit_that_ends_early_leaves_all_as_it_was(tmp_path, monkeypatch, calls, error):
     put(tmp_path, {"spec": "a"}, plan_json=PLAN_A, pad_stl="ours", study_csv="ours")
     (tmp_path / "bom.csv").write_text("a user's")
-    before, left, replace = {path.name: path.read_bytes() for path in tmp_path.iterdir()}, [calls], os.replace
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    left = [calls]
+    replace = os.replace
 
     def breaks(*arguments, **named):
         left[0] -= 1
@@ -291,7 +296,8 @@ def test_a_commit_that_ends_early_leaves_all_as_it_was(tmp_path, monkeypatch, ca
 
 
 def test_what_dead_processes_left_goes_and_a_living_ones_stays(tmp_path):
-    dead, living = child("pass"), child("input()")
+    dead = child("pass")
+    living = child("input()")
     dead.communicate()
     for name in (dead.pid, living.pid, 10**30, "mine", ""):
         (tmp_path / f".partial-{name}" / "file").mkdir(parents=True)
@@ -406,7 +412,8 @@ commits = pytest.mark.parametrize(("before", "commit_"), COMMITS.values(), ids=C
 
 def states(tmp_path, before, commit_):
     """Return a function that copies a folder to be changed, and its content before and after the change."""
-    model, folder = tmp_path / "model", tmp_path / "new"
+    model = tmp_path / "model"
+    folder = tmp_path / "new"
     before(model)
 
     def copied(to):
@@ -430,7 +437,8 @@ def test_where_a_call_fails_the_folder_is_the_old_or_the_new_one(tmp_path, caplo
     for at in count():
         folder = copied(tmp_path / str(at))
         with pytest.MonkeyPatch.context() as patch:
-            calls, told = faulty_disk(patch, at, fails), False
+            calls = faulty_disk(patch, at, fails)
+            told = False
             try:
                 commit_(folder)
             except FileError:
@@ -454,7 +462,8 @@ def test_where_a_process_is_killed_the_folder_is_the_old_or_the_new_one(tmp_path
         folder = copied(tmp_path / str(at))
         if not killed(at, lambda folder=folder: commit_(folder)):
             break
-        is_torn, found = (folder / files.JOURNAL).exists(), seen(folder)
+        is_torn = (folder / files.JOURNAL).exists()
+        found = seen(folder)
         assert is_torn or found in (old, new), at
         if is_torn:
             with pytest.raises(FileError, match=f"half-written; padgen restore {folder} puts that back"):
@@ -572,7 +581,8 @@ def test_without_locks_a_torn_folder_is_put_back_where_its_process_is_gone(tmp_p
 
     folder, old = torn(tmp_path)
     monkeypatch.setattr("fcntl.flock", none)
-    journal, living = (folder / files.JOURNAL).read_text(), child("input()")
+    journal = (folder / files.JOURNAL).read_text()
+    living = child("input()")
     (aside,) = folder.glob(".partial-*")
     (folder / files.JOURNAL).write_text(journal.replace(aside.name, f".partial-{living.pid}"))
     with pytest.raises(FileError, match="another process is writing into it"):
@@ -597,7 +607,8 @@ TAMPERED_JOURNALS = {
 
 @pytest.mark.parametrize("text", TAMPERED_JOURNALS.values(), ids=TAMPERED_JOURNALS)
 def test_a_tampered_journal_is_none(tmp_path, text):
-    folder, victim = tmp_path / "out", tmp_path / "victim.txt"
+    folder = tmp_path / "out"
+    victim = tmp_path / "victim.txt"
     (folder / ".partial-1").mkdir(parents=True)
     victim.write_text("mine")
     (folder / files.JOURNAL).write_text(text.replace("HASH", file_hash(b"mine")))

@@ -99,7 +99,8 @@ def test_files_compile_without_a_warning_as_c_and_header_as_cpp(pad: Host):
 @pads("one", "tones", "spur-free", "no inductance", "carrier", "biased")
 def test_volts_are_those_of_the_waveform(pad: Host):
     rate = pad.drive.rate_hz
-    ramp, hold = ceil(ramp_s(pad.plan) * rate), rate // 10
+    ramp = ceil(ramp_s(pad.plan) * rate)
+    hold = rate // 10
     levels = frames(pad, 3)
     run = played(pad, levels, ramp + hold)
     silent = np.zeros((1, levels.shape[1]))
@@ -119,7 +120,8 @@ def test_volts_are_those_of_the_waveform(pad: Host):
 
 @pads("time-shared")
 def test_channels_take_their_turns(pad: Host):
-    half, slots = pad.number("PADGEN_RAMP_SAMPLES"), pad.number("PADGEN_SLOTS")
+    half = pad.number("PADGEN_RAMP_SAMPLES")
+    slots = pad.number("PADGEN_SLOTS")
     turns = {channel.index: k for own in pad.plan.sets for k, channel in enumerate(own)}
     turn = np.array([turns[taxel.channel] for taxel in pad.plan.taxels])
     levels = np.stack([np.ones(len(turn)), np.linspace(0, 1, len(turn)).round(1) // 0.2 * 0.2])
@@ -139,7 +141,8 @@ def test_channels_take_their_turns(pad: Host):
 
 def squared(pad: Host, run: Run) -> np.ndarray:
     """Return the lines (harmonics, coils) of i² in A² of the last period: 0 Hz, then amplitudes with phases."""
-    drive, n = pad.drive, pad.drive.period_samples
+    drive = pad.drive
+    n = pad.drive.period_samples
     voltage = np.fft.rfft(run.volts[-n:], axis=0)
     omega = 2 * np.pi * np.arange(len(voltage)) / drive.period_s
     current = voltage / (drive.resistance_ohm + 1j * omega * drive.inductance_h)[:, None]
@@ -163,7 +166,8 @@ def test_lines_are_those_asked_for_at_any_level(pad: Host, grey: bool):
     script = pad.hello + feed(frame_message(levels, 0)) + pad.wait((settle + 2) * pad.drive.period_samples)
     lines = squared(pad, pad.run(script))
     for index, coil in enumerate(pad.drive.coils):
-        got, wanted = lines[:, index], levels[coil.taxels] * coil.line_a2 * np.exp(1j * coil.phase_rad)
+        got = lines[:, index]
+        wanted = levels[coil.taxels] * coil.line_a2 * np.exp(1j * coil.phase_rad)
         scale = coil.line_a2.max()
         spurs = got[1:].copy()
         spurs[coil.harmonic - 1] = 0.0
@@ -273,7 +277,8 @@ def test_whatever_the_tables_hold_no_volt_is_beyond_the_limit(tmp_path: Path, sc
 @pads("tones", "spur-free", "biased", "carrier")
 def test_volts_are_cut_at_the_limit_and_nowhere_else(pad: Host, tmp_path: Path):
     cut = compiled(pad.plan, replace(pad.drive, voltage_limit_v=LIMIT_V), tmp_path)
-    levels, each = frames(pad, 3), pad.number("PADGEN_RAMP_SAMPLES") + 500
+    levels = frames(pad, 3)
+    each = pad.number("PADGEN_RAMP_SAMPLES") + 500
     whole = played(pad, levels, each).volts
     assert np.abs(whole).max() > 1.2 * LIMIT_V
     assert np.array_equal(played(cut, levels, each).volts, np.clip(whole, -LIMIT_V, LIMIT_V))
@@ -314,7 +319,8 @@ and more heat of all coils."""
 
 def shown_for_long(pad: Host, seconds: float) -> str:
     """Return a script that keeps all taxels on by new frames."""
-    hold, taxels = pad.number("PADGEN_HOLD_SAMPLES"), len(pad.plan.taxels)
+    hold = pad.number("PADGEN_HOLD_SAMPLES")
+    taxels = len(pad.plan.taxels)
     times = ceil(seconds * pad.drive.rate_hz / hold)
     return pad.hello + "".join(feed(frame_message(np.ones(taxels), k)) + pad.wait(hold) for k in range(times))
 
@@ -362,7 +368,8 @@ def test_heat_within_the_limit_takes_nothing_back(tmp_path: Path):
 def test_a_board_that_starts_anew_is_silent_and_its_coils_as_warm_as_they_may_be(tmp_path: Path):
     pad = compiled(*OVERDRIVEN["spur-free"](), tmp_path)
     taxels = len(pad.plan.taxels)
-    rest, ramp = pad.number("PADGEN_START_SAMPLES"), pad.number("PADGEN_RAMP_SAMPLES")
+    rest = pad.number("PADGEN_START_SAMPLES")
+    ramp = pad.number("PADGEN_RAMP_SAMPLES")
     assert rest / pad.drive.rate_hz < 0.2
     frame = pad.hello + feed(frame_message(np.ones(taxels), 0))
     run = pad.run((frame + f"run {rest + ramp}\nreset\n") * 2, "--boot", "1")
@@ -377,7 +384,8 @@ def test_a_board_that_starts_anew_is_silent_and_its_coils_as_warm_as_they_may_be
 
 
 def test_a_main_program_that_hangs_leaves_it_silent(pad: Host):
-    dog, ramp = pad.number("PADGEN_WATCHDOG_SAMPLES"), pad.number("PADGEN_RAMP_SAMPLES")
+    dog = pad.number("PADGEN_WATCHDOG_SAMPLES")
+    ramp = pad.number("PADGEN_RAMP_SAMPLES")
     shown = pad.hello + feed(frame_message(np.ones(16), 0)) + f"run {ramp}\n"
     run = pad.run(shown + f"away {dog + ramp + 200}\nrun {2 * ramp}\n")
     assert run.volts[ramp + dog - 200 : ramp + dog].any()
@@ -413,8 +421,10 @@ def test_no_bytes_on_the_line_harm_it(
     """Noise and damaged sessions on a board compiled with sanitizers, its voltages by `Meter`."""
     soaked = request.node.get_closest_marker("soak") is not None
     count, bytes_count = (10_000, 10_000_000) if soaked else (20, 10_000)
-    pad, rng = compiled(*OVERDRIVEN[name](), tmp_path, options=SANITIZED), np.random.default_rng(19)
-    spec, rate = pad.plan.spec, pad.drive.rate_hz
+    pad = compiled(*OVERDRIVEN[name](), tmp_path, options=SANITIZED)
+    rng = np.random.default_rng(19)
+    spec = pad.plan.spec
+    rate = pad.drive.rate_hz
     rest = pad.number("PADGEN_WATCHDOG_SAMPLES") + 2 * pad.number("PADGEN_STEP_SAMPLES")
     began = time.monotonic()
     told = []
@@ -440,8 +450,10 @@ def test_no_bytes_on_the_line_harm_it(
 
 @pads("biased", "spur-free", "time-shared")
 def test_pings_do_not_hold_a_frame_for_ever(pad: Host):
-    dog, hold = pad.number("PADGEN_WATCHDOG_SAMPLES"), pad.number("PADGEN_HOLD_SAMPLES")
-    step, taxels = pad.number("PADGEN_STEP_SAMPLES"), len(pad.plan.taxels)
+    dog = pad.number("PADGEN_WATCHDOG_SAMPLES")
+    hold = pad.number("PADGEN_HOLD_SAMPLES")
+    step = pad.number("PADGEN_STEP_SAMPLES")
+    taxels = len(pad.plan.taxels)
     assert hold == HOLD_WATCHDOGS * dog
     pings = (f"run {dog // 2}\n" + feed(Message(Kind.PING, 5))) * (2 * HOLD_WATCHDOGS + 4)
     hellos = (f"run {dog // 2}\n" + pad.hello) * (2 * HOLD_WATCHDOGS + 4)
@@ -498,7 +510,8 @@ def test_time_that_passes_at_once_is_time_that_passed(pad: Host):
 def test_greeting_tells_what_the_header_has(pad: Host):
     answer = pad.run(pad.hello).answers[0]
     assert answer is not None and answer.kind == Kind.GREETING
-    told, plan = greeting(answer), pad.plan
+    told = greeting(answer)
+    plan = pad.plan
     rate = pad.drive.rate_hz
     step = pad.number("PADGEN_STEP_SAMPLES") / rate
     least = step * (pad.number("PADGEN_SLOTS") if plan.selectivity.drive == "time-shared" else 1)
@@ -563,14 +576,16 @@ def test_a_frame_before_hello_is_a_strangers(pad: Host):
 
 
 def test_a_cut_packet_costs_itself_alone(pad: Host):
-    first, second = frame_message(np.eye(16)[0], 0), frame_message(np.eye(16)[1], 0)
+    first = frame_message(np.eye(16)[0], 0)
+    second = frame_message(np.eye(16)[1], 0)
     run = pad.run(pad.hello + feed(encode(first)[:7], second) + "run 4000\n")
     assert [a.kind for a in run.answers if a] == [Kind.GREETING, Kind.NAK, Kind.ACK]
     assert run.begun == [(np.eye(16)[1] * 255).astype(int).tolist()]
 
 
 def test_a_frame_is_shown_once_however_often_it_comes(pad: Host):
-    first, second = frame_message(np.eye(16)[0], 0), frame_message(np.eye(16)[1], 1)
+    first = frame_message(np.eye(16)[0], 0)
+    second = frame_message(np.eye(16)[1], 1)
     each = pad.number("PADGEN_RAMP_SAMPLES")
     run = pad.run(pad.hello + (feed(first) + f"run {each}\n") * 3 + (feed(second, second) + f"run {each}\n") * 2)
     kinds = [a.kind for a in run.answers if a]
@@ -598,7 +613,8 @@ def test_sequence_numbers_begin_again_after_the_last(pad: Host):
 
 
 def test_no_message_and_it_falls_silent(pad: Host):
-    dog, ramp = pad.number("PADGEN_WATCHDOG_SAMPLES"), pad.number("PADGEN_RAMP_SAMPLES")
+    dog = pad.number("PADGEN_WATCHDOG_SAMPLES")
+    ramp = pad.number("PADGEN_RAMP_SAMPLES")
     shown = feed(frame_message(np.ones(16), 0))
     run = pad.run(pad.hello + shown + f"run {dog + ramp + 2}\n")
     assert run.log[:-1] == [f"begin 0 frame {'ff' * 16}", f"begin {dog - 1} silence", f"silent {dog - 1 + ramp}"]
@@ -608,14 +624,16 @@ def test_no_message_and_it_falls_silent(pad: Host):
 
 
 def test_damaged_messages_do_not_keep_it_awake(pad: Host):
-    dog, ramp = pad.number("PADGEN_WATCHDOG_SAMPLES"), pad.number("PADGEN_RAMP_SAMPLES")
+    dog = pad.number("PADGEN_WATCHDOG_SAMPLES")
+    ramp = pad.number("PADGEN_RAMP_SAMPLES")
     noise = feed(damaged(Message(Kind.PING, 5), 3))
     run = pad.run(pad.hello + feed(frame_message(np.ones(16), 0)) + (f"run {dog // 4}\n" + noise) * 5 + f"run {ramp}\n")
     assert run.is_silent
 
 
 def test_a_line_that_closes_in_mid_frame_leaves_it_silent(pad: Host):
-    dog, ramp = pad.number("PADGEN_WATCHDOG_SAMPLES"), pad.number("PADGEN_RAMP_SAMPLES")
+    dog = pad.number("PADGEN_WATCHDOG_SAMPLES")
+    ramp = pad.number("PADGEN_RAMP_SAMPLES")
     half = encode(frame_message(np.eye(16)[1], 1))[:6]
     run = pad.run(pad.hello + feed(frame_message(np.eye(16)[0], 0)) + "run 3000\n" + feed(half) + f"run {dog + ramp}\n")
     assert run.begun == [(np.eye(16)[0] * 255).astype(int).tolist(), None]
@@ -649,8 +667,10 @@ def test_frames_of_many_taxels_are_understood(pad: Host):
 
 
 def test_whatever_comes_no_frame_is_shown_that_was_not_sent(pad: Host):
-    rng, ramp = np.random.default_rng(4), pad.number("PADGEN_RAMP_SAMPLES")
-    script, sent = pad.hello, []
+    rng = np.random.default_rng(4)
+    ramp = pad.number("PADGEN_RAMP_SAMPLES")
+    script = pad.hello
+    sent = []
     for k in range(300):
         message = frame_message(rng.integers(0, 256, 16) / 255, k % 7)
         packet = bytearray(encode(message))

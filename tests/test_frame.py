@@ -158,7 +158,11 @@ def test_rotated_frame_has_the_same_modes():
 
 def test_static_deflection_is_the_unit_load_method_s():
     """One element, hinged at both ends, has exactly the condensed stiffness of a beam."""
-    width, thickness, length, modulus, poisson = 2e-3, 1e-3, 4e-3, 3e9, 0.36
+    width = 2e-3
+    thickness = 1e-3
+    length = 4e-3
+    modulus = 3e9
+    poisson = 0.36
     section = rectangle(width, thickness, poisson)
     element = Element(0, 1, section, modulus, modulus / (2 * (1 + poisson)), 1240.0)
     nodes = np.array([[0, 0, 0], [length, 0, 0]])
@@ -211,7 +215,8 @@ def test_a_frame_of_a_serpentine_agrees_with_its_path(topology):
 def test_symmetric_taxel_moves_symmetrically():
     modes = frame_modes(taxel_frame(taxel("folded", 0.8, 0.4, 8.0), 2), 4)
     plate = np.abs(modes.body_motion[:, 0] * np.repeat([1.0, 2e-3], 3))
-    along, across = plate[:, [0, 2, 4]].max(1), plate[:, [1, 3, 5]].max(1)
+    along = plate[:, [0, 2, 4]].max(1)
+    across = plate[:, [1, 3, 5]].max(1)
     # Every mode is either along the plane of symmetry or across it.
     assert (np.minimum(along, across) < 1e-6 * np.maximum(along, across)).all()
 

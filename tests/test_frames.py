@@ -50,7 +50,8 @@ LEVELS = np.array([[0, 255], [51, 0], [0, 102], [255, 0], [0, 0], [153, 204]])
 def test_a_taxel_is_at_its_place_in_the_image(name):
     """Places are compared with the washers', which lie a quarter of a sub-cell or more inside it."""
     plan = make_plan(parse_spec(TURNED) if name == "turned" else load_spec(name))
-    grid, pad = taxel_grid(plan), plan.spec.pad
+    grid = taxel_grid(plan)
+    pad = plan.spec.pad
     assert sorted(grid[grid >= 0]) == list(range(len(plan.taxels)))
     for index, taxel in enumerate(plan.taxels):
         row = int((pad.depth_mm / 2 - taxel.y_mm) // plan.cell.depth_mm)
@@ -264,12 +265,14 @@ def test_damaged_pictures_are_refused_in_a_sentence(plan, tmp_path):
 @pytest.mark.parametrize("suffix", ["png", "gif", "npy"])
 def test_damaged_bytes_end_in_a_sentence_or_in_a_frame(plan, tmp_path, suffix):
     """A decoder may not notice bytes overwritten anywhere, but nothing except a refusal or a frame may result."""
-    path, refused = tmp_path / f"a.{suffix}", 0
+    path = tmp_path / f"a.{suffix}"
+    refused = 0
     if suffix == "npy":
         np.save(path, LEVELS.astype(np.uint8))
     else:
         picture(LEVELS, "P").save(path, save_all=True, append_images=[picture(LEVELS[::-1], "P")])
-    whole, random = path.read_bytes(), np.random.default_rng(1)
+    whole = path.read_bytes()
+    random = np.random.default_rng(1)
     for k in range(150):
         spoiled = np.frombuffer(whole, np.uint8).copy()
         spoiled[random.integers(len(whole), size=2)] = random.integers(256, size=2)
@@ -490,7 +493,8 @@ def test_swapped_coils_are_found_by_what_was_felt(paper_plan, tmp_path, place, t
 
 
 def test_swapped_coils_are_found_by_recordings(paper_plan, tmp_path):
-    rng, channel = np.random.default_rng(1), {t.id: paper_plan.channels[t.channel] for t in paper_plan.taxels}
+    rng = np.random.default_rng(1)
+    channel = {t.id: paper_plan.channels[t.channel] for t in paper_plan.taxels}
     # The sensor hears little at r0c1k0, whose coil is not the one that plays, and nothing at r1c0k0.
     for name, share in (("r0c0k0", 1.0), ("r0c1k0", 0.1), ("r0c2k0", 0.8), ("r1c0k0", 0.0), ("r1c1k0", 1.2)):
         made = recorded(rng, (channel[name].resonance_hz,), (15.0,), seconds=3.0, rate=2000)

@@ -42,7 +42,8 @@ taxel = { washer_clearance_mm = 0.2, glue_gap_mm = 0.1 }
 suspension = { topology = "cantilever", thickness_mm = 0.3 }
 """
 FILAMENT_MM2 = math.pi / 4 * 1.75**2
-LINE_MM, THIN_MM = 0.45, 0.15
+LINE_MM = 0.45
+THIN_MM = 0.15
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +110,8 @@ class Hand:
                     self.beads.append((a + width / 2, y, b - width / 2, y, area, h, z))
 
     def taxel(self, taxel, layer, z, h):
-        plan, first = self.plan, len(self.beads)
+        plan = self.plan
+        first = len(self.beads)
         channel = plan.channels[taxel.channel]
         arrangement = plan.arrangement(channel)
         (path,), (block,) = arrangement.beams, arrangement.blocks
@@ -124,8 +126,12 @@ class Hand:
             if self.strand_mm and not hole and z - h <= self.recess_mm + 1e-6:
                 self.beads[first:] = [(*bead[:5], self.strand_mm, z) for bead in self.beads[first:]]
             cx, cy = self.own(channel, *channel.site.centre_mm)
-            half_x, half_y = plan.cell.width_mm / 2, plan.cell.depth_mm / 2
-            west, east, south, north = cx - half_x, cx + half_x, cy - half_y, cy + half_y
+            half_x = plan.cell.width_mm / 2
+            half_y = plan.cell.depth_mm / 2
+            west = cx - half_x
+            east = cx + half_x
+            south = cy - half_y
+            north = cy + half_y
             for box in ((west, 0, south, north), (long, east, south, north), (0, long, south, -wide / 2)):
                 self.fill(*box, z, h)
             self.fill(0, long, wide / 2, north, z, h)
@@ -134,7 +140,8 @@ class Hand:
         else:
             half = math.sqrt(math.pi) / 4 * plan.plate.boss_diameter_mm  # of a square of the boss's area
             self.fill(washer[0] - half, washer[0] + half, -half, half, z, h)
-        width, piece = self.width(taxel, layer), self.piece(taxel, layer)
+        width = self.width(taxel, layer)
+        piece = self.piece(taxel, layer)
         if width is None:
             width = channel.beam.width_mm if z <= channel.beam.thickness_mm + 1e-6 else 0.0
         count = max(round(width / LINE_MM), 1)
@@ -162,19 +169,24 @@ class Hand:
 
     def lay(self):
         pad = self.plan.spec.pad
-        half_x, half_y, border = pad.width_mm / 2, pad.depth_mm / 2, pad.border_mm
+        half_x = pad.width_mm / 2
+        half_y = pad.depth_mm / 2
+        border = pad.border_mm
         self.beads = []
         for number, (z, h) in enumerate(self.layers()):
             for taxel in self.plan.taxels:
                 self.taxel(taxel, number, z, h)
             if z <= pad.frame_thickness_mm + 1e-6:
-                x, y = half_x + border - LINE_MM, half_y + border - LINE_MM
+                x = half_x + border - LINE_MM
+                y = half_y + border - LINE_MM
                 for low, high in ((-y, -half_y), (half_y, y)):
                     self.fill(-x, x, low, high, z, h)
                 for low, high in ((-x, -half_x), (half_x, x)):
                     self.fill(low, high, -half_y, half_y, z, h)
                 # Around it the outline, by which slicers begin.
-                x, y, area = x + LINE_MM / 2, y + LINE_MM / 2, LINE_MM * h
+                x = x + LINE_MM / 2
+                y = y + LINE_MM / 2
+                area = LINE_MM * h
                 for a, b in (((-x, -y), (x, -y)), ((x, -y), (x, y)), ((x, y), (-x, y)), ((-x, y), (-x, -y))):
                     self.beads.append((*a, *b, area, h, z))
         return self
@@ -182,7 +194,8 @@ class Hand:
     def text(self, relative=False, unit=1.0, footer=""):
         cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[self.quarters]
         lines = ["; laid by hand", "G20" if unit != 1 else "G21", "G90", "M83" if relative else "M82", "G92 E0"]
-        e, at = 0.0, None
+        e = 0.0
+        at = None
         for x0, y0, x1, y1, area, height, z in self.beads:
             ends = [
                 (cosine * x - sine * y + self.at[0], sine * x + cosine * y + self.at[1])
@@ -192,7 +205,8 @@ class Hand:
                 if self.notes:
                     lines += [";LAYER_CHANGE", f";Z:{z:.4g}", f";HEIGHT:{height:.4g}"]
                 lines.append(f"G1 Z{(z + self.raft_mm) / unit:.6f} F600")
-                at, last = z, height
+                at = z
+                last = height
             if self.notes and height != last:
                 lines.append(f";HEIGHT:{height:.4g}")
                 last = height
@@ -287,7 +301,9 @@ def test_a_narrow_first_layer_lowers_the_resonance_by_the_root_of_its_share(plan
     finding = one(report, "laid.width")
     assert finding.where == "2 of 4 beams" and "laid 0.39" in finding.message
     assert "elephant foot compensation is 0.2 mm, must be 0 mm" in finding.message
-    areas, middles, heights = np.array([0.2 * (wide - 0.4), 0.1 * wide]), np.array([0.1, 0.25]), np.array([0.2, 0.1])
+    areas = np.array([0.2 * (wide - 0.4), 0.1 * wide])
+    middles = np.array([0.1, 0.25])
+    heights = np.array([0.2, 0.1])
     mean = (areas * middles).sum() / areas.sum()
     stiff = (areas * (heights**2 / 12 + (middles - mean) ** 2)).sum() / (wide * 0.3**3 / 12)
     laid = report.figures["taxels"][1]["resonance_hz"]

@@ -139,7 +139,8 @@ def refuse_faults(text: str) -> None:
         assert device["minimum_frequency"] <= device["resonance_frequency"] <= device["maximum_frequency"]
     for channel in own["channels"]:
         device, (band,) = devices[channel["reference_device_id"]], channel["bands"]
-        target, size = channel["actuator_target"][0], channel["actuator_resolution"]
+        target = channel["actuator_target"][0]
+        size = channel["actuator_resolution"]
         assert all(0 <= target[axis] < size[axis] for axis in "XYZ")
         assert sum(value**2 for value in channel["direction"].values()) == 127**2
         assert band["lower_frequency_limit"] <= device["resonance_frequency"] <= band["upper_frequency_limit"]
@@ -185,7 +186,8 @@ def test_other_drives_and_two_sets(drive):
 
 def test_devices_are_the_kinds_of_taxel(small):
     """Resonance, half-power frequencies, impedance and limits are written with ten digits."""
-    spec, read = small.spec, read_hjif(hjif_text(small))
+    spec = small.spec
+    read = read_hjif(hjif_text(small))
     assert [device.name for device in read.devices] == ["t channel 0", "t channel 1"]
     assert [read.devices[c.device - 1].name[-1] for c in read.channels] == list("0101010")
     for device, channel in zip(read.devices, small.channels, strict=True):
@@ -237,7 +239,8 @@ def played(band: dict, time_s: np.ndarray) -> np.ndarray:
         frames = effect["keyframes"]
         at = effect["position"] / 1000 + np.array([frame["relative_position"] for frame in frames]) / 1000
         inside = (time_s >= at[0]) & (time_s <= at[-1])
-        since, hz = time_s[inside] - at[0], frames[0]["frequency_modulation"]
+        since = time_s[inside] - at[0]
+        hz = frames[0]["frequency_modulation"]
         amplitude = np.interp(time_s[inside], at, [frame["amplitude_modulation"] for frame in frames])
         signal[inside] = amplitude * np.sin(2 * np.pi * hz * since + effect["phase"])
     return signal
@@ -247,7 +250,8 @@ def level_of(shown: Timeline, taxel: int, time_s: np.ndarray) -> np.ndarray:
     """Return the timeline's own level, with its smooth steps."""
     key = np.clip(np.searchsorted(shown.time_s, time_s, side="right") - 1, 0, len(shown.time_s) - 2)
     share = (time_s - shown.time_s[key]) / (shown.time_s[key + 1] - shown.time_s[key])
-    before, after = shown.levels[key, taxel], shown.levels[key + 1, taxel]
+    before = shown.levels[key, taxel]
+    after = shown.levels[key + 1, taxel]
     return before + (after - before) * blend(np.clip(share, 0, 1))
 
 

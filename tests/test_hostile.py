@@ -39,7 +39,8 @@ from padgen.spec.model import Spec
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
 SWEEP = 'name = "s"\nbase = "paper-32"\n'
-MEMORY, SECONDS = 3 << 30, 60
+MEMORY = 3 << 30
+SECONDS = 60
 """Limits of a child process: many times what it needs, and far below what hostile input once took."""
 
 
@@ -283,7 +284,8 @@ def mutated(rng: random.Random) -> dict:
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
         name = rng.choice(["", *kinds])
         item = rng.choice(fields(kinds[name] if name else Spec))
-        kind, meta = optional_type(item.type)[0], item.metadata
+        kind = optional_type(item.type)[0]
+        meta = item.metadata
         if "low" not in meta:
             continue
         low, high = meta["low"], meta["high"]
@@ -572,7 +574,8 @@ def levels(count: int, times: int, transform: str = "", core: str = TETRAHEDRON)
     return threemf([core, *(within(k, times, transform) for k in range(1, count))], placed(count))
 
 
-LARGER, NO_NUMBER = "10 0 0 0 10 0 0 0 10 0 0 0", "nan 0 0 0 1 0 0 0 1 0 0 0"
+LARGER = "10 0 0 0 10 0 0 0 10 0 0 0"
+NO_NUMBER = "nan 0 0 0 1 0 0 0 1 0 0 0"
 ENTITIES = (
     '<!DOCTYPE m [<!ENTITY a "0000000000">'
     + "".join(f'<!ENTITY {chr(98 + k)} "{f"&{chr(97 + k)};" * 10}">' for k in range(9))
@@ -737,7 +740,8 @@ def test_units_places_and_other_parts_of_a_3mf_are_read_as_lib3mf_reads_them(tmp
     """Inches, nested turned components, two items, and an object in another part of the package."""
     from lib3mf import get_wrapper
 
-    turned, moved = "0 1 0 -1 0 0 0 0 1 2 0 1", "1 0 0 0 1 0 0 0 2 -3 4 0"
+    turned = "0 1 0 -1 0 0 0 0 1 2 0 1"
+    moved = "1 0 0 0 1 0 0 0 2 -3 4 0"
     part = '<component p:path="/3D/other.model" objectid="9" transform="1 0 0 0 1 0 0 0 1 0 7 0"/>'
     objects = [TETRAHEDRON, within(1, 1, turned), f"<components>{part}</components>", within(2, 1, moved)]
     data = threemf(objects, placed(4, 1, "0 0 1 0 1 0 -1 0 0 5 6 7") + placed(3))
@@ -795,7 +799,8 @@ def test_damaged_meshes_are_read_or_refused(tmp_path, suffix):
         "ply": ply(),
         "3mf": threemf([TETRAHEDRON, within(1)], placed(2)),
     }
-    rng, path = random.Random(13), tmp_path / f"a.{suffix}"
+    rng = random.Random(13)
+    path = tmp_path / f"a.{suffix}"
     for _ in range(60):
         data = bytearray(whole[suffix])
         for _ in range(rng.choice([1, 3, 20])):

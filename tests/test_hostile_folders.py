@@ -14,7 +14,9 @@ from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, recover, settle
 
 ROOT = Path(__file__).parents[1]
-SAMPLE, ALL, TRACED = 40, 1000, 50
+SAMPLE = 40
+ALL = 1000
+TRACED = 50
 CHUNK = 100
 """Folders that one process tries, since to start one takes seconds."""
 

@@ -32,7 +32,8 @@ def well_placed(hz: np.ndarray, count: int, low: float, high: float) -> bool:
 
 
 def test_the_optimal_ladder_of_eleven_channels_beats_the_geometric_one():
-    hz, law = optimal_ladder(20, 1000, 11, 15, LevelLaw(1), FREE), LevelLaw(1)
+    hz = optimal_ladder(20, 1000, 11, 15, LevelLaw(1), FREE)
+    law = LevelLaw(1)
     which = channels(hz, 15, law(hz))
     assert all_states(which, FREE).db == pytest.approx(17.635, abs=0.005)
     assert one_hot_db(which, FREE) == pytest.approx(20.86, abs=0.05)

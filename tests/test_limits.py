@@ -81,7 +81,8 @@ def written(plan: Plan, folder: Path, formats: str, state: str = "1111", **more)
 
 def watts(plan: Plan, volts_held: np.ndarray, rate_hz: int) -> float:
     """Return R times the mean i² of the warmest coil, from volts (samples, coils) over whole periods."""
-    coil, count = plan.spec.coil, len(volts_held)
+    coil = plan.spec.coil
+    count = len(volts_held)
     omega = 2 * np.pi * np.arange(count // 2 + 1) * rate_hz / count
     current = np.fft.rfft(volts_held, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)[:, None]
     square = (np.fft.irfft(current, count, axis=0) ** 2).mean(0)
@@ -184,7 +185,8 @@ def test_judged_volts_are_those_of_the_file(tmp_path, scheme, state):
 def test_judged_watts_are_those_of_the_file(tmp_path, scheme, state):
     plan = planned("power_limit_w = 1e-4", f"scheme = '{scheme}'")
     driven = written(plan, tmp_path / "o", "wav", state)
-    wave, ramp = read_wav(tmp_path / "o" / "drive.wav"), ramp_s(plan)
+    wave = read_wav(tmp_path / "o" / "drive.wav")
+    ramp = ramp_s(plan)
     period = round(driven.report.period_s * wave.rate_hz)
     # The last period before the way down.
     end = wave.count - int(np.ceil(ramp * wave.rate_hz))
@@ -195,7 +197,8 @@ def test_judged_watts_are_those_of_the_file(tmp_path, scheme, state):
 def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
     plan = planned("power_limit_w = 1e-4", "scheme = 'time-shared'")
     driven = written(plan, tmp_path / "o", "wav")
-    drive, found = drive_at(plan, RATES_HZ), []
+    drive = drive_at(plan, RATES_HZ)
+    found = []
     for channel in range(4):
         alone = np.array([float(taxel.channel == channel) for taxel in plan.taxels])
         played = np.concatenate(list(volts(drive, steady(alone, drive.period_s))))
@@ -245,7 +248,8 @@ def test_a_burst_after_a_pause_may_be_stronger_than_what_is_held_for_ever():
 
     # Without a pause before: no more than what is held. Off for 3 s and on for 1 s; and a second burst 0.2 s later.
     assert share(1.0, 1.01, 4.0, on=(1, 1, 0, 0)) == pytest.approx(1)
-    pause, burst = 1 - np.exp(-4 / lag), 1 - np.exp(-1 / lag)
+    pause = 1 - np.exp(-4 / lag)
+    burst = 1 - np.exp(-1 / lag)
     assert share(3.0, 3.0, 4.0, on=(0, 0, 1, 1)) == pytest.approx(burst / pause)
     # A change counts as the larger of both.
     for times_s, on in (((3.0, 4.0), (0, 0, 1)), ((3.0, 3.0, 4.0), (0, 0, 1, 0))):
@@ -257,12 +261,15 @@ def test_a_burst_after_a_pause_may_be_stronger_than_what_is_held_for_ever():
 def test_files_played_on_end_keep_a_coil_within_its_limit():
     """Ten plays of one file, from a coil as warm as it may be, with its heat integrated in small steps."""
     plan = planned("", "scheme = 'tones'")
-    lag, step_s = heat_s(plan.spec.coil), 1e-3
-    drive, rng = drive_at(plan, CONTROLLER_RATES_HZ), np.random.default_rng(5)
+    lag = heat_s(plan.spec.coil)
+    step_s = 1e-3
+    drive = drive_at(plan, CONTROLLER_RATES_HZ)
+    rng = np.random.default_rng(5)
     times = np.concatenate([[0.0], np.cumsum(np.repeat(rng.uniform(0.2, 3.0, 6), 2) * np.tile([1.0, 0.05], 6))])
     on = np.repeat([0, 1, 0, 1, 0, 1, 0], 2)[:13]
     load = load_of(plan, drive, Timeline(times, np.outer(on, np.ones(16)), False))
-    limit_a2, held_a2 = load.warm_a2[0], load.square_a2[0]
+    limit_a2 = load.warm_a2[0]
+    held_a2 = load.square_a2[0]
     assert limit_a2 < 0.99 * held_a2
     warmest = heat = limit_a2
     for _ in range(10):
@@ -277,7 +284,8 @@ def test_files_played_on_end_keep_a_coil_within_its_limit():
 def test_no_coil_gets_warmer_than_it_may_by_the_bytes_of_a_file(tmp_path, scheme):
     """Heat is integrated from a file's bytes, from as warm as it may be on: a coil at its limit comes near to it."""
     plan = planned("name = 'paper'\nresistance_ohm = 800", f"scheme = '{scheme}'\nlevel_um = 3\nvoltage_limit_v = 1000")
-    coil, drive = plan.spec.coil, drive_at(plan, RATES_HZ, 48_000)
+    coil = plan.spec.coil
+    drive = drive_at(plan, RATES_HZ, 48_000)
     frames = np.zeros((12, 16))
     frames[[5, 6, 9]] = np.array([[1.0], [0.5], [1.0]])
     Drive(plan, frames, rate_hz=48_000).save_folder(tmp_path / "o", ["wav"], depth="float")
@@ -402,7 +410,8 @@ def test_a_change_that_is_quick_is_never_above_what_is_judged(monkeypatch, schem
     drive = make_drive(plan, 48_000)
     quick_s = 5e-4
     monkeypatch.setattr(limits, "ramp_s", lambda plan: quick_s)
-    held, on = 0.0213, np.ones((1, 16))
+    held = 0.0213
+    on = np.ones((1, 16))
     times = np.cumsum([0.0, *[quick_s, held] * 10])
     levels = np.concatenate([0 * on, *[on, on, 0 * on, 0 * on] * 5])
     changes = load_of(plan, drive, Timeline(times, levels, False))
@@ -415,12 +424,14 @@ def integrated(folder: Path, coil: Coil) -> tuple[np.ndarray, np.ndarray]:
 
     The voltage is taken as straight between samples.
     """
-    raw, told = (folder / "drive.wav").read_bytes(), json.loads((folder / "drive-wave.json").read_text())
+    raw = (folder / "drive.wav").read_bytes()
+    told = json.loads((folder / "drive-wave.json").read_text())
     at = raw.index(b"data") + 8
     data = np.frombuffer(raw[at : at + int.from_bytes(raw[at - 4 : at], "little")], "<f4")
     volt = data.reshape(-1, len(told["coils"])) * told["full_scale"]
     turns = coil.resistance_ohm / (coil.inductance_mh * 1e-3) / told["rate_hz"]
-    decay, mean = np.exp(-turns), -np.expm1(-turns) / turns
+    decay = np.exp(-turns)
+    mean = -np.expm1(-turns) / turns
     return volt, lfilter(np.array([1 - mean, mean - decay]) / coil.resistance_ohm, [1, -decay], volt, axis=0)
 
 
@@ -437,7 +448,8 @@ def judged_and_found(plan: Plan, rng: np.random.Generator, folder: Path, carrier
         folder, ["wav", "hjif"], depth="float"
     )
     shown = timeline(plan, frames, each_s)
-    load, ohm = load_of(plan, drive, shown), plan.spec.coil.resistance_ohm
+    load = load_of(plan, drive, shown)
+    ohm = plan.spec.coil.resistance_ohm
     volt, ampere = integrated(folder, plan.spec.coil)
     # The last period of each frame, over which beats even out; of turns, each sine's last before the way down.
     ends = (np.ceil(shown.time_s[(slice(1, -1, 2) if turns else slice(2, None, 2))] * 48_000)).astype(int)
@@ -574,7 +586,8 @@ def test_a_carrier_that_is_named_was_tried(tmp_path, drive, keeps):
 
 def test_a_carrier_that_the_plan_knows_nothing_of_is_judged_by_what_it_heats():
     """Lines about a carrier have less room, the root's bends are blunter, and the constant exceeds the headroom's."""
-    plan, hz = planned("", "scheme = 'spur-free'\nlevel_um = 1\nvoltage_limit_v = 100"), 5000.0
+    plan = planned("", "scheme = 'spur-free'\nlevel_um = 1\nvoltage_limit_v = 100")
+    hz = 5000.0
     alone, carried = (load_of(plan, drive_at(plan, RATES_HZ, carrier_hz=each)) for each in (None, hz))
     between = plan.spec.coil.resistance_ohm * float(alone.square_a2.max() + carried.square_a2.max()) / 2
     plan = planned(f"power_limit_w = {between}", "scheme = 'spur-free'\nlevel_um = 1\nvoltage_limit_v = 100")
@@ -652,7 +665,8 @@ def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_curren
     volts_out = wave.read() * driven.report.full_scale
     assert np.abs(volts_out.mean(0)).max() < 1e-5 * np.abs(volts_out).max()
     assert np.abs(volts_out).max() <= plan.load.voltage_peak_v
-    coil, omega = plan.spec.coil, 2 * np.pi * np.fft.rfftfreq(len(volts_out), 1 / wave.rate_hz)[:, None]
+    coil = plan.spec.coil
+    omega = 2 * np.pi * np.fft.rfftfreq(len(volts_out), 1 / wave.rate_hz)[:, None]
     lines = np.fft.rfft(volts_out, axis=0) / (coil.resistance_ohm + 1j * omega * coil.inductance_mh * 1e-3)
     current = np.fft.irfft(lines, len(volts_out), axis=0)
     assert 0.5 < 1e3 * np.abs(current).max() / plan.load.current_peak_ma <= 1
@@ -666,7 +680,9 @@ def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_curren
 @pytest.mark.parametrize("seed", range(6))
 def test_no_plan_asks_more_of_an_amplifier_than_it_has_without_saying_so(seed):
     rng = np.random.default_rng(seed)
-    coupling, limit_v, amperes = ("AC", "DC")[seed % 2], float(rng.choice([1.5, 5, 40])), float(rng.choice([0.03, 1]))
+    coupling = ("AC", "DC")[seed % 2]
+    limit_v = float(rng.choice([1.5, 5, 40]))
+    amperes = float(rng.choice([0.03, 1]))
     grid = "[coil]\ngrid = [2, 2]\n"
     plan = make_plan(parse_spec(amplified(int(rng.choice([8, 12, 16])), 4, coupling, limit_v, amperes, grid)))
     codes = {f.code for f in plan.findings}
@@ -699,8 +715,10 @@ def test_an_amplifier_is_a_table_of_its_own(tmp_path):
 
 
 def test_parts_of_the_catalogues_are_named_where_they_suffice():
-    tones, biased = planned(drive="scheme = 'tones'"), planned(drive="scheme = 'biased'")
-    one_each, two_each = {"opa548": 4, "opa549": 4}, {"tpa3116d2": 2, "max98400a": 2, "tpa3220": 2}
+    tones = planned(drive="scheme = 'tones'")
+    biased = planned(drive="scheme = 'biased'")
+    one_each = {"opa548": 4, "opa549": 4}
+    two_each = {"tpa3116d2": 2, "max98400a": 2, "tpa3220": 2}
     assert 4.4 < biased.load.voltage_peak_v < tones.load.voltage_peak_v < 10.5
     assert biased.parts.amplifiers == {**one_each, "l272": 2}  # the others pass no direct current
     assert tones.parts.amplifiers == {**one_each, **two_each, "l272": 2}

@@ -55,7 +55,8 @@ def test_a_finer_solve_of_the_exported_file_agrees(solved, tmp_path):
     _, plan = solved
     from padgen.solid.formats.step import write_taxel_step
 
-    channel, path = plan.channels[0], tmp_path / "0.step"
+    channel = plan.channels[0]
+    path = tmp_path / "0.step"
     write_taxel_step(plan, channel, path)
     found = in_a_process(loop.solve_step, loop.solid_taxel(plan, channel, path), SOLVED, 1)
     assert found.setting == 1
@@ -135,7 +136,8 @@ def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monke
 def test_coarse_steps_end_at_the_nearest_beam():
     """A resin printer's pixels are coarser than the miss: the plan keeps its beams and takes the solids' resonances."""
     spec = load_spec("resin-fine")
-    trial_hz, goal_hz = 64.0, 62.4
+    trial_hz = 64.0
+    goal_hz = 62.4
     sized = loop.choose(spec).channels[0]
     tried = [loop.Trial(sized, None, log(goal_hz / trial_hz))]
     assert loop._next_trial(spec, loop.choose(spec), tried, 5e-4) is sized

@@ -75,7 +75,8 @@ def driven(power=0, seed=4):
     phase = 2 * np.pi * (10 * time + 20 * time**2)
     current = 0.2 * np.sin(phase / 2 + 0.1) * np.minimum(1, 10 * (3 - time))
     frequency = np.fft.rfftfreq(2 * len(time), 1 / RATE)
-    rng, moved = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    moved = []
     for hz, q, response in PRINT.values():
         s = frequency / hz
         answer = response / (q * (1 - s * s) + 1j * s) * (2j * np.pi * frequency) ** power
@@ -463,7 +464,8 @@ def test_samples_of_every_width_are_read_alike(plan, tmp_path):
 
 
 def test_damaged_bytes_of_measurements_end_in_a_sentence_or_a_fit(plan, tmp_path):
-    rng, path = Random(0), tmp_path / "m.wav"
+    rng = Random(0)
+    path = tmp_path / "m.wav"
     short = wav((0.5 * four(decays()[1]))[:400].astype(np.int16))
     text = (HEAD + "r0c0k0,57.5,14\nr0c0k1,93.5,15\n").encode()
     series = table("time_s,r0c0k0", *(column[:60] for column in (decays()[0], decays()[1][0]))).encode()

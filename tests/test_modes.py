@@ -98,7 +98,9 @@ def model_of(spec, topology="cantilever", beam=(0.627, 0.3, 6.6)):
 
 def test_a_taxel_with_two_modes_by_hand():
     """The own mode is at 50 Hz, one of opposite sign and a tenth of its compliance at 80 Hz, with Q = 10."""
-    frequency, gain, q = np.array([[50.0, 80.0]]), np.array([[[1.0], [-0.1]]]), np.array([10.0])
+    frequency = np.array([[50.0, 80.0]])
+    gain = np.array([[[1.0], [-0.1]]])
+    q = np.array([10.0])
     taxels = modal_taxels(frequency, gain, q, np.array([50.0]))
 
     def answer(f):
@@ -114,7 +116,8 @@ def test_a_taxel_with_two_modes_by_hand():
 def test_the_figures_of_two_modes_by_hand():
     """With one of two channels on, the OFF taxel 0 has a mode on the other's tone."""
     which = channels(np.array([50.0, 80.0]), 10.0, np.array([1.0, 1.0]))
-    frequency, gain = np.array([[50.0, 80.0], [80.0, 50.0]]), np.array([[[1.0], [0.2]], [[1.0], [0.0]]])
+    frequency = np.array([[50.0, 80.0], [80.0, 50.0]])
+    gain = np.array([[[1.0], [0.2]], [[1.0], [0.0]]])
     modes = modal_taxels(frequency, gain, which.q, which.resonance_hz)
     ratio = which.line[1] / which.line[0]
     heard = 1 / (1 - 2.56 + 0.16j) + 0.2 / 0.1j
@@ -126,8 +129,10 @@ def test_the_figures_of_two_modes_by_hand():
 def test_in_turns_the_worst_channel_may_be_one_that_drives_a_mode():
     """The nearer tone moves the taxel's own mode more; its other mode lies on the farther tone."""
     which = channels(np.array([50.0, 80.0, 130.0]), 10.0, np.array([1.0, 0.5, 0.2]))
-    frequency, gain = np.array([[50.0, 130.0], [80.0, 1e3], [130.0, 1e3]]), np.zeros((3, 2, 1))
-    gain[:, 0], gain[0, 1] = 1.0, 0.5
+    frequency = np.array([[50.0, 130.0], [80.0, 1e3], [130.0, 1e3]])
+    gain = np.zeros((3, 2, 1))
+    gain[:, 0] = 1.0
+    gain[0, 1] = 0.5
     modes = modal_taxels(frequency, gain, which.q, which.resonance_hz)
     turns = Scheme("time-shared")
     assert all_states(which, turns).state == "010"
@@ -163,7 +168,8 @@ def test_a_taxel_that_its_own_tone_does_not_move_is_refused():
 def plain_energies(which: Channels, scheme: Scheme, modes: ModalTaxels, state):
     """Return energies (n,) of all taxels in one state, line by line; where channels take turns, of the loudest turn."""
     on = np.flatnonzero(state)
-    r, line = which.resonance_hz, which.line
+    r = which.resonance_hz
+    line = which.line
 
     def energy(i, f, amplitude):
         d = 1 - (f / modes.frequency_hz[i]) ** 2 + 1j * f / (modes.frequency_hz[i] * modes.q[i])
@@ -216,7 +222,8 @@ def test_eleven_taxels_with_five_modes_equal_their_2048_states(scheme):
 
 @pytest.mark.parametrize("q", [2.500001, 15.0, 1e4, 1e8])
 def test_answers_against_fifty_digits(q):
-    own, other = 100.0, 100.0 * (1 + 1e-9)
+    own = 100.0
+    other = 100.0 * (1 + 1e-9)
     frequency, gain = np.array([[own, 171.3, 38.1]]), np.array([[[1.0, 0.1], [-0.3, 0.7], [0.01, 0.2]]])
     taxels = modal_taxels(frequency, gain, np.array([q]), np.array([own]))
     lines = np.array([own, other, 171.3 * (1 - 1e-9), 38.1, 1e-3, 1e6])
@@ -267,9 +274,12 @@ def test_the_bound_is_reached_by_a_mode_above_all_lines():
 def test_the_bound_counts_lines_above_all_tones():
     """Beside a small constant, two tones make a strong line at their sum, where a mode with Q = 50 lies."""
     which = channels(np.array([100.0, 130.0, 170.0]), 50.0, np.array([100.0, 130.0, 170.0]) ** -2.0)
-    frequency, gain = np.array([[100.0, 300.0], [130.0, 1e4], [170.0, 1e4]]), np.zeros((3, 2, 1))
-    gain[:, 0], gain[0, 1] = 1.0, 5e-9
-    modes, scheme = modal_taxels(frequency, gain, which.q, which.resonance_hz), Scheme("biased", 0.1)
+    frequency = np.array([[100.0, 300.0], [130.0, 1e4], [170.0, 1e4]])
+    gain = np.zeros((3, 2, 1))
+    gain[:, 0] = 1.0
+    gain[0, 1] = 5e-9
+    modes = modal_taxels(frequency, gain, which.q, which.resonance_hz)
+    scheme = Scheme("biased", 0.1)
     fewer = without_quiet_modes(modes, which.resonance_hz, which.line, scheme.bias_ratio)
     alone = modes._replace(gain=modes.gain * [[0.0], [1.0]])
     # In step with all the rest it would be all of this.
@@ -289,7 +299,12 @@ def test_a_loud_mode_is_never_left_out():
 
 def test_a_pull_off_the_axis_excites_torsion_by_its_lever():
     """A force F at y turns a plate on a torsion spring by θ = F y/k_t; the boss of radius a moves by a/2 θ."""
-    inertia, mass, torsion_hz, bending_hz, lever, radius = 2e-10, 1e-4, 300.0, 60.0, 1.5e-3, 1.25e-3
+    inertia = 2e-10
+    mass = 1e-4
+    torsion_hz = 300.0
+    bending_hz = 60.0
+    lever = 1.5e-3
+    radius = 1.25e-3
     motion = np.zeros((2, 6))
     motion[0, 2], motion[1, 3] = mass**-0.5, inertia**-0.5
     modes = TaxelModes(np.array([bending_hz, torsion_hz]), motion)
@@ -377,7 +392,8 @@ def test_the_side_nearer_to_the_coil_is_pulled_more(paper_plan):
         share = modes.compliances(np.array(channel.pull_wrench)) * channel.stiffness_n_per_m
         assert channel.pulled_shares == pytest.approx(tuple(share), abs=1e-12)
         # One newton turns the working mode as its lever does: 1 + M_y θ_y/z + F_x x/z of its shape.
-        shape, wrench = modes.motion[working] / modes.motion[working, 2], channel.pull_wrench
+        shape = modes.motion[working] / modes.motion[working, 2]
+        wrench = channel.pull_wrench
         assert channel.pulled_shares[working] == pytest.approx(1 + wrench[4] * shape[4] + wrench[0] * shape[0])
 
 
@@ -388,8 +404,10 @@ def test_plans_carry_their_modes(paper_plan):
     again = plan_from_json(plan_to_json(paper_plan))
     assert len(json.loads(plan_to_json(paper_plan))["channels"][0]["mode_motions"]) == 6
     figures = paper_plan.selectivity
-    spec, scheme = paper_plan.spec, Scheme(figures.drive)
-    which, modes = placed_channels(spec, again.channels), coil_modes(spec, again.channels)
+    spec = paper_plan.spec
+    scheme = Scheme(figures.drive)
+    which = placed_channels(spec, again.channels)
+    modes = coil_modes(spec, again.channels)
     # All modes; the plan leaves some out, within its bound.
     exact = all_states(which, scheme, modes).db
     left_out_db = 20 * np.log10(1 + figures.modes_left_out)
@@ -485,15 +503,19 @@ def test_a_crowded_mode_is_found_and_costs(crowded_plan):
     (crowded,), (cost,) = of(crowded_plan, "modes.crowded"), of(crowded_plan, "selectivity.modes")
     figures = crowded_plan.selectivity
     assert (crowded.level, crowded.where, cost.where) == ("warning", "channel 1", "coil")
-    lateral, top = lateral_hz(crowded_plan), crowded_plan.channels[3].resonance_hz
+    lateral = lateral_hz(crowded_plan)
+    top = crowded_plan.channels[3].resonance_hz
     line = f"lateral mode at {number(lateral)} Hz lies near the tone of channel 3 ({number(top)} Hz)"
     assert line in crowded.message
     assert figures.modes_cost_db > 2
     assert f"cost {figures.modes_cost_db:.1f} dB" in cost.message
     assert f"{figures.placed_all_states_db:.1f} dB are left" in cost.message
     # The mode alone, by hand: without it the coil keeps what it costs more.
-    spec, channels_ = crowded_plan.spec, crowded_plan.channels
-    which, modes, scheme = placed_channels(spec, channels_), coil_modes(spec, channels_), Scheme(figures.drive)
+    spec = crowded_plan.spec
+    channels_ = crowded_plan.channels
+    which = placed_channels(spec, channels_)
+    modes = coil_modes(spec, channels_)
+    scheme = Scheme(figures.drive)
     gain = modes.gain.copy()
     gain[1, np.argmin(abs(modes.frequency_hz[1] - lateral))] = 0
     gained = all_states(which, scheme, modes._replace(gain=gain)).db - all_states(which, scheme, modes).db
@@ -540,7 +562,8 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
     found = [c for c in crowds(spec, moved, Scheme("tones")) if (c.channel, c.mode) == (0, torsion)]
     assert [(c.line, c.is_spur) for c in found] == [("the sum spur of 1 and 3", True)]
     assert found[0].line_hz == pytest.approx(spur_hz)
-    which, modes = placed_channels(spec, moved), coil_modes(spec, moved)
+    which = placed_channels(spec, moved)
+    modes = coil_modes(spec, moved)
     spur = 2 * np.sqrt(which.line[1] * which.line[3]) / which.line[0]
     peak = np.linalg.norm(modes.gain[0, torsion]) * first.q
     assert found[0].at_peak == pytest.approx(spur * peak, rel=1e-9)

@@ -37,7 +37,8 @@ def test_odd_specs_reach_both_ends_of_every_bound():
                 value = inner[item.name]
                 drawn.setdefault((name, item.name), set()).update(value if isinstance(value, list) else [value])
     for name, item in ODD:
-        meta, found = item.metadata, drawn[name, item.name]
+        meta = item.metadata
+        found = drawn[name, item.name]
         assert "low" not in meta or {meta["low"], meta["high"]} <= found, (name, item.name)
 
 
@@ -51,9 +52,11 @@ def test_coarse_rings_have_the_field_of_all_charge_of_a_coil(length_mm, permeabi
     0.2 % is twice what the coarse rings of a short core miss; a radius outside of the coil misses more.
     """
     coil = solenoid(10 * MM, 4 * MM, length_mm * MM, 1000, 4 * MM, permeability)
-    coarse, fine = _coarse_rings(coil), coil_rings(coil, 0.2 * MM)
+    coarse = _coarse_rings(coil)
+    fine = coil_rings(coil, 0.2 * MM)
     assert (coarse[0] <= 5 * MM).all()
-    away, height = np.array([11.0, 12.5, 17.0]) * MM, np.array([0.5, 1.0, 3.0]) * MM
+    away = np.array([11.0, 12.5, 17.0]) * MM
+    height = np.array([0.5, 1.0, 3.0]) * MM
     parts = zip(rings_potential(coarse, away, height), rings_potential(fine, away, height), strict=True)
     for found, true in parts:
         assert found == pytest.approx(true, abs=2e-3 * np.abs(true).max())
@@ -103,7 +106,8 @@ def test_beams_that_print_with_nothing_left_are_refused(printer, drawn_mm, key, 
 @pytest.mark.parametrize("coil", sorted(catalogue("coil")))
 def test_pulls_go_as_the_square_of_the_turns_on_and_off_the_catalogue(coil):
     """As linear steel has it; to rounding, over catalogue tables (1 mm) and solved ones (0.2 mm)."""
-    gap, offset = np.array([0.2, 1.0, 3.0]) * MM, np.array([4.0, 4.4, 2.0]) * MM
+    gap = np.array([0.2, 1.0, 3.0]) * MM
+    offset = np.array([4.0, 4.4, 2.0]) * MM
     listed = catalogue("coil")[coil]["turns"]
     one = pulls(make_spec({**FOUR, "coil": {"name": coil}}), gap, offset)
     for turns in (listed + 1, 1.0, 777.7, 1e6):

@@ -48,7 +48,8 @@ def test_a_coil_that_burns_is_an_error():
 def test_the_plan_and_a_drive_agree_on_what_burns(seed):
     """Away from the limit by 3 %, the margin by which a drive's own bounds may differ."""
     rng = np.random.default_rng(seed)
-    ohm, turns = float(rng.uniform(2, 60)), int(rng.integers(80, 600))
+    ohm = float(rng.uniform(2, 60))
+    turns = int(rng.integers(80, 600))
     plan = make_plan(parse_spec(PCB.format(count=16, side=25, ohm=round(ohm, 2), turns=turns, watts=0.5)))
     for factor in (0.8, 1.25):
         coil = replace(plan.spec.coil, power_limit_w=plan.load.copper_loss_w * factor)

@@ -84,7 +84,8 @@ def shifts(plan, pad, channel) -> list[float]:
 
 def one_above_the_other(k: float, m: float, frame_k: float, frame_m: float) -> tuple[PadModes, np.ndarray, np.ndarray]:
     """Return a taxel that only moves vertically on a frame of one motion, and the equal system of two masses."""
-    stiff, up = np.diag([1e6, 1e6, k, 1e3, 1e3, 1e3]), np.eye(6)[:, [2]]
+    stiff = np.diag([1e6, 1e6, k, 1e3, 1e3, 1e3])
+    up = np.eye(6)[:, [2]]
     body = np.diag([m, m, m, 1e-9, 1e-9, 1e-9])
     # Two beams that share the load: half the stiffness each.
     hung = Hung(body, [(stiff / 2, up), (stiff / 2, up)], up[:, 0])
@@ -93,13 +94,17 @@ def one_above_the_other(k: float, m: float, frame_k: float, frame_m: float) -> t
 
 
 def test_two_masses_are_the_closed_form():
-    k, m, frame_k, frame_m = 120.0, 1e-3, 4e3, 7e-3
+    k = 120.0
+    m = 1e-3
+    frame_k = 4e3
+    frame_m = 7e-3
     modes, stiffness, mass = one_above_the_other(k, m, frame_k, frame_m)
     total = k / m + (k + frame_k) / frame_m
     root = np.sqrt(total**2 / 4 - k * frame_k / m / frame_m)
     seen = np.abs(modes.motion[0]) > 1e-6
     assert np.allclose(np.sort(modes.square[seen]), [total / 2 - root, total / 2 + root], rtol=1e-12)
-    hertz, q = 50.0, 12.0
+    hertz = 50.0
+    q = 12.0
     direct = np.linalg.solve(stiffness * (1 + 1j / q) - (2 * np.pi * hertz) ** 2 * mass, [0, 1])[1]
     assert modes.receptance(0, np.array([hertz]), q)[0, 0] == pytest.approx(direct, rel=1e-9)
 

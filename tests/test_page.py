@@ -86,7 +86,8 @@ def browser():
 @pytest.fixture(scope="module")
 def opened(browser, tmp_path_factory):
     """A function that opens a page, and fails at the end if a page wrote to its console or asked for more."""
-    told, contexts = [], []
+    told = []
+    contexts = []
 
     def open_page(html, **options):
         path = tmp_path_factory.mktemp("page") / "report.html"
@@ -203,10 +204,12 @@ def test_on_taxels_move_ten_times_as_far_as_off_ones(opened, paper_html, paper_p
     look(page, "side")
     page.evaluate("padgen.view().zoom(0.4)")
     # All move with the one tone that plays; of so many pictures in a period its amplitude is the first harmonic.
-    count, period = 6, 50 / paper_plan.channels[0].resonance_hz
+    count = 6
+    period = 50 / paper_plan.channels[0].resonance_hz
     frames = np.array([tops(page, k * period / count) for k in range(count)])
     amplitude = 2 * np.abs(np.fft.fft(frames, axis=0)[1]) / count
-    box, moved = page.locator("#canvas").bounding_box(), ([], [])
+    box = page.locator("#canvas").bounding_box()
+    moved = ([], [])
     for taxel in paper_plan.taxels:
         if taxel.coil[0] == 3:
             x = page.evaluate("id => padgen.placeOf(id)[0]", taxel.id) - box["x"]
@@ -236,10 +239,8 @@ def test_sequences_play_and_stop(page, paper_plan):
     page.select_option("#sequence", "rows")
     page.evaluate("padgen.moveTo(0.1)")
     top = max(t.y_mm for t in paper_plan.taxels)
-    levels, full = (
-        page.evaluate("padgen.levels"),
-        {t.id: paper_plan.channels[t.channel].level_um for t in paper_plan.taxels},
-    )
+    levels = page.evaluate("padgen.levels")
+    full = {t.id: paper_plan.channels[t.channel].level_um for t in paper_plan.taxels}
     assert {id for id in levels if levels[id] > 0.5 * full[id]} == {t.id for t in paper_plan.taxels if t.y_mm == top}
     page.select_option("#sequence", "")
     drawn = int(page.evaluate(DRAWN))
@@ -350,7 +351,8 @@ def test_a_channel_has_one_colour_on_the_page_and_in_pictures(name):
 
 def test_a_cut_shows_full_material(page, paper_plan):
     """As much copper as the windings of one row of coils have in the plane through their axes."""
-    coil, pad = paper_plan.spec.coil, paper_plan.spec.pad
+    coil = paper_plan.spec.coil
+    pad = paper_plan.spec.pad
     half = pad.depth_mm / 2 + pad.border_mm
     y = coil_axis_mm(paper_plan.coils, paper_plan.coils.rows - 1, 0)[1]
     page.evaluate("share => padgen.view().section(share)", (y + half) / (2 * half))
@@ -560,7 +562,8 @@ def test_histogram_and_verdict_are_of_the_same_prints(paper_plan, monkeypatch):
     """In bins so narrow that other prints of the same pad would show."""
     monkeypatch.setattr("padgen.report.page.BINS", 20_000)
     prints = page_data(paper_plan)["prints"]
-    edges, counts = np.array(prints["edges_db"]), np.array(prints["counts"])
+    edges = np.array(prints["edges_db"])
+    counts = np.array(prints["counts"])
     assert counts.sum(1).tolist() == [paper_plan.prints.pads] * 2
     above = counts[1][::-1].cumsum()[::-1] / paper_plan.prints.pads
     kept = np.searchsorted(edges, paper_plan.prints.print_db) - 1
@@ -614,7 +617,8 @@ def test_beams_bend_as_their_modes_do(small_plan):
     points = np.c_[np.array([x0, y0]) + at[:, None] * ahead, np.zeros(9)]
     tip = np.array([[*(np.array([x0, y0]) + length * ahead), 0], [*(np.array([x0, y0]) + (length + 0.05) * ahead), 0]])
     z, (end, beyond) = (mode_heights(arrangement, channel, each) for each in (points, tip))
-    slope, s = (beyond - end) / 0.05 * length, at / length
+    slope = (beyond - end) / 0.05 * length
+    s = at / length
     assert z == pytest.approx((3 * end - slope) * s**2 + (slope - 2 * end) * s**3, abs=0.02 * abs(end))
     washer = np.array([[float(arrangement.washer_x_mm), 0, 1.0]])
     assert mode_heights(arrangement, channel, washer) == pytest.approx(1.0)

@@ -93,8 +93,10 @@ def hole_centres(mesh, z, diameter):
 
 def test_pad_coils_and_tray_go_together(plan, tray, pad):
     """In place nothing overlaps; a hundredth of a millimetre nearer, pad and coils each meet the tray."""
-    body, top = as_manifold(tray.mesh, "tray"), as_manifold(pad.mesh, "pad")
-    coil, height = plan.spec.coil, tray.tray.height_mm
+    body = as_manifold(tray.mesh, "tray")
+    top = as_manifold(pad.mesh, "pad")
+    coil = plan.spec.coil
+    height = tray.tray.height_mm
 
     def overlap(a, b):
         return (a ^ b).volume()
@@ -114,7 +116,8 @@ def test_pad_coils_and_tray_go_together(plan, tray, pad):
 def test_the_gap_is_what_the_spec_asks(plan, tray):
     """The gap follows from the tray's triangles (rim less seat less coil) and the glue's thickness."""
     z = np.unique(tray.mesh.vertices_mm[:, 2].round(9))
-    seat, rim = z[z > 1][0], z[-1]
+    seat = z[z > 1][0]
+    rim = z[-1]
     spec = plan.spec
     assert rim - seat - spec.coil.length_mm + spec.taxel.glue_gap_mm == pytest.approx(spec.coil.gap_mm, abs=1e-9)
     report = check_tray(tray, plan)
@@ -138,7 +141,8 @@ def test_screws_meet_the_pads_holes(plan, tray, pad):
 
 def test_wires_leave_every_socket(plan, tray):
     """A wire of 0.8 mm fits into the lead slot over its whole depth, and one into each slot of the rim."""
-    body, t = as_manifold(tray.mesh, "tray"), tray.tray
+    body = as_manifold(tray.mesh, "tray")
+    t = tray.tray
     radius = t.socket_diameter_mm / 2 + t.lead.reach_mm / 2
     for x, y in t.coils_mm:
         lead = rod(0.8, t.floor_mm, t.height_mm, x + radius * 0.5**0.5, y + radius * 0.5**0.5)
@@ -153,7 +157,8 @@ def test_wires_leave_every_socket(plan, tray):
 
 
 def test_the_groove_tells_the_corner_of_the_first_coil(tray):
-    corner, others = rod(0.8, 1, 2, -11.75, -18.0), [(-11.75, 18.0), (11.75, -18.0), (-18.0, -11.75)]
+    corner = rod(0.8, 1, 2, -11.75, -18.0)
+    others = [(-11.75, 18.0), (11.75, -18.0), (-18.0, -11.75)]
     body = as_manifold(tray.mesh, "tray")
     assert (body ^ corner).volume() < 0.1
     for x, y in others:
@@ -411,7 +416,8 @@ def test_the_coupons_tray_holds_its_coil(plan, coupon, parts):
 @pytest.mark.parametrize("name", sorted(template_paths()))
 def test_every_template_has_a_tray_and_a_coupon(name):
     plan = make_plan(load_spec(name))
-    tray, own = plan_tray(plan), coupon_plan(plan)
+    tray = plan_tray(plan)
+    own = coupon_plan(plan)
     assert tray_findings(plan, tray) == ()
     assert tray.gap_mm == pytest.approx(plan.spec.coil.gap_mm, abs=1e-9)
     assert tray.clear_mm + washer_underside_mm(plan) == pytest.approx(tray.gap_mm)

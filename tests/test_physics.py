@@ -91,7 +91,11 @@ def test_impedance_of_the_papers_coil():
 
 def test_slender_tip_mass_is_the_closed_form():
     """One slender beam with a heavy point at its tip has f = sqrt(3EI/(l³ m))/2π."""
-    width, thickness, length, modulus, mass = 1 * MM, 0.2 * MM, 50 * MM, 3e9, 1e-3
+    width = 1 * MM
+    thickness = 0.2 * MM
+    length = 50 * MM
+    modulus = 3e9
+    mass = 1e-3
     point = box((0, 0, 0), (1e-7, 1e-7, 1e-7), mass / 1e-21)
     beam = BeamPlacement(BeamSection(width, thickness, length), np.zeros(3) + point.centroid, np.array([1.0, 0.0]))
     modes = suspended_modes(point, [beam], modulus, 0.3, 1e-6)
@@ -118,7 +122,8 @@ def reference_taxel(case):
 @pytest.mark.parametrize("name", sorted(TAXELS["cases"]))
 def test_beam_model_against_elasticity(name):
     case = TAXELS["cases"][name]
-    found, reference = reference_taxel(case).frequency_hz, case["modes_hz"]
+    found = reference_taxel(case).frequency_hz
+    reference = case["modes_hz"]
     assert found[0] == pytest.approx(reference[0], rel=8e-3)
     assert found[1:3] == pytest.approx(reference[1:3], rel=1.5e-2)
 
@@ -127,7 +132,9 @@ def test_flare_stiffens_between_the_beam_and_a_beam_shorter_by_its_radius():
     def bending(length, fillet):
         return tip_stiffness(BeamSection(1 * MM, 0.5 * MM, length, fillet), 3e9, 0.3)[2, 2]
 
-    plain, flared, shorter = bending(5 * MM, 0.0), bending(5 * MM, 0.5 * MM), bending(4.5 * MM, 0.0)
+    plain = bending(5 * MM, 0.0)
+    flared = bending(5 * MM, 0.5 * MM)
+    shorter = bending(4.5 * MM, 0.0)
     assert plain < flared < shorter
 
 
@@ -140,7 +147,8 @@ def test_tip_matrices_are_positive_definite_over_extremes():
         assert np.linalg.eigvalsh(normal).min() > 1e-4
 
 
-E, NU = 3e9, 0.36
+E = 3e9
+NU = 0.36
 G = E / (2 * (1 + NU))
 BENT = BeamSection(0.6 * MM, 0.4 * MM, 8 * MM)
 GIVING = EndCompliance(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 * MM, -0.1 * MM, 1.07)
@@ -148,7 +156,8 @@ GIVING = EndCompliance(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 *
 
 def rigidities(section):
     """Return the rigidities of bending up and sideways, twist, stretch and shear."""
-    w, t = section.width, section.thickness
+    w = section.width
+    t = section.thickness
     sheared = 10 * (1 + NU) / (12 + 11 * NU) * G * w * t
     return E * w * t**3 / 12, E * t * w**3 / 12, G * float(torsion_constant(w, t)), E * w * t, sheared
 
@@ -174,7 +183,8 @@ def test_arc_against_castigliano(turn, side):
     up, across, twist, stretch, shear = rigidities(BENT)
     found = flexible(BENT, (radius * turn, side * turn))
     double = np.sin(2 * turn) / 4
-    sines, cosines = turn / 2 - double, turn / 2 + double
+    sines = turn / 2 - double
+    cosines = turn / 2 + double
     falling = 1.5 * turn - 2 * np.sin(turn) + double
     by_hand = [
         radius**3 * falling / across + radius * (cosines / stretch + sines / shear),
@@ -194,7 +204,8 @@ def test_arc_against_castigliano(turn, side):
 
 def test_corner_against_castigliano():
     """Two legs at a right angle: bending the second twists the first."""
-    first, second = 5 * MM, 3 * MM
+    first = 5 * MM
+    second = 3 * MM
     up, _, twist, _, shear = rigidities(BENT)
     found = flexible(BENT, (first, 0.0), (0.0, np.pi / 2), (second, 0.0))
     bent = (first**3 + second**3) / (3 * up) + second**2 * first / twist + (first + second) / shear
@@ -204,7 +215,8 @@ def test_corner_against_castigliano():
     path = BENT._replace(length=first + second, path=((first, 0.0), (0.0, np.pi / 2), (second, 0.0)))
     assert root_load(path, load) == pytest.approx(np.array([0, 0, 1, second, -first, 0]), abs=1e-15)
     # Roark: 0.6 by 0.4 mm has a twisting stress of T/(0.231 w t^2).
-    pulled, twisted = 6 * first / (0.6 * 0.4**2), second / (0.231 * 0.6 * 0.4**2)
+    pulled = 6 * first / (0.6 * 0.4**2)
+    twisted = second / (0.231 * 0.6 * 0.4**2)
     assert largest_stress(path, load) == pytest.approx(np.hypot(pulled, np.sqrt(3) * twisted) / MM**3, rel=5e-3)
 
 
@@ -231,7 +243,8 @@ def test_bends_and_held_pieces_are_stiffer_out_of_their_plane():
     assert beams.bend_stiffening(0.5) == pytest.approx(13 / 12, rel=1e-15)
     assert beams.piece_twist(1e-3, 1e-3) == pytest.approx(0.23840584404423515, rel=1e-12)
     assert beams.piece_twist(1e-3, 0.0) == pytest.approx(1, abs=1e-8)
-    radius, turn = BENT.width, np.pi / 2
+    radius = BENT.width
+    turn = np.pi / 2
     bent = flexible(BENT, (radius * turn, turn))
     loose = flexible(BENT._replace(ends=EndCompliance(warping=1 * MM)), (3 * MM, 0.0), (0.0, 0.0), (2 * MM, 0.0))
     up, _, twist, _, _ = rigidities(BENT)
@@ -261,7 +274,8 @@ def test_a_grid_of_bent_beams_is_its_beams():
     width, length = np.meshgrid([0.4 * MM, 0.9 * MM], [4 * MM, 6 * MM])
     path = ((length, 0.0), (np.pi * width, np.pi), (length / 2, 0.0))
     grid = BeamSection(width, 0.4 * MM + 0 * width, 1.5 * length + np.pi * width, 0.2 * MM + 0 * width, path=path)
-    stiffness, mass = tip_stiffness(grid, E, NU), tip_mass(grid, 1240.0, NU)
+    stiffness = tip_stiffness(grid, E, NU)
+    mass = tip_mass(grid, 1240.0, NU)
     for at in np.ndindex(width.shape):
         one = BeamSection(*(np.asarray(v)[at] for v in grid[:4]), path=tuple((p[0][at], p[1]) for p in path))
         assert stiffness[at] == pytest.approx(tip_stiffness(one, E, NU), rel=1e-9, abs=1e-9)
@@ -314,7 +328,8 @@ def test_field_on_the_axis_is_the_solenoids():
     thin = solenoid(4.0002 * MM, 3.9998 * MM, 10 * MM, 1000, 0.0, 1.0)
     height = np.array([0.5, 1.0, 3.0]) * MM
     _, axial = flux_density(thin, np.zeros(3), height)
-    a, length = 2 * MM, 10 * MM
+    a = 2 * MM
+    length = 10 * MM
     exact = (
         4e-7
         * np.pi

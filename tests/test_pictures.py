@@ -98,7 +98,9 @@ def test_sections_of_odd_coils_can_be_read(coil):
 
 def test_the_section_has_the_plans_sizes(paper_plan):
     (axis,) = picture(paper_plan, "section").axes
-    channel, plate, spec = paper_plan.channels[0], paper_plan.plate, paper_plan.spec
+    channel = paper_plan.channels[0]
+    plate = paper_plan.plate
+    spec = paper_plan.spec
     sizes = {
         name: np.ptp(np.vstack(polygons(axis, name)), axis=0)
         for name in ("beam", "boss", "washer", "coil", "core", "plate")
@@ -194,7 +196,8 @@ def test_the_ladder_and_the_map_of_prints(paper_plan):
     assert marked["97.5 %"] == pytest.approx((0.0, -12.5)), "row 1, column 2 of four, 12.5 mm apart"
     cells, bosses = pad.collections
     fills = cells.get_facecolor()
-    white, least = fills[0], fills[-1]
+    white = fills[0]
+    least = fills[-1]
     assert white == pytest.approx((1, 1, 1, 1))
     # 256 steps of colour.
     assert fills[6] == pytest.approx(0.75 * white + 0.25 * least, abs=1 / 256)

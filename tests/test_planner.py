@@ -104,9 +104,11 @@ def test_every_topology_plans_and_resonates_as_asked(topology):
 @pytest.mark.parametrize("topology", names())
 @pytest.mark.parametrize("room", [Room(8, 7), Room(14, 8), Room(30, 20)])
 def test_arrangements_stay_in_their_room_and_apart(topology, room):
-    gap, plate = 0.3, PlateShape(4.6, 4.6, 4.0)
+    gap = 0.3
+    plate = PlateShape(4.6, 4.6, 4.0)
     shape = suspension(topology)
-    length, width = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
+    length = shape.longest(room, plate, gap)
+    width = shape.widest(room, plate, gap)
     if length < shape.shortest(plate, gap) or width < 0.45:
         return
     made = shape.arrange(plate, BeamShape(width, 0.3, length), gap)
@@ -353,7 +355,8 @@ def test_stress_by_hand():
     """A force at the washer, with the arm l + plate/2 − r from the end of the flare, gives σ = 6 F arm/(w t²)."""
     plan = plan_of(4, extra="[suspension]\ntopology = 'cantilever'\n")
     channel = plan.channels[0]
-    beam, fillet = channel.beam, channel.beam.fillet_mm
+    beam = channel.beam
+    fillet = channel.beam.fillet_mm
     force_n = channel.stiffness_n_per_m * channel.level_um * 1e-6
     arm = beam.length_mm + 4.6 / 2 - fillet
     by_hand = 6 * force_n * arm / (beam.width_mm * beam.thickness_mm**2)
@@ -373,7 +376,8 @@ def test_sag_by_hand():
         BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm),
     )
     inertia = beam.width_mm * beam.thickness_mm**3 / 12
-    reach, length = beam.length_mm + 2.3, beam.length_mm
+    reach = beam.length_mm + 2.3
+    length = beam.length_mm
     give = beam.thickness_mm * (0.33 * reach**2 + 0.75 * 2.3**2)
     per_newton = ((reach**3 - 2.3**3) / 3 + give) / (3000 * inertia)
     sag_um = float(model.body.mass) * 9.80665 * per_newton * 1e3
@@ -542,7 +546,8 @@ def test_no_gap_is_suggested_that_a_coil_may_not_have():
 )
 def test_a_recess_is_whole_layers_deep(extra, depth_mm):
     plan = plan_of(4, extra=extra)
-    spec, asked_mm = plan.spec, plan.spec.washer.thickness_mm + plan.spec.taxel.glue_gap_mm
+    spec = plan.spec
+    asked_mm = plan.spec.washer.thickness_mm + plan.spec.taxel.glue_gap_mm
     assert plan.plate.recess_depth_mm == pytest.approx(depth_mm, abs=1e-9)
     notes = [f.message for f in plan.findings if f.code == "recess.layers"]
     if depth_mm - asked_mm < 1e-6:
@@ -591,7 +596,8 @@ def test_glue_and_post_change_the_mass(paper_spec):
         return float(TaxelModel(spec, "cantilever", plate_shape(spec), BeamShape(0.6, 0.3, 6.6)).body.mass)
 
     assert mass(glue_mg=2.0) - mass() == pytest.approx(2e-6)
-    bore, depth = 1.7 - 0.25, 0.4
+    bore = 1.7 - 0.25
+    depth = 0.4
     assert mass(centre_post=True) - mass() == pytest.approx(np.pi / 4 * bore**2 * depth * 1.24e-6)
 
 
@@ -616,8 +622,10 @@ def hung_on(paper_spec, topology, tune="width+thickness+length"):
 
 def slopes(plan, channel):
     """Return d ln f / d ln of width, thickness and length, by whole steps of 1 %."""
-    beam, spec = plan.channels[channel].beam, plan.spec
-    size, found = np.array([beam.width_mm, beam.thickness_mm, beam.length_mm]), []
+    beam = plan.channels[channel].beam
+    spec = plan.spec
+    size = np.array([beam.width_mm, beam.thickness_mm, beam.length_mm])
+    found = []
     for axis in np.eye(3):
         pair = [
             TaxelModel(spec, beam.topology, plate_shape(spec), BeamShape(*(size * np.exp(side * axis).tolist())))

@@ -48,8 +48,10 @@ class Relay(threading.Thread):
         self.port = os.ttyname(self.theirs)
         self.acknowledged: list[int] = []
         self._share, self._rng = share, np.random.default_rng(seed)
-        self._closes_after, self._passed = closes_after, 0
-        self._ended, self._answers = threading.Event(), b""
+        self._closes_after = closes_after
+        self._passed = 0
+        self._ended = threading.Event()
+        self._answers = b""
 
     def run(self) -> None:
         assert self.firmware.stdin and self.firmware.stdout
@@ -141,7 +143,8 @@ def ends_silent(log: list[str]) -> bool:
 
 
 def test_frames_arrive_in_order_and_it_ends_in_silence(pad: Host):
-    frames, heard = numbered(12), []
+    frames = numbered(12)
+    heard = []
     with relayed(pad) as line:
         played = play_frames(line.port, pad.plan, frames, FRAME_S, reply_s=1.0, told=heard.append)
         log = line.finish()
@@ -154,7 +157,8 @@ def test_frames_arrive_in_order_and_it_ends_in_silence(pad: Host):
 
 def test_a_frame_that_lasts_longer_than_one_is_held_is_sent_again(pad: Host, monkeypatch):
     monkeypatch.setattr(play_serial, "HOLD_SHARE", 0.02)  # of eight seconds
-    frames, heard = numbered(2), []
+    frames = numbered(2)
+    heard = []
     with relayed(pad) as line:
         play_frames(line.port, pad.plan, frames, 0.4, reply_s=1.0, told=heard.append)
         log = line.finish()
@@ -365,7 +369,8 @@ class Stream:
     """An output that keeps the samples written to it, and may fail or be interrupted after some blocks."""
 
     def __init__(self, card: "Card", **settings: object) -> None:
-        self.card, card.settings = card, settings
+        self.card = card
+        card.settings = settings
 
     def __enter__(self) -> "Stream":
         return self
@@ -376,7 +381,8 @@ class Stream:
     def write(self, block: np.ndarray) -> bool:
         assert block.dtype == np.float32 and block.flags.c_contiguous
         if self.card.error and len(self.card.blocks) == 2:
-            error, self.card.error = self.card.error, None
+            error = self.card.error
+            self.card.error = None
             raise error
         self.card.blocks.append(block)
         return len(self.card.blocks) == 1
@@ -392,7 +398,9 @@ class Card:
             {"index": 0, "name": "Microphone", "max_output_channels": 0, "default_samplerate": 44100.0},
             {"index": 1, "name": "Loud 16", "max_output_channels": outputs, "default_samplerate": 48000.0},
         ]
-        self.rates, self.blocks, self.closed = rates, [], False
+        self.rates = rates
+        self.blocks = []
+        self.closed = False
         self.settings: dict[str, object] = {}
         self.error: BaseException | None = None
 
@@ -431,9 +439,11 @@ def wave(path: Path, channels: int = 4, seconds: float = 0.6, rate_hz: int = 480
 
 
 def test_a_file_sounds_as_it_is(card: Card, tmp_path: Path):
-    path, chosen = wave(tmp_path / "a.wav", silent_ends=False), []
+    path = wave(tmp_path / "a.wav", silent_ends=False)
+    chosen = []
     played = play_wave(path, told=chosen.append)
-    sounded, samples = np.concatenate(card.blocks), read_wav(path).read()
+    sounded = np.concatenate(card.blocks)
+    samples = read_wav(path).read()
     fade = round(0.05 * 48000)
     assert sounded.shape == (len(samples) + fade, 4)
     assert np.array_equal(sounded[fade : len(samples)], samples[fade:].astype(np.float32))

@@ -23,7 +23,8 @@ from padgen.planner.printed_pads import design_of, log_detuning, spreads_of
 from padgen.spec import load_spec, make_spec, parse_spec
 
 TEXT = 'name = "c"\nresolution = 32\nband_hz = [50, 400]\nq_min = 15\ncoil = { grid = [4, 4], reuse = "alternate" }\n'
-MODEL_ERROR, NOISE = 1e-3, 1e-3
+MODEL_ERROR = 1e-3
+NOISE = 1e-3
 
 
 @cache
@@ -55,7 +56,8 @@ def printed_with(plan: Plan, z_mm: float, width_mm: float, log_modulus: float) -
 
 
 def prints(plan: Plan, truth: tuple[float, float, float], seed: int, count: int = 1) -> list[list[TaxelFit]]:
-    rng, design = np.random.default_rng(seed), design_of(plan, None)
+    rng = np.random.default_rng(seed)
+    design = design_of(plan, None)
     middle = printed_with(plan, *truth) + MODEL_ERROR * rng.standard_normal(len(plan.channels))
     made = []
     for k in range(count):
@@ -70,10 +72,13 @@ def fit_of(name: str, hz: float) -> TaxelFit:
 
 
 def test_intervals_hold_the_truth():
-    plan, held = plan_of(), []
+    plan = plan_of()
+    held = []
     for seed in range(200):
         rng = np.random.default_rng(1000 + seed)
-        z, width, log_e = rng.normal(0, 0.04), rng.normal(0, 0.02), rng.normal(0, 0.08)
+        z = rng.normal(0, 0.04)
+        width = rng.normal(0, 0.02)
+        log_e = rng.normal(0, 0.08)
         found = calibrated(plan, prints(plan, (z, width, log_e), seed, 2))
         modulus = plan.spec.material.youngs_modulus_gpa * np.exp(log_e)
         held.append(
@@ -88,7 +93,8 @@ def test_intervals_hold_the_truth():
 
 def test_a_plan_for_the_calibrated_printer_meets_its_resonances(tmp_path):
     """The printer is off by 20 % in f; the next print of the new plan is off only by its own spread."""
-    truth, plan = (0.05, 0.03, 0.1), plan_of()
+    truth = (0.05, 0.03, 0.1)
+    plan = plan_of()
     found = calibrated(plan, prints(plan, truth, 1, 3))
     (tmp_path / "mine.toml").write_text(printer_toml(plan.spec, found, "mine"))
     spec = parse_spec(TEXT + 'printer = "mine.toml"\n'.join(["", ""]), folder=tmp_path)

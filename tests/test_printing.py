@@ -30,7 +30,8 @@ def settings(lines):
 @pytest.mark.parametrize("name", ["paper-32", "quad-64"])
 def test_the_profile_says_what_the_plan_counts_on(name):
     spec = load_spec(name)
-    printer, told = spec.printer, settings(profile_text(make_plan(spec)).splitlines())
+    printer = spec.printer
+    told = settings(profile_text(make_plan(spec)).splitlines())
     assert told == prusa_profile(spec)
     for key, value in (
         ("layer_height", printer.layer_mm),
@@ -93,7 +94,8 @@ def test_a_pad_is_read_as_it_was_modelled_wherever_it_lies_on_the_bed(folder, sm
 
 def test_turned_by_180_degrees_a_pad_is_not_the_same(small_plan, small_pad):
     """The groove marks the coil of row 0, column 0, on the pad as on the tray."""
-    solid, mark = as_manifold(small_pad.mesh, "pad"), corner_groove(small_plan.spec)
+    solid = as_manifold(small_pad.mesh, "pad")
+    mark = corner_groove(small_plan.spec)
     cut = solid.slice(small_plan.spec.pad.frame_thickness_mm / 2)
     at = np.array([(mark.x0 + mark.x1) / 2, (mark.y0 + mark.y1) / 2 + (mark.y1 - mark.y0) / 4])
 

@@ -23,7 +23,8 @@ QUIET = {"deadline": None, "suppress_health_check": list(HealthCheck), "derandom
 def tables(draw):
     """Draw specs that a person might write, most of them feasible."""
     low = draw(st.floats(50, 150))
-    width, depth = draw(st.floats(25, 130)), draw(st.floats(25, 130))
+    width = draw(st.floats(25, 130))
+    depth = draw(st.floats(25, 130))
     printer = draw(st.sampled_from(sorted(catalogue("printer"))))
     washers = sorted(w for w, e in catalogue("washer").items() if e["relative_permeability"] > 2)
     table = {

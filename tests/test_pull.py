@@ -70,7 +70,9 @@ def test_toroidal_functions_close_to_the_ring():
 
 
 def test_potential_of_a_charged_ring_and_its_slopes():
-    radius, height, ring = np.array([0.3, 1.0, 2.5]), np.array([0.4, 0.1, -2.0]), np.array(1.0)
+    radius = np.array([0.3, 1.0, 2.5])
+    height = np.array([0.4, 0.1, -2.0])
+    ring = np.array(1.0)
     angle = (np.arange(4000) + 0.5) * 2 * pi / 4000
 
     def summed(r, z, m, ring_radius=1.0):
@@ -188,7 +190,8 @@ def test_random_pairs_against_the_solid_field():
         sizes = [case[f"washer_{name}_mm"] * MM for name in ("outer", "inner", "thickness")]
         washer = SteelRing(*sizes, case["washer_permeability"])
         solved = pull(coil, washer, case["gap_mm"] * MM, case["offset_mm"] * MM)
-        axial, radius = abs(solved.axial), washer.outer_diameter / 2
+        axial = abs(solved.axial)
+        radius = washer.outer_diameter / 2
         off = abs(solved.axial / case["axial_n_per_a2"] - 1)
         side = abs(solved.side - case["side_n_per_a2"]) / axial
         moment = abs(solved.moment - case["moment_nm_per_a2"]) / axial / radius
@@ -224,9 +227,11 @@ def test_nearer_than_nodes_can_see_a_pull_goes_on_and_says_so():
 def test_a_table_is_as_good_as_it_states():
     table = make_table(COIL, WASHER, 0.3 * MM, 1.2 * MM, 6 * MM, 5, 16)
     rng = np.random.default_rng(3)
-    gap, offset = MM * rng.uniform(0.3, 1.2, 30), MM * rng.uniform(0, 6, 30)
+    gap = MM * rng.uniform(0.3, 1.2, 30)
+    offset = MM * rng.uniform(0, 6, 30)
     assert table.covers(gap, offset).all() and not table.covers(gap * 5, offset).any()
-    found, solved = table.at(gap, offset), solved_pulls(COIL, WASHER, gap, offset)
+    found = table.at(gap, offset)
+    solved = solved_pulls(COIL, WASHER, gap, offset)
     assert np.mean(np.abs(found.pull / solved.pull - 1) <= found.error) >= 0.92
     assert np.mean(np.abs(found.slope - solved.slope) <= found.slope_off) >= 0.92
     assert np.median(np.abs(found.pull / solved.pull - 1)) < 0.003
@@ -236,14 +241,18 @@ def test_a_table_is_as_good_as_it_states():
 
 def test_a_table_of_one_offset_knows_how_far_its_derivatives_are_off():
     """A wide washer that hangs low: doubts at the least gaps bend the pull. True are differences of solved pulls."""
-    coil, washer = COIL, SteelRing(10 * MM, 5.3 * MM, 1 * MM, 300)
+    coil = COIL
+    washer = SteelRing(10 * MM, 5.3 * MM, 1 * MM, 300)
     table = make_table(coil, washer, 0.35 / 3 * MM, 0.35 * MM, 7 * MM, 5, 1)
-    gap, offset, step = MM * np.array([0.27, 0.3, 0.325]), np.full(3, 7 / 2**0.5 * MM), 0.03
+    gap = MM * np.array([0.27, 0.3, 0.325])
+    offset = np.full(3, 7 / 2**0.5 * MM)
+    step = 0.03
     least, at, most = (
         np.array([-pull(coil, washer, g * s, offset[0]).axial for g in gap]) for s in (1 - step, 1, 1 + step)
     )
     near, found, far = (table.at(gap * s, offset) for s in (1 - step / 2, 1, 1 + step / 2))
-    slope, bend = (most - least) / (2 * step * gap), (most - 2 * at + least) / (step * gap) ** 2
+    slope = (most - least) / (2 * step * gap)
+    bend = (most - 2 * at + least) / (step * gap) ** 2
     off = np.abs((far.slope - near.slope) / (step * gap) - bend)
     assert (np.abs(found.slope - slope) < found.slope_off).all()
     assert (off < found.bend_off).all()
@@ -259,7 +268,8 @@ def test_the_tables_that_padgen_brings_are_those_of_its_parts():
         plan = make_plan(spec)
         gap = hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels])) * UM
         offset = np.array([c.site.coil_distance_mm for c in plan.channels]) * MM
-        found, solved = table.at(gap, offset), solved_pulls(*magnetic_parts(spec), gap, offset)
+        found = table.at(gap, offset)
+        solved = solved_pulls(*magnetic_parts(spec), gap, offset)
         assert found.pull == pytest.approx(solved.pull, rel=0.003)
         assert found.slope == pytest.approx(solved.slope, rel=0.04)
         assert (np.abs(found.pull / solved.pull - 1) <= found.error).all()
@@ -274,7 +284,8 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
     spec = parse_spec(
         'name = "own"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n[coil]\ncore_diameter_mm = 3\ngrid = [2, 2]\n'
     )
-    gap, offset = np.array([0.9, 0.5, 0.2, 1.0]) * MM, np.array([4.0, 4.0, 4.0, 0.0]) * MM
+    gap = np.array([0.9, 0.5, 0.2, 1.0]) * MM
+    offset = np.array([4.0, 4.0, 4.0, 0.0]) * MM
     channels._own.cache_clear()
     found = channels.pulls(spec, gap, offset)
     solved = solved_pulls(*magnetic_parts(spec), gap, offset)
@@ -292,7 +303,8 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
 def test_a_plan_states_the_pull_where_its_washers_hang_and_its_error():
     spec = load_spec("paper-32")
     plan = make_plan(spec)
-    sites, hanging = [c.site for c in plan.channels], hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels]))
+    sites = [c.site for c in plan.channels]
+    hanging = hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels]))
     near, at, far = (site_pulls(spec, sites, hanging * share) for share in (0.99, 1.0, 1.01))
     assert np.log(near.pull / far.pull) / np.log(1.01 / 0.99) == pytest.approx(pull_exponent(at, hanging), rel=1e-3)
     for channel, error in zip(plan.channels, at.error, strict=True):

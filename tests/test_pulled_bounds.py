@@ -43,11 +43,15 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
     Every `thinned`th combination of `CORES_MM` … `SAGS` is tried, with the first channel and the drive of paper-32,
     moving by a tenth of the gap.
     """
-    base, broken, bounded = make_plan(load_spec("paper-32")), [], 0
+    base = make_plan(load_spec("paper-32"))
+    broken = []
+    bounded = 0
     for core_mm, gap_mm, out, sag in [*product(CORES_MM, GAPS_MM, OUT, SAGS)][::thinned]:
         coil = replace(base.spec.coil, core_diameter_mm=core_mm, gap_mm=gap_mm)
-        spec, channel = replace(base.spec, coil=coil), base.channels[0]
-        offset_mm, gap_um = float(out * coil.outer_diameter_mm), gap_mm * 1e3
+        spec = replace(base.spec, coil=coil)
+        channel = base.channels[0]
+        offset_mm = float(out * coil.outer_diameter_mm)
+        gap_um = gap_mm * 1e3
         site = replace(channel.site, washer_mm=(offset_mm, 0.0), coil_distance_mm=offset_mm)
         hanging_um = hanging_gap_um(spec, np.array([sag * gap_um]))
         pulled = site_pulls(spec, [site], hanging_um)

@@ -41,7 +41,8 @@ def written(folder, name, **how):
     ("excitation", "kind"), [("chirp", k) for k in KINDS] + [(e, k) for e, kinds in SOME.items() for k in kinds]
 )
 def test_disturbed_recordings(plan, tmp_path, excitation, kind):
-    hz, q = 66.6, 12.3
+    hz = 66.6
+    q = 12.3
     written(tmp_path, "r0c0k0", hz=(hz,), q=(q,), excitation=excitation, **{"rate": 4000, **KINDS[kind]})
     (fit,) = fit_measured(read_measured(tmp_path / "r0c0k0.wav", plan), plan)
     assert fit.resonance_hz == pytest.approx(hz, rel=3e-3)
@@ -61,7 +62,8 @@ def test_disturbed_recordings(plan, tmp_path, excitation, kind):
 def of_print(seed, **how):
     """Return f and Q of a print, and its recording at 4 kHz."""
     rng = np.random.default_rng(seed)
-    hz, q = 60 * np.exp(0.15 * rng.standard_normal()), 15 * np.exp(0.25 * rng.standard_normal())
+    hz = 60 * np.exp(0.15 * rng.standard_normal())
+    q = 15 * np.exp(0.25 * rng.standard_normal())
     return hz, q, recorded(rng, (hz,), (q,), rate=4000, **how)
 
 
@@ -125,7 +127,8 @@ def test_refused_data_are_drawn(plan, tmp_path, capsys):
     path = tmp_path / "r0c0k1.wav"
     path.write_bytes(noise.wav())
     written(tmp_path, "r0c0k0", rate=2000)
-    spec, out = tmp_path / "t.toml", tmp_path / "out"
+    spec = tmp_path / "t.toml"
+    out = tmp_path / "out"
     spec.write_text(TWO_COILS)
     command = ["retune", str(spec), str(path), str(tmp_path / "r0c0k0.wav"), "-o", str(out)]
     assert cli.run(command) == 2
@@ -137,7 +140,8 @@ def test_refused_data_are_drawn(plan, tmp_path, capsys):
 
 
 def test_refused_taxels_keep_none_of_the_fits_arrays(plan, tmp_path):
-    made, rng = recorded(np.random.default_rng(1), rate=4000), np.random.default_rng(2)
+    made = recorded(np.random.default_rng(1), rate=4000)
+    rng = np.random.default_rng(2)
     for taxel in plan.taxels:
         noise = made._replace(motion=rng.standard_normal(len(made.motion)))
         (tmp_path / f"{taxel.id}.wav").write_bytes(noise.wav())
@@ -160,8 +164,10 @@ def test_the_same_data_give_the_same_picture(plan, tmp_path):
 
 
 def test_a_recorded_print_keeps_what_its_true_f_and_q_allow(tmp_path):
-    pad, coils = pg.plan("pad-32"), [(0, 0), (0, 1)]
-    truth, folder = simulate_print(pad, 3), tmp_path / "recorded"
+    pad = pg.plan("pad-32")
+    coils = [(0, 0), (0, 1)]
+    truth = simulate_print(pad, 3)
+    folder = tmp_path / "recorded"
     folder.mkdir()
     record(pad, truth, coils, folder, np.random.default_rng(1), seconds=4.0, hum=0.02)
     tunings = pg.retune(pad, folder).tuning, by_truth(pad, truth), planned_tuning(pad)

@@ -88,7 +88,8 @@ def arrange(plate, beam, gap_mm):
     bend = arc(aside / 4, 90)
     segments = (Segment(along), bend, Segment(aside / 2), bend, Segment(into))
     middle = along - into - plate.length_mm / 2
-    half_x, half_y = plate.length_mm / 2, plate.width_mm / 2
+    half_x = plate.length_mm / 2
+    half_y = plate.width_mm / 2
     return Arrangement(
         beams=(
             BeamPath((0.0 * along, -aside), (1.0, 0.0), segments, beam.width_mm, beam.thickness_mm),
@@ -501,7 +502,8 @@ def registered_scheme(thing):
 
 def test_a_registered_scheme_plans_and_drives(tmp_path):
     plain = make_plan(parse_spec(FOUR.replace("NAME", "tones")))
-    kept, exact = [], []
+    kept = []
+    exact = []
     for spurs in (1e-6, 1.0):
         with registered_scheme(toy_scheme(spurs)):
             plan = make_plan(parse_spec(FOUR.replace("NAME", SCHEME)))
@@ -648,8 +650,10 @@ def registered_coil(source):
 
 def field_of_spirals(spec, points_m, turns_by=20, arcs=360):
     """Return the flux density in T per A by Biot and Savart, each turn a circle of straight pieces on two faces."""
-    coil, field = spec.coil, np.zeros(points_m.shape)
-    inner, outer = coil.inner_diameter_mm / 2e3, coil.outer_diameter_mm / 2e3
+    coil = spec.coil
+    field = np.zeros(points_m.shape)
+    inner = coil.inner_diameter_mm / 2e3
+    outer = coil.outer_diameter_mm / 2e3
     angle = np.arange(arcs) * 2 * pi / arcs
     along = np.stack([-np.sin(angle), np.cos(angle), 0 * angle], -1) * 2 * pi / arcs
     for top in (0.0, COPPER_MM - coil.length_mm):
@@ -667,7 +671,8 @@ def field_of_spirals(spec, points_m, turns_by=20, arcs=360):
 def weak_pull(spec, washer, offset_m):
     """Return c in N/A² on a weakly magnetic washer, ``−χ/2μ0 d/dz ∫B² dV``, with the field by Biot and Savart."""
     node, weight = np.polynomial.legendre.leggauss(4)
-    inner, outer = washer.inner_diameter / 2, washer.outer_diameter / 2
+    inner = washer.inner_diameter / 2
+    outer = washer.outer_diameter / 2
     radius = np.sqrt(inner**2 + (node + 1) / 2 * (outer**2 - inner**2))
     angle = (np.arange(16) + 0.5) * pi / 8
     volume = pi * (outer**2 - inner**2) * washer.thickness

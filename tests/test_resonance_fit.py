@@ -77,7 +77,8 @@ def test_high_q_and_any_unit():
 @pytest.mark.parametrize("q", [2, 15, 30])
 def test_error_at_30_db_and_honest_sigmas(q):
     rng = np.random.default_rng(q)
-    off, pull = [], []
+    off = []
+    pull = []
     agreed = 0
     for _ in range(50):
         hz = 80 * np.exp(0.08 * rng.standard_normal())
@@ -93,7 +94,9 @@ def test_error_at_30_db_and_honest_sigmas(q):
 
 def test_magnitude_alone():
     rng = np.random.default_rng(4)
-    off, pull, agreed = [], [], 0
+    off = []
+    pull = []
+    agreed = 0
     for _ in range(50):
         hz = 80 * np.exp(0.05 * rng.standard_normal())
         size = np.abs(receptance(FINE, hz, 15, 2.0, 0.01, -0.005) + noise(rng, len(FINE), 2 / 31.6))
@@ -212,7 +215,8 @@ def test_taubin_circle_of_points_on_one():
 
 def test_circle_sigmas_are_honest():
     rng = np.random.default_rng(7)
-    frequency, pull = np.linspace(70, 90, 80), []
+    frequency = np.linspace(70, 90, 80)
+    pull = []
     for _ in range(200):
         data = receptance(frequency, 80, 20, 1j) + noise(rng, 80, 0.03)
         found = circle_resonance(frequency, data, 80.3, 17)
@@ -336,7 +340,9 @@ def test_driven_without_an_excitation():
 
 @pytest.mark.parametrize("inductance", [0.0, 1e-9, 0.0417])
 def test_current_of_a_voltage(inductance):
-    rate, hz, ohm = 8000.0, 100.0, 62.9
+    rate = 8000.0
+    hz = 100.0
+    ohm = 62.9
     time = np.arange(8000) / rate
     z = ohm + 2j * np.pi * hz * inductance
     current = current_of_voltage(rate, np.sin(2 * np.pi * hz * time), ohm, inductance)
@@ -402,7 +408,8 @@ def test_records_and_spectra_that_are_too_long_are_refused_at_once():
 
 
 def test_a_long_decay_is_fitted_by_its_beginning():
-    y, fits = np.zeros(4_000_000), []
+    y = np.zeros(4_000_000)
+    fits = []
     y[:20_000] = decay(2000, 10, 80, 20)
     assert peak_bytes(lambda: fits.append(fit_decay(2000.0, y))) < 4e8
     assert (fits[0].resonance_hz, fits[0].q) == pytest.approx((80, 20), rel=1e-4)
@@ -451,7 +458,8 @@ def test_a_drift_that_looks_like_damping_is_in_the_interval_of_q(bend):
 def test_a_drift_that_noise_shows_is_fitted():
     rng = np.random.default_rng(17)
     x = 1 + 0.3 * rng.standard_normal(8000)
-    y, slow = answer(x - 1, 1000.0, 80, 15, 50.0), np.linspace(-1, 1, 8000)
+    y = answer(x - 1, 1000.0, 80, 15, 50.0)
+    slow = np.linspace(-1, 1, 8000)
     for gain in (1 + 0.05 * slow, 1 - 0.05 * slow**2):
         fit = fit_driven(1000.0, x, y * gain)
         assert (fit.resonance_hz, fit.q) == (pytest.approx(80, rel=1e-4), pytest.approx(15, rel=1e-3))
@@ -464,7 +472,8 @@ def test_further_plucks_are_fitted_together():
     for low in (0.6, 0.2):  # the last one weaker, or too weak to be a pluck
         y = np.concatenate([k * each for k, each in zip((0.8, 1, 0.9, low), one, strict=True)])
         y = y + 0.02 * rng.standard_normal(len(y))
-        alone, all_of_them = fit_decay(2000.0, y[:2000]), fit_decay(2000.0, y)
+        alone = fit_decay(2000.0, y[:2000])
+        all_of_them = fit_decay(2000.0, y)
         # By 1, 1.25 and 1.125 times the first, the noise is that of 2.5 such plucks or more.
         assert all_of_them.resonance_error_hz < 0.6 * alone.resonance_error_hz
         assert abs(all_of_them.resonance_hz - 80) < 3 * all_of_them.resonance_error_hz
@@ -472,7 +481,8 @@ def test_further_plucks_are_fitted_together():
 
 def test_clipped_samples_beyond_what_can_be_restored_are_refused():
     x = np.tile(chirp(1000.0, 3), 40)
-    y, clipped = answer(x, 1000.0, 80, 15, 50.0), np.zeros(len(x), bool)
+    y = answer(x, 1000.0, 80, 15, 50.0)
+    clipped = np.zeros(len(x), bool)
     clipped[1000:6000] = True
     with pytest.raises(
         SolverError, match=r"has \d{4} clipped samples, at most 4000 can be restored: lower the input's"

@@ -137,8 +137,10 @@ def test_a_print_as_planned_keeps_what_the_plan_says(scheme, reuse):
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_detuned_tones_agree_with_the_yield_of_prints(scheme):
-    rng, of = np.random.default_rng(1), Scheme(scheme)
-    hz, line = np.array(FOUR)[:, None] * rng.uniform(0.9, 1.1, (4, 50)), rng.uniform(1, 2, (4, 50))
+    rng = np.random.default_rng(1)
+    of = Scheme(scheme)
+    hz = np.array(FOUR)[:, None] * rng.uniform(0.9, 1.1, (4, 50))
+    line = rng.uniform(1, 2, (4, 50))
     q = rng.uniform(10, 40, (4, 1))
     tones = Channels(hz * rng.uniform(0.95, 1.05, hz.shape), q, line * rng.uniform(0.8, 1.2, line.shape))
     expected = off_energy(Channels(hz, q, line), of, drivers=tones)
@@ -189,7 +191,8 @@ def test_a_detuned_taxel_loses_level_and_retuning_restores_it():
     coil = result.coils[0]
     assert coil.before.smallest_on_taxel == "r0c0k1"
     # The planned line, on a stiffer spring, at a frequency beside its resonance.
-    planned, true = plan.channels[1], truth.taxels[1]
+    planned = plan.channels[1]
+    true = truth.taxels[1]
     answer = np.abs(receptance(planned.resonance_hz, 74.0, 1.0, true.q) / receptance(74.0, 74.0, 1.0, true.q))
     share = answer * true.response_um_per_a2 / planned_tuning(plan).taxels[1].response_um_per_a2
     assert coil.before.smallest_on == pytest.approx(share, rel=1e-3)  # other modes
@@ -206,7 +209,8 @@ def test_a_detuned_taxel_loses_level_and_retuning_restores_it():
 def test_modes_of_a_print_move_with_its_resonance():
     plan = plan_of()
     channels = printed_channels(plan, moved(planned_tuning(plan), r0c0k1=84.0))
-    as_planned, printed = plan.channels[1], channels[1]
+    as_planned = plan.channels[1]
+    printed = channels[1]
     x = 84.0 / as_planned.resonance_hz
     assert printed.modes_hz == pytest.approx([x * f for f in as_planned.modes_hz])
     assert printed.stiffness_n_per_m == pytest.approx(x**2 * as_planned.stiffness_n_per_m)
@@ -263,7 +267,8 @@ def test_five_of_a_hundred_prints_within_the_errors_keep_less():
     plan = plan_of()
     truth = simulate_print(plan, 1, spreads_for(plan, 0.05))
     result = retuned(plan, fits_of(truth, error=1e-2))
-    rng, below = np.random.default_rng(7), 0
+    rng = np.random.default_rng(7)
+    below = 0
     for _ in range(100):
         hz, q, response = np.exp(1e-2 * rng.standard_normal((3, len(truth.taxels))))
         taxels = (
@@ -365,7 +370,9 @@ def test_bad_files_of_tunings(tmp_path):
 
 
 def test_spoilt_tunings_are_refused_or_drive():
-    plan, rng, good = plan_of(coils=(1, 1)), Random(0), tuning_to_json(planned_tuning(plan_of(coils=(1, 1))))
+    plan = plan_of(coils=(1, 1))
+    rng = Random(0)
+    good = tuning_to_json(planned_tuning(plan_of(coils=(1, 1))))
     values = 'NaN -Infinity 1e308 5e-324 -1 0 1 true null {} [] "r0c0k0" 1e9 0.5 1e-9 [[[[ "\\ud800" , }'
     refused = 0
     for _ in range(400):
@@ -559,7 +566,8 @@ def test_two_taxels_are_lowered_where_one_is_not_enough():
     lightest = np.inf
     for a, b in combinations(range(4), 2):
         share = np.zeros((4, len(one)))
-        share[a], share[b] = one, other
+        share[a] = one
+        share[b] = other
         lower = hz * (1 - share)
         which = Channels(lower, q, levels_um(plan, lower.ravel()).reshape(lower.shape) / response)
         kept = -10 * np.log10(off_energy(which, Scheme("spur-free")).max(0))
@@ -704,7 +712,8 @@ def measured_again(plan, truth, seed, kind="spectrum"):
 def test_prints_measured_by_spectra_are_retuned_as_well_as_if_they_were_known():
     plan = plan_of(coils=(1, 1))
     spreads = spreads_for(plan, 0.08)
-    errors, lost = [], []
+    errors = []
+    lost = []
     for seed in range(10):
         truth = simulate_print(plan, seed, spreads)
         fits = measured_again(plan, truth, seed)

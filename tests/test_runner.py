@@ -194,7 +194,8 @@ def test_whatever_breaks_down_costs_the_job_and_not_the_worker(shared, work, sen
     ],
 )
 def test_a_death_is_told_and_another_worker_takes_over(shared, work, sentence):
-    before, start = shared.run(process_of).value, time.monotonic()
+    before = shared.run(process_of).value
+    start = time.monotonic()
     answer = shared.run(*work)
     assert (answer.kind, answer.sentence, answer.limit) == ("failed", sentence, "")
     assert answer.seconds < time.monotonic() - start < 20

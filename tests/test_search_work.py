@@ -43,7 +43,8 @@ def test_the_layout_that_works_most_often_is_found_with_many_prints_of_few(monke
     sure = []
 
     def tried(choice, least_db, least_share, known, overloaded):
-        share, unsure = shares[choice.layout], 0.05
+        share = shares[choice.layout]
+        unsure = 0.05
         if share + unsure < least_share:
             return make.Tried(30.0, share - 0.02 * (choice.layout % 2), 20.0, unsure)
         sure.append(choice)

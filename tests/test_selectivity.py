@@ -98,7 +98,8 @@ def test_floor_of_a_far_neighbour():
 
 def test_asymmetry_of_the_papers_pair():
     energy = tone_energy(*(2 * (even([60.0, 78.0], q=26, p=2),)))
-    strong, weak = -10 * np.log10(energy[0, 1]), -10 * np.log10(energy[1, 0])
+    strong = -10 * np.log10(energy[0, 1])
+    weak = -10 * np.log10(energy[1, 0])
     assert strong - weak == pytest.approx(40 * log10(78 / 60), abs=0.1)
     assert (strong, weak) == (pytest.approx(25.1, abs=0.1), pytest.approx(20.5, abs=0.1))
     assert np.abs(np.array([strong, weak]) - (25, 20)).max() < 0.6
@@ -162,7 +163,8 @@ def test_spurs_of_a_bias_of_five_lie_20_db_below_equal_lines():
 
 def test_pull_scales_what_a_washer_feels():
     """A washer pulled twice as strongly moves 6 dB more with the other's tone, and vice versa."""
-    resonance, level = np.array([60.0, 78.0]), np.array([2.0, 1.0])
+    resonance = np.array([60.0, 78.0])
+    level = np.array([2.0, 1.0])
     alike, uneven = (channels(resonance, 26, level, pull=pull) for pull in (1.0, np.array([2.0, 1.0])))
     assert tone_energy(uneven, uneven) / tone_energy(alike, alike) == pytest.approx(np.array([[1, 4], [0.25, 1]]))
 
@@ -254,7 +256,8 @@ def test_512_tones_against_a_plain_sum():
     which = even(geometric_ladder(20, 1000, 512), q=1e3)
     i, (a, b) = 200, np.triu_indices(512, 1)
     a, b = (index[(a != 200) & (b != 200)] for index in (a, b))
-    r, s = which.resonance_hz, np.delete(which.resonance_hz, i) / which.resonance_hz[i]
+    r = which.resonance_hz
+    s = np.delete(which.resonance_hz, i) / which.resonance_hz[i]
     total = (1 / ((1e3 * (1 - s**2)) ** 2 + s**2) * (np.delete(which.line, i) / which.line[i]) ** 2).sum()
     for frequency in ((r[a] + r[b]) / 2, abs(r[a] - r[b]) / 2):
         s = frequency / r[i]
@@ -338,7 +341,8 @@ def current(scheme, time, phases, headroom):
 @pytest.mark.parametrize("scheme", ALL[:3], ids=SCHEMES[:3])
 def test_currents_make_the_lines_that_are_wanted(scheme):
     """The squared samples have each channel's line at its resonance, and the stated mean; the bounds hold."""
-    headroom, rate = 0.05, 65536
+    headroom = 0.05
+    rate = 65536
     time = np.arange(rate) / rate  # a whole number of periods of every line
     for seed in range(5):
         phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, 3)

@@ -36,12 +36,16 @@ def program(name, *arguments):
 @cache
 def odd_specs():
     """Draw small pads with random printers, suspensions, washers, plates and gaps; keep those that can be planned."""
-    rng, found = np.random.default_rng(16), {}
+    rng = np.random.default_rng(16)
+    found = {}
     while len(found) < ODD:
-        printer, washer = rng.choice(["fdm-0.4", "fdm-0.25"]), rng.choice(["m1.6", "m2", "m2.5", "m3"])
+        printer = rng.choice(["fdm-0.4", "fdm-0.25"])
+        washer = rng.choice(["m1.6", "m2", "m2.5", "m3"])
         topology = rng.choice(names())
         rows, columns, channels = rng.integers(1, 3, 3)
-        low, width, depth = rng.uniform(40, 90), rng.uniform(9, 22) * columns * channels, rng.uniform(9, 22) * rows
+        low = rng.uniform(40, 90)
+        width = rng.uniform(9, 22) * columns * channels
+        depth = rng.uniform(9, 22) * rows
         text = f"""
             name = "odd-{len(found)}-{printer}-{topology}-{washer}"
             resolution = {rows * columns * channels}
@@ -74,7 +78,8 @@ def built(name, folder):
     The project 3MF is sliced as it is, with nothing set and nothing moved.
     """
     spec = load_spec(name) if name in fdm_templates() else odd_specs()[name]
-    pad, path = Pad(spec), folder / name
+    pad = Pad(spec)
+    path = folder / name
     pad.save(path, formats=["stl", "3mf"])
     program("prusa-slicer", "--export-gcode", path / "pad.3mf", "--dont-arrange", "--output", path / "pad.gcode")
     middle = np.array([spec.printer.bed_x_mm, spec.printer.bed_y_mm]) / 2
@@ -94,7 +99,8 @@ def sliced(request, folder):
 
 def around(lines, middle, reach):
     """Return the lines that come within `reach` of a place."""
-    low, high = np.minimum(lines.start, lines.stop), np.maximum(lines.start, lines.stop)
+    low = np.minimum(lines.start, lines.stop)
+    high = np.maximum(lines.start, lines.stop)
     near = ((low < middle + reach) & (high > middle - reach)).all(1)
     parts = (getattr(lines, name)[near] for name in ("start", "stop", "width", "height", "layer"))
     return type(lines)(*parts, lines.layer_top_mm)
@@ -114,11 +120,14 @@ def own_axes(plan, taxel, lines, middle):
 def laid_mm3(plan, taxel, lines, middle, low, high):
     """Return the plastic of each line between two corners in the taxel's own axes."""
     start, stop = own_axes(plan, taxel, lines, middle)
-    along, low, high = stop - start, np.array(low, float), np.array(high, float)
+    along = stop - start
+    low = np.array(low, float)
+    high = np.array(high, float)
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.sort(np.stack([(low - start) / along, (high - start) / along]), axis=0)
     # Of a line along an axis the other coordinate decides.
-    flat, inside = np.abs(along) < 1e-9, (start > low) & (start < high)
+    flat = np.abs(along) < 1e-9
+    inside = (start > low) & (start < high)
     first = np.where(flat, np.where(inside, 0.0, 2.0), ends[0]).max(1)
     last = np.where(flat, np.where(inside, 1.0, -1.0), ends[1]).min(1)
     return np.clip(np.minimum(last, 1.0) - np.maximum(first, 0.0), 0.0, 1.0) * lines.volume_mm3
@@ -140,7 +149,9 @@ def laid_widths(plan, taxel, lines, middle):
 
     The width is that of the plastic in the beam's middle half, less the planned width.
     """
-    channel, widths, above = plan.channels[taxel.channel], [], 0.0
+    channel = plan.channels[taxel.channel]
+    widths = []
+    above = 0.0
     beam = channel.beam
     for path, k in straight_pieces(plan, channel):
         centre, along = np.split(np.array(path.within(k, 0.5), float), 2)
@@ -156,9 +167,12 @@ def laid_widths(plan, taxel, lines, middle):
 def plate_share(plan, taxel, lines, middle):
     """Return the plastic laid in a plate with its boss, over the modelled volume."""
     block = plan.arrangement(plan.channels[taxel.channel]).blocks[0]
-    low, high = np.array([block.low_x_mm, block.low_y_mm], float), np.array([block.high_x_mm, block.high_y_mm], float)
+    low = np.array([block.low_x_mm, block.low_y_mm], float)
+    high = np.array([block.high_x_mm, block.high_y_mm], float)
     plate = plan.plate
-    boss, edge, bore = plate.boss_diameter_mm / 2, plate.boss_edge_mm, plate.post_diameter_mm / 2
+    boss = plate.boss_diameter_mm / 2
+    edge = plate.boss_edge_mm
+    bore = plate.post_diameter_mm / 2
     modelled = np.prod(high - low) * plate.thickness_mm
     modelled -= np.pi * ((plate.recess_diameter_mm / 2) ** 2 - bore**2) * plate.recess_depth_mm
     modelled += np.pi * (boss**2 * (plate.boss_top_mm - plate.thickness_mm) - boss * edge**2 + edge**3 / 3)
@@ -167,7 +181,8 @@ def plate_share(plan, taxel, lines, middle):
 
 def laid_gap(plan, taxel, lines, middle):
     """The narrowest gap beside plate and beams, as laid: from the gap's middle to the next beads on both sides."""
-    channel, gap = plan.channels[taxel.channel], plan.spec.printer.smallest_gap_mm
+    channel = plan.channels[taxel.channel]
+    gap = plan.spec.printer.smallest_gap_mm
     block = plan.arrangement(channel).blocks[0]
     sides = ((float(block.low_y_mm) - gap / 2, -1.0), (float(block.high_y_mm) + gap / 2, 1.0))
     xs = np.linspace(float(block.low_x_mm) + 0.2, float(block.high_x_mm) - 0.2, 25)
@@ -176,12 +191,14 @@ def laid_gap(plan, taxel, lines, middle):
         point = path.within(k, share)
         places.append((*point.beside(out * (path.width_mm + gap) / 2), -out * point.along_y, out * point.along_x))
     start, stop = own_axes(plan, taxel, lines, middle)
-    beads, along = (lines.width + ROUND_EDGES * lines.height) / 2, stop - start
+    beads = (lines.width + ROUND_EDGES * lines.height) / 2
+    along = stop - start
     rooms = []
     for place in np.array(places, float):
         off = place[:2] - start
         away = off - np.clip((off * along).sum(1) / (along**2).sum(1), 0, 1)[:, None] * along
-        free, beyond = np.hypot(*away.T) - beads, away @ place[2:] < 0
+        free = np.hypot(*away.T) - beads
+        beyond = away @ place[2:] < 0
         for layer in range(plan.spec.printer.layers_up_to(float(block.height_mm))):
             own = lines.layer == layer
             rooms.append(free[own & beyond].min(initial=gap) + free[own & ~beyond].min(initial=gap))
@@ -190,8 +207,12 @@ def laid_gap(plan, taxel, lines, middle):
 
 def test_beams_plates_gaps_and_recesses_are_laid_as_planned(sliced, capsys):
     plan, path, lines, middle = sliced
-    spec, reach = plan.spec, np.array([plan.cell.width_mm, plan.cell.depth_mm]).max()
-    widths, plates, gaps, recesses = [], [], [], []
+    spec = plan.spec
+    reach = np.array([plan.cell.width_mm, plan.cell.depth_mm]).max()
+    widths = []
+    plates = []
+    gaps = []
+    recesses = []
     for taxel in plan.taxels:
         one = replace(plan, taxels=(taxel,))
         near = around(lines, np.array([taxel.x_mm, taxel.y_mm]) + middle, reach)
@@ -273,7 +294,8 @@ def test_a_slicer_without_variable_line_width(folder):
     program(
         "slic3r", "--load", path / "slic3r.ini", "--print-center", centre, "-o", path / "slic3r.gcode", path / "pad.stl"
     )
-    told, top = [], 0.0
+    told = []
+    top = 0.0
     for line in (path / "slic3r.gcode").read_text().splitlines():
         words = line.split()
         height = float(words[1][1:]) if line.startswith("G1 Z") else top
@@ -282,7 +304,8 @@ def test_a_slicer_without_variable_line_width(folder):
             top = height
         told.append(line)
     (path / "told.gcode").write_text("\n".join(told))
-    lines, widths = read_gcode(path / "told.gcode"), []
+    lines = read_gcode(path / "told.gcode")
+    widths = []
     for taxel in plan.taxels:
         off, above = laid_widths(plan, taxel, lines, middle)
         assert above == 0.0, taxel

@@ -52,7 +52,8 @@ def test_amplitudes_and_energies_are_those_of_the_envelopes_equation():
 
 def test_overlaps_are_integrals_of_the_levels():
     time_s = np.array([0.0, 0.1, 0.3])
-    first, second = np.array([[0.0], [1.0], [0.4]]), np.array([[1.0], [0.5], [0.0]])
+    first = np.array([[0.0], [1.0], [0.4]])
+    second = np.array([[1.0], [0.5], [0.0]])
     fine = np.linspace(0, 0.3, 30001)
     product = [level_at(t, time_s, first[:, 0]) * level_at(t, time_s, second[:, 0]) for t in fine]
     assert overlap(time_s, first, second).sum() == pytest.approx(np.trapezoid(product, fine), rel=1e-5)
@@ -61,7 +62,9 @@ def test_overlaps_are_integrals_of_the_levels():
 @pytest.mark.parametrize("through_zero", [False, True])
 def test_a_brake_stops_a_resonator(through_zero):
     """By its own equation of motion under a line of constant frequency, in phase and in counter-phase."""
-    hz, q, rate = 60.0, 15.0, 20000
+    hz = 60.0
+    q = 15.0
+    rate = 20000
     tau_s = np.array([q / (np.pi * hz)])
     brake = brake_for(tau_s, 0.075, through_zero)
     counter = brake.counter(np.ones(1), np.ones(1), tau_s)
@@ -99,7 +102,8 @@ SHOWN = [
 def test_bytes_keep_over_their_slots_what_is_stated(name, shown, brake, tmp_path):
     plan = pg.plan(name)
     driven = pg.drive(plan, **shown, brake=brake).save(tmp_path, formats=("wav",), hear=True)
-    frames, stated = levels_of(plan, None, **shown), driven.contrast
+    frames = levels_of(plan, None, **shown)
+    stated = driven.contrast
     slots, _ = slot_contrast_db(plan, frames, stated.frame_s, tmp_path)
     assert stated.slot_db == pytest.approx(np.nanmin(slots), abs=0.5)
     assert driven.heard.slot_contrast[0] == pytest.approx(np.nanmin(slots), abs=0.5)
@@ -157,7 +161,8 @@ def test_the_warnings_cures_do(capsys, tmp_path):
     cures = [part.strip().split() for part in finding.message.split(";")[-1].removesuffix(" would do").split(" or ")]
     assert len(cures) == 2
     for words in cures:
-        seconds, brake = float(words[1]), "--brake" in words
+        seconds = float(words[1])
+        brake = "--brake" in words
         cured = pg.drive(plan, text="HI", seconds=seconds, brake=brake).save(tmp_path, formats=("wav",))
         assert cured.contrast.slot_db >= 10
         assert not [f for f in cured.findings if f.code == "frames.slot"]
@@ -196,7 +201,8 @@ def test_a_braked_file_is_within_what_it_is_judged_by(name):
     """Its peaks, played, are within the bounds; a limit just below what it takes is an error."""
     plan = pg.plan(name)
     frames = np.zeros((3, len(plan.taxels)))
-    frames[0], frames[1, ::2] = 1.0, 1.0
+    frames[0] = 1.0
+    frames[1, ::2] = 1.0
     drive = drive_at(plan, (48000,))
     shown = timeline(plan, frames, brake=True)
     assert shown.levels.min() < -0.2
@@ -220,7 +226,8 @@ def test_a_braked_file_is_within_what_it_is_judged_by(name):
 def test_a_level_below_0_turns_its_line_of_the_squared_current_over(name):
     plan = pg.plan(name)
     drive = drive_at(plan, (48000,))
-    coil, lines = drive.coils[0], []
+    coil = drive.coils[0]
+    lines = []
     for sign in (1, -1):
         levels = np.zeros(len(plan.taxels))
         levels[coil.taxels[0]] = sign

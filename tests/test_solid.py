@@ -20,13 +20,16 @@ from tests.conftest import FOUR_LINES
 def volume_by_hand(plan, channel):
     """Add up frame less window, beams with flares, blocks, and boss with chamfer, less the recess."""
     spec = plan.spec
-    made, taxel, pad = plan.arrangement(channel), spec.taxel, spec.pad
+    made = plan.arrangement(channel)
+    taxel = spec.taxel
+    pad = spec.pad
     beam = channel.beam
     frame = (plan.cell.width_mm * plan.cell.depth_mm - float(np.prod(made.window_mm))) * pad.frame_thickness_mm
     flare = 2 * beam.fillet_mm**2 * (1 - np.pi / 4)
     beams = len(made.beams) * (beam.width_mm * beam.length_mm + flare) * beam.thickness_mm
     blocks = sum((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm for b in made.blocks)
-    radius, edge = taxel.boss_diameter_mm / 2, taxel.boss_edge_mm
+    radius = taxel.boss_diameter_mm / 2
+    edge = taxel.boss_edge_mm
     height = pad.frame_thickness_mm + taxel.boss_protrusion_mm - taxel.plate_thickness_mm
     boss = np.pi * radius**2 * (height - edge) + np.pi * edge / 3 * (
         radius**2 + radius * (radius - edge) + (radius - edge) ** 2
@@ -76,7 +79,8 @@ def test_washer_touches_the_roof_of_its_recess(small_plan):
 def test_pad_volume_is_its_tiles_and_border(small_pad, small_plan):
     tiles = sum(volume_by_hand(small_plan, small_plan.channels[t.channel]) for t in small_plan.taxels)
     pad = small_plan.spec.pad
-    side, radius = 25 + 2 * pad.border_mm, pad.border_mm / 2
+    side = 25 + 2 * pad.border_mm
+    radius = pad.border_mm / 2
     groove = 1.5 * 1.0
     border = side**2 - (4 - np.pi) * radius**2 - 25**2 - np.pi * pad.hole_diameter_mm**2 - groove
     assert small_pad.volume_mm3 == pytest.approx(tiles + border * pad.frame_thickness_mm, rel=1e-9)
@@ -109,7 +113,8 @@ def test_empty_places_are_plain_frame():
 
 def test_bosses_stand_where_the_plan_says(small_pad, small_plan):
     solid = as_manifold(small_pad.mesh, "pad")
-    pad, taxel = small_plan.spec.pad, small_plan.spec.taxel
+    pad = small_plan.spec.pad
+    taxel = small_plan.spec.taxel
     top = pad.frame_thickness_mm + taxel.boss_protrusion_mm
     for place in small_plan.taxels:
         hits = solid.ray_cast((place.x_mm, place.y_mm, 20.0), (place.x_mm, place.y_mm, -1.0))

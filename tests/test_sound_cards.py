@@ -49,7 +49,8 @@ def own(corner_hz: float | None = 3, channels: int = 16, coupling: str = "AC") -
 
 def volts_of(data: bytes) -> tuple[int, np.ndarray]:
     """Return rate and volts (s, channels) of a WAV file of 24 bits, from its chunks and its comment."""
-    at, chunks = 12, {}
+    at = 12
+    chunks = {}
     while at < len(data):
         name, size = struct.unpack_from("<4sI", data, at)
         chunks[name], at = data[at + 8 : at + 8 + size], at + 8 + size + size % 2
@@ -62,7 +63,8 @@ def volts_of(data: bytes) -> tuple[int, np.ndarray]:
 
 def motions_um(plan: Plan, volts: np.ndarray, rate: int, corner_hz: float, row_column: tuple[int, int]) -> np.ndarray:
     """Return the motion (n, s) in µm of a coil's taxels, its lowest channel first, over and over, without its mean."""
-    coil, count = plan.spec.coil, len(volts)
+    coil = plan.spec.coil
+    count = len(volts)
     hz = np.fft.rfftfreq(count, 1 / rate)
     hz[0] = 1e-300
     ohm = coil.resistance_ohm + 2j * np.pi * hz * coil.inductance_mh * 1e-3
@@ -93,7 +95,9 @@ def found_db(plan: Plan, folder, corner_hz: float) -> tuple[float, float]:
 
     The level is of a taxel alone: other channels add to it, and their spurs. Taking turns, of the slots' peaks.
     """
-    smallest, largest, off_db = inf, 0.0, 0.0
+    smallest = inf
+    largest = 0.0
+    off_db = 0.0
     turns = plan.scheme.takes_turns
     coils = sorted({t.coil for t in plan.taxels})[: plan.coils.sets]
     for state in states_of(plan):
@@ -122,7 +126,8 @@ def found_db(plan: Plan, folder, corner_hz: float) -> tuple[float, float]:
 
 def planned_db(plan: Plan) -> float:
     """Return the plan's figure of a coil's taxels with one resonance each, with their own pulls."""
-    figures, lost_db = plan.selectivity, max(c.level_loss_db for c in plan.channels)
+    figures = plan.selectivity
+    lost_db = max(c.level_loss_db for c in plan.channels)
     if figures.placed_all_states_db is None:
         return inf
     return figures.placed_all_states_db + lost_db + (figures.modes_cost_db or 0.0)
@@ -155,13 +160,16 @@ def test_behind_its_high_pass_a_file_keeps_what_is_planned(tmp_path, scheme, see
 def test_two_hundred_specs_keep_what_is_planned_or_are_refused_before(tmp_path, seed):
     rng = np.random.default_rng(seed)
     scheme = ("spur-free", "biased", "tones", "time-shared")[seed % 4]
-    corner_hz, channels = round(float(rng.uniform(3, 20)), 1), 1 + (seed // 4) % 8
+    corner_hz = round(float(rng.uniform(3, 20)), 1)
+    channels = 1 + (seed // 4) % 8
     low = float(rng.choice([30, 60, 100]))
     band = f"[{low}, {low * float(rng.choice([5, 8, 10]))}]"
     # Few channels find room on one coil of a common printer, many on four coils of a fine one.
-    more, coils = "[coil]\ngrid = [1, 1]\n[pad]\nwidth_mm = 30\ndepth_mm = 30", 1
+    more = "[coil]\ngrid = [1, 1]\n[pad]\nwidth_mm = 30\ndepth_mm = 30"
+    coils = 1
     if channels > 2:
-        more, coils = 'printer = "resin-0.05"\n[coil]\ngrid = [2, 2]', 4
+        more = 'printer = "resin-0.05"\n[coil]\ngrid = [2, 2]'
+        coils = 4
     try:
         plan = make_plan(parse_spec(spec_text(own(corner_hz, 4), more, scheme, band, coils * channels)))
     except SpecError as refused:

@@ -69,7 +69,8 @@ def test_another_layout_has_the_same_taxels(store, small_plan, monkeypatch, chan
 
 def test_another_taxel_has_another_key(small_plan):
     """The same channel lies in plans that differ in one thing that its solid is made from."""
-    channel, plate = small_plan.channels[0], small_plan.plate
+    channel = small_plan.channels[0]
+    plate = small_plan.plate
     thicker = replace(small_plan.spec, pad=replace(small_plan.spec.pad, frame_thickness_mm=4.2))
     others = {
         "frame": replace(small_plan, spec=thicker),
@@ -130,8 +131,10 @@ def test_a_change_of_layout_never_imports_the_cad_kernel(store, tmp_path):
 
 def test_a_washers_triangles_are_the_cad_kernels(small_plan):
     for channel in small_plan.channels:
-        mesh, solid = washer_mesh(small_plan, channel), washer_solid(small_plan, channel)
-        low, high = (np.array(tessellated(solid).vertices_mm).min(0), np.array(tessellated(solid).vertices_mm).max(0))
+        mesh = washer_mesh(small_plan, channel)
+        solid = washer_solid(small_plan, channel)
+        low = np.array(tessellated(solid).vertices_mm).min(0)
+        high = np.array(tessellated(solid).vertices_mm).max(0)
         # Chords of 0.01 mm.
         assert mesh.vertices_mm.min(0) == pytest.approx(low, abs=0.02)
         assert mesh.vertices_mm.max(0) == pytest.approx(high, abs=0.02)
@@ -175,7 +178,8 @@ def test_the_borders_inside_has_a_vertex_wherever_tiles_meet(small_plan):
 
 
 def test_arcs_are_within_the_chord(small_plan):
-    size, radius = small_plan.spec.pad, small_plan.spec.pad.hole_diameter_mm / 2
+    size = small_plan.spec.pad
+    radius = small_plan.spec.pad.hole_diameter_mm / 2
     mesh = border_mesh(small_plan, (2, 2), CHORD_MM, ANGLE_RAD)
     centre = np.array([1, 1]) * (size.width_mm + size.border_mm) / 2
     around = mesh.vertices_mm[mesh.vertices_mm[:, 2] == 0][:, :2] - centre
@@ -191,7 +195,8 @@ def test_a_prism_whose_rings_meet_is_refused():
     from padgen.core.errors import GeometryError
 
     square = np.array([(0, 0), (4, 0), (4, 4), (0, 4)], float)
-    hole, aside = square[::-1] / 2 + 1, np.array([3.0, 0.0])
+    hole = square[::-1] / 2 + 1
+    aside = np.array([3.0, 0.0])
     assert signed_volume_mm3(prism([square, hole], 1.0, 3.0)) == pytest.approx(2 * (16 - 4))
     with pytest.raises(GeometryError, match="the edges of a plate meet its holes"):
         prism([square, hole + aside], 1.0, 3.0)

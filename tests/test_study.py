@@ -259,7 +259,8 @@ def test_what_an_engine_prints_does_not_reach_the_user(capfd):
 
 
 def test_what_is_prepared_is_made_once(tmp_path):
-    prepare, work = partial(noted, tmp_path / "prepared"), partial(noted_beside, tmp_path / "worked")
+    prepare = partial(noted, tmp_path / "prepared")
+    work = partial(noted_beside, tmp_path / "worked")
     found = timed(work, prepare=prepare, most_runs=3).value
     assert found.value == "xx"
     assert (tmp_path / "prepared").read_text() == "x"
@@ -572,7 +573,8 @@ def test_elements_know_their_error():
     138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme.solid_answer`, NGSolve 6.2.2608,
     not extrapolated: good to 1e-3); resonances go with the root of the moduli.
     """
-    answer, truth = run_apart(solved, "modulus 1e+12 Pa, steel in proportion"), 138.80316391 * sqrt(1e12 / 3e9)
+    answer = run_apart(solved, "modulus 1e+12 Pa, steel in proportion")
+    truth = 138.80316391 * sqrt(1e12 / 3e9)
     assert relative_error(answer.values, np.array([truth])) <= answer.stated_error + 1e-3 < 5e-3
 
 

@@ -389,7 +389,8 @@ def test_yields(tmp_path):
 
 
 def test_finished_variants_are_not_run_again(tmp_path, monkeypatch):
-    ran, out = counting(tmp_path, monkeypatch), tmp_path / "out"
+    ran = counting(tmp_path, monkeypatch)
+    out = tmp_path / "out"
 
     def run(axis: str, **options):
         return run_sweep(
@@ -583,7 +584,8 @@ def test_a_refused_variant_keeps_no_older_plan(tmp_path):
 
 
 def test_failed_variants_are_told_again_and_tried_with_retry(tmp_path, monkeypatch):
-    ran, out = counting(tmp_path, monkeypatch), tmp_path / "out"
+    ran = counting(tmp_path, monkeypatch)
+    out = tmp_path / "out"
     sweep = parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10, 11, 12]\n")
     (tmp_path / "broken").touch()
     assert run_sweep(sweep, out, Inline(sweep_work.failing)).failed == 1

@@ -61,7 +61,8 @@ class Cluster:
     """A Dask scheduler and workers started as on the machines of a cluster."""
 
     def __init__(self, stack: ExitStack, folder: Path) -> None:
-        self._stack, self._folder = stack, folder
+        self._stack = stack
+        self._folder = folder
         self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard")
         self.address = self._told("scheduler", self.scheduler, r"Scheduler at: +(tcp://\S+)")
 

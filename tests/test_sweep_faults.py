@@ -136,7 +136,8 @@ def workers_of(pid: int) -> list[int]:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_kill_9_of_the_parent(place):
-    process, kept = parent(place, "held"), place / "out" / "index.jsonl"
+    process = parent(place, "held")
+    kept = place / "out" / "index.jsonl"
     wait_until(lambda: len(ran(place)) >= 6 and kept.exists() and kept.read_bytes().count(b"\n") >= 3)
     workers = workers_of(process.pid)
     process.kill()
@@ -144,7 +145,8 @@ def test_kill_9_of_the_parent(place):
     assert len(workers) == 2
     wait_until(lambda: not any(alive(pid) for pid in workers))
     # The lock is free, and what the journal holds is not made again.
-    before, journal = ran(place), kept.read_bytes().count(b"\n")
+    before = ran(place)
+    journal = kept.read_bytes().count(b"\n")
     result = run_sweep(sweep(40), place / "out", workers=2, work=sweep_work.counted)
     assert (result.done, result.kept, result.left) == (40, journal, 0)
     assert len(ran(place)) - len(before) == 40 - journal
@@ -416,7 +418,8 @@ class Lossy:
     """An executor that loses every task of some variants; like submitit's, its futures have no callbacks."""
 
     def __init__(self, lost):
-        self.lost, self.asked = lost, []
+        self.lost = lost
+        self.asked = []
 
     def submit(self, function, tasks, *rest):
         self.asked += [task.number for task in tasks]
@@ -427,7 +430,8 @@ class Lossy:
             future.set_result([sweep_work.tiny(task) for task in tasks])
 
         class Job:
-            done, result = future.done, future.result
+            done = future.done
+            result = future.result
 
         return Job()
 

@@ -61,7 +61,8 @@ class Scalar(Signal):
 
 class Ramp(Signal):
     def __init__(self, initial, rate):
-        self.initial, self.rate = initial, rate
+        self.initial = initial
+        self.rate = rate
 
     def at(self, t):
         return self.initial + self.rate * t
@@ -77,7 +78,8 @@ class Sine(Signal):
 
 class Envelope(Signal):
     def __init__(self, duration, amplitude=1.0):
-        self.length, self.amplitude = duration, amplitude
+        self.length = duration
+        self.amplitude = amplitude
 
     def at(self, t):
         return np.where(t > self.length, 0.0, self.amplitude)
@@ -87,7 +89,8 @@ class Sequence(Signal):
     """The sum of the parts that play at a time, both ends of each included."""
 
     def __init__(self):
-        self.length, self.parts = 0.0, []
+        self.length = 0.0
+        self.parts = []
 
     def insert(self, signal, start):
         assert not isinstance(signal, Sequence), "whose parts would be taken apart"
@@ -106,7 +109,8 @@ class Sequence(Signal):
 class Repeater(Signal):
     def __init__(self, signal, repetitions, delay):
         assert delay == 0
-        self.signal, self.length = signal, signal.length * repetitions
+        self.signal = signal
+        self.length = signal.length * repetitions
 
     def at(self, t):
         return self.signal.at(np.fmod(t, self.signal.length))
@@ -131,8 +135,11 @@ class Expression(Signal):
 
 class Device:
     def __init__(self, index, channels, rates):
-        self.index, self.max_channels, self.sample_rates = index, channels, rates
-        self.name, self.api_name = f"device {index}", "model"
+        self.index = index
+        self.max_channels = channels
+        self.sample_rates = rates
+        self.name = f"device {index}"
+        self.api_name = "model"
 
 
 class Session:
@@ -237,7 +244,8 @@ def test_loops_of_several_frames_have_no_seam(library, scheme, ends):
     if ends == "silent":
         levels[[0, 4, 5]] = 0
     shown = Timeline(np.array([0, 0.1, 0.2, 0.21, 0.5, 0.9]) / 0.9 * 4 * drive.period_s, levels, True)
-    once, script = written(drive, shown), syntacts_script(plan, drive, shown)
+    once = written(drive, shown)
+    script = syntacts_script(plan, drive, shown)
     found = rendered(script, 3 * len(once))
     assert np.abs(found - np.concatenate([once] * 3)).max() < 1e-6 * np.abs(once).max()
     just_before = np.array([shown.seconds * (2 - 1e-12)])

@@ -59,7 +59,8 @@ def paper_32(plan):
 def paper_pair(plan):
     """The paper measured 25 and 20 dB; equal masses would give 25.1 and 20.5, and the template's differ by 0.1 %."""
     ((first, second),) = plan.selectivity.matrix_db
-    strong, weak = first[1], second[0]
+    strong = first[1]
+    weak = second[0]
     assert (strong, weak) == (pytest.approx(25.1, abs=0.1), pytest.approx(20.5, abs=0.1))
     assert strong - weak == pytest.approx(4.6, abs=0.1)
     assert plan.selectivity.one_hot_db == pytest.approx(weak)
@@ -70,7 +71,8 @@ def paper_pair(plan):
 def spread_slots(low_hz, high_hz, delta_y, count):
     """Return `count` of the paper's slots at Q = 15 in even ratios, the outer ones touching the band's ends."""
     half = delta_y / (4 * 15)
-    low_hz, high_hz = low_hz / (1 - half), high_hz / (1 + half)
+    low_hz = low_hz / (1 - half)
+    high_hz = high_hz / (1 + half)
     return pytest.approx([low_hz * (high_hz / low_hz) ** (k / (count - 1)) for k in range(count)], rel=2e-3)
 
 

@@ -31,7 +31,8 @@ UP = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 @pytest.mark.parametrize("diameter_mm", SKIN["touched"])
 def test_touched_resonances_are_those_of_the_reference_table(diameter_mm):
-    table, hz = SKIN["touched"][diameter_mm], np.array(SKIN["untouched_hz"], float)
+    table = SKIN["touched"][diameter_mm]
+    hz = np.array(SKIN["untouched_hz"], float)
     mass = SKIN["taxel_mg"] * 1e-6
     found, q, _ = touched(SKINS["typical"], float(diameter_mm) * 0.5e-3, (2 * pi * hz) ** 2 * mass, mass, np.inf)
     # The table is rounded to 1 Hz and to a tenth.
@@ -41,10 +42,15 @@ def test_touched_resonances_are_those_of_the_reference_table(diameter_mm):
 
 def test_a_touched_taxel_moves_as_a_coupled_oscillator_in_time():
     """Skin and taxel are integrated as one system of masses, springs and dampers; the decay gives f and Q."""
-    skin, radius, k, m, q = SKINS["low"], 0.5e-3, 400.0, 1.5e-4, 15.0
+    skin = SKINS["low"]
+    radius = 0.5e-3
+    k = 400.0
+    m = 1.5e-4
+    q = 15.0
     hz, touched_q, _ = touched(skin, radius, k, m, q)
     added = 2 * skin.modulus * radius
-    heavier, damping = m + 4 / 3 * 1100 * radius**3, (k * m) ** 0.5 / q + skin.time * added
+    heavier = m + 4 / 3 * 1100 * radius**3
+    damping = (k * m) ** 0.5 / q + skin.time * added
     zeta = 1 / (2 * touched_q)
     period = 1 / (hz * (1 - zeta**2) ** 0.5)
     run = solve_ivp(
@@ -79,12 +85,16 @@ def test_the_plan_says_what_a_finger_makes_of_it():
 def test_a_touched_coil_keeps_what_complex_responses_say(name, which):
     plan = pg.plan(name, drive={"scheme": "spur-free"})
     found = plan.touched[which]
-    skin, a, count = SKINS[found.skin], plan.plate.boss_diameter_mm * 0.5e-3, len(plan.channels)
+    skin = SKINS[found.skin]
+    a = plan.plate.boss_diameter_mm * 0.5e-3
+    count = len(plan.channels)
     hz = np.array([c.resonance_hz for c in plan.channels])
-    on, omega = np.zeros((count, count)), 2 * pi * hz
+    on = np.zeros((count, count))
+    omega = 2 * pi * hz
     force_a2 = np.array([d.line_a2 for d in plan.channels])
     for i, c in enumerate(plan.channels):
-        k, m = c.stiffness_n_per_m + 2 * skin.modulus * a, c.effective_mass_g * 1e-3 + 4 / 3 * 1100 * a**3
+        k = c.stiffness_n_per_m + 2 * skin.modulus * a
+        m = c.effective_mass_g * 1e-3 + 4 / 3 * 1100 * a**3
         damping = (c.stiffness_n_per_m * c.effective_mass_g * 1e-3) ** 0.5 / c.q + skin.time * 2 * skin.modulus * a
         force = force_a2 * c.force_constant_n_per_a2
         on[i] = np.abs(force / (k - m * omega**2 + 1j * damping * omega)) / c.level_um
@@ -96,8 +106,12 @@ def test_a_touched_coil_keeps_what_complex_responses_say(name, which):
 
 def test_a_guided_beam_hardens_as_the_exact_beam_under_tension():
     """Two clamped beams on a guided body, by the exact shape under tension: w'''' = (T/EI) w'', T = EA ∫ w'²/2l."""
-    e, width, t, length = 3e9, 1e-3, 2e-4, 8e-3
-    area, inertia = width * t, width * t**3 / 12
+    e = 3e9
+    width = 1e-3
+    t = 2e-4
+    length = 8e-3
+    area = width * t
+    inertia = width * t**3 / 12
     beams = [
         BeamPlacement(BeamSection(width, t, length), np.array([x, 0.0, 0.0]), np.array([c, 0.0]))
         for x, c in ((-2e-3, 1.0), (2e-3, -1.0))
@@ -148,7 +162,10 @@ def test_a_bridge_says_what_stretching_costs_and_what_would_do():
 
 def test_the_tone_of_small_motions_moves_a_hard_spring_less():
     """The steady state of Duffing's equation in time agrees within what the first harmonic leaves out."""
-    alpha, q, asked, omega = 18.0, 15.0, 0.087, 2 * pi * 70
+    alpha = 18.0
+    q = 15.0
+    asked = 0.087
+    omega = 2 * pi * 70
     run = solve_ivp(
         lambda t, y: [
             y[1],
@@ -190,7 +207,8 @@ def added_mass_of_a_square(n):
     x, y = (v.ravel() for v in np.meshgrid(centre, centre, indexing="ij"))
     wash = np.zeros((n * n, n * n))
     for sx, sy in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        a, b = x[:, None] - x + sx * 0.5 / n, y[:, None] - y + sy * 0.5 / n
+        a = x[:, None] - x + sx * 0.5 / n
+        b = y[:, None] - y + sy * 0.5 / n
         # Downwash of a ring of unit circulation in its plane: the sum over its corners of √(a² + b²)/(a b)/4π.
         wash -= sx * sy * np.hypot(a, b) / (a * b) / (4 * pi)
     return abs(np.linalg.solve(wash, np.ones(n * n)).sum()) / n**2
@@ -202,7 +220,8 @@ def test_air_that_moves_with_a_plate_stays_within_its_bound():
     added = 2 * added_mass_of_a_square(16) - added_mass_of_a_square(8)
     assert added == pytest.approx(0.455, rel=0.01)
     entry = next(e for e in plan.left_out if e.term == "air's mass")
-    side, lightest = plan.plate.length_mm * 1e-3, min(c.effective_mass_g for c in plan.channels) * 1e-3
+    side = plan.plate.length_mm * 1e-3
+    lightest = min(c.effective_mass_g for c in plan.channels) * 1e-3
     true = added * 1.2 * side**3 / lightest / 2
     assert plan.plate.length_mm == plan.plate.width_mm
     assert true < entry.bound < 10 * true
@@ -220,9 +239,11 @@ def test_every_effect_is_included_bounded_or_unbounded_and_bridges_warn():
 
 
 def test_jumps_begin_where_the_response_becomes_threefold():
-    alpha, q = 18.0, 15.0
+    alpha = 18.0
+    q = 15.0
     for share, branches in ((0.97, 1), (1.03, 3)):
-        amplitude, most = share * jump_amplitude(alpha, q), 0
+        amplitude = share * jump_amplitude(alpha, q)
+        most = 0
         for detuning in np.linspace(0, 0.3, 3001):
             # y ((2 Q (δ − ⅜ α a² y))² + 1) = 1, y = (amplitude reached over peak)².
             rise = 3 / 8 * alpha * amplitude**2

@@ -17,7 +17,8 @@ from padgen.spec import load_spec, template_paths
 from tests.conftest import FOUR_LINES, SMALL
 from tests.judge_from_json import broken_limits, judged_level
 
-FEW, MANY = 12, 300
+FEW = 12
+MANY = 300
 """Random pads in every run of the tests, on a grid that is quickly searched, and with ``-m soak``."""
 
 

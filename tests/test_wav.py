@@ -27,7 +27,8 @@ def written(path, samples, depth, comment="", parts=3):
 
 def noise(count, channels, seed=0):
     samples = np.random.default_rng(seed).uniform(-1, 1, (count, channels))
-    samples[0], samples[-1] = -1.0, LARGEST_24
+    samples[0] = -1.0
+    samples[-1] = LARGEST_24
     return samples
 
 
@@ -79,7 +80,8 @@ def test_it_reads_pcm_of_the_standard_library(tmp_path, width):
 def test_it_reads_as_scipy_from_disk_and_from_memory(tmp_path, kind):
     whole = np.random.default_rng(2).integers(0, 256, (40, 3, 8), np.uint8).view("i8")[..., 0]
     samples = (whole / 2.0**64 if kind[0] == "f" else whole).astype("<" + kind)
-    head, raw = fmt(3 if kind[0] == "f" else 1, 3, bits=8 * samples.itemsize), samples.tobytes()
+    head = fmt(3 if kind[0] == "f" else 1, 3, bits=8 * samples.itemsize)
+    raw = samples.tobytes()
     path = tmp_path / "a.wav"
     path.write_bytes(riff(head, (b"data", len(raw), raw)))
     np.testing.assert_array_equal(wavfile.read(path)[1], samples)
@@ -94,7 +96,8 @@ def test_integers_in_the_upper_part_of_a_word_are_read_as_scipy_does(tmp_path, b
     raw = whole.astype("<i8").view(np.uint8).reshape(-1, 8)[:, :width].tobytes()
     path = tmp_path / "a.wav"
     path.write_bytes(riff(fmt(bits=bits, frame=width), (b"data", len(raw), raw)))
-    read, theirs = read_wav(path), wavfile.read(path)[1]
+    read = read_wav(path)
+    theirs = wavfile.read(path)[1]
     assert (read.bits, read.width) == (bits, width)
     np.testing.assert_array_equal(read.read()[:, 0], whole / 2.0 ** (8 * width - 1))
     np.testing.assert_array_equal(read.read()[:, 0], theirs / 2.0 ** (8 * theirs.itemsize - 1))

@@ -110,12 +110,14 @@ def written_out(drive, times, t):
         for c, coil in enumerate(drive.coils):
             if not len(coil.taxels) or not inside.any():
                 continue
-            before, after = times.levels[k][coil.taxels], times.levels[k + 1][coil.taxels]
+            before = times.levels[k][coil.taxels]
+            after = times.levels[k + 1][coil.taxels]
             on = [times.loops or j not in (0, last) or times.levels[j].any() for j in (k, k + 1)]
 
             def at(shift, coil=coil, before=before, after=after, on=on, now=now, k=k):
                 share = (now + shift - times.time_s[k]) / (times.time_s[k + 1] - times.time_s[k])
-                rest, share = blend(1 - np.clip(share, 0, 1)), blend(np.clip(share, 0, 1))
+                rest = blend(1 - np.clip(share, 0, 1))
+                share = blend(np.clip(share, 0, 1))
                 levels = before[:, None] * rest + after[:, None] * share
                 fed = on[0] * rest + on[1] * share
                 return current_a(drive, ((before, rest), (after, share)), coil, levels, fed, now + shift)
@@ -169,7 +171,8 @@ def test_coils_that_differ_are_each_their_own(text):
     drive = replace(drive, coils=tuple(left))
     assert len({tuple(c.harmonic) for c in left[:2]}) == 2
     times = timeline(plan, some_frames(plan, "grey"))
-    got, t = played(drive, times), np.arange(sample_count(drive, times)) / 8000
+    got = played(drive, times)
+    t = np.arange(sample_count(drive, times)) / 8000
     due = written_out(drive, times, t)
     far = np.abs(t[:, None] - times.time_s).min(1) > 1e-4
     np.testing.assert_allclose(got[far], due[far], rtol=0, atol=1e-7 * np.abs(due).max())
@@ -236,7 +239,8 @@ def spur_db(plan, drive, path, levels, depth, over):
     """Return the largest unwanted line over its coil's smallest wanted one in dB, and the wanted lines' error."""
     report = write_wave(path, drive, steady(levels, drive.period_s), depth)
     lines = lines_of(path, drive, report, over)
-    worst, off = [], []
+    worst = []
+    off = []
     for k, coil in enumerate(drive.coils):
         wanted = coil.line_a2 * levels[coil.taxels]
         off.append(np.abs(lines[coil.harmonic, k] / wanted - 1).max())
@@ -279,12 +283,16 @@ def test_lines_and_spurs_of_the_other_schemes(tmp_path, quads, name):
     lines = lines_of(tmp_path / "a.wav", drive, report)
     for k, coil in enumerate(drive.coils):
         due = np.zeros(len(lines), complex)
-        a, phase, h = coil.line_a2 * levels[coil.taxels], np.exp(1j * coil.phase_rad), coil.harmonic
+        a = coil.line_a2 * levels[coil.taxels]
+        phase = np.exp(1j * coil.phase_rad)
+        h = coil.harmonic
         if name == "tones":
-            current, tone = np.sqrt(2 * a) * np.sqrt(phase), h // 2
+            current = np.sqrt(2 * a) * np.sqrt(phase)
+            tone = h // 2
             due[0] = a.sum()
         else:
-            current, tone = a / (2 * coil.bias_a) * phase, h
+            current = a / (2 * coil.bias_a) * phase
+            tone = h
             due[0] = coil.bias_a**2 + (np.abs(current) ** 2).sum() / 2
             due[h] += a * phase
         for i in range(len(a)):
@@ -349,13 +357,16 @@ def ringing(plan, drive, times, coil, j):
     """
     t = np.arange(sample_count(drive, times)) / drive.rate_hz
     amperes = np.concatenate([samples[:, coil] for samples, _ in blocks(drive, times, signal="current")])
-    own, channel = drive.coils[coil], plan.channels[plan.taxels[drive.coils[coil].taxels[j]].channel]
-    omega, q = 2 * np.pi * channel.resonance_hz, channel.q
+    own = drive.coils[coil]
+    channel = plan.channels[plan.taxels[drive.coils[coil].taxels[j]].channel]
+    omega = 2 * np.pi * channel.resonance_hz
+    q = channel.q
     pole = omega * (-1 / (2 * q) + 1j * np.sqrt(1 - 1 / (4 * q * q)))
     # x'' + 2σx' + ω²x = ω² i²: its one complex mode, forced by straight pieces of i².
     h = 1 / drive.rate_hz
     e = np.exp(pole * h)
-    low, high = (e - 1) / pole - (e - 1 - pole * h) / (pole**2 * h), (e - 1 - pole * h) / (pole**2 * h)
+    low = (e - 1) / pole - (e - 1 - pole * h) / (pole**2 * h)
+    high = (e - 1 - pole * h) / (pole**2 * h)
     from scipy.signal import lfilter
 
     state = lfilter([high, low], [1, -e], amperes**2)
@@ -364,7 +375,8 @@ def ringing(plan, drive, times, coil, j):
     def answer(hz):
         return 1 / (1 - (hz * 2 * np.pi / omega) ** 2 + 1j * hz * 2 * np.pi / omega / q)
 
-    calm, over = np.zeros(len(t)), np.zeros(len(t), bool)
+    calm = np.zeros(len(t))
+    over = np.zeros(len(t), bool)
     for k in range(len(times.time_s) - 1):
         inside = slice(*np.searchsorted(t, times.time_s[k : k + 2]))
         now = t[inside]
@@ -556,7 +568,8 @@ def test_every_line_moves_its_taxel_at_its_level(quads):
     # A tuned taxel that answers half as much gets twice the line; one whose line lies off its resonance a little more.
     plan = quads["spur-free"]
     half = tuple(replace(x, response_um_per_a2=x.response_um_per_a2 / 2) for x in planned_tuning(plan).taxels)
-    one, two = make_drive(plan, 8000), make_drive(plan, 8000, replace(planned_tuning(plan), taxels=half))
+    one = make_drive(plan, 8000)
+    two = make_drive(plan, 8000, replace(planned_tuning(plan), taxels=half))
     for a, b in zip(one.coils, two.coils, strict=True):
         np.testing.assert_allclose(b.line_a2, 2 * a.line_a2, rtol=1e-12)
     for coil in one.coils:
@@ -569,7 +582,8 @@ def test_every_line_moves_its_taxel_at_its_level(quads):
 
 
 def test_coils_alike_share_the_work(monkeypatch):
-    plan, shaped = template("big-512"), []
+    plan = template("big-512")
+    shaped = []
     phases = waveform.low_crest_phases
     monkeypatch.setattr(waveform, "low_crest_phases", lambda *lines: shaped.append(lines) or phases(*lines))
     drive = make_drive(plan, RATE)

@@ -172,7 +172,8 @@ def test_sigma_of_one_spread_is_by_the_rule(name, sigma, per_unit, low, high):
 
 
 def test_sigma_of_all_spreads_adds_in_squares():
-    plan, z = plan_of(), replace(USUAL, modulus=0.0, common_z_mm=0.0, field_z_mm=0.0, washer_mm=0.0)
+    plan = plan_of()
+    z = replace(USUAL, modulus=0.0, common_z_mm=0.0, field_z_mm=0.0, washer_mm=0.0)
     for channel, found in zip(plan.channels, print_yield(plan, 4000, spreads=z).channels, strict=True):
         terms = (
             found.per_width * z.width_mm / channel.beam.width_mm,
@@ -186,12 +187,14 @@ def test_sigma_of_all_spreads_adds_in_squares():
 def test_the_field_runs_smoothly_over_the_bed():
     """The sample covariance of 4000 pads is exp(−d²/L²) plus that of all other causes, within 4 sigma of sampling."""
     plan = plan_of(coils=(2, 3))
-    design, pads = module.design_of(plan, None), 4000
+    design = module.design_of(plan, None)
+    pads = 4000
     for spreads in (only(field_z_mm=0.01), USUAL):
         x = module.log_detuning(design, spreads, 3, 0, pads)[2]
         expected = module.covariance(design, spreads)
         sigma = np.sqrt(np.diag(expected))
-        found, sure = x @ x.T / pads / np.outer(sigma, sigma), 4 / sqrt(pads)
+        found = x @ x.T / pads / np.outer(sigma, sigma)
+        sure = 4 / sqrt(pads)
         assert found == pytest.approx(expected / np.outer(sigma, sigma), abs=sqrt(2) * sure)
     field = module.covariance(design, only(field_z_mm=0.01))
     apart = np.linalg.norm(design.place_mm[:, None] - design.place_mm, axis=-1)
@@ -228,7 +231,8 @@ def test_the_papers_five_replicas_are_likely_by_the_typical_spread_and_not_by_a_
 
     The beam is taken as 1 × 1 × 10 mm, since the paper gives none; tones were set by the first print, the bias is off.
     """
-    rng, half = np.random.default_rng(0), 1 / 30
+    rng = np.random.default_rng(0)
+    half = 1 / 30
 
     def likely(common, own, prints=20_000):
         x = common * rng.standard_normal((prints, 5, 1)) + own * rng.standard_normal((prints, 5, 2))
@@ -249,10 +253,12 @@ def lines_of(scheme, tone, force, ratio, state):
     active = np.flatnonzero(state)
     lines = [(tone[j], force[j], None) for j in active]
     if scheme == "tones":
-        current, at = np.sqrt(2 * force), tone / 2
+        current = np.sqrt(2 * force)
+        at = tone / 2
     elif scheme == "biased":
         bias = sqrt(ratio * force.max() / 2)
-        current, at = force / (2 * bias), tone
+        current = force / (2 * bias)
+        at = tone
         lines += [(2 * at[j], current[j] ** 2 / 2, j) for j in active]
     else:
         return lines
@@ -265,12 +271,14 @@ def states_db(plan, off_by, retuned):
     """Return the smallest ON over largest OFF amplitude in dB of a coil with resonances `off_by` times the plan's."""
     names = ("resonance_hz", "q", "effective_mass_g", "force_constant_n_per_a2")
     planned, q, mass, pull = (np.array([getattr(c, name) for c in plan.channels]) for name in names)
-    drive, scheme = plan.spec.drive, plan.selectivity.drive
+    drive = plan.spec.drive
+    scheme = plan.selectivity.drive
     hz = planned * off_by
     tone = hz if retuned else planned
     level = tone**-drive.level_law
     force = level / np.abs(receptance(tone, tone, mass, q)) / pull
-    on, off = [], []
+    on = []
+    off = []
     for state in product((0, 1), repeat=len(hz)):
         lines = lines_of(scheme, tone, force, drive.bias_ratio, state)
         for i, active in enumerate(state):
@@ -300,7 +308,8 @@ def test_a_printed_coil_state_by_state(scheme, seed):
 
 
 def test_taxels_that_have_a_coil_each_follow_the_normal_law():
-    plan, sigma_mm = plan_of(hz=(80.0,), q=15.0), 0.04
+    plan = plan_of(hz=(80.0,), q=15.0)
+    sigma_mm = 0.04
     result = print_yield(plan, 5000, spreads=only(width_mm=sigma_mm))
     sigma = result.channels[0].per_width * sigma_mm / plan.channels[0].beam.width_mm
     # ON energy 1/((Q (u - 1))² + u) of a fixed force at least half, in u = (f'/f)².
@@ -308,7 +317,8 @@ def test_taxels_that_have_a_coil_each_follow_the_normal_law():
     low, high = np.sort(np.roots([q**2, 1 - 2 * q**2, q**2 - 2]))
     share = norm.cdf(log(high) / 2 / sigma) - norm.cdf(log(low) / 2 / sigma)
     assert 0.2 < share < 0.95
-    found, pads = result.planned.taxels, result.planned.pads
+    found = result.planned.taxels
+    pads = result.planned.pads
     assert found.made == 20_000
     assert found.share == pytest.approx(share, abs=4 * sqrt(share * (1 - share) / 20_000))
     assert pads.share == pytest.approx(share**4, abs=4 * sqrt(share**4 * (1 - share**4) / 5000))
@@ -344,8 +354,11 @@ def test_quantiles_rise_and_intervals_are_wilson_s():
     for outcome in (result.planned, result.retuned):
         assert dbs(outcome) == sorted(set(dbs(outcome)))
         share = outcome.pads
-        z, n, p = norm.ppf(0.975), share.made, share.share
-        middle, half = p + z**2 / (2 * n), z * sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+        z = norm.ppf(0.975)
+        n = share.made
+        p = share.share
+        middle = p + z**2 / (2 * n)
+        half = z * sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
         expected = [(middle - half) / (1 + z**2 / n), (middle + half) / (1 + z**2 / n)]
         assert [share.low, share.high] == pytest.approx(expected, abs=1e-3 * half)
         # Taxels share their pad's drift: less is known than from as many independent ones, more than from pads.
@@ -357,9 +370,12 @@ def test_quantiles_rise_and_intervals_are_wilson_s():
 
 
 def test_neighbours_that_swapped_or_came_too_close():
-    plan, sigma_mm = plan_of(), 0.1
+    plan = plan_of()
+    sigma_mm = 0.1
     result = print_yield(plan, 2000, spreads=only(thickness_mm=sigma_mm))
-    limit, swapped, crowded = log(ladder_ratio(30.0, 10.0)), [], []
+    limit = log(ladder_ratio(30.0, 10.0))
+    swapped = []
+    crowded = []
     pairs = pairwise(zip(plan.channels, result.channels, strict=True))
     for (a, low), (b, high) in pairs:
         sigma = sigma_mm * hypot(low.per_thickness / a.beam.thickness_mm, high.per_thickness / b.beam.thickness_mm)
@@ -375,12 +391,14 @@ def test_neighbours_that_swapped_or_came_too_close():
 
 # Capacity with a guard band, in closed form
 
-BAND_HZ, COILS = (20.0, 1000.0), 16
+BAND_HZ = (20.0, 1000.0)
+COILS = 16
 
 
 def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND_HZ, coils=COILS):
     """Share of simulated pads that are good: a ladder over so many coils, each taxel with a sigma of its own."""
-    hz, one = geometric_ladder(*band_hz, count), np.ones(count)
+    hz = geometric_ladder(*band_hz, count)
+    one = np.ones(count)
     weight = np.zeros((8, count))
     weight[module.NAMES.index("thickness_mm")] = 1.0
     design = module.Design(
@@ -407,19 +425,23 @@ def test_channels_that_print_are_the_monte_carlos(scheme, q, asked_db, law, sigm
     Biased at 1/f², where differences of pairs decide, whose amplitudes a print changes, may be three channels off.
     """
     slack = 3 if (scheme, law) == ("biased", 2) else 1
-    law, drive = LevelLaw(law), Scheme(scheme)
+    law = LevelLaw(law)
+    drive = Scheme(scheme)
     spreads = (sigma, 0.0) if stage == "retuned" else (0.0, sigma)
     found = printed_count(BAND_HZ, q, law, drive, asked_db, 0.9, COILS, *spreads)
     exact, _ = largest_counts(BAND_HZ, q, law, drive, asked_db)
     need = 10 ** (asked_db / 10)
-    fewer, more = found - slack, found + slack + 1
+    fewer = found - slack
+    more = found + slack + 1
     assert fewer < 2 or good_share(fewer, q, law, drive, need, sigma, stage) > 0.85
     assert more > exact or good_share(more, q, law, drive, need, sigma, stage) < 0.95
     assert printed_count(BAND_HZ, q, law, drive, asked_db, 0.9, COILS, 0.0) == exact
 
 
 def test_two_channels_in_turn_print_as_their_ratio_does():
-    q, sigma, need = 15.0, 0.1, 100.0
+    q = 15.0
+    sigma = 0.1
+    need = 100.0
     hz = np.array([50.0, 75.0])
     closest = np.arcsinh(sqrt(need - 1) / (2 * q))
     alone = norm.cdf((log(1.5) - closest) / (sqrt(2) * sigma)) + norm.cdf((-log(1.5) - closest) / (sqrt(2) * sigma))
@@ -432,7 +454,9 @@ def test_two_channels_in_turn_print_as_their_ratio_does():
 def test_spread_of_a_ratio_and_coils_of_a_plan():
     """The worst pair's ratio as simulated prints have it, and each coil's share with its taxels'."""
     plan = make_plan(load_spec("triple-48"))
-    design, spreads, pads = module.design_of(plan, None), spreads_of(plan.spec), 4000
+    design = module.design_of(plan, None)
+    spreads = spreads_of(plan.spec)
+    pads = 4000
     log_x = module.log_detuning(design, spreads, 3, 0, pads)
     # Of both sets of resonances.
     pairs = [np.diff(log_x[2, module.coils_of(plan)[coil]], axis=0) for coil in ((0, 0), (0, 1))]
@@ -462,7 +486,8 @@ def test_the_only_spread_is_the_costliest_and_all_of_the_loss():
     cost = result.costs[module.NAMES.index("thickness_mm")]
     assert result.cost_pads == 300
     for name in ("planned", "retuned"):
-        outcome, gain = getattr(result, name), getattr(cost, name)
+        outcome = getattr(result, name)
+        gain = getattr(cost, name)
         assert getattr(result, f"costliest_{name}") == ("thickness_mm", "pads")
         assert gain.pads == pytest.approx(1 - outcome.pads.share)
         assert gain.taxels == pytest.approx(1 - outcome.taxels.share)
@@ -541,7 +566,8 @@ def test_the_four_line_spec_prints():
 def test_the_plans_estimate_is_the_monte_carlos(seed):
     """Of 200 random specs none is 0.3 dB or 2 % off (docs/yield.md); where 91 or 74 % are good, more pads are taken."""
     plan = make_plan(random_spec(seed, 48) if seed else load_spec("paper-32"))
-    many, quick = print_yield(plan, 10_000, seed=1), plan.prints
+    many = print_yield(plan, 10_000, seed=1)
+    quick = plan.prints
     assert quick.print_db == pytest.approx(many.retuned.reached_by_90_percent_db, abs=0.3)
     # As planned, prints scatter most: the tenth-worst of a thousand is known to 0.5 dB (one sigma).
     assert quick.planned_db == pytest.approx(many.planned.reached_by_90_percent_db, abs=1.2)

@@ -44,7 +44,8 @@ __all__ = [
     "variants",
 ]
 
-LONGEST, LONGEST_SHOWN = 1000, 80
+LONGEST = 1000
+LONGEST_SHOWN = 80
 """Characters of a condition, and of what errors repeat of it."""
 NAMES = (ast.Name, ast.Attribute)
 LARGEST_WHOLE = 2**53
@@ -186,7 +187,8 @@ def _field(name: str, spec: Spec, where: str) -> Any:
 STAGES = ("plan", "yield", "build", "study")
 METHODS = ("grid", "latin-hypercube", "sobol")
 SCALES = ("linear", "log")
-MOST_VALUES, MOST_AT_ONCE = 10_000, 100_000
+MOST_VALUES = 10_000
+MOST_AT_ONCE = 100_000
 LARGEST = 1e15
 """Above any bound of a field, and small enough that arithmetic on it stays finite."""
 DEEPEST = 4
@@ -327,7 +329,8 @@ def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any]
                 path = beside if beside.is_file() else find_spec(name)
             except OSError as error:
                 raise FileError(f"cannot be read ({reason(error)})", f"base {name!r}") from error
-            base, folder = read_table(path, name), path.parent
+            base = read_table(path, name)
+            folder = path.parent
         try:
             spec = make_spec(base, folder)
         except SpecError as error:
@@ -398,7 +401,8 @@ def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
 
 
 def _axis(name: str, value: Any, sample: Sample) -> Axis:
-    where, item = f"axes.{name}", _spec_field(name)
+    where = f"axes.{name}"
+    item = _spec_field(name)
     if isinstance(value, list):
         return Axis((name,), tuple((entry,) for entry in _listed(name, value, where)))
     if not isinstance(value, dict):
@@ -407,7 +411,9 @@ def _axis(name: str, value: Any, sample: Sample) -> Axis:
     if kind not in (int, float):
         raise SpecError("is no number, so that it has no range; give a list of values", where)
     span: Range = build(Range, value, where)
-    low, high, steps = span.low, span.high, span.steps
+    low = span.low
+    high = span.high
+    steps = span.steps
     if not low < high:
         raise SpecError(f"must be above low = {number(low)}, got {number(high)}", f"{where}.high")
     if span.scale == "log" and low <= 0:
@@ -452,7 +458,8 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
 
 def _spec_field(name: str) -> "Field[Any]":
     """Return a field of a spec, or a whole table, by its dotted name; raise where it cannot be varied."""
-    where, kind = f"axes.{name}", Spec
+    where = f"axes.{name}"
+    kind = Spec
     if name in ("name", "padgen"):
         raise SpecError("cannot be varied: each variant is named after the sweep and its number", where)
     for part in name.split("."):
@@ -518,7 +525,8 @@ def variant_table(sweep: Sweep, variant: Variant) -> dict[str, Any]:
 def _sample(sweep: Sweep) -> Iterator[list[tuple[Any, ...]]]:
     from scipy.stats import qmc
 
-    count, generator = sweep.sample.count, np.random.default_rng(sweep.sample.seed)
+    count = sweep.sample.count
+    generator = np.random.default_rng(sweep.sample.seed)
     if sweep.sample.method == "latin-hypercube":
         blocks: Iterable[np.ndarray] = [qmc.LatinHypercube(len(sweep.axes), rng=generator).random(count)]
     else:

@@ -174,12 +174,15 @@ class _Pool:
             return
         figures = [[record.figures.get(name) for name in self.objectives] for record, _ in pairs]
         values = np.array([[v if isinstance(v, (int, float)) else nan for v in row] for row in figures], dtype=float)
-        rows, together = [*self.rows, *(row for _, row in pairs)], np.concatenate([self.front, values])
+        rows = [*self.rows, *(row for _, row in pairs)]
+        together = np.concatenate([self.front, values])
         kept = front_mask(_scores(together, self.objectives))
-        self.rows, self.front = [rows[i] for i in np.flatnonzero(kept)], together[kept]
+        self.rows = [rows[i] for i in np.flatnonzero(kept)]
+        self.front = together[kept]
         self.rest = np.concatenate([self.rest, together[~kept][:: self.stride]])
         while len(self.rest) > MOST_DRAWN:
-            self.rest, self.stride = self.rest[::2], 2 * self.stride
+            self.rest = self.rest[::2]
+            self.stride = 2 * self.stride
 
 
 def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str, ...]]]) -> Overview:
@@ -235,7 +238,8 @@ def _kind(record: Record) -> str:
 
 def pareto_csv(overview: Overview) -> str:
     """Return the front as CSV: its rows of the index, each with the objectives in which it is best."""
-    columns, best = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT], overview.best()
+    columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
+    best = overview.best()
     best_in = [" ".join(name for name, which in best.items() if which == k) for k in range(len(overview.rows))]
     rows = [[*(row[i] for i in columns), told] for row, told in zip(overview.rows, best_in, strict=True)]
     return table_csv([*(overview.header[i] for i in columns), "best_in"], rows)
@@ -251,7 +255,8 @@ def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str
     FileError
         It cannot be written.
     """
-    files, note = {"pareto.csv": pareto_csv(overview).encode()}, ""
+    files = {"pareto.csv": pareto_csv(overview).encode()}
+    note = ""
     if pictures := _pictures(overview, name):
         files |= dict(zip(PARETO_FILES[1:], pictures, strict=True))
     elif len(overview.rows) + len(overview.beaten) > 1:
@@ -279,8 +284,10 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
         f"{OBJECTIVES[name].axis}\n({'more' if OBJECTIVES[name].best == 'most' else 'less'} is better)"
         for name in overview.objectives
     ]
-    title, shown = _title(overview, name), _with_places(overview)
-    hue, side = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i])), len(differ) - 1
+    title = _title(overview, name)
+    shown = _with_places(overview)
+    hue = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i]))
+    side = len(differ) - 1
     with plot_style():
         figure = Figure(figsize=(PANEL_INCHES[0] * side + 2.6, PANEL_INCHES[1] * side + 1.2), layout="constrained")
         axes = figure.subplots(side, side, sharex="col", sharey="row", squeeze=False)
@@ -288,7 +295,8 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
             axis.set_visible(j <= i)
             if j <= i:
                 points = _panel(axis, shown, (differ[j], differ[i + 1]), hue)
-        below, beside = [axis.xaxis for axis in axes[-1]], [axis.yaxis for axis in axes[:, 0]]
+        below = [axis.xaxis for axis in axes[-1]]
+        beside = [axis.yaxis for axis in axes[:, 0]]
         for axis, objective in zip([*below, *beside], [*differ[:-1], *differ[1:]], strict=True):
             axis.set_label_text(labels[objective])
             if _is_wide(overview, objective):
@@ -382,13 +390,15 @@ def _title(overview: Overview, name: str) -> str:
     return "\n".join(lines)
 
 
-INDEX, JOURNAL = "index.csv", "index.jsonl"
+INDEX = "index.csv"
+JOURNAL = "index.jsonl"
 COLUMNS = (
     ("number", "name", "status"),
     ("errors", "warnings", "findings", "sentence", "seconds", "peak_memory_mb"),
 )
 """Before and after the varied fields and the figures; all but the last two are the same in every run."""
-NOWHERE, FORGOTTEN = -1, "forgotten"
+NOWHERE = -1
+FORGOTTEN = "forgotten"
 
 
 class Journal:
@@ -414,7 +424,8 @@ class Journal:
         self._places = array("q", [NOWHERE]) * numbers
 
     def __enter__(self) -> "Journal":
-        place, line = 0, b"\n"
+        place = 0
+        line = b"\n"
         try:
             self._file = FileIO(open_plain(self.path, os.O_RDWR | os.O_APPEND), "a")
             self._reader = self.path.open("rb")
@@ -473,7 +484,8 @@ class Journal:
 
     def _write(self, table: Record | dict[str, int]) -> int:
         """Write a line by one call without buffers, so that a crash can tear the last one only; return its place."""
-        place, rest = self._file.seek(0, os.SEEK_END), (json_line(table) + "\n").encode()
+        place = self._file.seek(0, os.SEEK_END)
+        rest = (json_line(table) + "\n").encode()
         try:
             while rest:
                 # On a disk that is all but full a part goes in, and the error comes with the rest.
@@ -505,7 +517,8 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
         for record in journal.records():
             own = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
             before, after = ([own.get(name, getattr(record, name, "")) for name in names] for names in COLUMNS)
-            varied, reached = map(record.values.get, axes), map(record.figures.get, figures)
+            varied = map(record.values.get, axes)
+            reached = map(record.figures.get, figures)
             row = tuple(map(csv_cell, (*before, *varied, *reached, *after)))
             writer.writerow(row)
             yield record, row
@@ -531,6 +544,7 @@ def _parsed(line: bytes) -> Record | int | None:
         record = Record(**{**table, "findings": tuple(table["findings"])})
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
-    words, tables = (record.key, record.sentence, *record.findings), (record.values, record.figures)
+    words = (record.key, record.sentence, *record.findings)
+    tables = (record.values, record.figures)
     whole = isinstance(record.number, int) and record.status in STATUSES and all(isinstance(t, dict) for t in tables)
     return record if whole and all(isinstance(word, str) for word in words) else None

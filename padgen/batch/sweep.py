@@ -83,7 +83,10 @@ class Window:
     """
 
     def __init__(self, executor: Any, most: int, function: Callable[..., list[Record]], *rest: Any) -> None:
-        self.most, self._executor, self._function, self._rest = most, executor, function, rest
+        self.most = most
+        self._executor = executor
+        self._function = function
+        self._rest = rest
         self.pending: dict[int, tuple[Any, list[Task]]] = {}
         # A queue in C: Ctrl-C amid `Event` or `Future.done` would leave their locks held, and all threads stuck.
         self._finished: SimpleQueue[int] = SimpleQueue()
@@ -210,7 +213,8 @@ MOST_LOST = 8
 """Tasks in a row that an executor may lose before it is given up."""
 ABSENT, KEPT, TO_RUN, TO_REPLACE = range(4)
 """States of a variant number: no such variant; recorded; to be made; to be made over what an earlier run left."""
-LOCK, LOCK_S = ".lock", 0.1
+LOCK = ".lock"
+LOCK_S = 0.1
 TOLD = ("number", "sentence", "values", "figures", "errors", "warnings", "findings", "seconds", "peak_memory_mb")
 """Keys of a record that a progress event repeats."""
 
@@ -336,7 +340,9 @@ def run_sweep(
     """
     limit_bytes()  # refused here rather than by each variant
     refuse_unshared()
-    numbers, folder, count = count_points(sweep), folder.absolute(), workers or core_count()
+    numbers = count_points(sweep)
+    folder = folder.absolute()
+    count = workers or core_count()
     # All of them where a constraint may not be worked out for one, so that nothing is written then.
     if not (sum(1 for _ in variants(sweep)) if sweep.constraints else numbers):
         raise SpecError(f"leave none of {numbers} variants; loosen one", "constraints")
@@ -357,11 +363,14 @@ def run_sweep(
         for record in journal.records():
             if run.todo[record.number] == KEPT and record.status == "failed":
                 run.tell("failed", record, True)
-        overview, stopped, interrupted = overview_of((), ()), "", False
+        overview = overview_of((), ())
+        stopped = ""
+        interrupted = False
         try:
             _run_all(run, window, chunk)
         except KeyboardInterrupt:
-            stopped, interrupted = "interrupted", True
+            stopped = "interrupted"
+            interrupted = True
         except StoppedError as error:
             stopped = str(error)
         finally:
@@ -443,7 +452,10 @@ class _Run:
     """The state of a running sweep: that of each variant, and how many have come to which end."""
 
     def __init__(self, sweep: Sweep, folder: Path, journal: Journal, on_event: Callable[[Event], None]) -> None:
-        self.sweep, self.folder, self.journal, self.on_event = sweep, folder, journal, on_event
+        self.sweep = sweep
+        self.folder = folder
+        self.journal = journal
+        self.on_event = on_event
         self.counts = {"done": 0, "refused": 0, "failed": 0}
         self.total = self.kept = 0
         self.todo = bytearray(count_points(sweep))
@@ -452,7 +464,8 @@ class _Run:
     def survey(self, resume: bool, retry: bool) -> None:
         """Find out which variants there are and which are finished; leave out the others' records."""
         for variant in variants(self.sweep):
-            record, self.total = self.journal.record(variant.number), self.total + 1
+            record = self.journal.record(variant.number)
+            self.total = self.total + 1
             holds = record is not None and self._holds(record, variant)
             if record and holds and resume and not (retry and record.status == "failed"):
                 self.todo[variant.number] = KEPT
@@ -503,7 +516,8 @@ class _Run:
     @property
     def told(self) -> dict[str, Any]:
         """How many variants there are of each kind, and seconds since the start."""
-        left, seconds = self.total - sum(self.counts.values()), time.monotonic() - self._start
+        left = self.total - sum(self.counts.values())
+        seconds = time.monotonic() - self._start
         return {"total": self.total, **self.counts, "kept": self.kept, "left": left, "seconds": seconds}
 
 
@@ -580,7 +594,8 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
         wait = partial(client.wait_for_workers, 1, timeout=timeout_s)
         late = f"has no worker; dask worker {address} starts one"
         _within(timeout_s + GRACE_S, wait, late, "does not tell its workers ({})", where)
-        here, seconds = fingerprint(), SLOW * timeout_s
+        here = fingerprint()
+        seconds = SLOW * timeout_s
         slow = f"has workers that do not answer within {number(seconds)} s"
         ask = partial(client.run, eval, PROBE, on_error="return")
         for worker, answer in sorted(_within(seconds, ask, slow, "cannot ask its workers ({})", where).items()):

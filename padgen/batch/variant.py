@@ -77,7 +77,8 @@ class Record:
 
 def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
     """Make the task of a variant; its folder lies in `out`."""
-    stage, table = sweep.settings.stage, variant_table(sweep, variant)
+    stage = sweep.settings.stage
+    table = variant_table(sweep, variant)
     formats = names_in(sweep.settings.formats, PAD_FORMATS.names(), "formats") if stage == "build" else ()
     pads = sweep.settings.pads if stage == "yield" else 0
     inputs = {
@@ -124,18 +125,21 @@ def run_task(task: Task) -> Record:
     """Make one variant as far as its stage asks for; a refusal is in its record."""
     figures: dict[str, Any] = {}
     findings: tuple[Finding, ...] = ()
-    status, sentence = "done", ""
+    status = "done"
+    sentence = ""
     try:
         figures, findings = _made(task)
     except PadgenError as error:
-        status, sentence = ("refused" if error.code in ("spec", "infeasible") else "failed"), str(error)
+        status = "refused" if error.code in ("spec", "infeasible") else "failed"
+        sentence = str(error)
     told = tuple(sorted({f.code for f in findings if f.level != "note"}))
     errors, warnings = (sum(f.level == level for f in findings) for level in ("error", "warning"))
     return Record(task.number, task.key, status, sentence, task.values, figures, errors, warnings, told)
 
 
 def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
-    spec, out = make_spec(task.table, Path(task.folder)), Path(task.out or "")
+    spec = make_spec(task.table, Path(task.folder))
+    out = Path(task.out or "")
     if task.out and out.is_symlink():
         raise FileError("is a link, where the variant's folder must be; remove it", str(out))
     if task.stage == "build":
@@ -143,7 +147,8 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
 
         pad = Pad(spec)
         built = pad.save(out, task.formats)
-        mesh, printer = built.figures, pad.plan.spec.printer
+        mesh = built.figures
+        printer = pad.plan.spec.printer
         resin_s = mesh["size_mm"][2] / printer.layer_mm * RESIN_S_PER_LAYER
         nozzle_s = float(mesh["volume_mm3"]) / (printer.line_width_mm * printer.layer_mm * FDM_MM_PER_S)
         figures = plan_figures(pad.plan) | {
@@ -156,7 +161,8 @@ def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":
     from padgen.planner import plan_to_json
 
     plan = plan_for(spec)
-    figures, texts = plan_figures(plan), {"plan.json": plan_to_json(plan)} if task.out else {}
+    figures = plan_figures(plan)
+    texts = {"plan.json": plan_to_json(plan)} if task.out else {}
     if task.stage == "yield":
         from padgen.planner.print_yield import print_yield
 

@@ -80,14 +80,18 @@ def run(arguments: list[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BAD_INPUT
     except PadgenError as error:
-        code, sentence = error.code, str(error).removeprefix("padgen: ")
+        code = error.code
+        sentence = str(error).removeprefix("padgen: ")
     except KeyboardInterrupt:
-        code, sentence = "interrupted", "interrupted; files are as they were"
+        code = "interrupted"
+        sentence = "interrupted; files are as they were"
     except OSError as error:
-        code, sentence = "file", f"cannot be written ({error.strerror or error})"
+        code = "file"
+        sentence = f"cannot be written ({error.strerror or error})"
     except MemoryError:
         asked = f"this padgen {' '.join(arguments[:1])}"
-        code, sentence = "memory", f"the machine has not enough memory for {asked}; files are as they were"
+        code = "memory"
+        sentence = f"the machine has not enough memory for {asked}; files are as they were"
     except Exception as error:
         if DEBUG in os.environ:
             raise

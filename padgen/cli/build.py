@@ -70,7 +70,8 @@ def _build(options: argparse.Namespace) -> int:
     from padgen.make.pad import Pad, parse_formats, parse_parts
 
     spec, tolerance = asked_of(options)
-    formats, parts = parse_formats(options.formats), parse_parts(options.parts)
+    formats = parse_formats(options.formats)
+    parts = parse_parts(options.parts)
     with progress_line() as progress:
         pad = Pad(spec, parts, tolerance, progress=progress)
         built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force, options.report)

@@ -28,7 +28,9 @@ __all__ = [
     "show",
 ]
 
-DONE, CHECK_FAILED, BAD_INPUT = 0, 1, 2
+DONE = 0
+CHECK_FAILED = 1
+BAD_INPUT = 2
 WIDTH = 100
 """Most columns of printed text, tables excepted."""
 

@@ -21,7 +21,8 @@ from padgen.core.registry import FORMATS
 
 __all__ = ["add_drive", "add_play", "tuning_of"]
 
-DEFAULT_TABLES, DEFAULT_WAVES = "csv,json", "csv,json,wav"
+DEFAULT_TABLES = "csv,json"
+DEFAULT_WAVES = "csv,json,wav"
 MOST_REPEATS = 10_000
 SHOWN = ("state", "frames", "text", "pattern")
 """Options that say what is shown."""
@@ -149,7 +150,8 @@ def _drive(options: argparse.Namespace) -> int:
         return _excite(options)
     if options.wiring is not None:
         return _wiring(options)
-    still, of_wav = not _shows(options), "is of a WAV; add --state or --frames"
+    still = not _shows(options)
+    of_wav = "is of a WAV; add --state or --frames"
     refuse(
         (
             options.signal not in ("voltage", "current"),

@@ -86,7 +86,8 @@ def _plan(options: argparse.Namespace) -> int:
     else:
         from padgen.report.plans import explanation_text, plan_text, serious_text, summary_text, yield_text
 
-        place, others = plain(str(folder)), "".join(f"  {name}" for name in out.names[1:])
+        place = plain(str(folder))
+        others = "".join(f"  {name}" for name in out.names[1:])
         for text in (
             summary_text(plan),
             plan_text(plan) if options.verbose else None,

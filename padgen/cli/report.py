@@ -34,7 +34,8 @@ def _report(options: argparse.Namespace) -> int:
         if given.is_dir():
             if not options.output:
                 recover(given)
-            plan, source = _recorded(given), given
+            plan = _recorded(given)
+            source = given
         else:
             plan = plan_of(options, progress)
             source = folder_of(options, plan.name)
@@ -50,7 +51,8 @@ def _report(options: argparse.Namespace) -> int:
             out.write(REPORT_FILE, page)
             out.commit()
     findings = (*plan.findings, *(pad.check().findings if pad else ()))
-    file, count = str(folder / REPORT_FILE), len(page.encode())
+    file = str(folder / REPORT_FILE)
+    count = len(page.encode())
     shown = "the built pad" if pad else "the pad as planned; padgen build --report shows it as built"
     written = f"written: {plain(file)}, {count / 1e6:.2f} MB, with {shown}"
     table = {"verdict": plan.verdict, "file": file, "built": pad is not None, "bytes": count}

@@ -79,7 +79,8 @@ def add_retune(commands: Any) -> None:
 
 
 def _retune(options: argparse.Namespace) -> int:
-    simulated, both = None, "needs MEASURED, a file or a folder, or --simulate SEED, and not both"
+    simulated = None
+    both = "needs MEASURED, a file or a folder, or --simulate SEED, and not both"
     refuse((bool(options.measured) == (options.simulate is not None), "padgen retune", both))
     from padgen.measured.tune import write_retuned
     from padgen.measured.tuning import simulate_print, simulated_measurement
@@ -159,7 +160,8 @@ def _bench(options: argparse.Namespace) -> int:
 
     with progress_line() as progress:
         plan = plan_of(options, progress)
-    folder, tuning = folder_of(options, plan.name), tuning_of(options.tuning, plan)
+    folder = folder_of(options, plan.name)
+    tuning = tuning_of(options.tuning, plan)
     session = bench(plan, folder, options.device, options.record, options.rate, options.port, options.baud, tuning)
     if session.sink and session.by_hand and not _asks():
         raise SpecError(

@@ -88,7 +88,8 @@ def _ladders(options: argparse.Namespace) -> Any:
     from padgen.make.planning import parse_tolerance, plan_for, recorded_spec, spec_of
 
     tolerance = None if options.tolerance is None else parse_tolerance(options.tolerance)
-    only, spec = parse_only(options.only), spec_of(options.spec)
+    only = parse_only(options.only)
+    spec = spec_of(options.spec)
     folder = folder_of(options, spec.name)
     with progress_line(log=True) as progress:
         plan = plan_for(recorded_spec(spec, folder), progress=progress)

@@ -41,7 +41,8 @@ __all__ = [
     "versions",
 ]
 
-VARIABLE, LIMIT_VARIABLE = "PADGEN_CACHE", "PADGEN_CACHE_MB"
+VARIABLE = "PADGEN_CACHE"
+LIMIT_VARIABLE = "PADGEN_CACHE_MB"
 DEFAULT_LIMIT_MB = 1024
 LOOK_SHARE = 0.02
 """Share of the limit that a process stores between two checks of the cache's size."""
@@ -194,14 +195,16 @@ def trim(most_bytes: int | None = None) -> int:
     """Remove the entries used longest ago until `most_bytes` (default: the limit) suffice; return their number."""
     most = limit_bytes() if most_bytes is None else most_bytes
     entries = sorted(_entries(), key=lambda entry: entry[1:])
-    total, dropped = sum(size for _, _, size in entries), 0
+    total = sum(size for _, _, size in entries)
+    dropped = 0
     enough = most if total <= most else KEPT_SHARE * most
     for path, _, size in entries:
         if total <= enough:
             break
         with suppress(OSError):
             path.unlink(missing_ok=True)
-            total, dropped = total - size, dropped + 1
+            total = total - size
+            dropped = dropped + 1
     return dropped
 
 
@@ -224,7 +227,8 @@ def clear() -> CacheInfo:
     FileError
         An entry cannot be removed.
     """
-    before, stays = info(), None
+    before = info()
+    stays = None
     for path, _, _ in _entries():
         try:
             path.unlink(missing_ok=True)

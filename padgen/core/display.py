@@ -24,7 +24,8 @@ COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8
 """Colours that colour-blind people, too, tell apart (most of them Okabe and Ito's, Color Universal Design, 2008)."""
 MANY = ("#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30")
 """Points of a scale from dark to light (viridis without its palest end) for more channels than `COLOURS` has."""
-INK, PALE = "#333333", "#8a8a8a"
+INK = "#333333"
+PALE = "#8a8a8a"
 STYLE = {
     "svg.hashsalt": "padgen",
     "svg.fonttype": "path",

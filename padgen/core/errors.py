@@ -48,7 +48,8 @@ __all__ = [
     "shown",
 ]
 
-LONGEST, LONGEST_PART = 2000, 300
+LONGEST = 2000
+LONGEST_PART = 300
 """Most characters of a sentence; and of the place that it is about, or of one value in it."""
 
 

@@ -88,7 +88,9 @@ def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
     Yields True with the lock, False where another process kept it for `patience_s`, and None where the file system has
     no locks; nobody is then kept out. The file exists as long as the lock is held.
     """
-    file, has_lock, end = -1, None, time.monotonic() + patience_s
+    file = -1
+    has_lock = None
+    end = time.monotonic() + patience_s
     try:
         with suppress(OSError):
             while (file := lock_file(path)) < 0 and time.monotonic() < end:
@@ -313,7 +315,8 @@ def _move_back(folder: _Folder, aside: _Folder, replaced: _Folder, moves: _Moves
     lie = {name: (replaced, name) for name in moves.away}
     lie |= {name: (folder, there) for name, there in moves.kept.items()}
     for name in moves.new | lie:
-        place, old = folder.path / name, lie.get(name)
+        place = folder.path / name
+        old = lie.get(name)
         if old is not None and not old[0].has(old[1]):
             continue  # it was never moved, or is back already
         if folder.has(name):
@@ -738,7 +741,8 @@ class OutputFolder:
         """
         with _held(self.path):
             before = read_manifest(self.path)
-            known, built = before.get("files", {}), before.get("built", [])
+            known = before.get("files", {})
+            built = before.get("built", [])
             for name in (*self._hashes, MANIFEST):
                 if (self.path / name).is_dir() and not (self.path / name).is_symlink():
                     raise FileError("cannot be written (a folder has its name)", str(self.path / name))
@@ -747,7 +751,8 @@ class OutputFolder:
             if other_plan:
                 stale |= known.keys() - {*MEASURED_FILES, *built}
             stale &= known.keys() - self._hashes.keys()
-            away, kept = [name for name in stale if _has_hash(self.path / name, known[name])], {}
+            away = [name for name in stale if _has_hash(self.path / name, known[name])]
+            kept = {}
             rest = {name: known[name] for name in known.keys() - away if os.path.lexists(self.path / name)}
             manifest: dict[str, Any] = {"padgen": __version__, "files": dict(sorted({**rest, **self._hashes}.items()))}
             left = [name for name in built if manifest["files"].get(name) == known[name]]
@@ -761,7 +766,8 @@ class OutputFolder:
             write_synced(self._aside / MANIFEST, text)
             new = {**self._hashes, MANIFEST: file_hash(text)}
             for name, own in new.items():
-                path, hashes = self.path / name, {own, known.get(name)}
+                path = self.path / name
+                hashes = {own, known.get(name)}
                 ours = before if name == MANIFEST else any(_has_hash(path, each) for each in hashes if each)
                 if ours:
                     away.append(name)
@@ -829,7 +835,8 @@ def take_away(path: Path) -> None:
 def differs(path: Path, name: str, text: str) -> bool:
     """Return whether a folder has a file of this name with another text."""
     settle(path, name)
-    file, data = path / name, text.encode()
+    file = path / name
+    data = text.encode()
     try:
         if not file.is_file():
             return False

@@ -46,8 +46,11 @@ class Registry(Generic[T]):
     """
 
     def __init__(self, kind: str, package: str, protocol: str, reserved: tuple[str, ...] = ()) -> None:
-        self.kind, self.reserved, self.changes = kind, reserved, 0
-        self._package, self._protocol = package, protocol
+        self.kind = kind
+        self.reserved = reserved
+        self.changes = 0
+        self._package = package
+        self._protocol = protocol
         self._registered: dict[str, T] = {}
 
     def names(self) -> tuple[str, ...]:

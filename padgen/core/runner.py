@@ -63,11 +63,13 @@ ONE_THREAD = dict.fromkeys(
 PROCESSES = "PADGEN_PROCESSES"
 """Environment variable: number of processes that a process may use at a time; by default one per core."""
 START = "import json, sys; sys.path[:], *rest = json.loads(sys.argv[1]); import padgen.core.runner as r; r.serve(*rest)"
-WATCH_S, MOST_LOOKS = 0.05, 10
+WATCH_S = 0.05
+MOST_LOOKS = 10
 """Seconds between two looks at a job's time and memory, and the number of looks that a single one may count as."""
 IDLE_S = 120.0
 """Seconds after which an idle worker ends, so that workers of a cluster do not outlive the sweep."""
-HEAD, LAST_BYTES = 8, 4096
+HEAD = 8
+LAST_BYTES = 4096
 """Bytes of the length before each message, and bytes kept of the end of printed output."""
 EMPTY = b""
 """Empty message. From a worker: it has started, or has taken a job. To a worker: it is to end."""
@@ -111,7 +113,8 @@ class Runner:
 
     def __init__(self, workers: int = 1, imports: tuple[str, ...] = (), idle_s: float = IDLE_S) -> None:
         self.threads = ThreadPoolExecutor(workers)
-        self._cores, self._imports = max(core_count() // workers, 1), imports
+        self._cores = max(core_count() // workers, 1)
+        self._imports = imports
         self._idle_s = idle_s
         self._lock = Lock()
         self._idle: list[_Worker] = []
@@ -186,7 +189,9 @@ class Runner:
         """End all workers, even during a job."""
         with self._lock:
             self._closed = True
-            workers, self._all, self._idle = self._all, set(), []
+            workers = self._all
+            self._all = set()
+            self._idle = []
         for worker in workers:
             worker.kill()
         self.threads.shutdown(cancel_futures=True)
@@ -274,7 +279,8 @@ class _Worker:
                 raise SolverError(f"cannot be started ({error.strerror or error})", WHERE) from error
             self._ends = ends.pop_all()
         self.pid = self._process.pid
-        self.rested, self._last_line = False, ""
+        self.rested = False
+        self._last_line = ""
         self._lock = Lock()
         self._messages: SimpleQueue[bytes | None] = SimpleQueue()
         self._listener = Thread(target=self._listen, daemon=True)
@@ -303,7 +309,10 @@ class _Worker:
 
         None where this worker, `rested`, had ended before it took the job.
         """
-        taken, peak, spent_s, start = False, 0.0, 0.0, perf_counter()
+        taken = False
+        peak = 0.0
+        spent_s = 0.0
+        start = perf_counter()
         looked = start
         with suppress(OSError, ValueError):  # if the worker has ended, a message will say so
             self._log.seek(0)  # parent and worker share this position
@@ -319,11 +328,14 @@ class _Worker:
                 peak = max(peak, memory_mb(self.pid))
                 # One look counts for a few at most, since this process may have been stopped meanwhile.
                 now = perf_counter()
-                spent_s, looked = spent_s + min(now - looked, MOST_LOOKS * WATCH_S), now
+                spent_s = spent_s + min(now - looked, MOST_LOOKS * WATCH_S)
+                looked = now
                 if spent_s > time_s:
-                    limit, said = "time_s", f"took longer than {number(time_s)} s"
+                    limit = "time_s"
+                    said = f"took longer than {number(time_s)} s"
                 elif peak > most_mb:
-                    limit, said = "memory_mb", f"took more than {number(most_mb)} MB"
+                    limit = "memory_mb"
+                    said = f"took more than {number(most_mb)} MB"
                 else:
                     continue
                 self.kill()

@@ -14,7 +14,9 @@ from padgen.core.files import reason, settle
 
 __all__ = ["EXTENSIBLE", "FLOAT", "PCM", "SUBFORMAT", "Wave", "read_wav"]
 
-PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
+PCM = 1
+FLOAT = 3
+EXTENSIBLE = 0xFFFE
 SUBFORMAT = 0, 0x10, bytes.fromhex("800000aa00389b71")
 """Fields after the format's number in the subformat of WAVE_FORMAT_EXTENSIBLE: two numbers and bytes."""
 SPOILT = "is cut off or damaged, not a WAV file that can be read: it"
@@ -95,7 +97,8 @@ def read_wav(path: Path, data: bytes | None = None) -> Wave:
 
 def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
     """Read the head of an open file of `size` bytes; errors name `path`."""
-    where, head = str(path), file.read(12)
+    where = str(path)
+    head = file.read(12)
     if head[:4] != b"RIFF" or head[8:] != b"WAVE":
         raise FileError("is not a WAV file that can be read (RIFF)" if size else "is empty", where)
     parts: dict[bytes, tuple[int, int]] = {}
@@ -150,7 +153,8 @@ def _format(data: bytes, where: str) -> tuple[int, int, str, int, int]:
         )
     if not channels or not rate_hz:
         raise FileError(f"has {channels} channels at {number(rate_hz)} Hz, neither may be 0", where)
-    width, fits = frame // channels, -(-bits // 8)
+    width = frame // channels
+    fits = -(-bits // 8)
     # Integers may lie in the upper part of a word of 32 bits.
     if frame % channels or width not in ((fits, 4) if code == PCM and fits > 1 else (fits,)):
         raise FileError(f"has {channels} channels of {bits} bits in {frame} bytes a sample", where)

@@ -130,7 +130,9 @@ def write_excitation(
 
 
 def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray) -> Timeline:
-    plan, seconds, in_turns = request.plan, request.seconds, request.plan.scheme.takes_turns
+    plan = request.plan
+    seconds = request.seconds
+    in_turns = request.plan.scheme.takes_turns
     if not request.loop:
         if seconds is None and request.held:
             known = (request.tuning or planned_tuning(plan)).taxels

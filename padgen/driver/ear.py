@@ -56,7 +56,8 @@ SETTLED_TAUS = 4.5
 # Time constants for which a loop is played before it is heard: e^-12 is 6e-6.
 LOOP_TAUS = 12.0
 # Samples on each side of an instant that make the voltage there, and Kaiser's β of their window.
-AROUND, KAISER = 16, 10.0
+AROUND = 16
+KAISER = 10.0
 # Where a step of 1 is integrated, exact to rounding for |p| up to 40, and the cubics there through its end and the
 # three samples before, of which each is 1 at one of them.
 WITHIN, WEIGHT = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
@@ -73,7 +74,8 @@ NEAREST = 0.99
 # Samples of all coils together that are heard at a time.
 BLOCK = 1 << 18
 # With the gap: blocks a second, in each of which pull and motion are found in turns, so often at most.
-GAP_BLOCKS_PER_S, MOST_PULLS = 100, 20
+GAP_BLOCKS_PER_S = 100
+MOST_PULLS = 20
 
 
 class Span(NamedTuple):
@@ -163,7 +165,8 @@ class Heard:
     @property
     def selectivity_db(self) -> float | None:
         """Smallest ON over largest OFF in all spans, each over the taxel's own; None where there is none of either."""
-        on, off = self.on, self.off
+        on = self.on
+        off = self.off
         if np.isnan(on).all() or np.isnan(off).all():
             return None
         loudest = float(np.nanmax(off))
@@ -209,7 +212,8 @@ def hear(
         np.concatenate(parts, axis=-1)[..., order] for parts in zip(*(group.found() for group in groups), strict=True)
     )
     at_s = np.arange(len(course_m)) * (step / sidecar["rate_hz"])
-    settled, rise_s = np.zeros(level_m.shape, bool), np.full(level_m.shape, np.nan)
+    settled = np.zeros(level_m.shape, bool)
+    rise_s = np.full(level_m.shape, np.nan)
     # A file that does nothing but hold one state, and loops, has done so for ever.
     since_s = np.full(len(tau_s), -np.inf if sidecar["loops"] and len(spans) == 1 else 0.0)
     before = spans[0].levels if sidecar["loops"] else np.zeros(len(tau_s))
@@ -223,7 +227,9 @@ def hear(
         found = risen.any(0) & (level_m[h] > 0) & (span.levels > 0) & (before <= 0)
         rise_s[h, found] = at_s[risen[:, found].argmax(0)] - span.begin_s
         before = span.levels
-    frame_s, frames, frame_m = sidecar.get("frame_s"), np.zeros((0, len(tau_s))), np.zeros((0, len(tau_s)))
+    frame_s = sidecar.get("frame_s")
+    frames = np.zeros((0, len(tau_s)))
+    frame_m = np.zeros((0, len(tau_s)))
     if frame_s:
         keys = sidecar["keyframes"]
         time_s, levels = (np.array([key[name] for key in keys], float) for name in ("time_s", "levels"))
@@ -268,7 +274,8 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
     `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
     """
     time_s = [frame["time_s"] for frame in sidecar["keyframes"]]
-    levels, period_s = np.array([frame["levels"] for frame in sidecar["keyframes"]], float), sidecar["period_s"]
+    levels = np.array([frame["levels"] for frame in sidecar["keyframes"]], float)
+    period_s = sidecar["period_s"]
     spans: list[Span] = []
     if Scheme(sidecar["scheme"]).takes_turns and len(time_s) > 2:
         each = 2 * slots if (len(time_s) - 1) % (2 * slots) == 0 else 2
@@ -276,7 +283,8 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
             start_s, stop_s = time_s[k], time_s[k + each]
             spans.append(Span(start_s, start_s, stop_s, start_s, False, True, levels[k : k + each + 1].max(0)))
         return tuple(spans)
-    same, begin_s = (np.abs(np.diff(levels, axis=0)).max(1) <= 1e-9).tolist(), time_s[0]
+    same = (np.abs(np.diff(levels, axis=0)).max(1) <= 1e-9).tolist()
+    begin_s = time_s[0]
     if levels.min() < 0:  # the last brake ends in silence, which is no frame
         same[-1] = False
     for held, run in groupby(range(len(same)), same.__getitem__):
@@ -302,16 +310,21 @@ def _play(
     """Let all `groups` hear the file; return the figures of what flows in each coil."""
     from scipy.signal import lfilter
 
-    resistance, inductance = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
-    rate_hz, late, coefficients = sidecar["rate_hz"], 0, (np.ones(1), np.ones(1))
+    resistance = plan.spec.coil.resistance_ohm
+    inductance = plan.spec.coil.inductance_mh * MH
+    rate_hz = sidecar["rate_hz"]
+    late = 0
+    coefficients = (np.ones(1), np.ones(1))
     if sidecar["signal"] == "voltage":
-        late, coefficients = AROUND - 1, circuit_filter(resistance, inductance, rate_hz)
+        late = AROUND - 1
+        coefficients = circuit_filter(resistance, inductance, rate_hz)
     memory = np.zeros((wave.channels, len(coefficients[0]) - 1))
     slowest_s = max(group.slowest_s for group in groups) + inductance / resistance
     corner_hz = sidecar.get("corner_hz", 0.0)
     if corner_hz:
         slowest_s += 1 / (2 * np.pi * corner_hz)
-    passing, passed = high_pass(corner_hz, rate_hz), np.zeros((wave.channels, 1))
+    passing = high_pass(corner_hz, rate_hz)
+    passed = np.zeros((wave.channels, 1))
     start = -int(np.ceil(LOOP_TAUS * slowest_s * rate_hz)) if sidecar["loops"] else 0
     most_a, most, total, energy = np.zeros((4, wave.channels))
     size = max(rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
@@ -360,7 +373,8 @@ def high_pass(corner_hz: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the filter from a coil's voltage to its current, ``AROUND − 1`` samples late, as fraction."""
     inductance_h = max(inductance_h, resistance_ohm / STIFFEST / rate_hz)
-    pole, off = -resistance_ohm / inductance_h / rate_hz, WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
+    pole = -resistance_ohm / inductance_h / rate_hz
+    off = WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
     through = np.sinc(off) * np.i0(KAISER * np.sqrt(1 - (off / AROUND) ** 2))
     taps = through / through.sum(0) @ (WEIGHT * np.exp(pole * (1 - WITHIN)))
     return taps / (inductance_h * rate_hz), np.array([1.0, -np.exp(pole)])
@@ -371,9 +385,11 @@ def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.nda
 
     ``y' = p y + ω² s / Im p`` has ``u = Im y``: the real filter is that of the pole and its conjugate.
     """
-    omega, damping = 2 * np.pi * hz / rate_hz, 1 / (2 * max(q, LEAST_Q))
+    omega = 2 * np.pi * hz / rate_hz
+    damping = 1 / (2 * max(q, LEAST_Q))
     pole = omega * (-damping + 1j * np.sqrt((1 - damping) * (1 + damping)))
-    keep, taps = np.exp(pole), THROUGH @ (WEIGHT * np.exp(pole * (1 - WITHIN))) * (omega**2 / pole.imag)
+    keep = np.exp(pole)
+    taps = THROUGH @ (WEIGHT * np.exp(pole * (1 - WITHIN))) * (omega**2 / pole.imag)
     return np.convolve(taps, [1.0, -keep.conj()]).imag, np.array([1.0, -2 * keep.real, np.abs(keep) ** 2])
 
 
@@ -399,16 +415,22 @@ class _Alike:
         share = channel.pulled_shares[int(np.argmax(channel.mode_shares))]
         gain = gain * (channel.force_constant_n_per_a2 / share if share else 0.0)
         # What is felt at the own tone, all modes, over the motion of the working mode there.
-        over, working = channel.resonance_hz / hz, planned_response_um_per_a2(channel)
+        over = channel.resonance_hz / hz
+        working = planned_response_um_per_a2(channel)
         felt = np.linalg.norm((gain / (1 - over**2 + 1j * over / channel.q)[:, None]).sum(0)) / UM
         self.wanted_m = np.full(len(which), level_um * (felt / working if working > 0 else 1.0) * UM)
         q = channel.q
         if tuned is not None:  # other modes of a print move with the working one, in frequency and in answer
             gain = gain * (tuned.response_um_per_a2 / tuned.q / working * q if working > 0 else 0.0)
-            hz, q = hz * (tuned.resonance_hz / channel.resonance_hz), tuned.q
+            hz = hz * (tuned.resonance_hz / channel.resonance_hz)
+            q = tuned.q
         self.slowest_s = q / (np.pi * float(hz.min()))
-        rate_hz, own = sidecar["rate_hz"], [sidecar["taxels"][i] for i in which]
-        self.which, self.coil, self.spans, self.gain = which, [taxel["wav_channel"] for taxel in own], spans, gain.T
+        rate_hz = sidecar["rate_hz"]
+        own = [sidecar["taxels"][i] for i in which]
+        self.which = which
+        self.coil = [taxel["wav_channel"] for taxel in own]
+        self.spans = spans
+        self.gain = gain.T
         self.filters = [mode_filter(float(each), q, rate_hz) for each in hz[:-1]]
         self.memory = [np.zeros((len(which), len(THROUGH)))] * len(self.filters)
         self.gap_m = float(hanging_gap_um(plan.spec, channel.sag_um)) * UM if gap else None
@@ -433,7 +455,8 @@ class _Alike:
             if stop == begin:
                 continue
             self.peak_m[h] = np.maximum(self.peak_m[h], np.abs(felt[0, :, begin:stop]).max(1))
-            at, length = first + np.arange(start, stop), self.edges[h, 2] - self.edges[h, 1]
+            at = first + np.arange(start, stop)
+            length = self.edges[h, 2] - self.edges[h, 1]
             weight = np.full(len(at), 1 / length)
             if not self.spans[h].whole:
                 weight *= 2 * np.sin(np.pi * (at - self.edges[h, 1] + 0.5) / length) ** 2
@@ -462,7 +485,8 @@ class _Alike:
             if self.gap_m is None:
                 break
             # F = c i² (g/(g − z))^p at the motion that was just found.
-            was, pull = pull, square_a2 * (1 - np.minimum(felt[0] / self.gap_m, NEAREST)) ** -self.exponent
+            was = pull
+            pull = square_a2 * (1 - np.minimum(felt[0] / self.gap_m, NEAREST)) ** -self.exponent
             if np.abs(pull - was).max() <= 1e-9 * pull.max():
                 break
         self.memory = [held for _, held in moved]
@@ -488,7 +512,8 @@ def heard_table(heard: Heard) -> dict[str, Any]:
     most; None where no taxel is ON, or OFF. `slot_db` is `Heard.slot_contrast`, `held_db` is `Heard.held_contrast`; in
     `frames` the levels are averages over each frame's whole slot.
     """
-    tone, of_coils = _tone_db(heard), ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean")
+    tone = _tone_db(heard)
+    of_coils = ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean")
     return {
         "name": heard.name,
         "with_gap": heard.with_gap,
@@ -541,7 +566,8 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
     ON level, over what that taxel is to have there, `off_db` the loudest OFF level over the taxel's own ON level; None
     where there is none, -inf is silence.
     """
-    on, off = _db(heard.on), _db(heard.off)
+    on = _db(heard.on)
+    off = _db(heard.off)
     by_line = np.argsort(heard.line_hz, kind="stable")
     for h, span in enumerate(heard.spans):
         for k in np.unique(heard.coil_of).tolist():
@@ -576,7 +602,8 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
     missed = np.abs(tone) > MISSED_DB
     if missed.any():
         h, i = np.unravel_index(int(np.nanargmax(np.abs(tone))), tone.shape)
-        span, hurried = heard.spans[h], heard.spans[h].in_turns or not heard.settled[h, i]
+        span = heard.spans[h]
+        hurried = heard.spans[h].in_turns or not heard.settled[h, i]
         yield Finding(
             "warning",
             "ear.level",
@@ -586,7 +613,8 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             f" {MISSED_DB:g} dB, which {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
             f" miss; {'frames that last longer' if hurried else 'padgen retune, or a lower level,'} would do",
         )
-    asked, kept = heard.asked_db, heard.selectivity_db
+    asked = heard.asked_db
+    kept = heard.selectivity_db
     if kept is not None and kept < asked:
         h, i = np.unravel_index(int(np.nanargmax(heard.off)), heard.off.shape)
         yield Finding(

@@ -121,7 +121,9 @@ def excitation(
         raise SpecError(
             f"{number(sweep)} s of sweep are too many samples at {number(rate_hz)} Hz; {would_do}", "--seconds"
         )
-    line, swept, total = shaking_line_a2(plan), round(sweep * rate_hz), round((sweep + ring_s(plan)) * rate_hz)
+    line = shaking_line_a2(plan)
+    swept = round(sweep * rate_hz)
+    total = round((sweep + ring_s(plan)) * rate_hz)
     if kind == "chirp":
         time = np.arange(total) / rate_hz
         current, slope = chirp_current_a(time, swept / rate_hz, band, line)
@@ -133,7 +135,8 @@ def excitation(
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
     volts = _through(volts, plan.spec.corner_hz, rate_hz)
     between = cos(pi * band[1] / (2 if kind == "chirp" else 1) / rate_hz)
-    square, headroom = float((current[:swept] ** 2).mean()), plan.spec.drive.headroom
+    square = float((current[:swept] ** 2).mean())
+    headroom = plan.spec.drive.headroom
     planned = max(mean_square_a2(plan.scheme, np.array([c.line_a2 for c in own]), headroom) for own in plan.sets)
     share = min(
         1.0,
@@ -145,7 +148,8 @@ def excitation(
     factor = share**0.5
     places = tuple((row, column) for row in range(plan.coils.rows) for column in range(plan.coils.columns))
     loss_w = share * square * swept / total * coil.resistance_ohm
-    current, volts = current * factor, volts * factor
+    current = current * factor
+    volts = volts * factor
     return Excitation(kind, rate_hz, band, swept / rate_hz, together, places, current, volts, share, loss_w, between)
 
 
@@ -156,13 +160,15 @@ def _through(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
     """
     if not corner_hz:
         return volts
-    spectrum, hz = np.fft.rfft(volts), np.fft.rfftfreq(len(volts), 1 / rate_hz)
+    spectrum = np.fft.rfft(volts)
+    hz = np.fft.rfftfreq(len(volts), 1 / rate_hz)
     spectrum[0] = 0.0
     spectrum[1:] *= 1 - 1j * corner_hz / hz[1:]
     return np.fft.irfft(spectrum, len(volts))
 
 
-SWEEP_ROWS, SHORTEST_S = 65, 0.1
+SWEEP_ROWS = 65
+SHORTEST_S = 0.1
 """Rows of the firmware's table, and the length in s of a silent sweep."""
 
 

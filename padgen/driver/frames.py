@@ -281,7 +281,8 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
         or there are more frames than can be held. Frames, rows and columns are counted from 1, top left.
     """
     grid = taxel_grid(plan)
-    lost, first = 0, ""
+    lost = 0
+    first = ""
     images: list[np.ndarray] = []
     for path in _files([paths] if isinstance(paths, (str, Path)) else paths):
         for frame, image in enumerate(_images(path, partial(_refuse_shape, plan, grid, images, path)), start=1):
@@ -318,12 +319,14 @@ def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
     from glob import glob
 
     for given in paths:
-        text, path = str(given), Path(given)
+        text = str(given)
+        path = Path(given)
         if not text.strip() or "\0" in text:
             raise FileError(f"must name a file, got {text!r}", "frames")
         try:
             if path.is_file():
-                found, lacks = [path], ""
+                found = [path]
+                lacks = ""
             elif path.is_dir():
                 found = [entry for entry in path.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
                 lacks = f"holds no frames; {', '.join(SUFFIXES)} files are read"
@@ -331,7 +334,8 @@ def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
                 found = [Path(name) for name in glob(str(path)) if Path(name).is_file()]  # noqa: PTH207
                 lacks = "no file has such a name"
             else:
-                found, lacks = [], "is not a file" if path.exists() else "there is no such file"
+                found = []
+                lacks = "is not a file" if path.exists() else "there is no such file"
         except OSError as error:
             raise FileError(f"cannot be read ({reason(error)})", text) from error
         if not found:
@@ -357,7 +361,8 @@ def state_frame(plan: Plan, text: str) -> np.ndarray:
     SpecError
         The text is no state of this pad's coils, or ``all`` are more than 64.
     """
-    count, where = len(plan.sets[0]), "--state"
+    count = len(plan.sets[0])
+    where = "--state"
     if text.strip() == "all":
         if count > LARGEST_TABLE:
             raise SpecError(
@@ -414,7 +419,8 @@ def frames_text(plan: Plan, levels: np.ndarray) -> str:
     return "\n".join(pictures)
 
 
-GLYPH_ROWS, GLYPH_COLUMNS = 7, 5
+GLYPH_ROWS = 7
+GLYPH_COLUMNS = 5
 FONT = """
 A     B     C     D     E     F     G     H     I     J     K     L     M
 .###. ####. .###. ####. ##### ##### .###. #...# .###. ..### #...# #.... #...#
@@ -475,7 +481,8 @@ def text_frames(plan: Plan, text: str) -> np.ndarray:
     SpecError
         There is no letter, one that the font does not have, or the text is too long.
     """
-    grid, glyphs = taxel_grid(plan), _glyphs()
+    grid = taxel_grid(plan)
+    glyphs = _glyphs()
     signs = [sign for sign in unicodedata.normalize("NFD", text.upper()) if not unicodedata.combining(sign)]
     if not "".join(signs).strip() or len(signs) > LONGEST_TEXT:
         raise SpecError(f"must have a letter to show, and {LONGEST_TEXT} at most, got {shown(text)}", "--text")
@@ -536,7 +543,8 @@ def pattern_frames(plan: Plan, name: str) -> np.ndarray:
 
 def _levels(plan: Plan, images: Iterable[np.ndarray], where: str) -> np.ndarray:
     """Return images of the pad as levels (k, taxels); raises SpecError where they are too many."""
-    grid, most = taxel_grid(plan), MOST_LEVELS // len(plan.taxels)
+    grid = taxel_grid(plan)
+    most = MOST_LEVELS // len(plan.taxels)
     frames: list[np.ndarray] = []
     for image in images:
         if len(frames) == most:
@@ -566,7 +574,8 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
     """
     taxels = {taxel.id: taxel for taxel in plan.taxels}
     felt: dict[Coil, list[Coil | None]] = {}
-    findings, heard = [], path.is_dir() or path.suffix.lower() in (".wav", ".wave")
+    findings = []
+    heard = path.is_dir() or path.suffix.lower() in (".wav", ".wave")
     for row, (played, got) in (_heard_rows if heard else _felt_rows)(plan, path):
         for name in filter(None, (played, got)):
             if name not in taxels:
@@ -585,7 +594,8 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
         told = "are the only silent ones: if both are connected, their plugs are exchanged"
         findings.append(Finding("error", "wiring.swapped", " and ".join(silent), told))
     for own, places in felt.items():
-        at, sense = sorted({place for place in places if place}), "heard" if heard else "felt"
+        at = sorted({place for place in places if place})
+        sense = "heard" if heard else "felt"
         if not at:
             told = f"nothing was {sense} when it was played: look at its wire, its plug and its amplifier channel"
             findings.append(Finding("error", "wiring.silent", _coil(own), told))

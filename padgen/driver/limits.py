@@ -77,9 +77,11 @@ GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
 ROUNDING = 1e-6
 """Largest rounding error of `least_constant`, relative to the sum of the lines."""
-HEAT_S, LEAST_HEAT_S = 10.0, 0.01
+HEAT_S = 10.0
+LEAST_HEAT_S = 0.01
 """Bounds of the time over which a coil's heat is averaged; what has less copper than for the latter is no coil."""
-COPPER_OHM_M, COPPER_J_PER_M3K = 1.72e-8, 3.45e6
+COPPER_OHM_M = 1.72e-8
+COPPER_J_PER_M3K = 3.45e6
 """Resistivity and heat capacity of copper at 20 °C (IEC 60028; 8960 kg/m³ times 385 J/(kg K))."""
 MOST_W_PER_M2K = 100.0
 """Heat that flows off a coil's surface, at most, in W/(m² K).
@@ -138,7 +140,9 @@ def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
     """
     warmest = squares.max(1)
     if not shown.loops:
-        heat, weight, warmest = np.zeros(len(squares)), 0.0, squares[:, 0]
+        heat = np.zeros(len(squares))
+        weight = 0.0
+        warmest = squares[:, 0]
         for key, share in enumerate(-np.expm1(-np.diff(shown.time_s) / heat_s(coil))):
             heat += (squares[:, key : key + 2].max(1) - heat) * share
             weight += (1 - weight) * share
@@ -152,10 +156,12 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     if shown is None:
         asked = [_any(drive, coil) for coil in drive.coils]
         warm = np.array([own.square_a2 for own in asked])
-        level, total_a2 = np.ones(len(plan.taxels)), sum(warm.tolist())
+        level = np.ones(len(plan.taxels))
+        total_a2 = sum(warm.tolist())
     else:
         squares = np.stack([_squares_a2(drive, coil, shown) for coil in drive.coils])
-        level, total_a2 = np.abs(shown.levels).max(0), float(squares.sum(0).max())
+        level = np.abs(shown.levels).max(0)
+        total_a2 = float(squares.sum(0).max())
         warm = _warm_a2(plan.spec.coil, shown, squares)
         pairs = zip(drive.coils, squares.max(1).tolist(), strict=True)
         asked = [_Asked(level[coil.taxels], square_a2) for coil, square_a2 in pairs]
@@ -290,12 +296,14 @@ def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
     if drive.scheme.takes_turns:
         return float(np.abs(_tones_v(drive, coil)).max())
     harmonic, _ = coil_lines(drive, coil)
-    above, below = np.zeros(1), np.zeros(1)
+    above = np.zeros(1)
+    below = np.zeros(1)
     # At each time the worst state has those channels on that push the same way.
     for k, amplitude in zip(harmonic.tolist(), _tones_v(drive, coil).tolist(), strict=True):
         angle = np.arange(_points(harmonic)) * (2 * np.pi * k / _points(harmonic))
         volts = abs(amplitude) * np.cos(angle + np.angle(amplitude))
-        above, below = above + np.maximum(volts, 0.0), below + np.minimum(volts, 0.0)
+        above = above + np.maximum(volts, 0.0)
+        below = below + np.minimum(volts, 0.0)
     bias_v = drive.resistance_ohm * coil.bias_a
     return max(bias_v + BETWEEN * float(above.max()), -bias_v - BETWEEN * float(below.min()))
 
@@ -310,14 +318,16 @@ def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
     if count > MOST_CHANNELS:
         largest = np.array([_largest_constant_a2(drive, coil)])
         return float(_root_bound_v(drive, coil, np.ones((1, count)), largest)[0])
-    states, constant = _states(count), _constants_a2(drive, coil)
+    states = _states(count)
+    constant = _constants_a2(drive, coil)
     bound = _root_bound_v(drive, coil, states, constant)
     order = np.argsort(-bound, kind="stable")
     points = _points(coil.harmonic)
     angle = np.outer(coil.harmonic, np.arange(points)) * (2 * np.pi / points) + coil.phase_rad[:, None]
     cosine = coil.line_a2[:, None] * np.cos(angle)
     sine = -(2 * np.pi * coil.force_hz * coil.line_a2)[:, None] * np.sin(angle)
-    size, peak = max(BLOCK // points, 1), 0.0
+    size = max(BLOCK // points, 1)
+    peak = 0.0
     for start in range(0, len(order), size):
         part = order[start : start + size]
         if bound[part[0]] <= peak or start * points > MOST_POINTS:
@@ -374,7 +384,9 @@ def least_constants(coil: CoilDrive, size: int) -> tuple[float, tuple[tuple[floa
 def _least_constants(
     harmonics: tuple[int, ...], line_a2: tuple[float, ...], phase_rad: tuple[float, ...], size: int
 ) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    harmonic, phase, line = np.array(harmonics, int), np.array(phase_rad), np.array(line_a2)
+    harmonic = np.array(harmonics, int)
+    phase = np.array(phase_rad)
+    line = np.array(line_a2)
     groups = []
     for start in range(0, len(line), size):
         part = slice(start, start + size)
@@ -420,9 +432,11 @@ def judge_load(where: str, plan: Plan, load: Load, tuning: Tuning | None = None)
 
 def _exceeded(plan: Plan, load: Load, tuning: Tuning | None) -> Iterator[tuple[str, str, float]]:
     """Yield each limit that a load exceeds: its code, a sentence, and the share of the level that would keep it."""
-    spec, coil = plan.spec, plan.spec.coil
+    spec = plan.spec
+    coil = plan.spec.coil
     loss_w, total_w = (coil.resistance_ohm * float(square) for square in (load.warm_a2.max(initial=0.0), load.total_a2))
-    limit_v, pad_w = spec.drive.voltage_limit_v, inf if spec.limits.power_w is None else spec.limits.power_w
+    limit_v = spec.drive.voltage_limit_v
+    pad_w = inf if spec.limits.power_w is None else spec.limits.power_w
     yield from _above(
         ("wave.voltage", "peaks at {} V, above drive.voltage_limit_v = {} V", load.peak_v, limit_v, 2),
         ("wave.current", "peaks at {} A, above amplifier.current_a = {} A", load.peak_a, _limit_a(plan), 2),

@@ -49,7 +49,10 @@ def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) ->
         return Outputs(count, "DC", COMMON_CORNER_HZ)
     taxels = (tuning or planned_tuning(plan)).taxels
     alike = {coil.harmonic.tobytes() + coil.line_a2.tobytes(): coil for coil in drive.coils if len(coil.taxels)}
-    levels_db, left, whole, states = list[float](), inf, inf, 0
+    levels_db = list[float]()
+    left = inf
+    whole = inf
+    states = 0
     for coil in alike.values():
         own = [taxels[index] for index in coil.taxels]
         resonance, q = np.array([(taxel.resonance_hz, taxel.q) for taxel in own]).T

@@ -72,8 +72,11 @@ GIVEN = 4
 """Place, among the bytes of an ACK, of the share of the voltage that is given."""
 LONGEST_BLOCK = 254
 EXTRA = "play"
-BAUD, BITS_A_BYTE = 115_200, 10
-TRIES, LEAST_REPLY_S, BUSY_S = 8, 0.2, 0.005
+BAUD = 115_200
+BITS_A_BYTE = 10
+TRIES = 8
+LEAST_REPLY_S = 0.2
+BUSY_S = 0.005
 GREET_S = 5.0
 """Longest wait in s for a device's first answer: many boards start anew when their port is opened."""
 PINGS = 3
@@ -212,7 +215,8 @@ def refusal(message: Message) -> Refusal:
 
 def _message(packet: bytes) -> Message | None:
     """Read a packet without its zeros; None where its blocks do not come out even, or it was changed on its way."""
-    body, start = b"", 0
+    body = b""
+    start = 0
     while start < len(packet):
         code = packet[start]
         block = packet[start + 1 : start + code]
@@ -348,13 +352,20 @@ class _Link:
     device: Greeting
 
     def __init__(self, line: Any, port: str, reply_s: float) -> None:
-        self.resent, self.given = 0, FULL_LEVEL
-        self._line, self._port, self._reply_s = line, port, reply_s
-        self._rest, self._tag, self._what_then = b"", 0, "the device is as it was"
+        self.resent = 0
+        self.given = FULL_LEVEL
+        self._line = line
+        self._port = port
+        self._reply_s = reply_s
+        self._rest = b""
+        self._tag = 0
+        self._what_then = "the device is as it was"
 
     def greet(self, plan: Plan, tuning: Tuning | None, greet_s: float) -> None:
         """Meet the device; it must hold the same pad."""
-        wanted, end, answer = plan_hash(plan, tuning), time.monotonic() + greet_s, None
+        wanted = plan_hash(plan, tuning)
+        end = time.monotonic() + greet_s
+        answer = None
         while answer is None or (answer.version == VERSION and answer.kind != Kind.GREETING):
             if time.monotonic() > end:
                 raise FileError(
@@ -390,7 +401,8 @@ class _Link:
         """
         least_s = self.device.least_frame_us * 1e-6
         parts = ceil(each_s / (HOLD_SHARE * HOLD_WATCHDOGS * self.device.watchdog_ms * 1e-3))
-        sequence, due = self.device.next_sequence, time.monotonic()
+        sequence = self.device.next_sequence
+        due = time.monotonic()
         for k, frame in enumerate(frames):
             with self.closing_in(f"frame {k + 1} of {len(frames)}"):
                 for _ in range(parts):

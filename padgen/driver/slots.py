@@ -102,7 +102,8 @@ def frame_contrast(plan: Plan, drive: PadDrive, shown: Timeline, tuning: Tuning 
         key_of = coil.force_hz.tobytes(), coil.line_a2.tobytes()
         if key_of not in known:
             known[key_of] = _heard(plan, drive, coil, tuning)
-        heard, state = known[key_of], levels[:, coil.taxels]
+        heard = known[key_of]
+        state = levels[:, coil.taxels]
         slots[:, coil.taxels] += power[:, coil.taxels] @ heard.tones.T
         ends[:, coil.taxels] += state**2 @ heard.tones.T
         if heard.spurs is not None:
@@ -139,14 +140,19 @@ def _beats(
     tones the spur of a pair lies between the two, and sounds while one takes the other's place.
     """
     taxels = [(tuning or planned_tuning(plan)).taxels[k] for k in coil.taxels]
-    hz, tau_s = np.array([taxel.resonance_hz for taxel in taxels]), taus_s(plan, tuning)[coil.taxels]
+    hz = np.array([taxel.resonance_hz for taxel in taxels])
+    tau_s = taus_s(plan, tuning)[coil.taxels]
     q = np.array([taxel.q for taxel in taxels])
-    line_hz, phase, line = coil.force_hz, coil.phase_rad, coil.line_a2
+    line_hz = coil.force_hz
+    phase = coil.phase_rad
+    line = coil.line_a2
     first = second = np.arange(len(line))
     if not drive.scheme.has_constant:
         pairs = np.triu_indices(len(line), 1)
-        first, second = np.append(first, pairs[0]), np.append(second, pairs[1])
-    made_hz, made_phase = (line_hz[first] + line_hz[second]) / 2, (phase[first] + phase[second]) / 2
+        first = np.append(first, pairs[0])
+        second = np.append(second, pairs[1])
+    made_hz = (line_hz[first] + line_hz[second]) / 2
+    made_phase = (phase[first] + phase[second]) / 2
     made = np.sqrt(line[first] * line[second]) * np.where(first == second, 1.0, 2.0)
     answer = 1 / (hz[:, None] ** 2 - made_hz**2 + 1j * made_hz * hz[:, None] / q[:, None])
     # Over the own ON amplitude, and over its phase: a quarter of a period behind the line.
@@ -155,15 +161,19 @@ def _beats(
     apart = 2 * np.pi * (made_hz - line_hz[:, None])
     turned = made_phase - phase[:, None]
     share = blend(np.arange(STEPS + 1) / STEPS)[:, None]
-    levels, size = shown.levels[:, coil.taxels], np.abs(shown.levels[:, coil.taxels])
+    levels = shown.levels[:, coil.taxels]
+    size = np.abs(shown.levels[:, coil.taxels])
     count = int(slot.max())
     found = np.zeros((count, len(line)))
     for k in range(count):
         key = int(np.flatnonzero(slot == k)[0])
-        before, after, begun = levels[key], levels[key + 1], amplitude[key, coil.taxels]
+        before = levels[key]
+        after = levels[key + 1]
+        begun = amplitude[key, coil.taxels]
         if np.array_equal(before, after):
             continue
-        begin_s, seconds = shown.time_s[key], shown.time_s[key + 1] - shown.time_s[key]
+        begin_s = shown.time_s[key]
+        seconds = shown.time_s[key + 1] - shown.time_s[key]
         own = np.einsum("atn,an->tn", course(tau_s, seconds), np.stack([begun, before, after]))
         level = np.sqrt((1 - share) * size[key] + share * size[key + 1])
         weight = np.full(STEPS + 1, seconds / STEPS)
@@ -222,7 +232,8 @@ def slot_findings(
         assert one is not None
         return one.slot_db
 
-    tried, rate = [], next(one for one in plan.refresh if one.scheme == plan.selectivity.drive)
+    tried = []
+    rate = next(one for one in plan.refresh if one.scheme == plan.selectivity.drive)
     for braked in (brake,) if brake or plan.scheme.takes_turns else (False, True):
         # The plan's rate is for the worst that frames can show.
         planned = rate.braked_frames_per_s if braked else rate.kept_frames_per_s

@@ -48,7 +48,9 @@ EXTRA = "play"
 FADE_S = 0.05
 """Time of fading in and out where a file is begun or stopped in its middle."""
 BLOCK_S = 0.25
-LOOK_S, LATE, FEWEST_LOOKS = 0.1, 2, 50
+LOOK_S = 0.1
+LATE = 2
+FEWEST_LOOKS = 50
 """Seconds between two looks at a recording; the share of its length, and the looks more, after which it is given up."""
 
 
@@ -111,7 +113,8 @@ def play_wave(
     _, *beyond = wave.comment.split(BEYOND_LIMIT)
     if beyond:
         raise SpecError(f"is not played: it {beyond[0]}", str(path))
-    sound, chosen = _sounddevice(), audio_device(device)
+    sound = _sounddevice()
+    chosen = audio_device(device)
     named = f"{chosen.name} (device {chosen.index})"
     if wave.channels > chosen.channels:
         raise SpecError(
@@ -143,7 +146,9 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
     """Write the file to a stream that is open; return how many blocks came too late."""
     size = max(round(BLOCK_S * wave.rate_hz), 1)
     fade = max(round(FADE_S * wave.rate_hz), 1)
-    total, done, missed = wave.count * loops, 0, 0
+    total = wave.count * loops
+    done = 0
+    missed = 0
     try:
         while done < total:
             start = done % wave.count
@@ -192,7 +197,8 @@ def audio_device(device: int | str | None, kind: str = "output", where: str = "-
 
 def _device(entry: Any, kind: str) -> AudioDevice:
     """Read a device as sounddevice tells of it."""
-    rate, channels = float(entry["default_samplerate"]), int(entry[f"max_{kind}_channels"])
+    rate = float(entry["default_samplerate"])
+    channels = int(entry[f"max_{kind}_channels"])
     return AudioDevice(int(entry["index"]), str(entry["name"]), channels, rate)
 
 
@@ -225,7 +231,8 @@ def recorded(
     sound, over, stopped, lost = _sounddevice(), Event(), Event(), Event()
     sounds = np.zeros(0) if played is None else played
     heard: list[np.ndarray] = []
-    wanted, done = round(seconds * rate_hz), 0
+    wanted = round(seconds * rate_hz)
+    done = 0
     count = wanted if begin is None else sys.maxsize
 
     def block(samples: np.ndarray, *more: Any) -> None:
@@ -289,11 +296,13 @@ def _sounddevice() -> Any:
         ) from error
 
 
-RECORDED, TRIED = "recorded", "tried"
+RECORDED = "recorded"
+TRIED = "tried"
 """Folder of the recordings, and in it that of those which could not be fitted."""
 LATE_S = 0.5
 """Longest time by which what is heard may come after what is played."""
-BELOW_FULL, FULL = 0.99, 0.9999
+BELOW_FULL = 0.99
+FULL = 0.9999
 """Largest value of the current in a file, which would else look clipped; the value from which an input is."""
 KEPT = 16
 """Least samples in a file, over periods of the highest frequency that is measured."""
@@ -345,7 +354,8 @@ class Bench:
         SpecError
             The excitation is beyond a limit, or devices do not go together.
         """
-        plan, sink = self.plan, self.sink
+        plan = self.plan
+        sink = self.sink
         row, column = next(t.coil for t in plan.taxels if name in (t.id, t.id.partition("k")[0]))
         coil = row * plan.coils.columns + column
         outputs = 1 if self.by_hand else plan.coils.rows * plan.coils.columns
@@ -356,10 +366,13 @@ class Bench:
             raise SpecError(f"its excitation is not played: it {beyond.message}", plan.name)
         if sink is None:
             volts = sweep_table(plan).voltage_v(self.rate_hz)
-            ohms, henries = plan.spec.coil.resistance_ohm, plan.spec.coil.inductance_mh * MH
-            current, seconds = current_of_voltage(self.rate_hz, volts, ohms, henries), ring_s(plan) + LATE_S
+            ohms = plan.spec.coil.resistance_ohm
+            henries = plan.spec.coil.inductance_mh * MH
+            current = current_of_voltage(self.rate_hz, volts, ohms, henries)
+            seconds = ring_s(plan) + LATE_S
         else:
-            current, seconds = chirp.current_a, len(chirp.current_a) / self.rate_hz + LATE_S
+            current = chirp.current_a
+            seconds = len(chirp.current_a) / self.rate_hz + LATE_S
             played = chirp.voltage_v / plan.spec.drive.voltage_limit_v
 
         def by_firmware() -> None:
@@ -390,7 +403,8 @@ class Bench:
         parts = np.zeros((max(len(heard), len(current)) // step + 1, step, 2))
         parts.reshape(-1, 2)[: len(current), 0] = current * (BELOW_FULL / np.abs(current).max())
         parts.reshape(-1, 2)[: len(heard), 1] = heard
-        kept, clipped = parts.mean(1), np.abs(parts[..., 1]).max(1) >= FULL
+        kept = parts.mean(1)
+        clipped = np.abs(parts[..., 1]).max(1) >= FULL
         kept[clipped, 1] = np.sign(kept[clipped, 1])
         with WavWriter(path, self.rate_hz // step, 2, len(kept), "float") as file:
             file.write(kept)

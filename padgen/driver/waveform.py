@@ -192,7 +192,8 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
         a taxel.
     """
     tuning = tuning or planned_tuning(plan)
-    spec, scheme = plan.spec, plan.scheme
+    spec = plan.spec
+    scheme = plan.scheme
     known = np.array([(taxel.resonance_hz, taxel.q, taxel.response_um_per_a2) for taxel in tuning.taxels])
     resonance, q, response = known.T
     highest_hz = float(resonance.max())
@@ -219,7 +220,8 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
     @cache
     def shaped(harmonics: tuple[int, ...], lines: tuple[float, ...]) -> tuple[np.ndarray, RootMargin]:
         """Return phases (n,) and margin of a coil; many coils of a pad are alike."""
-        k, line = np.array(harmonics, int), np.array(lines)
+        k = np.array(harmonics, int)
+        line = np.array(lines)
         if scheme.has_constant:
             phase = low_crest_phases(k, line) if len(k) else np.zeros(0)
         else:  # a tone's phase in i² is twice the current's
@@ -241,7 +243,8 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
         )
         # The margin is for the amplifier's band, and for its voltage as far as the planned constant goes: more of it
         # would heat the coil and pull the washers by more than the plan was judged by.
-        most, wanted = 1 + spec.drive.headroom, margin(voltage_limit_v=spec.drive.voltage_limit_v)
+        most = 1 + spec.drive.headroom
+        wanted = margin(voltage_limit_v=spec.drive.voltage_limit_v)
         if wanted.constant <= most:
             return phase, wanted
         least = margin(voltage_limit_v=np.inf)
@@ -251,10 +254,13 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
         share = least.share + part * (wanted.share - least.share)
         return phase, RootMargin(share, least.alias_db, least.peak_v, most)
 
-    coils, alias_db, taxels_of = [], [], coils_of(plan)
+    coils = []
+    alias_db = []
+    taxels_of = coils_of(plan)
     for place in product(range(plan.coils.rows), range(plan.coils.columns)):
         taxels = np.array(taxels_of.get(place, ()), int)  # the lowest channel first
-        k, line = harmonic[taxels], line_a2[taxels]
+        k = harmonic[taxels]
+        line = line_a2[taxels]
         phase, margin = shaped(tuple(k.tolist()), tuple(line.tolist()))
         bias = bias_a(scheme, line) if scheme.is_biased and len(taxels) else 0.0
         coils.append(CoilDrive(*place, taxels, force_hz[taxels], k, line, phase, bias, margin.share))
@@ -276,7 +282,8 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
 def _carrier_hz(carrier_hz: float, scheme: Scheme, rate_hz: int, period_s: float, highest_hz: float) -> float:
     if not scheme.is_root:
         raise SpecError(f"is for the spur-free drive only, this one is {scheme.name!r}", "--carrier")
-    lowest, highest = CARRIER_OVER_RESONANCE * highest_hz, rate_hz / 2 - CARRIER_OVER_RESONANCE * highest_hz
+    lowest = CARRIER_OVER_RESONANCE * highest_hz
+    highest = rate_hz / 2 - CARRIER_OVER_RESONANCE * highest_hz
     # Those on the comb within the bounds: one that was moved there is accepted again, and stays where it is.
     first = ceil(lowest * period_s * (1 - ROUNDING))
     last = floor(highest * period_s * (1 + ROUNDING))
@@ -416,7 +423,8 @@ def timeline(
     SpecError
         No frame, a level that is not in 0 … 1, or frames too short for their transitions.
     """
-    shape, frames = np.shape(frames), np.atleast_2d(np.asarray(frames, float))
+    shape = np.shape(frames)
+    frames = np.atleast_2d(np.asarray(frames, float))
     if frames.ndim != 2 or frames.shape[1] != len(plan.taxels) or not len(frames):
         raise SpecError(
             f"must be one or more rows of {len(plan.taxels)} levels, got {' x '.join(map(str, shape))}", "frames"
@@ -433,10 +441,15 @@ def timeline(
         raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
     if plan.scheme.takes_turns and not brake:
         return _in_turns(plan, frames, seconds_each)
-    ramp, length, stop, why = ramp_s(plan), seconds_each or frame_s(plan, brake), None, "which switches in so long"
+    ramp = ramp_s(plan)
+    length = seconds_each or frame_s(plan, brake)
+    stop = None
+    why = "which switches in so long"
     least = ramp
     if brake:
-        stop, least, why = brake_of(plan, tuning), braked_s(plan, tuning), "which is switched in, held and braked"
+        stop = brake_of(plan, tuning)
+        least = braked_s(plan, tuning)
+        why = "which is switched in, held and braked"
         length = length if seconds_each else max(length, least)
     if length < least * (1 - 1e-12):
         raise SpecError(
@@ -449,7 +462,8 @@ def timeline(
 
 def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Timeline:
     order = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
-    turn, slots = np.array([order[taxel.channel] for taxel in plan.taxels]), len(plan.sets[0])
+    turn = np.array([order[taxel.channel] for taxel in plan.taxels])
+    slots = len(plan.sets[0])
     slot = (seconds_each or frame_s(plan)) / slots
     if slot < 2 * ramp_s(plan) * (1 - 1e-12):
         raise SpecError(
@@ -533,7 +547,8 @@ def blocks(
             end = min(last, first + drive.period_samples)
         for start in range(first, end, size):
             stop = min(start + size, end)
-            samples, square = np.zeros((stop - start, coils)), np.zeros(coils)
+            samples = np.zeros((stop - start, coils))
+            square = np.zeros(coils)
             for group in groups:
                 part = form(drive, timeline, group, _Stretch(start, stop, key))
                 if part is not None:
@@ -552,15 +567,19 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
     for members in alike.values():
         own = [drive.coils[index] for index in members]
         lines = [coil_lines(drive, c) for c in own]
-        k, weight = lines[0][0], gain * np.stack([amplitude for _, amplitude in lines])
+        k = lines[0][0]
+        weight = gain * np.stack([amplitude for _, amplitude in lines])
         bias = np.array([c.bias_a for c in own])
-        taxels, constant = np.stack([c.taxels for c in own]), np.zeros((0, len(own)))
+        taxels = np.stack([c.taxels for c in own])
+        constant = np.zeros((0, len(own)))
         if drive.scheme.is_root:
-            weight, levels = gain * weight, timeline.levels[:, taxels]
+            weight = gain * weight
+            levels = timeline.levels[:, taxels]
             constant = gain**2 * np.stack([constant_a2(c, levels[:, m]) for m, c in enumerate(own)], 1)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
         table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
-        omega, lift = 2 * np.pi * k / drive.period_s, 1.0
+        omega = 2 * np.pi * k / drive.period_s
+        lift = 1.0
         slope = omega * tau_s
         if drive.corner_hz and not drive.scheme.is_root:
             corner = 2 * np.pi * drive.corner_hz
@@ -577,7 +596,8 @@ def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
 
 def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
-    begin, end = timeline.time_s[where.key], timeline.time_s[where.key + 1]
+    begin = timeline.time_s[where.key]
+    end = timeline.time_s[where.key + 1]
     share = (np.arange(where.start, where.stop) / drive.rate_hz - begin) / (end - begin)
     share = np.clip(share, 0.0, 1.0)[:, None]
     # 1 − b(s) is b(1 − s), which keeps its digits where it is small: its root is taken.
@@ -588,7 +608,8 @@ def _sums(
     drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return ``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and the same times i `group.slope`."""
-    count, n = where.stop - where.start, len(group.harmonic)
+    count = where.stop - where.start
+    n = len(group.harmonic)
     rows = -(-count // ROW)
     period = drive.period_samples
     first = (where.start + ROW * np.arange(rows)) % period
@@ -624,7 +645,8 @@ def _blended(
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
     falling, rising, steepness = _ramp(drive, timeline, where)
-    value, slope = np.zeros((1, 1)), np.zeros((1, 1))
+    value = np.zeros((1, 1))
+    slope = np.zeros((1, 1))
     for levels, own, share, sign in ((before, constant[0], falling, -1), (after, constant[1], rising, 1)):
         if levels.any() or np.any(own):
             part, part_slope = _sums(drive, group, where, levels * group.weight, own)
@@ -643,7 +665,8 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     slope = slope / (2 * root)
     if drive.carrier_hz is None:
         return root + slope, square
-    harmonic, period = round(drive.carrier_hz * drive.period_s), drive.period_samples
+    harmonic = round(drive.carrier_hz * drive.period_s)
+    period = drive.period_samples
     angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
     turned = np.sqrt(2) * np.exp(1j * angle) * drive.made_good(np.array(drive.carrier_hz))
     cosine, sine = turned.real, turned.imag
@@ -681,7 +704,8 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
     steady = before == after
     # i² is in counter-phase where the tone is a quarter of its own period late.
     turned = group.weight * np.where(np.minimum(before, after) < 0, -1j, 1)
-    before, after = np.abs(before), np.abs(after)
+    before = np.abs(before)
+    after = np.abs(after)
     value, slope = _sums(drive, group, where, np.sqrt(before) * steady * turned)
     falling, rising, steepness = _ramp(drive, timeline, where)
     for j in np.flatnonzero((~steady).any(0)):
@@ -690,7 +714,8 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
         low, high = before[:, j], after[:, j]
         envelope = np.sqrt(low * falling + high * rising)
         envelope_slope = group.tau_s * steepness * (high - low) / (2 * np.maximum(envelope, SMALLEST))
-        value, slope = value + tone * envelope, slope + tone_slope * envelope + tone * envelope_slope
+        value = value + tone * envelope
+        slope = slope + tone_slope * envelope + tone * envelope_slope
     return group.lift * value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 

@@ -161,7 +161,8 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> n
     The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
     its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
     """
-    found, equation = [], partial(_frequency_equation, beam)
+    found = []
+    equation = partial(_frequency_equation, beam)
     with mpmath.workdps(DIGITS):
         for guess in frame_answer(beam).values if guess_hz is None else guess_hz:
             start = 2 * mpmath.pi * mpmath.mpf(float(guess))
@@ -173,12 +174,14 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> n
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
     """Return the determinant of the tip's conditions, over the beam's length and stiffness; zero at a mode."""
     width, thickness, length, _, offset, _, modulus, poisson, density = map(mpmath.mpf, beam)
-    mass, gyration = mpmath.mpf(beam.tip_mass), mpmath.mpf(beam.tip_inertia)
+    mass = mpmath.mpf(beam.tip_mass)
+    gyration = mpmath.mpf(beam.tip_inertia)
     area = width * thickness
     inertia = area * thickness**2 / 12
     shear = 10 * (1 + poisson) / (12 + 11 * poisson) * modulus / (2 * (1 + poisson)) * area
     bending = modulus * inertia
-    force, moment = bending / length**2, bending / length
+    force = bending / length**2
+    moment = bending / length
     # Deflections in lengths, forces and moments in those of the beam: the matrix stays of order one.
     state = mpmath.matrix(
         [
@@ -271,9 +274,11 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
 
 def structure_cases() -> Iterator[ExtremeCase]:
     """Yield all cases of the structure ladder's beam rungs: first those one step away from a plain beam."""
-    plain, beams = Cantilever(1e-3, 1e-3, 10e-3), {}
+    plain = Cantilever(1e-3, 1e-3, 10e-3)
+    beams = {}
     for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
-        name, beam = f"thickness {per_length:.3g} of the length", plain._replace(thickness=per_length * plain.length)
+        name = f"thickness {per_length:.3g} of the length"
+        beam = plain._replace(thickness=per_length * plain.length)
         beams[name] = beam
         beams[f"{name}, body 10 times its mass"] = beam._replace(mass_ratio=10.0, offset=2e-3, gyration=0.1)
     beams |= {f"width {k:g} of the thickness": plain._replace(width=k * plain.thickness) for k in (0.2, 1.0, 5.0, 20.0)}
@@ -283,7 +288,8 @@ def structure_cases() -> Iterator[ExtremeCase]:
     beams["steel beam under a resin plate"] = Cantilever(1e-3, 2e-4, 5e-3, 12.0, 2e-3, 0.3, 200e9, 0.3, 7850.0)
     source = "roots of Timoshenko's frequency equation, forty digits"
     for name, beam in beams.items():
-        solve, reference = partial(frame_answer, beam), partial(exact_frequencies, beam)
+        solve = partial(frame_answer, beam)
+        reference = partial(exact_frequencies, beam)
         yield ExtremeCase(name, "structure", "frame", solve, reference, source)
     source = "3-D elasticity of the printed solid, order 3, 0.3 %"
     for name, topology, shape, figures, washer, hz in _TAXELS:
@@ -293,7 +299,8 @@ def structure_cases() -> Iterator[ExtremeCase]:
 
 STEEL = Elastic(200e9, 0.3, 7850.0)
 DENSITY = 1240.0
-BLOCK_MM, HEIGHT_MM = 5.0, 2.0
+BLOCK_MM = 5.0
+HEIGHT_MM = 2.0
 RING_MM = (4.0, 2.0, 0.5)
 """Outer and inner diameter and thickness."""
 TOLERANCE = 5e-3
@@ -317,8 +324,10 @@ class BlockTaxel(NamedTuple):
     def written(self, folder: Path) -> SolidTaxel:
         """Write the taxel as STEP file in `folder`. Imports netgen."""
         outer, inner, thick = RING_MM
-        low, middle = -self.step_mm, self.length + BLOCK_MM / 2
-        corner, opposite = (self.length, -BLOCK_MM / 2, low), (self.length + BLOCK_MM, BLOCK_MM / 2, HEIGHT_MM)
+        low = -self.step_mm
+        middle = self.length + BLOCK_MM / 2
+        corner = (self.length, -BLOCK_MM / 2, low)
+        opposite = (self.length + BLOCK_MM, BLOCK_MM / 2, HEIGHT_MM)
         beam = occ.Box(occ.Pnt(0, -self.width / 2, 0), occ.Pnt(self.length, self.width / 2, self.thickness))
         body = beam + occ.Box(occ.Pnt(*corner), occ.Pnt(*opposite))
         foot = occ.Pnt(middle, 0, low - thick)
@@ -326,7 +335,8 @@ class BlockTaxel(NamedTuple):
         step = folder / "taxel.step"
         occ.Compound([body.solids[0], ring.solids[0]]).WriteStep(str(step))
         volume = pi / 4 * (outer**2 - inner**2) * thick
-        printed, sizes = Elastic(self.modulus, self.poisson, DENSITY), (self.length, self.width, self.thickness)
+        printed = Elastic(self.modulus, self.poisson, DENSITY)
+        sizes = (self.length, self.width, self.thickness)
         name = f"a block on a beam of {' x '.join(map(number, sizes))} mm"
         return SolidTaxel(step, printed, self.washer, volume, middle, clamp="root", name=name)
 
@@ -346,7 +356,8 @@ def solid_answer(taxel: BlockTaxel, finer: bool = False, scale: float = 1.0) -> 
 
 def solid_cases() -> Iterator[ExtremeCase]:
     """Yield all cases of the domain 'solid'; they need NGSolve."""
-    plain, same = BlockTaxel(), f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
+    plain = BlockTaxel()
+    same = f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
 
     def case(name: str, taxel: BlockTaxel, reference: Callable[[], Any], source: str) -> ExtremeCase:
         return ExtremeCase(name, "solid", "elements", partial(solid_answer, taxel), reference, source)
@@ -361,7 +372,8 @@ def solid_cases() -> Iterator[ExtremeCase]:
     for modulus in (1e3, 1e6):
         # Beside steel the print is soft: only the root of its modulus counts.
         reference = partial(solid_answer, plain._replace(modulus=1e7), True, sqrt(modulus / 1e7))
-        taxel, source = plain._replace(modulus=modulus), f"{same}, at 10 MPa, by the root of the modulus"
+        taxel = plain._replace(modulus=modulus)
+        source = f"{same}, at 10 MPa, by the root of the modulus"
         yield case(f"modulus {modulus:g} Pa under steel", taxel, reference, source)
     for modulus in (1e3, 1e12):
         share = modulus / plain.modulus
@@ -400,7 +412,8 @@ def force_cases() -> Iterator[ExtremeCase]:
     yield _solid_case("saturated steels, 20000 ampere turns", Pull(COIL, WASHER, 1e-3, 0, 20.0, MILD_STEEL, MILD_STEEL))
     for ratio in (0.0, 0.98):
         coil = solenoid(10e-3, max(ratio, 0.4) * 10e-3, 10e-3, 1000, ratio * 10e-3, 1000)
-        pull, name = Pull(coil, WASHER, 1e-3), f"core {ratio:g} of the coil's diameter"
+        pull = Pull(coil, WASHER, 1e-3)
+        name = f"core {ratio:g} of the coil's diameter"
         yield _axisymmetric_case(name, pull)
         yield _solid_case(name, pull)
         yield _planned_case(name, pull)
@@ -408,7 +421,8 @@ def force_cases() -> Iterator[ExtremeCase]:
         yield _planned_case(f"gap of {1e3 * gap_m:g} mm", Pull(COIL, WASHER, gap_m))
     for offset_m in (3e-3, 5e-3, 8e-3):
         yield _planned_case(f"{1e3 * offset_m:g} mm off the axis", Pull(COIL, WASHER, 1e-3, offset_m))
-    wide, small = solenoid(20e-3, 16e-3, 20e-3, 1000, 16e-3, 1000), SteelRing(4e-3, 1.7e-3, 0.3e-3, 300)
+    wide = solenoid(20e-3, 16e-3, 20e-3, 1000, 16e-3, 1000)
+    small = SteelRing(4e-3, 1.7e-3, 0.3e-3, 300)
     yield _planned_case("washer of M1.6 over a core of 16 mm", Pull(wide, small, 5e-4))
     for index in range(RANDOM):
         pull = random_pull(index)
@@ -427,22 +441,26 @@ def random_pull(index: int) -> Pull:
     ring = washers[int(draw() * len(washers))]
     core = 20e-3 * draw() if draw() < 0.8 else 0.0
     bore = max(core, 2e-3) * (1 + 0.3 * draw())
-    outer, length = bore + 2e-3 * (1 + 4 * draw()), 5e-3 * 8 ** draw()
+    outer = bore + 2e-3 * (1 + 4 * draw())
+    length = 5e-3 * 8 ** draw()
     sizes = [1e-3 * ring[key] for key in ("outer_diameter_mm", "inner_diameter_mm", "thickness_mm")]
     coil = solenoid(outer, bore, length, 1000, core, 1000)
     return Pull(coil, SteelRing._make([*sizes, ring["relative_permeability"]]), 2e-4 * 25 ** draw(), 15e-3 * draw())
 
 
 def _planned_case(name: str, pull: Pull) -> ExtremeCase:
-    reference, source = partial(axisymmetric_pull, pull), "axisymmetric field, with its error"
+    reference = partial(axisymmetric_pull, pull)
+    source = "axisymmetric field, with its error"
     if pull.offset_m:
-        reference, source = partial(_off_axis, pull), "3-D field, with its own error"
+        reference = partial(_off_axis, pull)
+        source = "3-D field, with its own error"
     return ExtremeCase(name, "force", "plan", partial(charges_pull, pull), reference, source)
 
 
 def _axisymmetric_case(name: str, pull: Pull) -> ExtremeCase:
     source = "the same by elements of order 7 and six refinements, with its own error"
-    solve, finer = partial(axisymmetric_pull, pull), partial(axisymmetric_pull, pull, *FINER_FIELD, scalar=True)
+    solve = partial(axisymmetric_pull, pull)
+    finer = partial(axisymmetric_pull, pull, *FINER_FIELD, scalar=True)
     return ExtremeCase(name, "force", "axisymmetric", solve, finer, source)
 
 
@@ -474,7 +492,9 @@ def _near_pull_in(share: float) -> ExtremeCase:
     return ExtremeCase(name, "force", "balance", solve, partial(np.array, [root]), source)
 
 
-MASS_KG, GAP_M, RESISTANCE_OHM = 1e-4, 1e-3, 62.9
+MASS_KG = 1e-4
+GAP_M = 1e-3
+RESISTANCE_OHM = 62.9
 
 MANY_DIGITS = f"mpmath, {DIGITS} digits"
 COUPLED_TOLERANCE = 1e-9
@@ -482,7 +502,8 @@ COUPLED_TOLERANCE = 1e-9
 
 def dynamics_cases() -> Iterator[ExtremeCase]:
     """Yield all cases of the domain 'dynamics'; references need mpmath or scipy when they are asked for."""
-    hz, early_and_late = np.array([20.0, 110.0, 440.0, 1000.0]), np.array([1e-3, 0.1, 10.0])
+    hz = np.array([20.0, 110.0, 440.0, 1000.0])
+    early_and_late = np.array([1e-3, 0.1, 10.0])
     force = tones(np.append(hz[:2], hz[2:] + 1e-9), 1e-5, np.arange(4.0))
     for q in (1.0, 15.0, 1e3, 1e5, 1e7):
         yield _propagated(
@@ -492,13 +513,15 @@ def dynamics_cases() -> Iterator[ExtremeCase]:
     yield _propagated("critical damping, and 1e-12 off it", hz, critical, MASS_KG, force, early_and_late)
     yield _phasor_near_resonance()
     yield _many_oscillators()
-    hz, name = np.geomspace(20, 1000, 7), "masses of 1e-3 to 1e3 of a taxel's under one force"
+    hz = np.geomspace(20, 1000, 7)
+    name = "masses of 1e-3 to 1e3 of a taxel's under one force"
     yield _propagated(name, hz, 15.0, np.geomspace(1e-7, 1e-1, 7), tones(hz, 1e-5), np.array([0.01, 10.0]))
     for constant_s in (1e-6, 1e-3, 10.0):
         yield _circuit_and_taxel(constant_s)
     for constant_s in (1e-6, 10.0):
         yield _acting_back(constant_s)
-    hz, mass = np.array([60.0, 170.0, 480.0]), MASS_KG * np.array([1e3, 1.0, 1e-3])
+    hz = np.array([60.0, 170.0, 480.0])
+    mass = MASS_KG * np.array([1e3, 1.0, 1e-3])
     pull = mass * (2 * np.pi * hz) ** 2 * GAP_M / 40
     system = make_system(hz, 15.0, mass, pull, 2.0, GAP_M, RESISTANCE_OHM, 40 * GAP_M * float(pull.sum()))
     voltage = tones(hz / 2, 0.4 * np.abs(impedance(RESISTANCE_OHM, system.inductance_h, hz / 2)))
@@ -516,13 +539,15 @@ def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Ton
     """
     mp = mpmath.mp.clone()
     mp.dps = DIGITS + 20
-    omega, t = 2 * mp.pi * mp.mpf(float(frequency_hz)), mp.mpf(float(time_s))
+    omega = 2 * mp.pi * mp.mpf(float(frequency_hz))
+    t = mp.mpf(float(time_s))
     alpha = omega / (2 * mp.mpf(float(q)))
     # Where the formula is 0/0 it is taken a hair beside, far below the digits that are kept.
     hair = mp.mpf(10) ** (-DIGITS // 2)
     alpha = alpha * (1 + hair) if alpha == omega else alpha
     root = mp.sqrt(mp.mpc(alpha**2 - omega**2))
-    first, second = -alpha + root, -alpha - root
+    first = -alpha + root
+    second = -alpha - root
     push = (mp.exp(first * t) - mp.exp(second * t)) / (first - second)
     keep = (mp.exp(first * t) + mp.exp(second * t)) / 2 + alpha * push
     total = mp.mpf(0)
@@ -552,12 +577,14 @@ def _propagated(name: str, hz: np.ndarray, q: Any, mass: Any, force: Tones, time
 
 
 def _phasor_near_resonance() -> ExtremeCase:
-    hz, q = 1000.0, 1e7
+    hz = 1000.0
+    q = 1e7
     force = tones(hz + 1e-9, 1e-5)
 
     def exact() -> np.ndarray:
         with mpmath.workdps(DIGITS):
-            own, at = mpmath.mpf(hz), mpmath.mpf(float(force.frequency_hz[0]))
+            own = mpmath.mpf(hz)
+            at = mpmath.mpf(float(force.frequency_hz[0]))
             bracket = mpmath.mpc(own**2 - at**2, at * own / mpmath.mpf(q))
             moved = complex(mpmath.mpf(1e-5) / (4 * mpmath.pi**2 * mpmath.mpf(MASS_KG) * bracket))
         return np.array([moved.real, moved.imag])
@@ -574,7 +601,8 @@ def _many_oscillators() -> ExtremeCase:
     """Make a case of 2,048 resonators in unit of a static deflection, so that slow and fast ones weigh alike."""
     hz = np.geomspace(0.1, 1000, 2048)
     force, seen = tones(hz[::32], 1e-5, np.arange(64)), np.linspace(0, len(hz) - 1, 16).astype(int)
-    times, static = np.linspace(0, 10, 201)[1:], 1e-5 / (MASS_KG * (2 * np.pi * hz[seen]) ** 2)
+    times = np.linspace(0, 10, 201)[1:]
+    static = 1e-5 / (MASS_KG * (2 * np.pi * hz[seen]) ** 2)
 
     def solve() -> Solved:
         moved = propagate(hz, 1e6, MASS_KG, force, times)
@@ -599,7 +627,8 @@ def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Solved
 
 def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
     """Make a case of a pull so weak that nothing acts back: the linear model is the truth."""
-    inductance, weak = RESISTANCE_OHM * constant_s, 1e-12
+    inductance = RESISTANCE_OHM * constant_s
+    weak = 1e-12
     voltage = tones([0.0, 500.0, 380.0], [1.0, 2.0, 2.0], [0.0, 0.3, 0.2])
     system = make_system(1000.0, 15.0, MASS_KG, weak, 0.0, GAP_M, RESISTANCE_OHM, inductance)
     times = np.array([0.002, 0.01, 0.05])
@@ -615,7 +644,8 @@ def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
 
 def _acting_back(constant_s: float) -> ExtremeCase:
     """Make a case of a pull that moves the washer by a tenth of its gap, and motion that moves the current."""
-    inductance, hz = RESISTANCE_OHM * constant_s, 1000.0
+    inductance = RESISTANCE_OHM * constant_s
+    hz = 1000.0
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
     pull = min(stiffness * GAP_M / 10, inductance / GAP_M / 20)
     amps = float(np.sqrt(stiffness * GAP_M / 10 / pull))
@@ -632,7 +662,8 @@ def _against_scipy(name: str, system: CoupledSystem, voltage: Tones, times: np.n
         moved = scipy_motion(system, from_tones("voltage", voltage), times, method, tolerance)
         return _over_largest(moved[: len(system.gap_m)])
 
-    solve, source = partial(_refined, system, voltage, times), f"scipy {method} at {tolerance:g}"
+    solve = partial(_refined, system, voltage, times)
+    source = f"scipy {method} at {tolerance:g}"
     return ExtremeCase(name, "dynamics", "coupled", solve, reference, source)
 
 
@@ -649,22 +680,27 @@ def _pull_in() -> Iterator[ExtremeCase]:
 
     balance = balanced_deflection(0.99 * largest / stiffness, GAP_M, exponent) or nan
     for percent, truth, source in ((99, balance / GAP_M, "balance in closed form"), (101, nan, "there is none")):
-        name, reference = f"mean pull at {percent} % of pull-in", partial(np.full, (1, 1), truth)
+        name = f"mean pull at {percent} % of pull-in"
+        reference = partial(np.full, (1, 1), truth)
         solve = partial(highest, 0.5, percent / 100 * largest, np.ones(1), 1e-9)
         yield ExtremeCase(name, "dynamics", "coupled", solve, reference, source)
     # Let go of at rest, ½ k z (1 − z/g) = c i² gives the turning point, of a half of the gap at most.
-    share, times = 0.999, np.linspace(0, 0.03, 20_001)
+    share = 0.999
+    times = np.linspace(0, 0.03, 20_001)
     solve = partial(highest, np.inf, share * stiffness * GAP_M / 8, times, 1e-6)
     reference = partial(np.full, (1, 1), (1 - np.sqrt(1 - share)) / 2)
-    name, source = "undamped, let go of at 99.9 % of what pulls it in", "conservation of energy"
+    name = "undamped, let go of at 99.9 % of what pulls it in"
+    source = "conservation of energy"
     yield ExtremeCase(name, "dynamics", "coupled", solve, reference, source)
 
 
-GROUPS, IN_GROUP = 8, 50
+GROUPS = 8
+IN_GROUP = 50
 SOLIDS = (0, 1, 9, 11, 30, 37)
 """Random specs of which a taxel is solved by finite elements, too: feasible ones of every topology."""
 SOLID_TOLERANCE = 3e-3
-QUICK, QUICK_ERROR = (3, 1), 3e-3
+QUICK = (3, 1)
+QUICK_ERROR = 3e-3
 """Order and levels of elements that a beam model is held against, and what they may be off by."""
 MOST_ODD = 4
 """Fields, at most, that are drawn from all that they may be, the others being of the catalogues or usual."""
@@ -696,17 +732,21 @@ FREE = (
 def spec_cases() -> Iterator[ExtremeCase]:
     """Yield groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
     for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
-        name, source = f"random {first} … {first + IN_GROUP - 1}", "a plan of finite figures, or one sentence"
+        name = f"random {first} … {first + IN_GROUP - 1}"
+        source = "a plan of finite figures, or one sentence"
         yield ExtremeCase(name, "specs", "plan", partial(_group, first), partial(np.array, [0.0]), source)
     for place in SOLIDS:
-        quick, source = partial(_solid, place, QUICK, QUICK_ERROR), f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
+        quick = partial(_solid, place, QUICK, QUICK_ERROR)
+        source = f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
         yield ExtremeCase(f"taxel of random {place}", "specs", "beam", partial(_beam, place), quick, source)
-    converged, finer = partial(_solid, SOLIDS[1], None, nan), partial(_solid, SOLIDS[1], FINER_ELEMENTS, FINER_ERROR)
+    converged = partial(_solid, SOLIDS[1], None, nan)
+    finer = partial(_solid, SOLIDS[1], FINER_ELEMENTS, FINER_ERROR)
     source = f"elements of order {FINER_ELEMENTS[0]}, {FINER_ELEMENTS[1]} layers"
     yield ExtremeCase(f"taxel of random {SOLIDS[1]}", "specs", "elements", converged, finer, source)
     for name, fields_ in IMPOSSIBLE.items():
         table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}
-        told, source = partial(np.array, [1.0]), "an error or a refusal, since no pad can be so"
+        told = partial(np.array, [1.0])
+        source = "an error or a refusal, since no pad can be so"
         yield ExtremeCase(name, "specs", "plan", partial(_refused, table), told, source)
 
 
@@ -752,7 +792,8 @@ def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
     """Draw spec number `number`, as a table; the same on every machine."""
     random = Random(number)
     draw = random.random
-    low, side_mm = 10 * 20 ** draw(), 30 * 5 ** draw()
+    low = 10 * 20 ** draw()
+    side_mm = 30 * 5 ** draw()
     material, made = random.choice(sorted(catalogue("material").items()))
     printers = [name for name, entry in sorted(catalogue("printer").items()) if entry["process"] == made["process"]]
     table: dict[str, Any] = {
@@ -799,7 +840,8 @@ ODD = [
     if item.name not in NOT_ODD and (choices(item.metadata) or "low" in item.metadata)
 ]
 """All fields that have bounds or choices, lists as well, and their tables."""
-MOST_TOGETHER, MOST_LISTED = 6, 4
+MOST_TOGETHER = 6
+MOST_LISTED = 4
 """Most fields of one odd spec that are drawn, and most numbers in a drawn list."""
 AT_CORNERS = 0.4
 """Share of the drawn numbers that are a field's lowest or highest."""
@@ -861,7 +903,8 @@ def _odd_value(item: "Field[Any]", random: Random) -> Any:
 
 def _with_field(table: dict[str, Any], name: str, item: "Field[Any]", value: Any) -> dict[str, Any]:
     """Return the table of a spec with one field set; whole numbers are rounded to such."""
-    kind, numbers = optional_type(item.type)[0], isinstance(value, list)
+    kind = optional_type(item.type)[0]
+    numbers = isinstance(value, list)
     if kind is int or (numbers and get_args(kind)[0] is int):
         value = [round(v) for v in value] if numbers else round(value)
     return laid_over(table, {f"{name}.{item.name}" if name else item.name: value})

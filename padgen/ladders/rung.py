@@ -283,7 +283,8 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
         ]
         # Those whose error the reference's own does not blur.
         clear = [row for row in own if row.error > CLEAR * uncertainty]
-        theory, order = ladder.theory.get(name), None
+        theory = ladder.theory.get(name)
+        order = None
         if not (theory and theory.same_limit):
             gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
             order = observed_order([row.rung.step for row in own], gaps)
@@ -315,7 +316,9 @@ def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | Non
 
     inf where they have no common shape.
     """
-    a, b, size = one.values, other.values, (to or other).values
+    a = one.values
+    b = other.values
+    size = (to or other).values
     if a is None or b is None or size is None or not a.shape == b.shape == size.shape:
         return inf
     scale = np.abs(size) if ladder.relative_to == "each" else np.full(size.shape, np.abs(size).max(initial=0.0))
@@ -335,7 +338,8 @@ def observed_order(steps: Sequence[float], differences: Sequence[float]) -> floa
     if last is None or not all(isfinite(d) and d > 0 for d in differences[last - 1 : last + 1]):
         return None
     fine = steps[last + 1]
-    coarse, middle = steps[last - 1] / fine, steps[last] / fine
+    coarse = steps[last - 1] / fine
+    middle = steps[last] / fine
     wanted = differences[last - 1] / differences[last]
 
     def ratio(order: float) -> float:
@@ -393,7 +397,8 @@ def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
 
 
 LIMIT_S = 600.0
-BUDGET_S, MOST_RUNS = 2.0, 7
+BUDGET_S = 2.0
+MOST_RUNS = 7
 LONG_S = 6.0
 """A run that takes longer is not repeated, a shorter one at least once."""
 MODELS = ("padgen.physics", "padgen.planner", "padgen.verify")
@@ -474,7 +479,8 @@ def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
         walls, cpus = ([seconds] for seconds in times)
         while len(walls) < most_runs and (len(walls) < 2 or sum(walls) < budget_s) and min(walls) < LONG_S:
             _, *times = _run(pickled, made)
-            walls, cpus = [*walls, times[0]], [*cpus, times[1]]
+            walls = [*walls, times[0]]
+            cpus = [*cpus, times[1]]
     except MemoryError as error:
         raise SolverError("the machine has not enough memory for it") from error
     return Timed(value, min(walls), min(cpus), len(walls), memory)
@@ -492,6 +498,7 @@ def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
                 if hasattr(type(held), "cache_clear"):
                     held.cache_clear()
     gc.collect()
-    wall, cpu = time.perf_counter(), time.process_time()
+    wall = time.perf_counter()
+    cpu = time.process_time()
     value = work(*made)
     return value, time.perf_counter() - wall, time.process_time() - cpu

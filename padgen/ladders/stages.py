@@ -104,11 +104,14 @@ class DynamicsQuestion:
     @property
     def voltage(self) -> Source:
         """The voltage that makes this current in the coil with its washers at rest."""
-        resistance, inductance, current = self.system.resistance_ohm, self.system.inductance_h, self.current
+        resistance = self.system.resistance_ohm
+        inductance = self.system.inductance_h
+        current = self.current
         if current is None:
             return Source("voltage", partial(_root_voltage, self.squared_current, resistance, inductance))
         z = impedance(resistance, inductance, current.frequency_hz)
-        size, phase = current.amplitude * np.abs(z), current.phase_rad + np.angle(z)
+        size = current.amplitude * np.abs(z)
+        phase = current.phase_rad + np.angle(z)
         return from_tones("voltage", current._replace(amplitude=size, phase_rad=phase))
 
     @property
@@ -151,10 +154,14 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
     SolverError
         `after_s` is negative, or the coil pulls none of its washers.
     """
-    own, coil, scheme, state = plan.sets[coil_set], plan.spec.coil, plan.scheme, plan.selectivity.worst_state
+    own = plan.sets[coil_set]
+    coil = plan.spec.coil
+    scheme = plan.scheme
+    state = plan.selectivity.worst_state
     on = np.array([bit == "1" for bit in state] if len(state) == len(own) and "1" in state else [True] * len(own))
     line_a2 = np.array([c.line_a2 for c in own])
-    frequency, q = np.array([c.resonance_hz for c in own]), np.array([c.q for c in own])
+    frequency = np.array([c.resonance_hz for c in own])
+    q = np.array([c.q for c in own])
     start = RING_UPS * float((q / (np.pi * frequency)).max()) if after_s is None else after_s
     if start < 0 or not line_a2[on].any():
         raise SolverError(f"needs a time of at least 0 s and a washer that is pulled, got {number(start)} s")
@@ -168,7 +175,9 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
         coil.resistance_ohm,
         coil.inductance_mh * MH,
     )
-    hz, lines, bias = frequency[on], line_a2[on], bias_a(scheme, line_a2)
+    hz = frequency[on]
+    lines = line_a2[on]
+    bias = bias_a(scheme, line_a2)
     current = None if scheme.is_root else tones(hz / 2, np.sqrt(2 * lines), -np.pi / 2)
     if scheme.is_biased:
         phase = np.append(np.full(len(hz), -np.pi / 2), 0.0)
@@ -190,7 +199,8 @@ def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, Call
 
 
 def _phasor(question: DynamicsQuestion) -> Solved:
-    system, force = question.system, question.force
+    system = question.system
+    force = question.force
     lines = steady_lines(system.frequency_hz, system.q, system.mass_kg, force)
     moved = (lines @ np.exp(2j * np.pi * (force.frequency_hz + force.rest_hz)[:, None] * question.time_s)).real
     transient = np.exp(-np.pi * system.frequency_hz / system.q * question.time_s[0]).max()
@@ -215,9 +225,12 @@ def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
     The mean pull softens a spring by ``m z/g``, and its resonance, met within 1/Q, feels that Q
     times; the swing itself does so in second order; and it changes the coil's inductance.
     """
-    system, largest = question.system, np.abs(moved).max(1)
-    mean, swing = np.abs(moved.mean(1)) / system.gap_m, largest / system.gap_m
-    m, q = system.exponent, np.maximum(system.q, 1)
+    system = question.system
+    largest = np.abs(moved).max(1)
+    mean = np.abs(moved.mean(1)) / system.gap_m
+    swing = largest / system.gap_m
+    m = system.exponent
+    q = np.maximum(system.q, 1)
     spring = q * m * mean + m * swing + q * m * (m + 1) * swing**2
     return float(spring.max()) + 4 * float((system.pull_n_per_a2 * largest).sum()) / system.inductance_h
 
@@ -236,7 +249,8 @@ EFFORTS = (0.1, 0.3, 1.0)
 
 def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
     """Yield one ladder: the smallest ON over the largest OFF amplitude in all states, equal masses, in the band."""
-    spec, drive = scene.plan.spec, scene.plan.selectivity.drive
+    spec = scene.plan.spec
+    drive = scene.plan.selectivity.drive
     count = len(scene.plan.sets[0])
     if count < 2:
         return
@@ -269,7 +283,8 @@ def bound_promise(spec: Spec, count: int) -> Solved:
 
 def even_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
     """Return the exact figure of resonances evenly in octaves."""
-    which, scheme = _resonators(spec, geometric_ladder(*spec.band_hz, count)), scheme_named(spec, drive)
+    which = _resonators(spec, geometric_ladder(*spec.band_hz, count))
+    scheme = scheme_named(spec, drive)
     return _as_ratio(one_hot_db(which, scheme) if one_hot else all_states(which, scheme).db, count)
 
 
@@ -298,7 +313,8 @@ def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
     """Yield one ladder: the volumes of all distinct taxels, with the frame of their sub-cells."""
     from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
 
-    count, model = len(distinct_channels(scene.plan)), partial(taxel_solids, scene.plan)
+    count = len(distinct_channels(scene.plan))
+    model = partial(taxel_solids, scene.plan)
     # The height of a segment goes with the square of its angle.
     finenesses = [(chord, ANGLE_RAD * (chord / CHORD_MM) ** 0.5) for chord in CHORDS_MM]
     meshes = (
@@ -375,7 +391,8 @@ AXISYMMETRIC = ((3, 1), (4, 2), (5, 3), (6, 4))
 SOLID = ((2, 1), (3, 2), (4, 3))
 """(order of the elements, refinements of the mesh at the edges of steel): both grow at a time."""
 ORDER_NOTE = "the order is that of the polynomials in an element, and the mesh is refined at the edges"
-COAXIAL, OFF_AXIS = "axisymmetric field", "3-D field"
+COAXIAL = "axisymmetric field"
+OFF_AXIS = "3-D field"
 FIELD_ENGINE = ("ngsolve", "netgen.occ", "netgen.geom2d", "scipy.sparse.linalg", "padgen.verify.field_solid")
 LEAST_OFFSET_MM = 1e-3
 
@@ -447,8 +464,10 @@ def three_d_pull(pull: Pull, order: int = 3, levels: int = 1) -> Solved:
 
 GRADED = ((2, 0), (2, 1), (3, 1), (3, 2), (4, 3), (5, 4))
 """(order, levels of refinement at the edges that matter), as `solve_modes` has them; the last steps refine both."""
-ELEMENTS, FULL = (1, 2, 4, 8), 4
-FRAME, FRAMES = "frame, cubic elements", ("padgen.planner.taxel_frame",)
+ELEMENTS = (1, 2, 4, 8)
+FULL = 4
+FRAME = "frame, cubic elements"
+FRAMES = ("padgen.planner.taxel_frame",)
 REFERENCE = "solid, graded"
 THEORY = {
     FRAME: Theory(4, "frequencies by cubic shapes and consistent mass; what the flares' fixed slices err by stays"),
@@ -460,7 +479,8 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
     """Yield one ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
     plan = scene.plan
     for place, channel in enumerate(chosen_channels(plan)):
-        taxel, step = (plan.spec, channel), scene.step(channel)
+        taxel = (plan.spec, channel)
+        step = scene.step(channel)
         frame = partial(frame_hz, *taxel)
         frames = (
             Rung("frame", f"{count} element{'s' * (count > 1)} a beam", partial(frame, count), FRAME, 1 / count, FRAMES)
@@ -543,7 +563,8 @@ def pad_ladders(scene: Scene) -> Iterator[Ladder]:
 
     The frame is held by its screws or, without holes, glued down.
     """
-    plan, clamping = scene.plan, "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
+    plan = scene.plan
+    clamping = "corners" if scene.plan.spec.pad.hole_diameter_mm else "bottom"
     solve = partial(pad_hz, plan, clamping)
     yield Ladder(
         "pad",

@@ -97,7 +97,11 @@ SETS: tuple[CaseSet, ...] = (
     spec_cases,
 )
 LIMIT_S = 300.0
-RIGHT, REFUSED, WRONG, UNCHECKED, MISSING = "right", "refused", "WRONG", "unchecked", "not run"
+RIGHT = "right"
+REFUSED = "refused"
+WRONG = "WRONG"
+UNCHECKED = "unchecked"
+MISSING = "not run"
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,8 @@ def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
     """Return the largest difference over the largest entry of `reference`; nan for a shape or number that is none."""
     if values.shape != reference.shape or not np.isfinite(reference).all() or not np.isfinite(values).all():
         return nan
-    difference, scale = float(np.abs(values - reference).max(initial=0.0)), float(np.abs(reference).max(initial=0.0))
+    difference = float(np.abs(values - reference).max(initial=0.0))
+    scale = float(np.abs(reference).max(initial=0.0))
     return difference / scale if scale else difference
 
 
@@ -305,7 +310,8 @@ def run_study(
 def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
     """Run all rungs of some ladders, one at a time, and judge them; after Ctrl-C, what was measured until then."""
     found: list[list[Measured]] = [[] for _ in ladders]
-    total, done = sum(len(ladder.rungs) for ladder in ladders), 0
+    total = sum(len(ladder.rungs) for ladder in ladders)
+    done = 0
     with suppress(KeyboardInterrupt):
         for ladder, own in zip(ladders, found, strict=True):
             if ladder.before:
@@ -392,7 +398,8 @@ def study_csv(study: Study) -> str:
     for result in study.ladders:
         ladder = result.ladder
         for row, holds in zip(result.rows, recommended_for(result, study.tolerances), strict=True):
-            table, values = _rung(row), row.measured.values
+            table = _rung(row)
+            values = row.measured.values
             table |= {"ladder": ladder.name, **{name: getattr(ladder, name) for name in HEAD}}
             table["values"] = "" if values is None else " ".join(f"{v:.10g}" for v in values.ravel())
             table["recommended_for"] = " ".join(f"{tolerance:g}" for tolerance in holds)
@@ -431,7 +438,8 @@ def _ladder(result: Judged) -> dict[str, Any]:
 
 
 def _rung(row: Row) -> dict[str, Any]:
-    rung, own = row.rung, row.measured
+    rung = row.rung
+    own = row.measured
     return {
         **{name: getattr(rung, name) for name in ("model", "resolution", "series", "offered", "step")},
         "unknowns": own.unknowns,
@@ -451,9 +459,11 @@ EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "r
 
 def study_text(study: Study) -> str:
     """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
-    parts, stopped = [], []
+    parts = []
+    stopped = []
     for result in study.ladders:
-        left, every = sum(row.measured is NOT_RUN for row in result.rows), len(result.rows)
+        left = sum(row.measured is NOT_RUN for row in result.rows)
+        every = len(result.rows)
         if left:
             stopped.append(f"not run: {left} of {every} rungs of {result.ladder.name}, {result.ladder.subject}")
         if left < every:
@@ -574,7 +584,8 @@ def _figure(count: int) -> tuple[Any, list[Any]]:
 
 def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
     models = dict.fromkeys(row.rung.model for result in results for row in result.rows)
-    colours, marked = dict(zip(models, cycle(COLOURS), strict=False)), list(zip(results, cycle(MARKS), strict=False))
+    colours = dict(zip(models, cycle(COLOURS), strict=False))
+    marked = list(zip(results, cycle(MARKS), strict=False))
     drawn = [
         (row, mark, holds)
         for result, mark in marked

@@ -197,7 +197,8 @@ class Pad:
         FileError
             The folder cannot be written; its old files stay.
         """
-        folder, formats = Path(folder), parse_formats(",".join(formats))
+        folder = Path(folder)
+        formats = parse_formats(",".join(formats))
         recover(folder)
         # With a tolerance, only planning decides on the model.
         spec = self.spec if self.tolerance is None else self.plan.spec
@@ -214,7 +215,8 @@ class Pad:
         from padgen.planner import plan_to_json
         from padgen.planner.printing import OTHER_SLICERS_FILE, PROFILE_FILE, other_slicers_text, profile_text
 
-        plan, pad = self.plan, self.solid
+        plan = self.plan
+        pad = self.solid
         from padgen.solid.formats import ExportJob, Part
 
         beside = self.beside
@@ -231,7 +233,8 @@ class Pad:
             written = [writer.submit(maker.write, out, job) for maker, job in work]
             report = self.check()
             of_parts = {"parts": {name: own.figures for name, own in reports.items()}} if reports else {}
-            figures, findings = report.figures | of_parts, [*plan.findings, *report.findings]
+            figures = report.figures | of_parts
+            findings = [*plan.findings, *report.findings]
             for name, own in reports.items():
                 findings += [replace(each, where=f"{name}: {each.where}") for each in own.findings]
             for name, text in (

@@ -57,7 +57,8 @@ def spec_of(source: "str | Path | Mapping[str, Any] | Spec", fields: Mapping[str
         tables = dict(source)
     else:
         path = find_spec(str(source))
-        tables, home = read_table(path, str(source)), path.parent
+        tables = read_table(path, str(source))
+        home = path.parent
     flat: dict[str, Any] = {}
     for name, value in (fields or {}).items():
         # By dotted names a table's other fields stay.
@@ -184,16 +185,20 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
     SpecError, SolverError
         As planning does.
     """
-    path, beside = find_spec(spec), mesh.parent / PLAN
+    path = find_spec(spec)
+    beside = mesh.parent / PLAN
     if path.suffix == ".json":
-        plan, source = recorded_plan(path, progress), spec
+        plan = recorded_plan(path, progress)
+        source = spec
     else:
         asked = load_spec(spec)
         is_there = read_as_one(mesh.parent, beside.is_file, PLAN)
         recorded = recorded_plan(beside, progress) if is_there else None
         if recorded and answers(recorded.spec, asked):
-            plan, source = recorded, str(beside)
+            plan = recorded
+            source = str(beside)
         else:
-            plan, source = plan_for(asked, progress=progress), f"{spec}, planned anew"
+            plan = plan_for(asked, progress=progress)
+            source = f"{spec}, planned anew"
     models = " and ".join(sorted({channel.model for channel in plan.channels}))
     return plan, f"{source} ({models} model)"

@@ -33,7 +33,8 @@ __all__ = ["TaxelSolver", "plan_tuned_to_solid", "solid_taxel", "solve_step"]
 
 RULE_SLOPE = 0.5
 """d ln f / d ln w of the paper's rule, the first slope of the secant."""
-STEEPEST, FLATTEST = 2.0, 0.1
+STEEPEST = 2.0
+FLATTEST = 0.1
 ROUNDS = 5
 MISS_SHARE = 0.5
 """Share of the solver's tolerance within which a resonance counts as on its target."""
@@ -42,7 +43,8 @@ MODES = 6
 WORKERS = 8
 ENGINE = ("ngsolve", "padgen.verify.elasticity")
 """Modules that a solving process loads while the first taxel is modelled."""
-STEEL_GPA, STEEL_POISSON = 200.0, 0.3
+STEEL_GPA = 200.0
+STEEL_POISSON = 0.3
 """Elastic constants of the washer, which is forty times stiffer than the print and hardly bends."""
 CODE = ("physics/resonator.py", "planner/suspensions/__init__.py", "planner/layout.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
@@ -96,9 +98,11 @@ def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> P
             " 'beam', which includes that",
             "model.structure",
         )
-    asked, choice = spec, choose(spec)
+    asked = spec
+    choice = choose(spec)
     spec = choice.spec
-    beams, tolerance = choice.channels, asked_error(spec)
+    beams = choice.channels
+    tolerance = asked_error(spec)
     # With coarse printer steps the goal is the printable resonance.
     coarse = steps_are_coarse(spec) and not spec.resonances_hz
     goals = [float(c.model.resonance_hz) if coarse else c.target_hz for c in beams]
@@ -185,7 +189,8 @@ class TaxelSolver:
 
     def _inputs(self, plan: Plan, channel: Channel, setting: int) -> dict[str, Any]:
         """Return all inputs on which the modes depend."""
-        spec, packages = plan.spec, ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
+        spec = plan.spec
+        packages = ("build123d", "cadquery-ocp-novtk", "netgen-mesher", "ngsolve")
         return {
             **shape_inputs(plan, channel),
             "material": asdict(spec.material),
@@ -243,7 +248,8 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
     from padgen.verify.elasticity import Elastic, SolidTaxel, layered
 
     spec = plan.spec
-    material, washer = spec.material, spec.washer
+    material = spec.material
+    washer = spec.washer
     printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     ring_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)
     return SolidTaxel(
@@ -287,7 +293,8 @@ def _from_plain(entry: Any) -> Solved | None:
     """Return a solution from the cache's data, None where the data are not a taxel's modes."""
     try:
         frequency, motion, rest = (np.array(entry[key], float) for key in ("frequency_hz", "motion", "rest"))
-        error, setting = float(entry["error"]), int(entry["setting"])
+        error = float(entry["error"])
+        setting = int(entry["setting"])
     except (KeyError, OverflowError, TypeError, ValueError):
         return None
     shapes = (frequency.shape, motion.shape, rest.shape)

@@ -20,7 +20,8 @@ __all__ = ["Curve", "MethodFit", "TaxelFit", "fit_measured", "fitted", "tuning_p
 
 TABLE_HZ_SHARE = 0.05
 """One sigma of a resonance from a table that states none, over its bandwidth: the error of reading it off a curve."""
-TABLE_Q_SHARE, PLANNED_Q_SHARE = 0.1, 0.3
+TABLE_Q_SHARE = 0.1
+PLANNED_Q_SHARE = 0.3
 """Relative one sigma of a Q from a table, and of the plan's Q where the table has none."""
 TABLE_RESPONSE_SHARE = 0.1
 """Relative one sigma of a response from a table."""
@@ -111,7 +112,8 @@ def fitted(
     if not measured.stated:
         _refuse_units(measured, channels)
     fits: dict[str, TaxelFit] = {}
-    curves, refused = [], []
+    curves = []
+    refused = []
     for part in measured.taxels:
         try:
             for taxel, near_hz in _heard(part, plan, nearest):
@@ -141,9 +143,12 @@ def fitted(
 def _fit(part: Spectrum | Record, channel: Channel, near_hz: float | None) -> ResonanceFit:
     if isinstance(part, Spectrum):
         return fit_spectrum(part.frequency_hz, part.response, near_hz, part.power)
-    square, moved, exact = part.squared_current_a2, part.displacement, bool(part.shared)
+    square = part.squared_current_a2
+    moved = part.displacement
+    exact = bool(part.shared)
     # Too short, or sampled too slowly, to show the resonance of any print of the plan.
-    planned, seconds = channel.resonance_hz, len(moved) / part.rate_hz
+    planned = channel.resonance_hz
+    seconds = len(moved) / part.rate_hz
     if seconds * planned < 1 or part.rate_hz < planned / SLOWEST:
         raise SolverError(
             f"lasts {number(seconds)} s at {number(part.rate_hz)} samples a second, in which {number(planned)} Hz, as"
@@ -190,7 +195,8 @@ def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tup
 
 
 def _from_row(row: Row, channel: Channel) -> TaxelFit:
-    error, response = row.resonance_error_hz, row.response_um_per_a2
+    error = row.resonance_error_hz
+    response = row.response_um_per_a2
     q, q_share = (channel.q, PLANNED_Q_SHARE) if row.q is None else (row.q, TABLE_Q_SHARE)
     return TaxelFit(
         row.id,
@@ -240,7 +246,8 @@ def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
     ratio = float(np.median(ratios))
     spread = float(np.median([channels[part.id].print_spread for part in measured.taxels]))
     part = measured.taxels[0]
-    rough, planned = roughs[0], channels[part.id].resonance_hz
+    rough = roughs[0]
+    planned = channels[part.id].resonance_hz
     peak = part.id if isinstance(part, Row) else f"the largest response of {part.id}"
     shown = f"{peak} is at {number(rough)} Hz, planned is {number(planned)} Hz"
     is_time = isinstance(part, Record)
@@ -281,7 +288,8 @@ def _rough_hz(part: Row | Spectrum | Record) -> float:
     return rough_hz(part.rate_hz, part.displacement, None if is_still else part.squared_current_a2)
 
 
-MOST_PANELS, COLUMNS = 12, 3
+MOST_PANELS = 12
+COLUMNS = 3
 MOST_POINTS = 400
 FLOOR_DB = -60.0
 

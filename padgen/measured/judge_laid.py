@@ -29,9 +29,12 @@ Wrong = Mapping[str, Mapping[str, str]]
 """Settings to change, by the plan's names: each one's `name` for people, what it `has` and what it `needs` to be."""
 LAID_SHARE = 0.25
 """Share of the planned width below which a layer of a beam counts as missing."""
-WIDTH_MM, DEPTH_MM, MASS_SHARE = 0.05, 0.02, 0.02
+WIDTH_MM = 0.05
+DEPTH_MM = 0.02
+MASS_SHARE = 0.02
 """Largest differences of a layer's width, a recess's depth and a plate's plastic that are not reported."""
-CLOSED_MM, NARROW_SHARE = 0.05, 0.5
+CLOSED_MM = 0.05
+NARROW_SHARE = 0.5
 """Width below which a gap between beads counts as closed, and share of the planned gap below which it is reported."""
 SETTINGS = {
     "layer_height": ("layer_height",),
@@ -147,7 +150,9 @@ def _of(plan: Plan, channel: Channel) -> np.ndarray:
 
 
 def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
-    own, beam, steps = laid.beams[channel.index][index], channel.beam, laid.steps_mm
+    own = laid.beams[channel.index][index]
+    beam = channel.beam
+    steps = laid.steps_mm
     area = laid.areas_mm2[:, _of(plan, channel), own]
     at = np.linspace(0, beam.length_mm, area.shape[2])
     end = min(beam.fillet_mm + plan.spec.printer.line_width_mm, beam.length_mm / 4)
@@ -161,7 +166,8 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
     area = area[:, :, between] + 1e-12
     mean = (area * middle).sum(0) / area.sum(0)
     inertia = (area * (steps[:, None, None] ** 2 / 12 + (middle - mean) ** 2)).sum(0)
-    stack, inertia = area.sum(0).mean(1), 1 / (1 / inertia).mean(1)
+    stack = area.sum(0).mean(1)
+    inertia = 1 / (1 / inertia).mean(1)
     thickness = np.sqrt(12 * inertia / stack)
     first = [np.where(where.any(-1), at[where.argmax(-1)], np.nan) for where in (broken, thin.any(0))]
     return _Beams(width, is_laid, (is_laid * steps[:, None]).sum(0), (stack / thickness, thickness), *first)
@@ -174,7 +180,8 @@ def _plate_mm3(plan: Plan, channel: Channel) -> float:
         float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm)
         for b in plan.arrangement(channel).blocks
     )
-    wide, edge = plate.boss_diameter_mm, plate.boss_edge_mm
+    wide = plate.boss_diameter_mm
+    edge = plate.boss_edge_mm
     boss = wide**2 * (plate.boss_top_mm - plate.thickness_mm) - edge**2 * (2 * wide - 4 * edge / 3)
     return volume + pi / 4 * (
         max(boss, 0.0) - (plate.recess_diameter_mm**2 - plate.post_diameter_mm**2) * plate.recess_depth_mm
@@ -293,8 +300,12 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:
     """Find faults of gaps, recesses and plates, taxel by taxel."""
-    ids, washer, plate = np.array([t.id for t in plan.taxels]), plan.spec.washer, plan.plate
-    of, depth, closed = f"{len(ids)} taxels", plan.plate.recess_depth_mm, laid.gap_mm < CLOSED_MM
+    ids = np.array([t.id for t in plan.taxels])
+    washer = plan.spec.washer
+    plate = plan.plate
+    of = f"{len(ids)} taxels"
+    depth = plan.plate.recess_depth_mm
+    closed = laid.gap_mm < CLOSED_MM
     narrow = ~closed & (laid.gap_mm < NARROW_SHARE * plate.gap_mm)
     beside = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
     for which, level, word in ((closed, "error", "closed"), (narrow, "warning", "narrow")):
@@ -303,7 +314,8 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
             f" planned are {number(plate.gap_mm)} mm"
         )
         yield from _told(level, "laid.gap", ids[which], of, told, wrong, *beside)
-    hangs, deep = laid.recess_mm < depth - DEPTH_MM, laid.recess_mm > depth + DEPTH_MM
+    hangs = laid.recess_mm < depth - DEPTH_MM
+    deep = laid.recess_mm > depth + DEPTH_MM
     told = (
         f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
         f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
@@ -331,7 +343,8 @@ def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
     slot = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     for channel in plan.channels:
         hz = laid_hz[_of(plan, channel)]
-        loose, hz = int(np.isnan(hz).sum()), hz[~np.isnan(hz)]
+        loose = int(np.isnan(hz).sum())
+        hz = hz[~np.isnan(hz)]
         off = np.abs(hz / channel.resonance_hz - 1).max(initial=0.0)
         if not loose and off <= plan.spec.model.tolerance:
             continue

@@ -131,7 +131,8 @@ def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
         if numbers and (not move or abs(numbers[4] - move[4]) > SAME_Z_MM):
             rows = np.frombuffer(numbers).reshape(-1, 7)
             length = np.hypot(*(rows[:, 2:4] - rows[:, :2]).T)
-            rows, length = rows[length > 0], length[length > 0]
+            rows = rows[length > 0]
+            length = length[length > 0]
             area_mm2 = rows[:, 5] * (pi / 4 * filament_mm**2) / length
             yield Layer(float(numbers[4]), rows[:, :2], rows[:, 2:4], area_mm2, rows[:, 6])
             numbers = array("d")
@@ -143,7 +144,11 @@ def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
 def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
     """Yield moves that lay plastic: from x, y, to x, y, z, fed filament and stated height, in mm; arcs as chords."""
     at = dict.fromkeys("XYZE", 0.0)
-    unit, is_relative, is_e_relative, is_beside, height = 1.0, False, False, False, nan
+    unit = 1.0
+    is_relative = False
+    is_e_relative = False
+    is_beside = False
+    height = nan
     with path.open("rb") as file:
         for count, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), b""), start=1):
             if len(line) == LONGEST_LINE:
@@ -165,12 +170,16 @@ def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
                 is_relative = code == 91
             else:
                 words = {axis: unit * value for axis, value in _words(line, count, path).items()}
-                x, y, e = at["X"], at["Y"], at["E"]
+                x = at["X"]
+                y = at["Y"]
+                e = at["E"]
                 for axis in at.keys() & words.keys():
                     # G92 states where the nozzle is, and moves nothing.
                     adds = code != 92 and (is_relative or (axis == "E" and is_e_relative))
                     at[axis] = words[axis] + (at[axis] if adds else 0.0)
-                begin, end, fed = (x, y), (at["X"], at["Y"]), at["E"] - e
+                begin = (x, y)
+                end = (at["X"], at["Y"])
+                fed = at["E"] - e
                 if code == 92 or fed <= 0 or is_beside or (code < 2 and begin == end):
                     continue
                 if code < 2:
@@ -211,7 +220,8 @@ def _chords(start: Point, stop: Point, middle: Point, turn: int) -> list[Point]:
     return [(middle[0] + radius * cos(angle), middle[1] + radius * sin(angle)) for angle in angles]
 
 
-PIXEL_MM, MOST_PIXELS = 0.02, 400_000
+PIXEL_MM = 0.02
+MOST_PIXELS = 400_000
 STATION_MM = 0.4
 GAPS = (0.9, 1.6)
 """Least and largest width of a gap, over the plan's least gap; corners at a beam's ends are narrower."""
@@ -219,9 +229,12 @@ OPPOSITE = -0.8
 """Largest cosine of the angle between the directions to both sides of a gap."""
 NEAR_MM = 1.2
 """Largest distance from the middle of a gap to the middle of a bead beside it."""
-NODE_MM, MOST_NODES = 0.5, 16
+NODE_MM = 0.5
+MOST_NODES = 16
 """Distance between the nodes along a beam at which its width is measured, and the most nodes."""
-FRAME, PLATE, BEAM = 1, 2, 3
+FRAME = 1
+PLATE = 2
+BEAM = 3
 
 
 class TaxelMap:
@@ -237,7 +250,8 @@ class TaxelMap:
 
         arrangement = plan.arrangement(channel)
         sides = outline(plan, channel)
-        long, wide = sides.x1 - sides.x0, sides.y1 - sides.y0
+        long = sides.x1 - sides.x0
+        wide = sides.y1 - sides.y0
         self.pixel_mm = max(PIXEL_MM, (long * wide / MOST_PIXELS) ** 0.5)
         self.low = np.array([sides.x0, sides.y0])
         self.shape = tuple(int(np.ceil(v / self.pixel_mm)) for v in (long, wide))
@@ -248,10 +262,12 @@ class TaxelMap:
         corners = np.array([block[:4] for block in arrangement.blocks], float)
         inside = [(x > x0) & (x < x1) & (y > y0) & (y < y1) for x0, x1, y0, y1 in corners]
         plate = np.logical_or.reduce(inside)
-        bodies, along = [frame, plate & ~frame], []
+        bodies = [frame, plate & ~frame]
+        along = []
         self.beams: list[slice] = []
         weights: list[float] = []
-        count, rest = 0, ~frame & ~plate
+        count = 0
+        rest = ~frame & ~plate
         for path in arrangement.beams:
             run, pixel = self._run_mm(path)
             long_mm = float(path.length_mm)
@@ -270,19 +286,23 @@ class TaxelMap:
         self.node_mm = np.array(weights)
         far = (np.full(self.shape, np.inf), np.zeros((2, *self.shape), np.int32))
         nearest = [distance(~body, self.pixel_mm, return_indices=True) if body.any() else far for body in bodies]
-        away, places = np.stack([n[0] for n in nearest]), np.stack([n[1] for n in nearest])
+        away = np.stack([n[0] for n in nearest])
+        places = np.stack([n[1] for n in nearest])
         self.owner = (away.argmin(0) + 1).astype(np.int8)
         own_beam = [self.owner == BEAM + k for k in range(len(along))]
         self.node = np.select(own_beam, along, -1.0).astype(np.float32)
         solid = np.logical_or.reduce(bodies)
-        washer_x, sizes = float(arrangement.washer_x_mm), plan.plate
+        washer_x = float(arrangement.washer_x_mm)
+        sizes = plan.plate
         radius = np.hypot(x - washer_x, y)
         self.solid = solid & ~((radius < sizes.recess_diameter_mm / 2) & (radius > sizes.post_diameter_mm / 2))
         self._gaps(~solid, away, places, sizes.gap_mm)
 
     def _run_mm(self, path: BeamPath) -> tuple[np.ndarray, np.ndarray]:
         """Return points along a beam: their distances in mm from its root, and the pixels that they lie in."""
-        runs, points, done = [], [], 0.0
+        runs = []
+        points = []
+        done = 0.0
         for k, segment in enumerate(path.segments):
             long = float(segment.length_mm)
             share = (np.arange(int(8 * long / self.pixel_mm) + 1) + 0.5) / (int(8 * long / self.pixel_mm) + 1)
@@ -375,7 +395,8 @@ class PadMaps:
         (x, y), (cosine, sine), corner = (points - self.axis[taxel]).T, self.ways[taxel].T, self.corner[taxel].T
         own = np.stack([cosine * x + sine * y, cosine * y - sine * x], -1)
         channel = self.channel[taxel]
-        pixel, shape = self.pixel_mm[channel], self.shape[channel].T
+        pixel = self.pixel_mm[channel]
+        shape = self.shape[channel].T
         at = [((own[:, k] - corner[k]) / pixel).astype(np.int32).clip(0, shape[k] - 1) for k in (0, 1)]
         return taxel, own, self.first[channel] + at[0] * shape[1] + at[1]
 
@@ -410,7 +431,8 @@ def cut(layer: Layer, piece_mm: float) -> tuple[np.ndarray, np.ndarray]:
 
 ROUND_EDGES = 1 - np.pi / 4
 """Excess width of a bead with round edges over a rectangle of the same area and height, over the height."""
-FINE_MM, COARSE_MM = 0.04, 0.2
+FINE_MM = 0.04
+COARSE_MM = 0.2
 """Longest pieces of extrusions at the height of beams and recesses, and above it."""
 MOST_PIECES = 1_000_000
 """Most pieces that are looked up at a time."""
@@ -426,7 +448,8 @@ LONG_MM = 1.0
 """Least length of a bead along the pad's edge, and its largest distance from the edge where that was first found."""
 ALIKE = 2e-3
 """Difference of correlations that may be rounding; a pad that looks the same when turned then gets the smaller turn."""
-IMAGE_MM, MOST_IMAGE = 0.5, 1000
+IMAGE_MM = 0.5
+MOST_IMAGE = 1000
 """Pixel size of the images that are compared, and the most pixels along a side of the searched area."""
 WIDEST_MM = 2000.0
 FIRST_LAYERS = 8
@@ -485,12 +508,16 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     FileError
         The file lays nothing, does not hold this pad, or ends before the pad is whole.
     """
-    where, maps = str(path), PadMaps(plan)
+    where = str(path)
+    maps = PadMaps(plan)
     reading = read_layers(path, filament_mm or FILAMENTS_MM[0])
     placing, layer, step, full = _placed(maps, reading, where)
     found = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
     share = 1.0 if filament_mm else (found / FILAMENTS_MM[0]) ** 2
-    bottom, top, last, rows = layer.top_mm - step, 0.0, step, []
+    bottom = layer.top_mm - step
+    top = 0.0
+    last = step
+    rows = []
     whole = max(plan.plate.boss_top_mm, plan.spec.pad.frame_thickness_mm)
     layer_mm = plan.spec.printer.layer_mm
     for each in chain([layer], reading):
@@ -504,7 +531,8 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
                 where,
             )
         rows.append(_laid_layer(maps, placing, replace(each, area_mm2=share * each.area_mm2), top, step))
-        top, last = top + step, step
+        top = top + step
+        last = step
     if not top > whole - max(last, layer_mm) - 0.05:
         raise FileError(
             f"ends at {number(top)} mm of the {number(whole)} mm that the pad {plan.name} is high: the file is cut"
@@ -512,10 +540,12 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
             where,
         )
     steps, areas, plate, roof, strands, room, gap = (np.array(part) for part in zip(*rows, strict=True))
-    tops, taxels = np.cumsum(steps), np.arange(len(plan.taxels))
+    tops = np.cumsum(steps)
+    taxels = np.arange(len(plan.taxels))
     beam_layers = int((tops - steps < _beams_top_mm(plan)).sum())
     # A recess ends at the first layer with plastic over it; without a roof it is as deep as the pad is high.
-    has_roof, first = (roof > 0).any(0), (roof > 0).argmax(0)
+    has_roof = (roof > 0).any(0)
+    first = (roof > 0).argmax(0)
     strand = np.divide(strands[first, taxels], roof[first, taxels], out=np.full(len(taxels), np.nan), where=has_roof)
     below = np.arange(len(steps))[:, None] < np.where(has_roof, first, len(steps))
     return LaidPad(
@@ -539,7 +569,8 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
 
     The fullness is the plastic of that layer within the taxels over the plan's there.
     """
-    least, top = 1.0, 0.0
+    least = 1.0
+    top = 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):
         told = float(layer.height_mm[0])
         step = told if told > 0 else layer.top_mm - top if layer.top_mm > top else layer.top_mm
@@ -588,7 +619,8 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     pad = maps.plan.spec.pad
     size = np.array([pad.width_mm, pad.depth_mm]) + 2 * pad.border_mm
     points, line = cut(layer, 0.2)
-    low, high = points.min(0), points.max(0)
+    low = points.min(0)
+    high = points.max(0)
     coarse = max(IMAGE_MM, float(max(*(high - low), *size)) / MOST_IMAGE)
     volume = layer.volume_mm3 / np.bincount(line, minlength=len(layer.start))
 
@@ -610,7 +642,8 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
 
     # The pad may lie beyond what is laid, by its own size, on the coarse grid.
     plan = fine = planned(coarse)
-    laid, found = image(points, low, np.ceil((high - low) / coarse).astype(np.int64) + 1, coarse), []
+    laid = image(points, low, np.ceil((high - low) / coarse).astype(np.int64) + 1, coarse)
+    found = []
     for quarters in range(4):
         kernel = np.rot90(plan - plan.mean(), quarters)
         score = correlate(laid, kernel, method="fft")
@@ -622,7 +655,8 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     best = Placing(0.0, 0.0, 0, 0.0, 1.0)
     for _, quarters, centre in sorted(sorted(found, key=lambda item: -item[0])[:2], key=lambda item: item[1]):
         start, stop = (turned(end - centre, -quarters) for end in (layer.start, layer.stop))
-        own, moved = turned(points - centre, -quarters), _off_centre(start, stop, size / 2)
+        own = turned(points - centre, -quarters)
+        moved = _off_centre(start, stop, size / 2)
         shown = image(own - moved, -np.array(fine.shape) * IMAGE_MM / 2, fine.shape, IMAGE_MM)
         match = float(np.corrcoef(shown.ravel(), fine.ravel())[0, 1]) if shown.any() else 0.0
         if match > best.match + ALIKE:
@@ -668,19 +702,24 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
     Return its thickness; areas (taxels, nodes) of the beams in mm²; plastic (taxels,) of the plates, of the recesses'
     roofs, and the same times its height; room (shifts, taxels) about the recess's middle; and gap (taxels,).
     """
-    plan, count = maps.plan, len(maps.plan.taxels)
-    nodes, stations = max(len(m.node_mm) for m in maps.maps), max(1, *(m.stations for m in maps.maps))
-    shared, sides = np.zeros(count * nodes + 1), np.full(count * stations * 2, np.inf)
+    plan = maps.plan
+    count = len(maps.plan.taxels)
+    nodes = max(len(m.node_mm) for m in maps.maps)
+    stations = max(1, *(m.stations for m in maps.maps))
+    shared = np.zeros(count * nodes + 1)
+    sides = np.full(count * stations * 2, np.inf)
     plate, roof, strands = np.zeros((3, count))
     room = np.full((len(SHIFTS_MM), count), np.inf)
     is_fine = below_mm < max(_beams_top_mm(plan), plan.plate.recess_depth_mm + 0.3)
-    radius, post = plan.plate.recess_diameter_mm / 2, plan.plate.post_diameter_mm / 2
+    radius = plan.plate.recess_diameter_mm / 2
+    post = plan.plate.post_diameter_mm / 2
     for volume, width, height, taxel, own, pixel in _pieces(
         maps, placing, layer, step_mm, FINE_MM if is_fine else COARSE_MM
     ):
         plate += np.bincount(taxel, volume * (maps.owner[pixel] == PLATE), count)
         node = maps.node[pixel]
-        at, ahead = taxel * nodes + np.maximum(node, 0).astype(np.int64), node % 1
+        at = taxel * nodes + np.maximum(node, 0).astype(np.int64)
+        ahead = node % 1
         volume_on = np.where(node >= 0, volume, 0.0)
         # Shared between the nodes before and behind, so that where pieces are cut does not matter.
         shared += np.bincount(at, volume_on * (1 - ahead), len(shared))

@@ -28,7 +28,8 @@ REQUIRED = 0.6
 """Largest one sigma of a calibrated term, over the term's bias before the calibration."""
 ALIKE = 3e-3
 """Ratio of smallest to largest singular value of normalised columns below which beams cannot tell the terms apart."""
-STEPS, STEP_MM = 8, 1e-3
+STEPS = 8
+STEP_MM = 1e-3
 SETTLED = 1e-9
 LEAST_LIKELY = 1e-4
 """Least probability of a larger chi-square; below it, measurements contradict each other or the model."""
@@ -102,7 +103,8 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
     spread = np.linalg.inv(weighed.T @ weighed)
     sigma = np.sqrt(np.diag(spread))
     rest = left - weighed @ step
-    chi_square, freedom = float(rest @ rest), len(measured) - len(TERMS)
+    chi_square = float(rest @ rest)
+    freedom = len(measured) - len(TERMS)
     if chi2.sf(chi_square, freedom) < LEAST_LIKELY:
         raise SolverError(
             f"the measurements lie {number((chi_square / freedom) ** 0.5)} times as far from any one printer as prints"

@@ -43,7 +43,8 @@ __all__ = ["Measured", "Record", "Row", "Spectrum", "read_measured", "read_measu
 
 LARGEST_FILE = 1 << 28
 """Most bytes of a file, or of all files in a folder."""
-SMALLEST, LARGEST = 1e-30, 1e30
+SMALLEST = 1e-30
+LARGEST = 1e30
 """Bounds of measured values, whose fourth powers are still floating-point numbers; smaller values count as silence."""
 LONGEST_NAME = 80
 
@@ -182,7 +183,8 @@ def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) 
     """Read files that are named after taxels or coils."""
     ids = tuple(taxel.id for taxel in plan.taxels)
     found: dict[str, Part] = {}
-    stated, left = [], LARGEST_FILE
+    stated = []
+    left = LARGEST_FILE
     for path in files:
         own = _taxels_of(path, plan)
         if not own:
@@ -219,7 +221,8 @@ def _nearest(name: str, known: tuple[str, ...]) -> str:
     return f"; the nearest is {close[0]!r}" if close else f"; they run from {known[0]!r} to {known[-1]!r}"
 
 
-SAMPLES_OF_PLANNED, FEWEST_LEFT = 40, 64
+SAMPLES_OF_PLANNED = 40
+FEWEST_LEFT = 64
 """Samples per period of the highest planned resonance that are kept, and the fewest of a record."""
 
 
@@ -244,7 +247,8 @@ def _squared_current(column: np.ndarray, rate: float, plan: Plan, kind: str, wha
 
 READ_SAMPLES = 1 << 20
 """Samples of all channels that are read at a time."""
-FEW_FULL, MOST_CLIPPED = 3.5, 0.05
+FEW_FULL = 3.5
+MOST_CLIPPED = 0.05
 """Number of samples at full scale up to which a channel is not clipped, and the largest share that can be fitted."""
 
 
@@ -255,8 +259,10 @@ def _records(
 
     A file that is `named` after a coil has all of its taxels in one channel.
     """
-    where, wave = str(path), read_wav(path, data)
-    count, due = wave.channels, len(ids)
+    where = str(path)
+    wave = read_wav(path, data)
+    count = wave.channels
+    due = len(ids)
     if not wave.count:
         raise FileError(f"holds 0 samples at {wave.rate_hz} Hz: nothing was recorded", where)
     coils = {taxel.coil for taxel in plan.taxels if taxel.id in ids}
@@ -304,9 +310,11 @@ def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarr
     Samples that are not finite numbers, and channels with more than `MOST_CLIPPED` clipped ones, are refused.
     """
     step = max(READ_SAMPLES // (factor * wave.channels), 1) * factor
-    last, peak = wave.count // factor * factor, 0.0
+    last = wave.count // factor * factor
+    peak = 0.0
     means = np.empty((wave.count // factor, wave.channels))
-    marks, count = np.empty(means.shape, bool), np.zeros(wave.channels, np.int64)
+    marks = np.empty(means.shape, bool)
+    count = np.zeros(wave.channels, np.int64)
     # Full scale is the last step below 1. Converters have at most 24 bits, even where files have more, and floats may
     # have been made of 16 bits.
     top = 1 - 2.0 ** (1 - (16 if wave.kind == "float" else min(wave.bits, 24)))
@@ -356,11 +364,14 @@ UNITS = {
 }
 """Units of displacement, velocity and acceleration."""
 RELATIVE = "relative"
-DRIVE, MOTION = "drive", "motion"
+DRIVE = "drive"
+MOTION = "motion"
 UNEVEN = 0.05
 """Largest deviation of a time step from the median step, over the latter; rounding in files explains as much."""
 LARGEST_OF = {"resonance_hz": 1e6, "resonance_error_hz": 1e6, "q": 1e9}
-MOST_LINES, MOST_CHARACTERS, LONGEST_LINE = 1_000_000, 1 << 26, 1 << 22
+MOST_LINES = 1_000_000
+MOST_CHARACTERS = 1 << 26
+LONGEST_LINE = 1 << 22
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -441,7 +452,8 @@ def _refuse(where: str, *cases: tuple[bool, str]) -> None:
 
 def _sheet(text: str, where: str, alone: str) -> _Sheet:
     text = text.replace("\r\n", "\n").replace("\r", "\n")
-    count, shorter = text.count("\n"), "shorter records would do, or a WAV"
+    count = text.count("\n")
+    shorter = "shorter records would do, or a WAV"
     _refuse(
         where,
         (
@@ -467,7 +479,8 @@ def _sheet(text: str, where: str, alone: str) -> _Sheet:
     if alone:
         names = tuple(re.sub(r"^response(?=$|_)", alone, name) for name in names)
     most_common, count = Counter(names).most_common(1)[0]
-    separated, by_commas = "its columns are separated by", "they must be by commas (and decimals by points)"
+    separated = "its columns are separated by"
+    by_commas = "they must be by commas (and decimals by points)"
     frequency = notes.get("frequency", MOTION)
     _refuse(
         where,
@@ -490,7 +503,8 @@ def _cells(line: str) -> list[str]:
 
 def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
     """Return whether the responses are absolute, with a unit of `UNITS`, and the power that the file states."""
-    unit, sensor = sheet.notes.get("unit", RELATIVE), sheet.notes.get("sensor")
+    unit = sheet.notes.get("unit", RELATIVE)
+    sensor = sheet.notes.get("sensor")
     _refuse(
         sheet.where,
         (
@@ -555,7 +569,9 @@ def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
 
 
 def _positive(sheet: _Sheet, line: int, name: str, cell: str) -> float:
-    value, low, high = sheet.number(line, name, cell), 0.5 * (name == "q"), LARGEST_OF.get(name, LARGEST)
+    value = sheet.number(line, name, cell)
+    low = 0.5 * (name == "q")
+    high = LARGEST_OF.get(name, LARGEST)
     if not low < value <= high:
         raise FileError(
             f"line {line}, column {name!r} must be above {number(low)} and at most {number(high)}, got {number(value)}",
@@ -566,10 +582,13 @@ def _positive(sheet: _Sheet, line: int, name: str, cell: str) -> float:
 
 def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     columns = _taxel_columns(sheet, ids, plan, ("frequency_hz",))
-    told, values = _unit(sheet, "frequency_hz"), sheet.numbers()
-    axis, skip = sheet.names.index("frequency_hz"), 0
+    told = _unit(sheet, "frequency_hz")
+    values = sheet.numbers()
+    axis = sheet.names.index("frequency_hz")
+    skip = 0
     if values[0, axis] == 0 and len(values) > 1:
-        values, skip = values[1:], 1
+        values = values[1:]
+        skip = 1
     _refuse_not_rising(sheet, values, skip, axis, "Hz")
     found: list[Part] = []
     for taxel, at in columns.items():
@@ -621,7 +640,8 @@ def _taxel_columns(sheet: _Sheet, ids: tuple[str, ...], plan: Plan, own: tuple[s
 
 def _refuse_not_rising(sheet: _Sheet, values: np.ndarray, skip: int, axis: int, unit: str) -> None:
     """Refuse an axis that does not rise, or frequencies at or below 0; `skip` lines of the body are left out."""
-    column, name = values[:, axis], sheet.names[axis]
+    column = values[:, axis]
+    name = sheet.names[axis]
     bad = np.flatnonzero(np.diff(column, prepend=0.0 if unit == "Hz" else -np.inf) <= 0)
     if len(bad):
         at = int(bad[0])
@@ -641,12 +661,15 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     drives = [name for name in ("current_a", "voltage_v") if name in sheet.names]
     if len(drives) > 1:
         raise FileError("has both 'current_a' and 'voltage_v'; leave one out, best the voltage", sheet.where)
-    told, values, squared = _unit(sheet, "time_s"), sheet.numbers(), None
+    told = _unit(sheet, "time_s")
+    values = sheet.numbers()
+    squared = None
     if len(values) < 2:
         raise FileError("has one line of numbers; a record needs at least 32", sheet.where)
     axis = sheet.names.index("time_s")
     _refuse_not_rising(sheet, values, 0, axis, "s")
-    time, steps = values[:, axis], np.diff(values[:, axis])
+    time = values[:, axis]
+    steps = np.diff(values[:, axis])
     step = float(np.median(steps))
     off = np.abs(steps - step) > UNEVEN * step + 4e-10 * np.abs(time[1:])
     if off.any():
@@ -658,9 +681,11 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         )
     rate = float((len(time) - 1) / (time[-1] - time[0]))
     factor = _lowering(rate, len(values), tuple(columns), plan)
-    values, rate = values[: len(values) // factor * factor].reshape(-1, factor, values.shape[1]).mean(1), rate / factor
+    values = values[: len(values) // factor * factor].reshape(-1, factor, values.shape[1]).mean(1)
+    rate = rate / factor
     for name in drives:
-        column, kind = values[:, sheet.names.index(name)], name.partition("_")[0]
+        column = values[:, sheet.names.index(name)]
+        kind = name.partition("_")[0]
         squared = _squared_current(column, rate, plan, kind, f"column {name!r}", sheet.where)
     return [
         Record(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *told)

@@ -15,10 +15,12 @@ from padgen.planner.plan import Plan
 
 __all__ = ["chirp_current_a", "measuring_band_hz", "noise_current_a", "ring_s", "shaking_line_a2", "sweep_s"]
 
-NARROWEST_MARGIN, WIDEST_MARGIN = 2.0, 3.0
+NARROWEST_MARGIN = 2.0
+WIDEST_MARGIN = 3.0
 """Least and largest factor by which the band reaches beyond the channels, for prints that came out far off."""
 SIGMAS = 3.0
-SWEEP_WIDTHS, SHORTEST_SWEEP_S = 4.0, 2.0
+SWEEP_WIDTHS = 4.0
+SHORTEST_SWEEP_S = 2.0
 """Least length of a sweep, over the inverse of the narrowest bandwidth f/Q (which it then resolves), and in s."""
 RING_TAUS = 6.0
 """Time constants of silence after the sweep: the slowest taxel is then down to 0.25 %."""
@@ -93,7 +95,8 @@ def chirp_current_a(
     step = 1e-4
     bend = (np.log(line_a2(frequency * (1 + step))) - np.log(line_a2(frequency * (1 - step)))) / (4 * step) * rate
     fade, fade_slope = _fade(time, seconds, low, high)
-    sine, cosine = np.sin(half_phase), np.cos(half_phase)
+    sine = np.sin(half_phase)
+    cosine = np.cos(half_phase)
     slope = (fade_slope + fade * bend) * sine + fade * cosine * np.pi * frequency
     return np.where(inside, amplitude * fade * sine, 0.0), np.where(inside, amplitude * slope, 0.0)
 
@@ -127,11 +130,13 @@ def noise_current_a(
 def _smooth_phases(amplitude: np.ndarray, samples: int, seed: int) -> np.ndarray:
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(amplitude))
     floor = -CREST * np.sqrt((amplitude**2).sum() / 2)
-    best, least = phase, -np.inf
+    best = phase
+    least = -np.inf
     for _ in range(CREST_STEPS):
         swing = np.fft.irfft(amplitude * np.exp(1j * phase) * samples / 2, samples)
         if swing.min() > least:
-            best, least = phase, float(swing.min())
+            best = phase
+            least = float(swing.min())
         phase = np.angle(np.fft.rfft(np.maximum(swing, floor)))
     return best
 

@@ -129,7 +129,8 @@ def tuning_of(plan: Plan, fits: Sequence[TaxelFit]) -> Tuning:
     by_id = {fit.id: fit for fit in fits}
     taxels = []
     for taxel, planned in zip(plan.taxels, planned_tuning(plan).taxels, strict=True):
-        channel, fit = plan.channels[taxel.channel], by_id.get(taxel.id)
+        channel = plan.channels[taxel.channel]
+        fit = by_id.get(taxel.id)
         if fit is None:
             taxels.append(
                 replace(
@@ -140,7 +141,8 @@ def tuning_of(plan: Plan, fits: Sequence[TaxelFit]) -> Tuning:
                 )
             )
             continue
-        response, error = fit.response_um_per_a2, fit.response_error
+        response = fit.response_um_per_a2
+        error = fit.response_error
         if response is None:
             response = planned_response_um_per_a2(channel, fit.resonance_hz, fit.q)
             error = float(np.hypot(fit.q_error / fit.q, PULL_SPREAD)) * response
@@ -183,7 +185,8 @@ def retuned(
     planned_um = levels_um(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
     before = predicted(plan, tuning, tones_at(plan, planned_tuning(plan)), planned_um)
     after = predicted(plan, tuning, tones_at(plan, tuning))
-    channels, grouped = printed_channels(plan, tuning), sorted(coils_of(plan).items())
+    channels = printed_channels(plan, tuning)
+    grouped = sorted(coils_of(plan).items())
     loads = [coil_load(one_coil_spec(plan), [channels[i] for i in index], plan.scheme) for _, index in grouped]
     coils = tuple(map(RetunedCoil, before, after, _low_db(plan, tuning, after), loads))
     result = Retuned(
@@ -216,7 +219,8 @@ def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[fl
 
     The prints differ from the measured one by the errors of the measurement.
     """
-    rng, scheme = np.random.default_rng(0), plan.scheme
+    rng = np.random.default_rng(0)
+    scheme = plan.scheme
     value = np.array([(t.resonance_hz, t.q, max(t.response_um_per_a2, 1e-300)) for t in tuning.taxels])
     error = np.array([(t.resonance_error_hz, t.q_error, t.response_error) for t in tuning.taxels]) / value
     # Errors are log-normal, so that nothing becomes negative; the first draw is the print as measured.
@@ -259,7 +263,9 @@ def estimated(
     known_hz, error_hz = np.array([(f.resonance_hz, f.resonance_error_hz) for f in (*fits, *coupon.values())]).T
     # The covariance of ln f of the pad's taxels, followed by the coupon's, includes the printer's biases and the
     # model's own error, since measured taxels reveal both.
-    design, spreads, bias = design_of(plan, None), spreads_of(plan.spec), plan.spec.spread
+    design = design_of(plan, None)
+    spreads = spreads_of(plan.spec)
+    bias = plan.spec.spread
     spreads = replace(
         spreads,
         modulus=hypot(spreads.modulus, bias.modulus_bias),
@@ -275,7 +281,8 @@ def estimated(
     spread = np.sqrt(np.maximum(spread_of_prints[rest, rest] - (gain * across).sum(1), 0.0))
     taxels = list(tuning.taxels)
     for i, shift, sigma in zip(rest, mean, spread, strict=True):
-        own, channel = taxels[i], plan.channels[plan.taxels[i].channel]
+        own = taxels[i]
+        channel = plan.channels[plan.taxels[i].channel]
         hz = channel.resonance_hz * float(np.exp(shift))
         response = planned_response_um_per_a2(channel, hz)
         share = own.response_error / own.response_um_per_a2 if own.response_um_per_a2 else 0.0
@@ -366,7 +373,8 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
     sensitivity = sensitivities(plan)
     found = []
     for place, share in lowered.items():
-        index, db = coils_of(plan)[place], figures[place].all_states_db
+        index = coils_of(plan)[place]
+        db = figures[place].all_states_db
         before = short[place].all_states_db
         if share.any() and db is not None and before is not None and db > before:
             steps = tuple(_step(plan, tuning, i, float(y), sensitivity) for i, y in zip(index, share, strict=True) if y)
@@ -415,7 +423,8 @@ def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFig
 
 
 def _step(plan: Plan, tuning: Tuning, index: int, share: float, sensitivity: np.ndarray) -> TrimStep:
-    taxel, channel = tuning.taxels[index], plan.channels[plan.taxels[index].channel]
+    taxel = tuning.taxels[index]
+    channel = plan.channels[plan.taxels[index].channel]
     width, thickness, _ = sensitivity[channel.index].tolist()
     sizes = (channel.beam.thickness_mm, thickness), (channel.beam.width_mm, width)
     filed = (size * (1 - (1 - share) ** (1 / s)) if s > 0 else inf for size, s in sizes)
@@ -467,7 +476,8 @@ def _close(
     schemes_db: Sequence[tuple[str, float | None]],
     trimmed: Sequence[Trim],
 ) -> Iterator[Finding]:
-    need, by_coil = needed_db(plan), {(trim.row, trim.column): trim for trim in trimmed}
+    need = needed_db(plan)
+    by_coil = {(trim.row, trim.column): trim for trim in trimmed}
     needed = f"{need:.1f} dB" + (" (the plan's less 1 dB)" if need < plan.selectivity.asked_db else "")
     others = [name for name, db in schemes_db if db is not None and db >= need and name != plan.selectivity.drive]
     other = min(others, key=lambda name: Scheme(name).takes_turns, default=None)
@@ -478,7 +488,8 @@ def _close(
         trim = by_coil.get((coil.row, coil.column))
         ways = [f"drive = {other!r} would keep enough"] if other else []
         ways += [_trim_text(trim)] if trim else []
-        off, heard = taxels[coil.off], taxels[coil.heard]
+        off = taxels[coil.off]
+        heard = taxels[coil.heard]
         yield Finding(
             "warning",
             "retune.close",
@@ -513,7 +524,8 @@ def _trim_text(trim: Trim) -> str:
 
 
 def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) -> Iterator[Finding]:
-    spec, level = plan.spec, plan.spec.drive.level_um
+    spec = plan.spec
+    level = plan.spec.drive.level_um
     beyond = [(c, load) for c, load in zip(after, loads, strict=True) if load.reachable_level_um < level]
     if not beyond:
         return
@@ -620,7 +632,9 @@ def _named(names: Sequence[str]) -> str:
 # Files
 
 
-MEASURED, PRINTED, PICTURE = "measured.csv", "printed.json", "tuning.png"
+MEASURED = "measured.csv"
+PRINTED = "printed.json"
+PICTURE = "tuning.png"
 Progress = Callable[[str], None]
 
 
@@ -723,7 +737,8 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[tuple[str, DriveRow], ...]:
 
     Where currents have a constant, the coils with theirs follow.
     """
-    spec, channels = plan.spec, printed_channels(plan, tuning)
+    spec = plan.spec
+    channels = printed_channels(plan, tuning)
     scheme = plan.scheme
     carrier = carrier_hz(spec, scheme, max(taxel.resonance_hz for taxel in tuning.taxels))
     rows: dict[int, DriveRow] = {}
@@ -746,7 +761,8 @@ def measured_rows(plan: Plan, tuning: Tuning) -> list[dict[str, Any]]:
 
     `planned_hz` is the planned resonance, `line_a2` the line of i², `level_um` the ON amplitude.
     """
-    channels, rows = printed_channels(plan, tuning), tuned_rows(plan, tuning)
+    channels = printed_channels(plan, tuning)
+    rows = tuned_rows(plan, tuning)
     return [
         {
             "taxel": taxel.id,

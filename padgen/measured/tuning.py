@@ -59,11 +59,13 @@ __all__ = [
     "worst_db",
 ]
 
-LARGEST_FILE, LARGEST_TAXEL = 1 << 22, 1 << 12
+LARGEST_FILE = 1 << 22
+LARGEST_TAXEL = 1 << 12
 """Most bytes of a file: a fixed number, and more for each taxel."""
 FARTHEST = 10.0
 """Largest ratio of a resonance to the planned one, or the inverse; beyond it, another unit must have been used."""
-LEAST_Q, LARGEST_Q = 0.5, 1e9
+LEAST_Q = 0.5
+LARGEST_Q = 1e9
 FARTHEST_RESPONSE = 1e6
 """Largest ratio of a response, or the inverse, to the one that follows from f and Q with the planned mass and pull.
 
@@ -107,7 +109,8 @@ def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = No
     `resonance_hz` and `q` are those of a print (None: as planned). A print is taken to change the stiffness and not the
     mass. The result is 0 for a washer that the coil does not pull.
     """
-    hz, quality = resonance_hz or channel.resonance_hz, q or channel.q
+    hz = resonance_hz or channel.resonance_hz
+    quality = q or channel.q
     stiffness = channel.stiffness_n_per_m * (hz / channel.resonance_hz) ** 2
     return max(channel.force_constant_n_per_a2, 0.0) * quality / stiffness / UM
 
@@ -160,7 +163,8 @@ def tuning_from_json(text: str, plan: Plan, where: str = "tuning.json") -> Tunin
         tuning: Tuning = read_as(Tuning, json.loads(text, parse_int=float), "tuning")
         if any(None in astuple(taxel) for taxel in tuning.taxels):
             raise ValueError("a figure is null")
-        due, ids = [taxel.id for taxel in plan.taxels], [taxel.id for taxel in tuning.taxels]
+        due = [taxel.id for taxel in plan.taxels]
+        ids = [taxel.id for taxel in tuning.taxels]
         if tuning.name != plan.name or len(ids) != len(due):
             raise ValueError(
                 f"it has {len(ids)} taxels of {tuning.name!r}, must have the {len(due)} of {plan.name!r};"
@@ -197,7 +201,10 @@ def _bounded(tuned: TunedTaxel, channel: Channel) -> Iterator[tuple[str, float, 
 
     The response's bounds are worked out once resonance and Q are known to be within theirs.
     """
-    hz, q, response, planned = tuned.resonance_hz, tuned.q, tuned.response_um_per_a2, channel.resonance_hz
+    hz = tuned.resonance_hz
+    q = tuned.q
+    response = tuned.response_um_per_a2
+    planned = channel.resonance_hz
     yield "resonance_hz", hz, planned / FARTHEST, planned * FARTHEST, f" Hz (planned: {number(planned)} Hz)"
     yield "q", q, LEAST_Q, LARGEST_Q, ""
     usual = planned_response_um_per_a2(channel, hz, q) or 1.0
@@ -285,14 +292,18 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
     Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse. The response
     gives the pull. The effects of the mean pull are those of the coil below the taxel.
     """
-    levels, spec = levels_um(plan, _of(tuning, "resonance_hz")).tolist(), one_coil_spec(plan)
+    levels = levels_um(plan, _of(tuning, "resonance_hz")).tolist()
+    spec = one_coil_spec(plan)
     moved = []
     for taxel, tuned, level_um in zip(plan.taxels, tuning.taxels, levels, strict=True):
-        channel, hz, q = plan.channels[taxel.channel], tuned.resonance_hz, tuned.q
+        channel = plan.channels[taxel.channel]
+        hz = tuned.resonance_hz
+        q = tuned.q
         x = hz / channel.resonance_hz
         stiffness = channel.stiffness_n_per_m * x**2
         tau_ms = float(ring_up_time(hz, q)) / MS
-        force_mn, force_constant = level_um * UM * stiffness / q / MN, tuned.response_um_per_a2 * UM * stiffness / q
+        force_mn = level_um * UM * stiffness / q / MN
+        force_constant = tuned.response_um_per_a2 * UM * stiffness / q
         moved.append(
             replace(
                 channel,
@@ -327,7 +338,8 @@ def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels 
     """
     (made,) = own_lines(tones, scheme)
     own = line_energy(truth, made, modes)
-    on, own = own[:, 0].diagonal().copy(), own.sum(1)
+    on = own[:, 0].diagonal().copy()
+    own = own.sum(1)
     np.fill_diagonal(own, 0.0)
     return Played(on, off_energy(truth, scheme, modes, tones), own.max(1), own.argmax(1))
 
@@ -341,8 +353,10 @@ def predicted(
     The drive scheme is the plan's unless another is named.
     """
     scheme = scheme_named(plan.spec, scheme_name or plan.selectivity.drive)
-    channels, spec = printed_channels(plan, tuning), one_coil_spec(plan)
-    hz, response = _of(tuning, "resonance_hz"), _of(tuning, "response_um_per_a2")
+    channels = printed_channels(plan, tuning)
+    spec = one_coil_spec(plan)
+    hz = _of(tuning, "resonance_hz")
+    response = _of(tuning, "response_um_per_a2")
     wanted = levels_um(plan, hz) if wanted_um is None else wanted_um
     truth = Channels(hz, _of(tuning, "q"), wanted / np.maximum(response, UNPULLED * (response.max() or 1.0)))
     found = []
@@ -351,7 +365,9 @@ def predicted(
         which = Channels(*(part[own] for part in truth))
         modes = coil_modes(spec, [channels[i] for i in index])
         result = played(which, Channels(tones.hz[own], which.q, tones.line_a2[own]), scheme, modes)
-        weakest, worst, lone = int(result.on.argmin()), int(result.off.argmax()), len(own) < 2
+        weakest = int(result.on.argmin())
+        worst = int(result.off.argmax())
+        lone = len(own) < 2
         smallest = float(result.on[weakest])
         found.append(
             CoilFigures(
@@ -403,14 +419,16 @@ RATE_OVER_HIGHEST = 8.0
 
 def simulate_print(plan: Plan, seed: int, spreads: Spreads | None = None) -> Tuning:
     """Return one simulated print, known exactly; the same seed gives the same print."""
-    spreads, design = spreads or spreads_of(plan.spec), design_of(plan, None)
+    spreads = spreads or spreads_of(plan.spec)
+    design = design_of(plan, None)
     x = np.exp(np.clip(log_detuning(design, spreads, seed, 0, 1)[2, :, 0], -1.0, 1.0))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 100)))
     q_factor, pull_factor = np.exp(rng.standard_normal((2, len(x))) * [[Q_SPREAD], [PULL_SPREAD]])
     taxels = []
     for taxel, off, better, stronger in zip(plan.taxels, x, q_factor, pull_factor, strict=True):
         channel = plan.channels[taxel.channel]
-        hz, q = channel.resonance_hz * float(off), max(channel.q * float(better), 0.5)
+        hz = channel.resonance_hz * float(off)
+        q = max(channel.q * float(better), 0.5)
         response = planned_response_um_per_a2(channel, hz, q) * float(stronger)
         taxels.append(TunedTaxel(taxel.id, hz, 0.0, q, 0.0, response, 0.0, True, True))
     return Tuning(plan.name, tuple(taxels))
@@ -443,7 +461,8 @@ def _responses(plan: Plan, truth: Tuning) -> Response:
     channels = printed_channels(plan, truth)
 
     def response(i: int, frequency_hz: np.ndarray) -> np.ndarray:
-        channel, tuned = channels[i], truth.taxels[i]
+        channel = channels[i]
+        tuned = truth.taxels[i]
         working = int(np.argmax(channel.mode_shares))
         total = np.zeros(frequency_hz.shape, complex)
         for k, (mode_hz, share) in enumerate(zip(channel.modes_hz, channel.pulled_shares, strict=True)):
@@ -487,7 +506,8 @@ def _band_hz(plan: Plan, truth: Tuning) -> tuple[float, float]:
 def _chirp(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
     low, high = _band_hz(plan, truth)
     rate = float(np.ceil(RATE_OVER_HIGHEST * high / 2))
-    sweep, ring = sweep_s(plan), ring_s(plan)
+    sweep = sweep_s(plan)
+    ring = ring_s(plan)
     numbers = (sweep + ring) * rate * (2 + len(truth.taxels))
     if numbers > MOST_NUMBERS:
         raise SpecError(
@@ -509,11 +529,13 @@ def _chirp(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generat
 
 
 def _pluck(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generator, noise: float) -> str:
-    hz, q = _of(truth, "resonance_hz"), _of(truth, "q")
+    hz = _of(truth, "resonance_hz")
+    q = _of(truth, "q")
     rate = float(np.ceil(RATE_OVER_HIGHEST * hz.max()))
     seconds = min(max(float((3 * q / (np.pi * hz)).max()), 5 / float(hz.min())), MOST_NUMBERS / rate / (1 + len(hz)))
     time = np.arange(int(seconds * rate)) / rate
-    phases, columns = rng.uniform(-0.5, 0.5, len(hz)), {"time_s": time}
+    phases = rng.uniform(-0.5, 0.5, len(hz))
+    columns = {"time_s": time}
     for taxel, phase in zip(truth.taxels, phases, strict=True):
         damped = taxel.resonance_hz * np.sqrt(1 - min(1 / (4 * taxel.q**2), 0.99))
         decay = np.exp(-np.pi * taxel.resonance_hz / taxel.q * time) * np.cos(2 * np.pi * damped * time + phase)
@@ -526,6 +548,7 @@ def _noisy(clean: np.ndarray, rng: np.random.Generator, noise: float) -> np.ndar
 
 
 def _csv(columns: dict[str, np.ndarray], head: str) -> str:
-    text, forms = io.StringIO(), ["%.10g"] + ["%.6g"] * (len(columns) - 1)
+    text = io.StringIO()
+    forms = ["%.10g"] + ["%.6g"] * (len(columns) - 1)
     np.savetxt(text, np.stack([*columns.values()], 1), forms, ",", header=head + ",".join(columns), comments="")
     return text.getvalue()

@@ -120,7 +120,8 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     x, y, heading, wide, share, curved, straight = np.concatenate(found, -1)
     # Turn from the root's axes to the tip's.
     turned = heading[..., -1:]
-    x, y = x - x[..., -1:], y - y[..., -1:]
+    x = x - x[..., -1:]
+    y = y - y[..., -1:]
     x, y = np.cos(turned) * x + np.sin(turned) * y, np.cos(turned) * y - np.sin(turned) * x
     return Slices(
         x, y, np.cos(heading - turned), np.sin(heading - turned), wide, share, curved, straight, _running(tuple(counts))
@@ -132,8 +133,13 @@ def within_up(slices: Slices) -> np.ndarray:
 
     Rows: shear force, twist, bending moment. Columns: force up, moment about x, moment about y.
     """
-    x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
-    twist, bending = [sine * x - cosine * y, cosine, sine], [cosine * x + sine * y, -sine, cosine]
+    x = slices.x
+    y = slices.y
+    cosine = slices.cosine
+    sine = slices.sine
+    zero = 0.0 * slices.x
+    twist = [sine * x - cosine * y, cosine, sine]
+    bending = [cosine * x + sine * y, -sine, cosine]
     return matrices([1 + zero, zero, zero], twist, bending)
 
 
@@ -142,7 +148,11 @@ def within_side(slices: Slices) -> np.ndarray:
 
     Rows: pull, shear force, bending moment. Columns: force along x, force along y, moment about z.
     """
-    x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
+    x = slices.x
+    y = slices.y
+    cosine = slices.cosine
+    sine = slices.sine
+    zero = 0.0 * slices.x
     return matrices([cosine, sine, zero], [-sine, cosine, zero], [y, -x, 1 + zero])
 
 
@@ -173,7 +183,8 @@ def _running(counts: tuple[int, ...]) -> np.ndarray:
 
     The slices at root and tip have no weight.
     """
-    size, first = sum(counts) + 2, 1
+    size = sum(counts) + 2
+    first = 1
     matrix = np.zeros((size, size))
     for count in counts:
         _, integrals = _gauss(count)
@@ -190,7 +201,8 @@ HELD_MOST = 0.85
 """Largest share of a beam's twist that ends may remove by holding its warping."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
-_NODES, _WEIGHTS = (_NODES + 1) / 2, _WEIGHTS / 2
+_NODES = (_NODES + 1) / 2
+_WEIGHTS = _WEIGHTS / 2
 
 
 class EndCompliance(NamedTuple):
@@ -273,7 +285,8 @@ def torsion_constant(width: Array, thickness: Array, across: Array = 1.0) -> Arr
     Theory of Elasticity of an Anisotropic Body, 1963, on torsion of orthotropic bars).
     """
     tall = thickness / np.sqrt(across)
-    a, b = np.maximum(width, tall), np.minimum(width, tall)
+    a = np.maximum(width, tall)
+    b = np.minimum(width, tall)
     slim = b / a
     return a * b**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)) * across**1.5
 
@@ -291,7 +304,8 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
     plate_like = modulus * ends.stiffening
     bending = modulus * width * thickness**3 / 12
     lateral = modulus * thickness * width**3 / 12
-    area, torsion = width * thickness, torsion_constant(width, thickness, section.across)
+    area = width * thickness
+    torsion = torsion_constant(width, thickness, section.across)
     (up0, up1, up2), (side0, side1, side2), inverse_area, inverse_torsion = _flared(section)
     return Flexibility(
         (up0 / plate_like, up1 / plate_like, up2 / plate_like),
@@ -324,17 +338,23 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     stiffness[..., 3, 3] = 1 / (parts.twist + parts.end_twist)
     # Rotation of the root moves the tip by the whole length as its arm, rotation of the tip by none.
     up0, up1, up2 = parts.up
-    root, tip, high, low = parts.root, parts.tip, section.ends.root_height, section.ends.tip_height
+    root = parts.root
+    tip = parts.tip
+    high = section.ends.root_height
+    low = section.ends.tip_height
     bend = up2 + root * length**2 + parts.shear + parts.end_shear
     along = parts.stretch + root * high**2 + tip * low**2
-    lifted, turned = root * high * length, -(root * high + tip * low)
+    lifted = root * high * length
+    turned = -(root * high + tip * low)
     tilted = -(up1 + root * length)
     compliance = matrices([along, lifted, turned], [lifted, bend, tilted], [turned, tilted, up0 + root + tip])
     stiffness[..., [[0], [2], [4]], [0, 2, 4]] = np.linalg.inv(compliance)
     side0, side1, side2 = parts.side
-    root, tip = parts.lateral_root, parts.lateral_tip
+    root = parts.lateral_root
+    tip = parts.lateral_tip
     bend = side2 + root * length**2 + parts.lateral_shear + parts.lateral_end_shear
-    turned, both = side0 + root + tip, side1 + root * length
+    turned = side0 + root + tip
+    both = side1 + root * length
     determinant = bend * turned - both**2
     stiffness[..., 1, 1], stiffness[..., 5, 5] = turned / determinant, bend / determinant
     stiffness[..., 1, 5] = stiffness[..., 5, 1] = -both / determinant
@@ -432,13 +452,18 @@ def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Arra
     radius = fillet[..., None]
     flared = width[..., None] + 2 * (radius - np.sqrt(np.maximum(radius**2 - (radius - at) ** 2, 0)))
     t = thickness[..., None]
-    weight, arm, straight = _WEIGHTS * start[..., None], length[..., None] - at, length - start
+    weight = _WEIGHTS * start[..., None]
+    arm = length[..., None] - at
+    straight = length - start
 
     def moments(flared_inertia: Array, uniform_inertia: Array) -> list[Array]:
-        terms, run, found = weight / flared_inertia, straight / uniform_inertia, []
+        terms = weight / flared_inertia
+        run = straight / uniform_inertia
+        found = []
         for power in (1, 2, 3):
             found.append(terms.sum(-1) + run / power)
-            terms, run = terms * arm, run * straight
+            terms = terms * arm
+            run = run * straight
         return found
 
     return (
@@ -450,7 +475,8 @@ def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Arra
     )
 
 
-_UP, _SIDE = [2, 3, 4], [0, 1, 5]
+_UP = [2, 3, 4]
+_SIDE = [0, 1, 5]
 """Degrees of freedom out of a bent beam's plane and in it; a rectangular section does not couple the two."""
 
 
@@ -501,8 +527,13 @@ def _squared(rows: np.ndarray, weight: np.ndarray) -> Array:
 
 def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plane, _Plane]:
     """Return a bent beam's flexibility out of its plane (up, about x and y) and in it (along, sideways, about z)."""
-    slices, parts = sliced(section.path, section.width, section.fillet), flexibility(section, modulus, poisson)
-    x, y, cosine, sine, zero = slices.x, slices.y, slices.cosine, slices.sine, 0.0 * slices.x
+    slices = sliced(section.path, section.width, section.fillet)
+    parts = flexibility(section, modulus, poisson)
+    x = slices.x
+    y = slices.y
+    cosine = slices.cosine
+    sine = slices.sine
+    zero = 0.0 * slices.x
     plain, thickness, stiffening = (
         np.asarray(v, float)[..., None] for v in (section.width, section.thickness, section.ends.stiffening)
     )
@@ -510,14 +541,21 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     shear_modulus = modulus / (2 * (1 + poisson))
     sheared = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus
     across = np.asarray(section.across, float)[..., None]
-    area, line, torsion = width * thickness, plain * thickness, torsion_constant(width, thickness, across)
-    bending, lateral = modulus * stiffening * width * thickness**3 / 12, modulus * thickness * width**3 / 12
-    high, wide = plain * thickness**3 / 12, thickness * plain**3 / 12
+    area = width * thickness
+    line = plain * thickness
+    torsion = torsion_constant(width, thickness, across)
+    bending = modulus * stiffening * width * thickness**3 / 12
+    lateral = modulus * thickness * width**3 / 12
+    high = plain * thickness**3 / 12
+    wide = thickness * plain**3 / 12
     inner = bend_stiffening(slices.curved)
     twisting = piece_twist(slices.straight, np.asarray(section.ends.warping)[..., None]) / inner
     # These compliances are of both ends together; each end has half.
-    shear, twist, slip = parts.end_shear / 2, parts.end_twist / 2, parts.lateral_end_shear / 2
-    pull, push = [cosine, sine, x * sine - y * cosine], [-sine, cosine, x * cosine + y * sine]
+    shear = parts.end_shear / 2
+    twist = parts.end_twist / 2
+    slip = parts.lateral_end_shear / 2
+    pull = [cosine, sine, x * sine - y * cosine]
+    push = [-sine, cosine, x * cosine + y * sine]
     # Compliances and inertias per length become those of the slices.
     share = slices.share[..., None]
     weight = slices.running[-1][:, None] * share
@@ -716,7 +754,8 @@ def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tu
     width, thickness = (np.asarray(v, float) for v in section[:2])
     across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), yoke
     free = arm + bar - _warping_length(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
-    bending, shear = width * thickness**3, 2 * (1 + poisson)
+    bending = width * thickness**3
+    shear = 2 * (1 + poisson)
     mount = bending / 12 * shear * free / torsion_constant(bar, height, across)
     # The neck carries the moments of two beams.
     mount = mount + NECK * 2 * neck_length * bending / (neck_width * height**3)

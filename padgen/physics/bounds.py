@@ -188,12 +188,14 @@ def washer_magnetised(
     the width of the ring, the axial field the thickness. The polarisation is at least that of a ring with each washer's
     `dipole` (n,) in A·m²/A.
     """
-    outer, inner = washer.outer_diameter / 2, washer.inner_diameter / 2
+    outer = washer.outer_diameter / 2
+    inner = washer.inner_diameter / 2
     at = offset + np.array([[-1.0], [0.0], [1.0]]) * (outer + inner) / 2
     radial, axial = flux_density(coil, np.maximum(np.abs(at), 1e-6 * outer), np.full_like(at, gap))
     radial = radial * np.sign(at)
     one_sided = np.array([1, 4, 1]) / 6 @ radial  # Simpson's rule
-    radial, axial = radial[::2], axial[::2]
+    radial = radial[::2]
+    axial = axial[::2]
     ring_share = (outer - inner) / (outer - inner + washer.thickness)
     share = np.array([ring_factor(washer), 1 - ring_share, ring_share])
     chi = washer.permeability - 1
@@ -303,7 +305,8 @@ def switching_delay(
     quiet. Ring-down from a displacement and a velocity is at most ``√(2Q/(2Q − 1))`` times the two together, for strong
     damping. Infinite where nothing rings down, or where the current outlasts the vibration.
     """
-    angular, ring_up = 2 * pi * resonance, q / (pi * resonance)
+    angular = 2 * pi * resonance
+    ring_up = q / (pi * resonance)
     fall = (2 / lag if lag > 0 else inf) - 1 / ring_up
     kick = pulse * angular / np.sqrt(np.maximum(fall, 0) ** 2 + angular**2)
     with np.errstate(divide="ignore", invalid="ignore"):

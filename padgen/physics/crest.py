@@ -52,15 +52,19 @@ STARTS = 16
 """Largest number of starts."""
 SAMPLES = 4096
 """Most angles used by the choice of the starts."""
-FIRST_STEPS, LAST_STEPS, BEST = 4, 25, 3
+FIRST_STEPS = 4
+LAST_STEPS = 25
+BEST = 3
 """Linear programs from every start, then more from the BEST starts."""
-WITHIN, MOST_DIPS = 0.1, 200
+WITHIN = 0.1
+MOST_DIPS = 200
 """Dips that a linear program includes: within this share of Σ A of the deepest, and at most MOST_DIPS."""
 TRUST = 0.1
 """First trust region in rad."""
 SETTLED = 1e-4
 """Stop when a linear program predicts a decrease of less than this, over Σ A."""
-LONG, FEWEST = 1 << 17, 3
+LONG = 1 << 17
+FEWEST = 3
 """Most points of the grids of all starts together, and fewest starts. On a long comb phases gain little, so it gets
 few.
 """
@@ -83,8 +87,10 @@ def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
     Exact for two lines; otherwise the best of a few descents, a local optimum that is the same each time. `amplitude`
     (n,) is at least 0, in any unit. Lines of one harmonic get one phase.
     """
-    k, a = np.asarray(harmonic, int), np.asarray(amplitude, float)
-    phase, played = np.zeros(len(k)), a > 0
+    k = np.asarray(harmonic, int)
+    a = np.asarray(amplitude, float)
+    phase = np.zeros(len(k))
+    played = a > 0
     if not played.any():
         return phase
     distinct, place = np.unique(k[played], return_inverse=True)
@@ -101,7 +107,8 @@ def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarra
     It is 0 for a silent state; otherwise at most rounding above the true value and at most `EXACT` Σ A below it. A grid
     comes first; then each of its pieces in which a Taylor bound allows a deeper dip is divided, until no piece is left.
     """
-    k, a = np.asarray(harmonic, int), np.atleast_2d(np.asarray(amplitude, float))
+    k = np.asarray(harmonic, int)
+    a = np.atleast_2d(np.asarray(amplitude, float))
     result = np.zeros(len(a))
     heard = np.flatnonzero(a.any(axis=1))
     if heard.size == 0:
@@ -137,15 +144,20 @@ def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poin
     wave = waveform(harmonic, amplitude, phase, points)
     size = np.abs(amplitude)
     total = size.sum(1)
-    bend, twist = size @ harmonic**2.0, size @ harmonic**3.0
-    lowest, half = wave.min(1), np.pi / points
+    bend = size @ harmonic**2.0
+    twist = size @ harmonic**3.0
+    lowest = wave.min(1)
+    half = np.pi / points
     # The slope is 0 at the deepest dip, and a grid point lies within half a step of it.
     state, point = np.nonzero(wave <= (lowest + bend * half**2 / 2)[:, None])
     angle = point * (2 * half)
     while state.size:
         line = np.outer(angle, harmonic) + phase
-        cosine, sine = amplitude[state] * np.cos(line), amplitude[state] * np.sin(line)
-        value, slope, curve = cosine.sum(1), -(sine @ harmonic), -(cosine @ harmonic**2.0)
+        cosine = amplitude[state] * np.cos(line)
+        sine = amplitude[state] * np.sin(line)
+        value = cosine.sum(1)
+        slope = -(sine @ harmonic)
+        curve = -(cosine @ harmonic**2.0)
         move, below = _least_of_parabola(slope, curve, half)
         tried = (amplitude[state] * np.cos(line + np.outer(move, harmonic))).sum(1)
         np.minimum.at(lowest, state, np.minimum(value, tried))
@@ -184,7 +196,8 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
         return descend(lambda phase: _dips(k, a, phase), at, -free, free, steps, SETTLED)
 
     # The starts are Schroeder's phases and the best random ones.
-    points, random = _points(k), np.random.default_rng(0)
+    points = _points(k)
+    random = np.random.default_rng(0)
     draws = np.concatenate([schroeder_phases(a)[None], random.uniform(0, 2 * np.pi, (DRAWS, len(k)))])
     draws[:, 0] = 0.0
     where = np.arange(points) if points <= SAMPLES else np.sort(random.choice(points, SAMPLES, replace=False))
@@ -206,10 +219,12 @@ def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tup
     near = np.flatnonzero(wave < wave.min() + WITHIN)
     low = near[(wave[near] <= wave[near - 1]) & (wave[near] < wave[(near + 1) % points])]
     low = low[np.argsort(wave[low], kind="stable")[:MOST_DIPS]]
-    angle, half = low * (2 * np.pi / points), np.pi / points
+    angle = low * (2 * np.pi / points)
+    half = np.pi / points
     for _ in range(2):
         line = np.outer(angle, harmonic) + phase
-        slope, curve = -(np.sin(line) @ (harmonic * amplitude)), -(np.cos(line) @ (harmonic**2.0 * amplitude))
+        slope = -(np.sin(line) @ (harmonic * amplitude))
+        curve = -(np.cos(line) @ (harmonic**2.0 * amplitude))
         angle = angle + _least_of_parabola(slope, curve, 2 * half)[0]
     line = np.outer(angle, harmonic) + phase
     return -(np.cos(line) @ amplitude), amplitude * np.sin(line)
@@ -240,10 +255,12 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
     the limit. Where that is above `LONGEST_S` and no shorter period keeps it, the result is the one with the smallest
     distance.
     """
-    resonance, quality = np.asarray(resonance_hz, float), np.asarray(q, float)
+    resonance = np.asarray(resonance_hz, float)
+    quality = np.asarray(q, float)
     # The strictest resonances first: they reject most candidates, so that few remain for the others.
     order = np.argsort(resonance / quality, kind="stable")
-    resonance, quality = resonance[order], quality[order]
+    resonance = resonance[order]
+    quality = quality[order]
     steps_per_sample = resonance * (1 / (rate_hz * step))
     first = int(np.ceil(max(SHORTEST_S, LEAST_PERIODS * step / float(resonance.min())) * rate_hz))
     last = max(int(LONGEST_S * rate_hz), first)
@@ -251,17 +268,20 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
     least = float(off_resonance(resonance, quality, last / rate_hz, step).max())
     for start in range(first, last + 1, CHUNK):
         samples = np.arange(start, min(start + CHUNK, last + 1))
-        off, limit = np.zeros(len(samples)), max(least, MOST_OFF)
+        off = np.zeros(len(samples))
+        limit = max(least, MOST_OFF)
         for slope, own in zip(steps_per_sample, quality, strict=True):
             steps = samples * slope
             off = np.maximum(off, np.abs(np.rint(steps) / steps - 1) * (2 * own))
             near = off <= limit
-            samples, off = samples[near], off[near]
+            samples = samples[near]
+            off = off[near]
         good = samples[off <= MOST_OFF]
         if good.size:
             return float(good[0] / rate_hz)
         if off.size and off.min() < least:
-            best, least = int(samples[off.argmin()]), float(off.min())
+            best = int(samples[off.argmin()])
+            least = float(off.min())
     return best / rate_hz
 
 
@@ -354,12 +374,15 @@ def root_margin(
     `bandwidth_hz`. Where no margin up to `MOST_SHARE` keeps `ALIAS_DB` the result is `MOST_SHARE`; where none keeps the
     limit, the one with the lowest peak. Periods of more than `MOST_SAMPLES` are judged by a piece at their deepest dip.
     """
-    k, line, phase = np.asarray(harmonic, int), np.asarray(line_a2, float), np.asarray(phase_rad, float)
+    k = np.asarray(harmonic, int)
+    line = np.asarray(line_a2, float)
+    phase = np.asarray(phase_rad, float)
     if not line.any():
         return RootMargin(np.full(len(k), LEAST_SHARE), -np.inf, 0.0, 0.0)
     finer = round(FINER * rate_hz * period_s)
     whole = finer <= MOST_SAMPLES
-    points, omega = finer if whole else _points(k, PEAK_PER_CYCLE), 2 * np.pi * k / period_s
+    points = finer if whole else _points(k, PEAK_PER_CYCLE)
+    omega = 2 * np.pi * k / period_s
     force, slope = (
         waveform(k, size[None], start, points)[0] for size, start in ((line, phase), (omega * line, phase + np.pi / 2))
     )
@@ -397,7 +420,8 @@ def _deepest_piece(
 ) -> _Sampled:
     """Return a piece of a long period at its deepest dip, to stand for the whole."""
     time = int(coarse.argmin()) / len(coarse) * period_s + (np.arange(PIECE) - PIECE // 2) / finer_hz
-    force, slope = np.zeros(PIECE), np.zeros(PIECE)
+    force = np.zeros(PIECE)
+    slope = np.zeros(PIECE)
     for omega, a, start in zip(omegas, line, phase, strict=True):
         angle = omega * time + start
         force += a * np.cos(angle)
@@ -458,7 +482,8 @@ def _smallest(above_db: Callable[[float], float], least: float) -> float:
     """Return the smallest margin from `least` to `MOST_SHARE` that keeps `ALIAS_DB`; the largest if none does."""
     if above_db(least) <= ALIAS_DB:
         return least
-    low, high = np.log(least), np.log(MOST_SHARE)
+    low = np.log(least)
+    high = np.log(MOST_SHARE)
     for _ in range(HALVINGS):
         middle = (low + high) / 2
         low, high = (low, middle) if above_db(float(np.exp(middle))) <= ALIAS_DB else (middle, high)

@@ -85,7 +85,8 @@ def rectangle(width: float, thickness: float, poisson: float, across: float = 1.
     `across` is as in `beams.BeamSection`; the shear coefficient is Cowper's (1966).
     """
     shear = 10 * (1 + poisson) / (12 + 11 * poisson)
-    area, torsion = width * thickness, float(torsion_constant(width, thickness, across))
+    area = width * thickness
+    torsion = float(torsion_constant(width, thickness, across))
     return Section(area, area * thickness**2 / 12, area * width**2 / 12, torsion, shear * across, shear)
 
 
@@ -96,7 +97,9 @@ def element_root(element: Element, length: float, bubbles: int) -> np.ndarray:
     motions of degrees up to `bubbles` + 1. The two groups do no work on each other, since the static deflection needs
     forces at the ends alone.
     """
-    section, modulus, shear_modulus = element.section, element.modulus, element.shear_modulus
+    section = element.section
+    modulus = element.modulus
+    shear_modulus = element.shear_modulus
     root = np.zeros((6, 12))
     root[0, [0, 6]] = np.array([-1.0, 1.0]) * np.sqrt(modulus * section.area / length)
     root[1, [3, 9]] = np.array([-1.0, 1.0]) * np.sqrt(shear_modulus * section.torsion / length)
@@ -142,7 +145,8 @@ def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np
     2 … and 0 at both ends; slopes are by the share of the length.
     """
     sizes = [bubbles, bubbles, bubbles + 1, bubbles, bubbles + 1, bubbles] if bubbles else [0] * 6
-    row, order = np.repeat(np.eye(6), sizes, axis=1), np.arange(1, bubbles + 2)
+    row = np.repeat(np.eye(6), sizes, axis=1)
+    order = np.arange(1, bubbles + 2)
     each = np.concatenate([np.arange(size) for size in sizes])
     nodes, weights = np.polynomial.legendre.leggauss(points)
     for node, weight in zip(nodes, weights, strict=True):
@@ -258,7 +262,9 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
     count = min(count, len(values))
     if not values[0] > 0 or not values[count - 1] > 1e-14 * values[0]:
         raise SolverError(f"the frame has fewer than {count} modes with mass; ask for fewer")
-    values, vectors, others = values[:count], vectors[:, :count], others[:count].T
+    values = values[:count]
+    vectors = vectors[:, :count]
+    others = others[:count].T
     residual = np.linalg.norm(form @ others - vectors * values, axis=0) / values
     if not residual.max() <= RESIDUAL_LIMIT:
         raise SolverError(f"the modes leave a residual of {residual.max():.1e}, at most {RESIDUAL_LIMIT:.0e}")
@@ -292,7 +298,8 @@ def _motions(frame: Frame) -> np.ndarray:
 
     A node that is fixed to a body moves with it.
     """
-    count, rows = len(frame.nodes), _outer(frame)
+    count = len(frame.nodes)
+    rows = _outer(frame)
     inner = (6 * frame.bubbles + 2 if frame.bubbles else 0) * len(frame.elements)
     ties = np.eye(rows + inner)
     for k, attached in enumerate(frame.bodies):

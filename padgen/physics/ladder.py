@@ -101,7 +101,9 @@ def whole_channels(capacity_: float) -> int:
 
 WORK = 1e8
 """Most responses, about, in the search for a set with pair spurs: one second."""
-MOST_SETS, DRAWS, LAST_SETS = 400, 10, 5
+MOST_SETS = 400
+DRAWS = 10
+LAST_SETS = 5
 """Most random sets that are improved, random sets drawn for each of these, and sets left for linear programs."""
 PLACES = 24
 """Places tried for a channel, one at random in each equal part of the band in octaves."""
@@ -109,15 +111,18 @@ SOFTNESS = 0.1
 """Exponent s of the soft maximum ``Σ E^(1/s)`` in the search, through which the second largest energy counts, too."""
 SMOOTH_Q = 30.0
 """Highest Q in the search. With more, peaks fall between the places; beside a peak energies go as 1/Q² anyway."""
-MOST, MOST_WITH_SPURS = 128, 16
+MOST = 128
+MOST_WITH_SPURS = 16
 """Most channels that are optimised without and with pair spurs; for more the result is the geometric ladder."""
 MANY = 40
 """Number of channels above which the only start is the ladder over the whole band."""
 PARTS = ((0.0, 1.0), (0.0, 0.75), (0.25, 1.0), (0.0, 0.5))
 """Parts of the band whose geometric ladders are starts: under a steep level law the best ladder leaves an end empty."""
-PROGRAMS, SETTLED = 40, 1e-5
+PROGRAMS = 40
+SETTLED = 1e-5
 """Most linear programs for one ladder, and the predicted decrease of log energy at which it is settled (4e-5 dB)."""
-CLOSEST, TIGHTEST = 1e-3, 1e-9
+CLOSEST = 1e-3
+TIGHTEST = 1e-9
 """Smallest distance of neighbours and smallest trust region, over the spacing of the geometric ladder."""
 
 
@@ -154,7 +159,8 @@ def optimal_ladder(
     spurs = scheme.has_pair_spurs and count > 2
     if not 1 < count <= (MOST_WITH_SPURS if spurs else MOST) or not low_hz < high_hz:
         return even
-    low, high = log(low_hz), log(high_hz)
+    low = log(low_hz)
+    high = log(high_hz)
     case = _Case(low, high, count, q, law, scheme)
     if spurs:
         starts = _search_by_exchange(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
@@ -168,7 +174,9 @@ def optimal_ladder(
 
 def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
     """Return the best ascending sets (few, n) of log resonances found by moving one channel at a time, best first."""
-    random, count, width = np.random.default_rng(1), case.size, case.high - case.low
+    random = np.random.default_rng(1)
+    count = case.size
+    width = case.high - case.low
 
     def badness(sets: np.ndarray) -> np.ndarray:
         log_energy = case.log_energy(sets.reshape(-1, count).T)
@@ -243,7 +251,8 @@ def descend(
     """
     from scipy.optimize import linprog
 
-    here, reach = at.place, at.reach
+    here = at.place
+    reach = at.reach
     values, slope = lines(here)
     for _ in range(programs):
         # The step within the reach that most lowers the linearised largest value. Only values that could become the
@@ -257,7 +266,8 @@ def descend(
             order = np.eye(len(here), len(here) + 1) - np.eye(len(here), len(here) + 1, k=1)
             matrix = np.vstack([matrix, order[:-1] * reach])
             limit = np.concatenate([limit, gaps - min(closest, gaps.min())])
-        lower, upper = np.maximum(-1, (low - here) / reach), np.minimum(1, (high - here) / reach)
+        lower = np.maximum(-1, (low - here) / reach)
+        upper = np.minimum(1, (high - here) / reach)
         bounds = np.column_stack([np.append(lower, -np.inf), np.append(upper, 0.0)])
         best = linprog(np.append(np.zeros(len(here)), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs").x
         if best is None or -best[-1] < settled or reach < tightest:

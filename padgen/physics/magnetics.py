@@ -192,7 +192,8 @@ def ring_factor(ring: SteelRing) -> float:
     (Grover, Inductance Calculations, 1946). Of a thin disc without a hole it has 1.08 times the exact factor, of disc
     and hole in field solutions 0.9 to 1.1 times; of thick ones it is too small, at least 0.
     """
-    radius, width = (ring.outer_diameter + ring.inner_diameter) / 4, (ring.outer_diameter - ring.inner_diameter) / 2
+    radius = (ring.outer_diameter + ring.inner_diameter) / 4
+    width = (ring.outer_diameter - ring.inner_diameter) / 2
     own = np.log(8 * radius / (0.2235 * (width + ring.thickness))) - 2
     return float(width * ring.thickness / (2 * np.pi * radius**2) * max(own, 0.0))
 
@@ -219,8 +220,10 @@ class BHCurve:
 
     def flux_density_at(self, field_a_per_m: Any) -> np.ndarray:
         """Return B in T at fields H of any shape in A/m; odd in H."""
-        size, last = np.abs(np.asarray(field_a_per_m, float)), self.field_a_per_m[-1]
-        inside, beyond = self._spline(np.minimum(size, last)), MU_0 * np.maximum(size - last, 0)
+        size = np.abs(np.asarray(field_a_per_m, float))
+        last = self.field_a_per_m[-1]
+        inside = self._spline(np.minimum(size, last))
+        beyond = MU_0 * np.maximum(size - last, 0)
         return np.sign(field_a_per_m) * (inside + beyond)
 
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
@@ -299,7 +302,8 @@ def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
     far = flat > max(FAR, 0.5 * LOST ** (0.5 / most) - 1)
     if not far.all():
         near = ~far if far.any() else slice(None)
-        up, x_near = result[:, near], x[near]
+        up = result[:, near]
+        x_near = x[near]
         up[1] = x_near * up[0] - np.sqrt(2 * (1 + x_near)) * second[near]
         for m in range(1, most):
             up[m + 1] = (4 * m * x_near * up[m] - (2 * m - 1) * up[m - 1]) / (2 * m + 1)
@@ -307,7 +311,8 @@ def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
     if far.any():
         x_far = x[far]
         down = np.empty((most + 1, x_far.size))
-        ratio, below = 1 / (2 * x_far), np.empty_like(x_far)
+        ratio = 1 / (2 * x_far)
+        below = np.empty_like(x_far)
         for m in range(most + ORDERS_ABOVE, 0, -1):
             # (2m − 1)/(4m x − (2m + 1) ratio), in place, since a field takes most of its time here.
             np.multiply(4 * m, x_far, out=below)
@@ -325,8 +330,12 @@ def _elliptic(complement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the complete elliptic integrals K(m) and E(m), m = 1 − `complement`, by the arithmetic-geometric mean."""
     b = np.sqrt(complement)
     # The first step has a = 1. The others are in place, since these lines take much of a field's time.
-    a, c, b = (1 + b) / 2, (1 - b) / 2, np.sqrt(b)
-    total, power, square = (1 - complement) / 2 + c * c, 1.0, np.empty_like(c)
+    a = (1 + b) / 2
+    c = (1 - b) / 2
+    b = np.sqrt(b)
+    total = (1 - complement) / 2 + c * c
+    power = 1.0
+    square = np.empty_like(c)
     while c.max(initial=0.0) > CONVERGED:
         np.subtract(a, b, out=c)
         c *= 0.5
@@ -480,7 +489,8 @@ def _layers(
 
     They are at all nodes, by Gauss points on either side of the place nearest to the node, crowding towards it.
     """
-    start, along = np.array(side.start), np.subtract(side.end, side.start)
+    start = np.array(side.start)
+    along = np.subtract(side.end, side.start)
     share = np.clip(((radius - start[0]) * along[0] + (height - start[1]) * along[1]) / side.length**2, 0, 1)
     fine = np.linspace(0, 1, 2001)
     nearest = np.interp(share, side.part(fine)[0], fine)
@@ -498,8 +508,10 @@ def _layers(
 def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 2 `count`) on [0, 1] whose cubed distances crowd them towards `nearest` (n,), and weights."""
     at, weight = gauss(count)
-    cube, weight = at**3, 3 * at**2 * weight
-    low, high = nearest[:, None], 1 - nearest[:, None]
+    cube = at**3
+    weight = 3 * at**2 * weight
+    low = nearest[:, None]
+    high = 1 - nearest[:, None]
     return np.concatenate([low * (1 - cube), low + high * cube], 1), np.concatenate([low * weight, high * weight], 1)
 
 
@@ -525,7 +537,9 @@ def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np
     m apart; elsewhere they lie at the nodes.
     """
     top = max(side.end[1] for side in body.sides)
-    places, shares, at = [], [], 0
+    places = []
+    shares = []
+    at = 0
     for side in body.sides:
         node, weight = gauss(side.nodes)
         share = np.diag(weight)
@@ -574,13 +588,15 @@ def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> 
 
 def _spans(winding: Winding) -> list[tuple[float, float]]:
     """Return the radii (from, to) in m of the bore and of the winding itself, without empty ones."""
-    inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
+    inner = winding.inner_diameter / 2
+    outer = winding.outer_diameter / 2
     return [span for span in ((0.0, inner), (inner, outer)) if span[1] > span[0]]
 
 
 def _magnetised(winding: Winding, radius: np.ndarray) -> np.ndarray:
     """Return the axial magnetisation in A/m per ampere whose curl is the winding's current."""
-    inner, outer = winding.inner_diameter / 2, winding.outer_diameter / 2
+    inner = winding.inner_diameter / 2
+    outer = winding.outer_diameter / 2
     full = winding.turns / winding.length
     inside = (radius < (inner + outer) / 2).astype(float) if outer == inner else (outer - radius) / (outer - inner)
     return np.asarray(full * np.clip(inside, 0, 1))
@@ -617,7 +633,8 @@ def rings_potential(rings: np.ndarray, radius: np.ndarray, height: np.ndarray) -
     """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m that broadcast."""
     at_radius, at_height, charge = rings
     points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
-    some, count = max(AT_ONCE // len(charge), 1), points.shape[1]
+    some = max(AT_ONCE // len(charge), 1)
+    count = points.shape[1]
     blocks = (points[:, first : first + some] for first in range(0, max(count, 1), some))
     each = [ring_potential(block[0], block[1], at_radius, at_height, 0, at_ring=False) for block in blocks]
     parts = (np.concatenate([part[0] @ charge for part in one]) for one in zip(*each, strict=True))
@@ -646,7 +663,8 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
         charge = winding.turns * (np.pi * _radius_square(winding) / 3) / winding.length
         poles += [(charge, winding.top), (-charge, winding.bottom)]
     if (core := charged_core(coil)) is not None:
-        height, charges = core[0].height, core[0].area * core[1]
+        height = core[0].height
+        charges = core[0].area * core[1]
         for sign in (charges > 0, charges < 0):
             total = float(charges[sign].sum())
             poles.append((total, float((charges[sign] * height[sign]).sum()) / total))
@@ -678,5 +696,6 @@ def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
 
 def _radius_square(winding: Winding) -> float:
     """Return three times the mean of the squared radius of a winding's turns, in m²."""
-    outer, inner = winding.outer_diameter / 2, winding.inner_diameter / 2
+    outer = winding.outer_diameter / 2
+    inner = winding.inner_diameter / 2
     return outer**2 + outer * inner + inner**2

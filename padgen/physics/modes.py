@@ -89,10 +89,13 @@ def ring(
 def _upright(mass: Array, centre: tuple[Array, ...], moments: tuple[Array, ...]) -> RigidBody:
     """Return a body with main axes of inertia along x, y and z, with all parts broadcast to one shape."""
     shape = np.broadcast_shapes(*(np.shape(part) for part in (mass, *centre, *moments)))
-    whole, at, inertia = np.empty(shape), np.empty((*shape, 3)), np.zeros((*shape, 3, 3))
+    whole = np.empty(shape)
+    at = np.empty((*shape, 3))
+    inertia = np.zeros((*shape, 3, 3))
     whole[...] = mass
     for i in range(3):
-        at[..., i], inertia[..., i, i] = centre[i], moments[i]
+        at[..., i] = centre[i]
+        inertia[..., i, i] = moments[i]
     return RigidBody(whole, at, inertia)
 
 
@@ -162,7 +165,8 @@ def suspended_modes(
     """
     stiffness: Any = 0.0
     mass: Any = np.zeros((*np.shape(body.mass), 6, 6))
-    mass[..., [0, 1, 2], [0, 1, 2]], mass[..., 3:, 3:] = body.mass[..., None], body.inertia
+    mass[..., [0, 1, 2], [0, 1, 2]] = body.mass[..., None]
+    mass[..., 3:, 3:] = body.inertia
     # Most beams share a section, and with it the matrices.
     sections = {id(beam.section): beam.section for beam in beams}
     known = {
@@ -198,16 +202,19 @@ def to_tip(beam: BeamPlacement, reference: np.ndarray) -> np.ndarray:
     """Return the matrix (…, 6, 6) from the body's motion at `reference` to the tip's motion in beam axes."""
     arm = beam.tip - reference
     x, y, z = arm[..., 0], arm[..., 1], arm[..., 2]
-    c, s = beam.direction[..., 0], beam.direction[..., 1]
+    c = beam.direction[..., 0]
+    s = beam.direction[..., 1]
     carry = np.zeros((*x.shape, 6, 6))
     for first in (0, 3):
         carry[..., first, first] = carry[..., first + 1, first + 1] = c
-        carry[..., first, first + 1], carry[..., first + 1, first] = s, -s
+        carry[..., first, first + 1] = s
+        carry[..., first + 1, first] = -s
         carry[..., first + 2, first + 2] = 1
     # The rotation into beam axes, times the cross product with the arm.
     carry[..., 0, 3], carry[..., 0, 4], carry[..., 0, 5] = -s * z, c * z, s * x - c * y
     carry[..., 1, 3], carry[..., 1, 4], carry[..., 1, 5] = -c * z, -s * z, c * x + s * y
-    carry[..., 2, 3], carry[..., 2, 4] = y, -x
+    carry[..., 2, 3] = y
+    carry[..., 2, 4] = -x
     return carry
 
 
@@ -224,9 +231,11 @@ def hardening(
     `motion` (…, 6) is the body's at `reference` (…, 3) for 1 m of z. `compliance` (…, 6, 6) is that of the suspended
     body there under static loads. `elastic` is Young's modulus in Pa and Poisson's ratio. Bent beams count as straight.
     """
-    load, kept = np.zeros_like(motion), np.zeros(motion.shape[:-1])
+    load = np.zeros_like(motion)
+    kept = np.zeros(motion.shape[:-1])
     for beam in beams:
-        carry, length = to_tip(beam, reference), np.asarray(beam.section.length, float)
+        carry = to_tip(beam, reference)
+        length = np.asarray(beam.section.length, float)
         tip = (carry @ motion[..., None])[..., 0]
         # Shortening of a cubic, ½ ∫ w'² dx, from displacement and slope of its tip, in both planes.
         shorter: Any = sum(
@@ -274,14 +283,17 @@ def level_kept(alpha: Any, q: float, amplitude: Any, offset: Any = 0.0) -> Any:
         share = (low + high) / 2
         off = 2 * q * resonance_rise(alpha, share * amplitude, offset)
         above = share**2 * (off**2 + 1) > 1
-        low, high = np.where(above, low, share), np.where(above, share, high)
+        low = np.where(above, low, share)
+        high = np.where(above, share, high)
     return high
 
 
 FLOOR = 0.008
 """Relative error that remains for slender beams: mass of the flares, rounding of the edges, the references' own error.
 """
-OTHERS, OTHERS_FLOOR, OTHERS_RISE = 2.5, 0.02, 0.008
+OTHERS = 2.5
+OTHERS_FLOOR = 0.02
+OTHERS_RISE = 0.008
 """For all modes but the working one: a factor on the error from the uncertainties, its floor, and the floor's rise per
 unit of frequency ratio to the working mode.
 """

@@ -98,7 +98,8 @@ def squared(wave: Tones) -> Tones:
     product = np.where(a == b, 0.5, 1.0) * wave.amplitude[a] * wave.amplitude[b]
     low, high = np.sort(wave.frequency_hz[[a, b]], axis=0)
     sign = np.where(wave.frequency_hz[a] >= wave.frequency_hz[b], 1.0, -1.0)
-    total, difference = high + low, high - low
+    total = high + low
+    difference = high - low
     rest = np.stack([low - (total - high), (high - difference) - low])
     rest[0] += wave.rest_hz[a] + wave.rest_hz[b]
     rest[1] += sign * (wave.rest_hz[a] - wave.rest_hz[b])
@@ -144,7 +145,8 @@ def steady_lines(
     SolverError
         A tone decays, or sits on a resonance without damping.
     """
-    own, tone = np.atleast_1d(np.asarray(frequency_hz, float))[:, None], force.frequency_hz
+    own = np.atleast_1d(np.asarray(frequency_hz, float))[:, None]
+    tone = force.frequency_hz
     offset = (own - tone) - force.rest_hz
     quality, mass = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (q, mass_kg))
     loss = tone * own / quality
@@ -202,9 +204,11 @@ def propagate(
     """
     own, quality, mass = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (frequency_hz, q, mass_kg)))
     time = np.atleast_1d(np.asarray(time_s, float))
-    poles, order = _poles(own, quality), np.argsort(time, kind="stable")
+    poles = _poles(own, quality)
+    order = np.argsort(time, kind="stable")
     # The exponents a − s₁ and a − s₂ (n, m); frequencies are subtracted first, which keeps their digits.
-    hz, rest_hz = poles.hz[:, None], poles.rest_hz[:, None]
+    hz = poles.hz[:, None]
+    rest_hz = poles.rest_hz[:, None]
     turning = [(force.frequency_hz + sign * hz) + (force.rest_hz + sign * rest_hz) for sign in (-1, 1)]
     first, second = (
         rate[:, None] - force.decay_per_s + 2j * np.pi * part
@@ -227,11 +231,14 @@ def _blocks(time: np.ndarray, width: int) -> list[np.ndarray]:
 
 def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
     """Return the poles without cancellation: ``α² − ω² = ω² (1 − 2Q)(1 + 2Q)/4Q²``."""
-    omega, alpha = 2 * np.pi * own, np.pi * own / q
+    omega = 2 * np.pi * own
+    alpha = np.pi * own / q
     half = 1 / (2 * q)
     finite = np.where(np.isfinite(q), q, 1.0)
     square = omega**2 * np.where(np.isfinite(q), (1 - 2 * finite) * half * ((1 + 2 * finite) * half), -1.0)
-    root, over, exact = np.sqrt(np.abs(square)), square > 0, q >= EXACT_Q
+    root = np.sqrt(np.abs(square))
+    over = square > 0
+    exact = q >= EXACT_Q
     fast = np.where(over, alpha + root, alpha)
     share = np.minimum(half, 1.0) ** 2
     shortfall = own * share / (1 + np.sqrt(1 - share))
@@ -251,7 +258,8 @@ def _move(
     alpha, root, over, slow, fast = (v[:, None] for v in (poles.alpha, poles.root, poles.over, poles.slow, poles.fast))
     angle = 2 * np.pi * (turns(poles.hz[:, None], time) + poles.rest_hz[:, None] * time)
     modes = np.exp(-slow * time + 1j * angle), np.exp(-fast * time - 1j * angle)
-    lone, fade = np.where(root > 0, root, 1.0), np.exp(-alpha * time)
+    lone = np.where(root > 0, root, 1.0)
+    fade = np.exp(-alpha * time)
     swing = np.where(root > 0, np.sin(angle) / lone, time) * fade
     push = np.where(over, np.exp(-slow * time) * -np.expm1(-2 * root * time) / (2 * lone), swing)
     keep = (modes[0] + modes[1]).real / 2 + alpha * push
@@ -283,7 +291,8 @@ def _with_near(
 
     `which` are the resonators, `detunings` the exponents ``a − s₁`` and ``a − s₂``.
     """
-    count, last = len(moved), float(time[-1])
+    count = len(moved)
+    last = float(time[-1])
     gap = np.where(poles.over, 2 * poles.root, 2j * poles.root)[which]
     apart = np.abs(gap) * time[0] >= 1
     close = ~apart
@@ -294,7 +303,8 @@ def _with_near(
     moved = moved + fade * _polynomial(series.real, at)
     steady = np.zeros(phasor.shape, complex)
     for sign, turn, mode in zip((1, -1), detunings, modes, strict=True):
-        slow, quick = apart & (np.abs(turn) * time[0] < 1), apart & (np.abs(turn) * time[0] >= 1)
+        slow = apart & (np.abs(turn) * time[0] < 1)
+        quick = apart & (np.abs(turn) * time[0] >= 1)
         shares = sign * np.divide(phasor, gap, out=np.zeros(phasor.shape, complex), where=apart)
         plain = np.divide(shares, turn, out=np.zeros(phasor.shape, complex), where=quick)
         steady += plain
@@ -310,7 +320,10 @@ def _sums(values: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
 
 def _growth(turn: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
     """Return coefficients (n, terms) of ``Σ weight expm1(z)/z``, z = `turn` (p,), at the block's last time."""
-    sums, term, k, size = [_sums(weights, which, count)], weights, 1, 1.0
+    sums = [_sums(weights, which, count)]
+    term = weights
+    k = 1
+    size = 1.0
     largest = float(np.abs(turn).max(initial=0.0))
     while size > SMALLEST_TERM and largest:
         k += 1
@@ -325,8 +338,13 @@ def _series(reach: np.ndarray, square: np.ndarray, weights: np.ndarray, which: n
 
     It is ``Σ h_k/(k+2)!`` with the complete homogeneous sums h_k of the three.
     """
-    sums, power, k, scale = [_sums(weights, which, count) / 2], np.ones(len(reach)), 0, 0.5
-    term, largest, size = np.ones(len(reach), complex), float(np.abs(reach).max(initial=0.0)) + 1, 1.0
+    sums = [_sums(weights, which, count) / 2]
+    power = np.ones(len(reach))
+    k = 0
+    scale = 0.5
+    term = np.ones(len(reach), complex)
+    largest = float(np.abs(reach).max(initial=0.0)) + 1
+    size = 1.0
     while len(reach) and size > SMALLEST_TERM:
         k += 1
         scale /= k + 2

@@ -58,7 +58,8 @@ MOST = (20, 40, 30, 40)
 """Most nodes on faces of washer and core, and highest orders round the axis of either, to save time."""
 RIM_NODES = 5
 """Nodes on each rim of a washer."""
-SOLVED, MOST_STEPS = 1e-7, 60
+SOLVED = 1e-7
+MOST_STEPS = 60
 """Relative residual at which the charges of two bodies are solved, and the most steps to reach it."""
 LOST_SHARE = 0.0015
 """Error by incomplete cancellation, over the forces up and down on parts of a washer (docs/accuracy.md)."""
@@ -125,7 +126,8 @@ def _pull_with_nodes(fine: tuple[int, ...], coil: CoilSource, washer: SteelRing,
     turns = 1 if offset == 0 else orders + 3
     angle = (np.arange(turns) + 0.5) * np.pi / turns
     arm = body.radius[:, None] * np.cos(angle)
-    x, y = offset + arm, body.radius[:, None] * np.sin(angle)
+    x = offset + arm
+    y = body.radius[:, None] * np.sin(angle)
     z = np.broadcast_to((body.height + gap)[:, None], x.shape)
     rho = np.maximum(np.hypot(x, y), 1e-9 * washer.outer_diameter)
     around = np.arctan2(y, x)
@@ -146,7 +148,8 @@ def _pull_with_nodes(fine: tuple[int, ...], coil: CoilSource, washer: SteelRing,
             a + part[0] @ charge for a, part in zip((potential, along_r, along_z), of, strict=True)
         )
         order = np.arange(core_orders + 1)[:, None, None]
-        cosine, sine = np.cos(order * around), np.sin(order * around)
+        cosine = np.cos(order * around)
+        sine = np.sin(order * around)
         at_nodes = (of.value @ shares) * cosine[..., None]
         drawn, back = _mutual_charges(body, steel, at_nodes, project, project @ potential.T)
         charges = back @ shares.T
@@ -165,7 +168,9 @@ def _pull_with_nodes(fine: tuple[int, ...], coil: CoilSource, washer: SteelRing,
 
 def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> float:
     """Return the distance in m of the washer's steel from the core's, or from the windings."""
-    core, rim, bore = coil.core_diameter / 2, washer.outer_diameter / 2, washer.inner_diameter / 2
+    core = coil.core_diameter / 2
+    rim = washer.outer_diameter / 2
+    bore = washer.inner_diameter / 2
     beside = max(offset - rim - core, bore - core - offset, 0.0) if coil.has_core else 0.0
     return float(np.hypot(gap, beside))
 
@@ -175,11 +180,9 @@ def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) ->
 
     They are those on faces of washer and core, then the orders round the axes of both.
     """
-    width, rim, core = (
-        (washer.outer_diameter - washer.inner_diameter) / 2,
-        washer.outer_diameter / 2,
-        coil.core_diameter / 2,
-    )
+    width = (washer.outer_diameter - washer.inner_diameter) / 2
+    rim = washer.outer_diameter / 2
+    core = coil.core_diameter / 2
     near = _nearest(coil, washer, gap, offset)
     wanted = [5 + 0.5 * width / near, 6 + core / near, 0.0, 0.0]
     if offset:
@@ -225,11 +228,13 @@ def _mutual_charges(
         drop = step - answer(project @ (forth @ echo(step)[..., None]).sum(0).reshape(nodes, turns).T)
         for other, fall in steps:
             share = np.vdot(fall, drop)
-            step, drop = step - share * other, drop - share * fall
+            step = step - share * other
+            drop = drop - share * fall
         size = np.linalg.norm(drop)
         steps.append((step / size, drop / size))
         share = np.vdot(drop / size, left)
-        charge, left = charge + share * step / size, left - share * drop / size
+        charge = charge + share * step / size
+        left = left - share * drop / size
     return charge, echo(charge)
 
 
@@ -240,7 +245,8 @@ def _mean_square(orders: int) -> np.ndarray:
 
 OWN_ERROR = 0.008
 """Relative error of a solved pull (docs/accuracy.md)."""
-COLUMNS, DIPOLE = 5, 4
+COLUMNS = 5
+DIPOLE = 4
 SLOPE_STEP = 0.02
 """Relative step of the gap in differences between solved pulls."""
 
@@ -289,7 +295,8 @@ class PullTable(NamedTuple):
 
     def wound(self, share: float) -> "PullTable":
         """Return the table of the coil with `share` times its turns: forces go as their square, the dipole as they."""
-        scale, shape = self.scale.copy(), self.shape.copy()
+        scale = self.scale.copy()
+        shape = self.shape.copy()
         scale[0] += 2 * log(share)
         shape[..., DIPOLE] /= share
         return self._replace(scale=scale, shape=shape)
@@ -342,7 +349,8 @@ def make_table(
     coil: CoilSource, washer: SteelRing, low: float, high: float, reach: float, gaps: int, offsets: int
 ) -> PullTable:
     """Solve the pull at `gaps` times `offsets` places and return the table; a single offset is `reach` over √2."""
-    at_gap, at_offset = chebyshev.chebpts1(gaps), chebyshev.chebpts1(offsets)
+    at_gap = chebyshev.chebpts1(gaps)
+    at_offset = chebyshev.chebpts1(offsets)
     gap = low * (high / low) ** ((at_gap + 1) / 2)
     offset = reach * np.sqrt((at_offset + 1) / 2)
     solved = np.array([[pull(coil, washer, float(g), float(d)) for d in offset] for g in gap])
@@ -411,7 +419,9 @@ def _with_errors(
     return PullAt(-axial, side, moment, -slope, error, jump, steep + OWN_ERROR * np.abs(slope), bend, dipole)
 
 
-FACE, RIM, ORDERS = 5, 3, 2
+FACE = 5
+RIM = 3
+ORDERS = 2
 """Nodes on each face and each rim of a washer, and highest order round its axis; few, to save time."""
 COARSE_STEP = 1.0
 """Largest distance between rings that face the washer, over the gap, for leakage."""
@@ -491,14 +501,17 @@ def _coarse_rings(coil: CoilSource) -> np.ndarray:
     """
     radius, height, density = winding_rings(coil.windings, coil.outer_diameter / 8)
     # Sorted sets, since np.unique would load numpy.ma in every plan.
-    zone, charge = np.floor(6 * radius / coil.outer_diameter), radius * density
+    zone = np.floor(6 * radius / coil.outer_diameter)
+    charge = radius * density
     groups = [
         (radius, height, np.where((height == z) & (zone == k), charge, 0.0))
         for z in sorted(set(height))
         for k in sorted(set(zone))
     ]
     if (core := charged_core(coil)) is not None:
-        radius, height, charge = core[0].radius, core[0].height, core[0].area * core[1] / (2 * np.pi)
+        radius = core[0].radius
+        height = core[0].height
+        charge = core[0].area * core[1] / (2 * np.pi)
         groups += [(radius, height, np.where(height == z, charge, 0.0)) for z in sorted(set(height))]
     signed = [(r, z, part) for r, z, q in groups for part in (np.maximum(q, 0), np.minimum(q, 0)) if part.any()]
     total, square, at = np.array([(q.sum(), (q * r**2).sum(), (q * z).sum()) for r, z, q in signed]).T
@@ -540,7 +553,8 @@ def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> 
     A core in another coil's field is a dipole, which counts as additional current of the core's own coil. The first
     coil's core is left out, since `_core_charge` computes it better.
     """
-    poles, middle = coil_poles(coil), coil.core_top - coil.core_length / 2
+    poles = coil_poles(coil)
+    middle = coil.core_top - coil.core_length / 2
     apart = axes[:, None] - axes + np.eye(len(axes))[..., None]  # any distance but 0 for a core in its own coil
     field = pole_field(poles, middle, apart)[0][..., 2] * (1 - np.eye(len(axes)))
     drawn = core.area @ (core.response[0] @ (middle - core.height) * core.height)
@@ -557,7 +571,8 @@ def _core_field(
     They are round each washer, whose nodes are at `points` (n, j, turns, 2) in m.
     """
     radius, at, shares = fine_rings(core, step)
-    rho, around = np.hypot(points[..., 0], points[..., 1]), np.arctan2(points[..., 1], points[..., 0])
+    rho = np.hypot(points[..., 0], points[..., 1])
+    around = np.arctan2(points[..., 1], points[..., 0])
     z = np.broadcast_to(height, rho.shape)[..., None]
     of = ring_potential(rho[..., None], z, radius, at, CORE_ORDERS, at_ring=False)
     waves = np.ones_like(around), np.cos(around), np.sin(around)

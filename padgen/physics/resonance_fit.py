@@ -60,14 +60,20 @@ __all__ = [
     "rough_hz",
 ]
 
-REACH, CLOSE_REACH = 10.0, 4.0
+REACH = 10.0
+CLOSE_REACH = 4.0
 """Largest |Q (s − 1/s)| of fitted lines, five bandwidths on either side; and about another mode among them."""
-LEAST_SHARE, FURTHER_Q = 0.05, 1.0
+LEAST_SHARE = 0.05
+FURTHER_Q = 1.0
 """Smallest further peak, over the largest, and its smallest Q: a broader one is no mode, but a slope of the whole."""
-FEWEST_LINES, MOST_LINES = 14, 3000
-LEAST_Q, LARGEST_Q = 0.55, 1e7
-MOST_MODES, MOST_HUM = 4, 8
-MOST_TRIES, FIRST_TRIES = 100, 12
+FEWEST_LINES = 14
+MOST_LINES = 3000
+LEAST_Q = 0.55
+LARGEST_Q = 1e7
+MOST_MODES = 4
+MOST_HUM = 8
+MOST_TRIES = 100
+FIRST_TRIES = 12
 """Evaluations of a search, and of a first one, whose result is fitted again."""
 SMOOTHED = (1, 5, 25, 125)
 """Numbers of points over which a response is averaged to find its peak in noise."""
@@ -75,7 +81,8 @@ WORTH = 30.0
 """Least decrease of the sum of squares by a further column or mode, in variances."""
 CENTRES = np.linspace(-1, 1, 41)
 """Distances, in lines, from a mains line that stands out to the sines that may have made it."""
-MAINS_HZ, MAINS_OFF = (50.0, 60.0), 4e-3
+MAINS_HZ = (50.0, 60.0)
+MAINS_OFF = 4e-3
 """Frequencies of the mains, and the largest relative deviation of a line from their multiples."""
 SPARE = 20.0
 """Lines in a bandwidth from which those beside a mains line are left out."""
@@ -85,16 +92,27 @@ SMALLEST_NOISE = 1e-9
 """Noise over the largest response that counts as rounding only."""
 EXCITED = 1e-3
 """Power density at the edge of the excited band, over its largest."""
-QUIET_SHARE, BEFORE_S, RINGING_TAUS = 1e-3, 0.1, 12.0
+QUIET_SHARE = 1e-3
+BEFORE_S = 0.1
+RINGING_TAUS = 12.0
 """Share of the largest i² below which a coil is silent; kept silence before (s) and after it (time constants)."""
-DECAY_TAUS, DECAY_PERIODS, FEWEST_PERIODS = 15.0, 10.0, 4.0
-BEGINS, MOST_TAPS, TAP, QUIET_TAP, BEFORE_TAP = 0.8, 30, 0.5, 0.3, 0.1
+DECAY_TAUS = 15.0
+DECAY_PERIODS = 10.0
+FEWEST_PERIODS = 4.0
+BEGINS = 0.8
+MOST_TAPS = 30
+TAP = 0.5
+QUIET_TAP = 0.3
+BEFORE_TAP = 0.1
 """Share of a record in which a decay must begin; most decays, their least size over the largest, and that of the quiet
 before them; and the end of each that is left out.
 """
-FEWEST_SAMPLES, MOST_SAMPLES, MOST_OF_DECAY = 64, 3 << 18, 1 << 18
+FEWEST_SAMPLES = 64
+MOST_SAMPLES = 3 << 18
+MOST_OF_DECAY = 1 << 18
 """Fewest and most samples of a driven record, and most of a decay; all that follow are left out."""
-ANSWERING, FEWEST_ANSWERING = 3.0, 40
+ANSWERING = 3.0
+FEWEST_ANSWERING = 40
 """Largest |Q (s − 1/s)| within which the answer of a driven resonance must exceed what is left, and fewest lines: of
 fewer, the model can follow what is no answer.
 """
@@ -106,15 +124,20 @@ NO_ANSWER = (
 NO_DECAY = (
     "shows no free decay: the best one is no more than noise makes by chance; pluck harder, or leave this taxel out"
 )
-SEEN, WIDE = 6.0, 0.2
+SEEN = 6.0
+WIDE = 0.2
 """Least response over its noise, and least range of ln f, from which the kind of sensor is recognised."""
 SENSORS = ("displacement", "velocity", "acceleration")
 """Kinds of sensors, by the power of the frequency."""
-FILLED, MOST_CAPS, MOST_HELD = 4, 400, 4000
+FILLED = 4
+MOST_CAPS = 400
+MOST_HELD = 4000
 """Rounds in which clipped crests are fitted, the number of their heights (of more, neighbours share one), and the most
 clipped samples, whose fit takes half a second.
 """
-LATE_S, CLOCK, DRIFT = 5e-3, 100e-6 * (2 / 3) ** 0.5, 0.15
+LATE_S = 5e-3
+CLOCK = 100e-6 * (2 / 3) ** 0.5
+DRIFT = 0.15
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
 second.
@@ -205,9 +228,11 @@ def fit_spectrum(
     SolverError
         No peak, one at an end of the sweep, two comparable ones, too few points in it, or a phase that rises.
     """
-    frequency, given = np.asarray(frequency_hz, float), np.asarray(response)
+    frequency = np.asarray(frequency_hz, float)
+    given = np.asarray(response)
     refuse_bad_spectrum(frequency, given)
-    phased, noise = np.iscomplexobj(given), point_noise(given)
+    phased = np.iscomplexobj(given)
+    noise = point_noise(given)
     data = given if phased else _with_phase(frequency, given)
     lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
     peaks = _peaks(lines, power or 0)
@@ -247,7 +272,8 @@ def fit_driven(
     SolverError
         No response, two comparable resonances, a resonance at an end of the excited band, or too short a record.
     """
-    x, y = np.asarray(squared_current, float), np.array(response, float)
+    x = np.asarray(squared_current, float)
+    y = np.array(response, float)
     refuse_bad_record(y)
     if np.ptp(x) == 0:
         raise SolverError("the excitation does not change; leave its column out for a free decay")
@@ -322,7 +348,8 @@ def fit_decay(
     whole = np.asarray(response, float)
     refuse_bad_record(whole)
     size = np.abs(whole - whole.mean())
-    first, late = int(size[: int(BEGINS * len(size))].argmax()), int(size.argmax())
+    first = int(size[: int(BEGINS * len(size))].argmax())
+    late = int(size.argmax())
     if size[first] < TAP * size[late]:
         raise SolverError(
             f"is largest {number(late / rate_hz)} s into a record of {number(len(size) / rate_hz)} s: a free decay"
@@ -369,7 +396,8 @@ def _taps(size: np.ndarray, period: int) -> list[int]:
     from scipy.ndimage import uniform_filter1d
 
     energy = uniform_filter1d(size**2, max(period, 1))
-    loud, quiet = energy > TAP**2 * energy.max(), energy < QUIET_TAP**2 * energy.max()
+    loud = energy > TAP**2 * energy.max()
+    quiet = energy < QUIET_TAP**2 * energy.max()
     turns = np.flatnonzero(loud | quiet)
     begin = turns[loud[turns] & np.append(True, quiet[turns[:-1]])]
     return [int(k + size[k : k + 2 * period].argmax()) for k in begin[:MOST_TAPS]]
@@ -460,7 +488,8 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
 
 def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
     """Return the delay of y after x in samples: where the impulse response, or a `mode` (Hz, Q) in it, begins."""
-    impulse, inside = cross.impulse, cross.response != 0
+    impulse = cross.impulse
+    inside = cross.response != 0
     if mode is not None:
         matched = cross.response.copy()
         matched[inside] *= _mode(cross.frequency[inside], mode[0], mode[1], 0).conj()
@@ -510,7 +539,8 @@ def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: 
         good &= other.size * np.abs(_mode(lines.frequency, other.hz, other.q, 0)) < 0.3 * alone
     found: set[int | None] = set()
     for side in (s < 1, s > 1):
-        log, over = np.log(s[good & side]), np.log((np.abs(lines.data) / alone)[good & side])
+        log = np.log(s[good & side])
+        over = np.log((np.abs(lines.data) / alone)[good & side])
         slope = float(np.polyfit(log, over, 1)[0]) if len(log) > 3 and np.ptp(log) > WIDE else np.nan
         found |= {n for n in range(3) if abs(slope - n) < 0.4} or {None}
     return found.pop() if len(found) == 1 else None
@@ -602,10 +632,12 @@ def _solve(
 
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
     """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode."""
-    lines, slopes = fit.lines, []
+    lines = fit.lines
+    slopes = []
     each = (len(fit.factors) - fit.extra.shape[1]) // len(lines.inputs)
     for k, (hz, q) in enumerate(fit.modes):
-        s, own = lines.frequency / hz, _mode(lines.frequency, hz, q, 0)
+        s = lines.frequency / hz
+        own = _mode(lines.frequency, hz, q, 0)
         whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * own
         slopes += [whole * ((1j - 2 * q * s) * s * own - power), -whole * own * q * (1 - s) * (1 + s)]
     return np.stack(slopes, 1)
@@ -690,7 +722,8 @@ def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tu
     for hz, q in tried:
         local = part.around(hz, q)
         basis = _basis(local, np.log([hz, q]), power, np.zeros((len(local.data), 0)))
-        with_mode, without = _projected(basis, local.data), _projected(basis[:, 1:], local.data)
+        with_mode = _projected(basis, local.data)
+        without = _projected(basis[:, 1:], local.data)
         taken = float(np.vdot(without, without).real - np.vdot(with_mode, with_mode).real)
         best = max(best, (hz, q, taken), key=lambda each: each[2])
     return best
@@ -707,8 +740,10 @@ def _peaks(lines: Lines, power: int) -> list[_Peak]:
     """Return the modes in a spectrum, a gated response or the transform of a decay, most powerful first."""
     if len(lines.data) < FEWEST_LINES:
         raise SolverError("is too short to show a resonance; record longer")
-    rest, step = lines.data.copy(), float(np.diff(lines.frequency).min())
-    found, passed = list[_Peak](), list[_Peak]()
+    rest = lines.data.copy()
+    step = float(np.diff(lines.frequency).min())
+    found = list[_Peak]()
+    passed = list[_Peak]()
     for _ in range(MOST_MODES):
         hz, q, taken = _start(lines, rest, power, passed)
         if taken <= 0:
@@ -732,13 +767,17 @@ def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: i
     Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
     """
     places = np.round(fit.lines.frequency * fit.lines.seconds).astype(int)
-    at, turn = np.flatnonzero(held), -2j * np.pi * places / len(y)
+    at = np.flatnonzero(held)
+    turn = -2j * np.pi * places / len(y)
     other = (np.diff(at) > rate / (4 * fit.modes[0, 0])) | (np.diff(np.sign(y[at])) != 0)
     crests = np.split(at, np.flatnonzero(other) + 1)
-    shapes, count = np.zeros(len(y)), min(len(crests), MOST_CAPS)
-    own, caps = np.zeros(len(y), int), np.zeros((len(places), count), complex)
+    shapes = np.zeros(len(y))
+    count = min(len(crests), MOST_CAPS)
+    own = np.zeros(len(y), int)
+    caps = np.zeros((len(places), count), complex)
     for k, crest in enumerate(crests):
-        middle, half = (crest[0] + crest[-1]) / 2, (crest[-1] - crest[0] + 2) / 2
+        middle = (crest[0] + crest[-1]) / 2
+        half = (crest[-1] - crest[0] + 2) / 2
         shapes[crest] = np.abs(y).max() * np.sign(y[crest].sum()) * (1 - ((crest - middle) / half) ** 2)
         own[crest] = k * count // len(crests)
         caps[:, own[crest[0]]] -= np.exp(turn * middle) * (np.exp(np.outer(turn, crest - middle)) @ shapes[crest])
@@ -921,7 +960,8 @@ def _result(
         covariance = _covariance(fit, n, phased, each)
         sigma = np.sqrt(np.append(np.diag(covariance)[:2], along @ covariance[np.ix_(place, place)] @ along))
         errors.append((float(hz * sigma[0]), float(q * sigma[1]), float(sigma[2])))
-    lines, drive = fit.lines, fit.lines.inputs[0]
+    lines = fit.lines
+    drive = fit.lines.inputs[0]
     strong = np.abs(drive) > EXCITED * np.abs(drive).max()
     alone = fit.residual + fit.basis[:, 0] * fit.factors[0]
     s = lines.frequency[strong] / hz
@@ -930,7 +970,8 @@ def _result(
         circle = circle_resonance(
             lines.frequency[strong], alone[strong] / drive[strong] / s**n, hz, q, 1 / (np.abs(drive[strong]) * s**n)
         )
-    data, left = lines.data[strong] / drive[strong], fit.residual[strong] / drive[strong]
+    data = lines.data[strong] / drive[strong]
+    left = fit.residual[strong] / drive[strong]
     needed = NEEDED if fit.lines.seconds else NEEDED_OF_SPECTRA
     agreed = agree(CircleFit(float(hz), errors[0][0], float(q), errors[0][1]), circle, needed)
     return ResonanceFit(
@@ -981,13 +1022,15 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
 
     # Far modes are without damping: all factors are real, up to one phase.
     found = np.concatenate([np.zeros(count), (fit.factors * np.exp(-1j * np.angle(fit.factors[0]))).real / most])
-    noise, data = 0.0, size
+    noise = 0.0
+    data = size
     for _ in range(2):
         data = size - noise**2 / (4 * np.maximum(np.abs(model(found)), noise or 1.0))
         found = least_squares(lambda v, d=data: (np.abs(model(v)) - d) / most, found, method="lm", max_nfev=1000).x
         left = max(len(size) - len(found), 1)
         noise = float(np.sqrt(2 * np.sum((np.abs(model(found)) - data) ** 2) / left))
-    theta, whole = fit.theta + scale * np.clip(found[:count], -9, 9), model(found)
+    theta = fit.theta + scale * np.clip(found[:count], -9, 9)
+    whole = model(found)
     turned = lines._replace(data=data * np.exp(1j * np.angle(whole)))
     basis = _basis(lines, theta, power, fit.extra)
     return _Solved(turned, theta, found[count:] * most, basis, turned.data - whole, noise, fit.extra)
@@ -1011,6 +1054,7 @@ def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
     ):
         other = lines._replace(data=data)
         found = _fit_peaks(other, _peaks(other, power), None, power)
-        hz, inside = found.modes[0, 0], lines.frequency[[0, -1]]
+        hz = found.modes[0, 0]
+        inside = lines.frequency[[0, -1]]
         if max(found.noise, lines.noise) < 0.5 * fit.noise and inside[0] < hz < inside[1]:
             raise SolverError(what.format(f"{number(float(hz))} Hz"))

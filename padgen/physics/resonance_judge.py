@@ -88,8 +88,10 @@ def circle_resonance(
     """
     if len(frequency_hz) < FEWEST:
         return None
-    sigma, fit = np.broadcast_to(np.asarray(sigma, float), frequency_hz.shape), None
-    hz, q = start_hz, start_q
+    sigma = np.broadcast_to(np.asarray(sigma, float), frequency_hz.shape)
+    fit = None
+    hz = start_hz
+    q = start_q
     for _ in range(2):
         away = np.abs(detuning(frequency_hz, hz, q))
         arc = away <= max(WIDEST_ARC, float(np.sort(away)[FEWEST - 1]))
@@ -97,7 +99,8 @@ def circle_resonance(
         fit = _fit_angle(frequency_hz[arc], response[arc] * s, hz, q, sigma[arc] * s)
         if fit is None:
             break
-        hz, q = fit.resonance_hz, fit.q
+        hz = fit.resonance_hz
+        q = fit.q
     return fit
 
 
@@ -117,7 +120,8 @@ def _fit_angle(frequency: np.ndarray, points: np.ndarray, hz: float, q: float, s
     if not np.isfinite(radius):
         return None
     arm = points - centre
-    angle, width = np.angle(arm), 1 / q
+    angle = np.angle(arm)
+    width = 1 / q
 
     def off(theta: np.ndarray) -> np.ndarray:
         x = detuning(frequency, hz * np.exp(theta[1] * width), q * np.exp(theta[2]))
@@ -128,7 +132,8 @@ def _fit_angle(frequency: np.ndarray, points: np.ndarray, hz: float, q: float, s
     inverse = np.linalg.pinv(found.jac)
     # Noise along the circle turns a point directly. Noise across it moves the centre: a centre that is off by d turns
     # a point by −t·d over the radius, t being the tangent there.
-    radial, along = (np.abs(arm) - radius) / sigma, radius * found.fun
+    radial = (np.abs(arm) - radius) / sigma
+    along = radius * found.fun
     variance = float(radial @ radial + along @ along) / max(2 * len(arm) - 6, 1)
     unit = arm / np.abs(arm)
     across = np.stack([unit.real, unit.imag, np.ones(len(arm))], axis=1) / sigma[:, None]
@@ -156,7 +161,9 @@ LEAST_GAIN = 40.0
 """Least decrease of the sum of squares by the resonance, in variances; 1000 points of noise reach 25 by chance."""
 MOST_LEFT = 0.2
 """Largest residual of a fit, over the largest response, that may be more than noise."""
-SURE, NEEDED, NEEDED_OF_SPECTRA = 3.0, (0.3, 0.1), (1.5, np.inf)
+SURE = 3.0
+NEEDED = (0.3, 0.1)
+NEEDED_OF_SPECTRA = (1.5, np.inf)
 """Sigmas of noise that must be within what re-tuning needs of a recording and, at least, of a spectrum: of the
 frequency in halves of the bandwidth, where 0.3 are 0.4 dB, and of Q as a share of it, where 0.1 is 0.9 dB of the level.
 """
@@ -164,9 +171,11 @@ MOST_HARDER = 100.0
 """Largest factor by which a measurement is asked to be stronger."""
 COMPARABLE = 0.5
 """Share of the first peak from which a second one is as likely to be the right one."""
-MOST_APART, MOST_APART_Q = 0.25, 2.0
+MOST_APART = 0.25
+MOST_APART_Q = 2.0
 """Largest difference of two methods, in bandwidths for the frequency and as a factor for Q; beyond it one is wrong."""
-AGREEMENT, AGREEMENT_FLOOR = 3.0, 0.01
+AGREEMENT = 3.0
+AGREEMENT_FLOOR = 0.01
 """Two methods agree within this many sigmas, or within this share of the bandwidth, which costs 0.02 % of the
 amplitude.
 """
@@ -272,10 +281,12 @@ def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
 
 def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndarray, size: np.ndarray) -> None:
     """Refuse a peak that does not stand out; `gain` is its decrease of the sum of squares, in variances."""
-    low, high = float(frequency_hz[0]), float(frequency_hz[-1])
+    low = float(frequency_hz[0])
+    high = float(frequency_hz[-1])
     if peak >= LEAST_PEAK * noise and gain >= LEAST_GAIN:
         return
-    ends, largest = max(len(size) // 50, 1), int(size.argmax())
+    ends = max(len(size) // 50, 1)
+    largest = int(size.argmax())
     for away, end, place, cure in (
         (largest, "lower", 0, f"start the sweep at {at_most(low / 2)} Hz or below"),
         (len(size) - 1 - largest, "upper", -1, f"end the sweep at {at_least(high * 2)} Hz or above"),

@@ -67,7 +67,8 @@ def receptance(frequency: Array, resonance: Array, mass: Array, q: Array) -> Arr
     ``H = 1/(4π² m) / (f_i² − f² + j f f_i/Q_i)``. The difference of squares is computed as a product, so that a tone
     next to its resonance keeps its digits at large Q.
     """
-    frequency, resonance = np.asarray(frequency, float), np.asarray(resonance, float)
+    frequency = np.asarray(frequency, float)
+    resonance = np.asarray(resonance, float)
     detuning = (resonance - frequency) * (resonance + frequency)
     return 1 / (4 * pi**2 * np.asarray(mass)) / (detuning + 1j * frequency * resonance / q)
 
@@ -176,8 +177,10 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
     `frequency` is (lines,), or (rows, lines) for lines of each taxel's own; `rest` is its rounding error, as in
     `relative_energy`.
     """
-    mode, gain = taxels.frequency_hz[rows, :, None], taxels.gain[rows].transpose(0, 2, 1)
-    frequency, rest = np.asarray(frequency)[..., None, :], np.asarray(rest)
+    mode = taxels.frequency_hz[rows, :, None]
+    gain = taxels.gain[rows].transpose(0, 2, 1)
+    frequency = np.asarray(frequency)[..., None, :]
+    rest = np.asarray(rest)
     share = frequency / mode
     # As in `relative_energy`: two subtractions keep a line's exact distance to a mode at large Q.
     stiff = mode - frequency
@@ -190,7 +193,8 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
     scale += loss * loss
     stiff /= scale
     loss /= scale
-    real, imaginary = gain @ stiff, gain @ loss
+    real = gain @ stiff
+    imaginary = gain @ loss
     return (real * real + imaginary * imaginary).sum(1)
 
 
@@ -218,7 +222,8 @@ def without_quiet_modes(
     quiet = total <= LEFT_OUT * heard[:, None]
     missing = np.where(quiet, total, 0.0).max(1)
     # The loudest first, so that modes left out of all taxels can be cut off.
-    order, kept = order[:, ::-1], ~quiet[:, ::-1]
+    order = order[:, ::-1]
+    kept = ~quiet[:, ::-1]
     most = int(kept.sum(1).max())
     gain = np.take_along_axis(taxels.gain, order[..., None], 1) * kept[..., None]
     return taxels._replace(
@@ -256,7 +261,8 @@ def touched(skin: Skin, radius: float, stiffness: Any, mass: Any, q: Any) -> tup
     '214 Hz, Q 0.8, 268 N/m'
     """
     added = 2 * skin.modulus * radius
-    stiffer, heavier = np.asarray(stiffness + added), mass + 4 / 3 * DENSITY_KG_PER_M3 * radius**3
+    stiffer = np.asarray(stiffness + added)
+    heavier = mass + 4 / 3 * DENSITY_KG_PER_M3 * radius**3
     damping = np.sqrt(stiffness * mass) / q + skin.time * added
     return np.sqrt(stiffer / heavier) / (2 * pi), np.sqrt(stiffer * heavier) / damping, stiffer
 
@@ -274,7 +280,9 @@ def weighted_acceleration(hz: float, amplitude_m: float) -> float:
     [0.727, 0.894, 0.127]
     """
     s = 2j * pi * hz
-    low, high, turn = 2 * pi * 10**0.8, 2 * pi * 10**3.1, 100.0
+    low = 2 * pi * 10**0.8
+    high = 2 * pi * 10**3.1
+    turn = 100.0
     band = s**2 / (s**2 + sqrt(2) * low * s + low**2) * high**2 / (s**2 + sqrt(2) * high * s + high**2)
     weight = abs(band * (s + turn) * turn / (s**2 + turn * s / 0.64 + turn**2))
     return weight * abs(s) ** 2 * amplitude_m / sqrt(2)

@@ -56,7 +56,8 @@ __all__ = [
 BLOCK = 1 << 15
 """Responses computed at a time: few enough for a core's cache."""
 MANY = 1 << 62
-FARTHEST_SIGMA, LEAST = 8.0, 1e-300
+FARTHEST_SIGMA = 8.0
+LEAST = 1e-300
 """Beyond so many sigma nothing comes too near; what stands for no energy at all."""
 
 
@@ -176,7 +177,8 @@ def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]
     each = np.arange(len(of.line))
     for start in range(0, len(each), most):
         own = slice(start, start + most)
-        hz, line = of.resonance_hz[None, own], of.line[None, own]
+        hz = of.resonance_hz[None, own]
+        line = of.line[None, own]
         square = line**2
         if scheme.is_biased:
             hz = np.concatenate([hz, 2 * hz])
@@ -206,10 +208,13 @@ def pair_lines(
     `strongest`, by default the largest of all lines, sets the bias.
     """
     a, b = makers = makers or _pairs(len(of.line))
-    low, high = np.minimum(of.resonance_hz[a], of.resonance_hz[b]), np.maximum(of.resonance_hz[a], of.resonance_hz[b])
+    low = np.minimum(of.resonance_hz[a], of.resonance_hz[b])
+    high = np.maximum(of.resonance_hz[a], of.resonance_hz[b])
     # A spur on a resonance of high Q needs its frequency to better than the last digit of a double.
-    total, difference = high + low, high - low
-    hz, rest = np.stack([total, difference]), np.stack([low - (total - high), (high - difference) - low])
+    total = high + low
+    difference = high - low
+    hz = np.stack([total, difference])
+    rest = np.stack([low - (total - high), (high - difference) - low])
     square = scheme.pair_square(of.line[a], of.line[b], of.line.max(0) if strongest is None else strongest)
     return Lines(hz * scheme.pair_scale, rest * scheme.pair_scale, square[None], makers)
 
@@ -236,7 +241,8 @@ def off_energy(
     """
     drivers = which if drivers is None else drivers
     result = np.zeros(np.broadcast(which.resonance_hz, *drivers).shape)
-    parts, join = own_lines if one_hot else scheme_lines, np.maximum if one_hot or scheme.takes_turns else np.add
+    parts = own_lines if one_hot else scheme_lines
+    join = np.maximum if one_hot or scheme.takes_turns else np.add
     each = result[0].size * (1 if modes is None else modes.frequency_hz.shape[1])
     for part in parts(drivers, scheme, max(BLOCK // each, 1)):
         rows = max(BLOCK // (each * part.hz.shape[0] * part.hz.shape[1]), 1)
@@ -281,7 +287,8 @@ def loudest_line(
 
     The kind is 'tone', 'harmonic', 'sum' or 'difference'.
     """
-    loudest, found = -1.0, (tuple[int, ...]((off,)), "tone")
+    loudest = -1.0
+    found = (tuple[int, ...]((off,)), "tone")
     for part in scheme_lines(which, scheme):
         heard = _line_response(which, part, modes, slice(off, off + 1))[0]
         heard[:, np.any([maker == off for maker in part.makers], axis=0)] = -1.0
@@ -317,12 +324,14 @@ def print_share(
 
         sigmas = NormalDist().inv_cdf((1 + share ** (1 / (coils * len(of.line)))) / 2)
         need = need * (1 + (2 * float(of.q.max()) * np.sinh(sigmas * missed)) ** 2)
-    hz, q = of.resonance_hz[:, None, None], of.q[:, None, None]
+    hz = of.resonance_hz[:, None, None]
+    q = of.q[:, None, None]
     parts = [(part, line_energy(of, part)) for part in scheme_lines(of, scheme)]
     for part, heard in parts:
         for maker in part.makers:
             heard[maker, :, np.arange(len(maker))] = 0.0
-    total, log_share = sum(heard.sum((1, 2), keepdims=True) for _, heard in parts), 0.0
+    total = sum(heard.sum((1, 2), keepdims=True) for _, heard in parts)
+    log_share = 0.0
     for part, heard in parts:
         left = np.maximum(1 / need - (0.0 if scheme.takes_turns else total - heard), LEAST)
         apart = np.abs(np.log(part.hz / hz))
@@ -367,7 +376,8 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
 def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
     """Return the energy (rows, k, l, …) of taxels under lines, over that under a line of 1 at their own resonance."""
     if modes is None:
-        hz, q = which.resonance_hz[rows, None, None], which.q[rows, None, None]
+        hz = which.resonance_hz[rows, None, None]
+        q = which.q[rows, None, None]
         response = relative_energy(part.hz, hz, q, part.rest)
     else:
         response = felt_energy(modes, rows, part.hz.ravel(), part.rest.ravel()).reshape(-1, *part.hz.shape)

@@ -53,14 +53,17 @@ class Brake(NamedTuple):
 
     def counter(self, amplitude: np.ndarray, level: np.ndarray, tau_s: np.ndarray) -> np.ndarray:
         """Return the level in counter-phase (n,), at most 1, that stops taxels which have `amplitude` at `level`."""
-        kept, before = np.asarray(amplitude, float), np.asarray(level, float)
-        braked, countered = np.zeros(len(kept)), 0.0
+        kept = np.asarray(amplitude, float)
+        before = np.asarray(level, float)
+        braked = np.zeros(len(kept))
+        countered = 0.0
         for _, share in self.shares:
             _, after = passage(tau_s, self.blend_s)
             own, first, last = after.T
             kept = own * kept + first * before
             braked = own * braked + first * countered + last * share
-            before, countered = np.zeros(len(kept)), share
+            before = np.zeros(len(kept))
+            countered = share
         return np.clip(kept / braked, 0.0, 1.0)
 
 
@@ -84,8 +87,10 @@ def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
     """Return the shares (3, `STEPS` + 1, n) of amplitude at the begin, level before and after in it, over a blend."""
-    tau, step = np.asarray(tau_s, float), seconds / STEPS
-    keep, passed = np.exp(-step / tau), -np.expm1(-step / tau) * tau / step
+    tau = np.asarray(tau_s, float)
+    step = seconds / STEPS
+    keep = np.exp(-step / tau)
+    passed = -np.expm1(-step / tau) * tau / step
     level = blend(np.arange(STEPS + 1) / STEPS)
     risen = np.zeros((STEPS + 1, len(tau)))
     # Exact where the level is straight from step to step.
@@ -115,11 +120,14 @@ def follow(
     amplitude[0] = start
     tau = np.asarray(tau_s, float)
     for k, seconds in enumerate(np.diff(time_s).tolist()):
-        begun, before, after = amplitude[k], levels[k], levels[k + 1]
+        begun = amplitude[k]
+        before = levels[k]
+        after = levels[k + 1]
         if seconds <= 0:
             amplitude[k + 1] = begun
         elif np.array_equal(before, after):
-            fallen, off = np.exp(-seconds / tau), begun - before
+            fallen = np.exp(-seconds / tau)
+            off = begun - before
             amplitude[k + 1] = before + off * fallen
             held = before**2 * seconds + 2 * before * off * tau * (1 - fallen) + off**2 * tau / 2 * (1 - fallen**2)
             # A taxel that takes hours to ring up has next to none, of which rounding may leave less than nothing.
@@ -135,8 +143,10 @@ def follow(
 def overlap(time_s: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return ∫ g h dt (k − 1, n) in s of two sets of levels (k, n) between keyframes, each blended to the next."""
     step = blend(np.arange(STEPS + 1) / STEPS)
-    alike, apart = float(np.trapezoid(step**2)) / STEPS, float(np.trapezoid(step * (1 - step))) / STEPS
-    before, after = (first[:-1], second[:-1]), (first[1:], second[1:])
+    alike = float(np.trapezoid(step**2)) / STEPS
+    apart = float(np.trapezoid(step * (1 - step))) / STEPS
+    before = (first[:-1], second[:-1])
+    after = (first[1:], second[1:])
     same = before[0] * before[1] + after[0] * after[1]
     crossed = before[0] * after[1] + after[0] * before[1]
     return np.asarray(np.diff(time_s)[:, None] * (alike * same + apart * crossed))
@@ -153,12 +163,17 @@ def keyframes(
     count = len(frames)
     silence = np.zeros((1, frames.shape[1]))
     starts = np.arange(count + 1) * frame_s
-    before, after = np.concatenate([silence, frames]), np.concatenate([frames, silence])
+    before = np.concatenate([silence, frames])
+    after = np.concatenate([frames, silence])
     if brake is None or tau_s is None:
         return np.stack([starts, starts + ramp_s], 1).ravel(), np.stack([before, after], 1).reshape(2 * count + 2, -1)
-    times, levels, amplitude = [0.0], [silence[0]], silence[0]
+    times = [0.0]
+    levels = [silence[0]]
+    amplitude = silence[0]
     for k in range(count):
-        begin_s, shown, goes = starts[k + 1] - brake.seconds, frames[k], (frames[k] > 0) & (after[k + 1] <= 0)
+        begin_s = starts[k + 1] - brake.seconds
+        shown = frames[k]
+        goes = (frames[k] > 0) & (after[k + 1] <= 0)
         first = len(times) - 1
         times += [starts[k] + ramp_s, begin_s]
         levels += [shown, shown]

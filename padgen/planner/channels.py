@@ -134,7 +134,8 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
     out = np.array([np.divide(site.washer_mm, site.coil_distance_mm or 1.0) for site in sites])
     cosine, sine = np.array([TURNS[site.along] for site in sites]).T
     # The same vector in the taxel's own axes.
-    x, y = cosine * out[:, 0] + sine * out[:, 1], cosine * out[:, 1] - sine * out[:, 0]
+    x = cosine * out[:, 0] + sine * out[:, 1]
+    y = cosine * out[:, 1] - sine * out[:, 0]
     (force_x, force_y), (moment_x, moment_y) = (
         (x * a - y * b, y * a + x * b) for a, b in ((side, none), (none, moment))
     )
@@ -147,11 +148,13 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
 def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
     """Return all modes of the taxels of one coil, driven at their resonances."""
     most = max(len(channel.modes_hz) for channel in channels) + 1
-    frequency, gain = np.ones((len(channels), most)), np.zeros((len(channels), most, 3))
+    frequency = np.ones((len(channels), most))
+    gain = np.zeros((len(channels), most, 3))
     radius_m = spec.taxel.boss_diameter_mm / 2 * MM
     for i, channel in enumerate(channels):
         modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
-        wrench, rest = np.array(channel.pull_wrench), np.array(channel.rest_motion)
+        wrench = np.array(channel.pull_wrench)
+        rest = np.array(channel.rest_motion)
         count = len(channel.modes_hz) + 1
         frequency[i, :count], gain[i, :count] = felt_gains(modes, wrench, rest, radius_m)
     return modal_taxels(
@@ -173,7 +176,8 @@ def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
     six, modes are 'higher'.
     """
     plate = plate_shape(spec)
-    height, arm = plate.thickness_mm / 2 * MM, plate.length_mm / 12**0.5 * MM
+    height = plate.thickness_mm / 2 * MM
+    arm = plate.length_mm / 12**0.5 * MM
     motion = np.array(channel.mode_motions)
     motion[:, 0] += height * motion[:, 4]
     motion[:, 1] -= height * motion[:, 3]
@@ -184,13 +188,16 @@ def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
     for n in range(min(len(motion), len(NAMES))):
         mode, kind = np.unravel_index(int(part.argmax()), part.shape) if n else working
         names[mode] = NAMES[kind]
-        part[mode], part[:, kind] = -1.0, -1.0
+        part[mode] = -1.0
+        part[:, kind] = -1.0
     return tuple(names)
 
 
 KIND = "pulls"
 CODE = ("physics/magnetics.py", "physics/pull.py")
-LOW, RANGE, GAPS = 0.35 * MM, 3, 5
+LOW = 0.35 * MM
+RANGE = 3
+GAPS = 5
 """Parts outside the catalogues are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)`."""
 
 
@@ -232,7 +239,9 @@ def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> Pul
     """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
     from padgen.core import cache
 
-    low, high, reach = LOW * RANGE**part, LOW * RANGE ** (part + 1), max(offset_m, 1e-9) * sqrt(2)
+    low = LOW * RANGE**part
+    high = LOW * RANGE ** (part + 1)
+    reach = max(offset_m, 1e-9) * sqrt(2)
     key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
     if known := cache.load(KIND, key):
         scale, *shape = np.array(known)
@@ -248,12 +257,16 @@ USUAL_DEPTH = 1.01
 
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
     """Return the channels of a coil, before `driven` fills in the fields that depend on the drive scheme."""
-    law, resonance = level_law(spec), np.array([float(s.model.resonance_hz) for s in sized])
-    level, threshold_um = law(resonance), law.threshold_um(resonance)
+    law = level_law(spec)
+    resonance = np.array([float(s.model.resonance_hz) for s in sized])
+    level = law(resonance)
+    threshold_um = law.threshold_um(resonance)
     level_um = spec.drive.level_um * level / level[0]
     sag_m, alpha = np.array([(float(s.model.sag_m), float(s.model.hardening_per_m2)) for s in sized]).T
-    sag_um, level_m = sag_m / UM, level_um * UM
-    rise, kept = resonance_rise(alpha, level_m, sag_m), level_kept(alpha, spec.q_min, level_m, sag_m)
+    sag_um = sag_m / UM
+    level_m = level_um * UM
+    rise = resonance_rise(alpha, level_m, sag_m)
+    kept = level_kept(alpha, spec.q_min, level_m, sag_m)
     pulled = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
     exponent = pull_exponent(pulled, hanging_gap_um(spec, sag_um))
     wrench = site_wrenches(spec, pulled, sites)
@@ -261,12 +274,14 @@ def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Sit
     # The ON amplitude over what counts as quiet: the detection threshold where the spec has one, else 1/Δy of it.
     quiet = np.full(len(resonance), spec.delta_y) if threshold_um is None else level_um / threshold_um
     deep_error = _deep_frame_errors(sized, sites)
-    radius_m, printer = spec.washer.outer_diameter_mm / 2 * MM, spec.printer
+    radius_m = spec.washer.outer_diameter_mm / 2 * MM
+    printer = spec.printer
     modes = [taxel_modes(s.model) for s in sized]
     constants = (pulled.pull * pulled_shares(modes, wrench)).tolist()
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
-        stiffness, beam_error = float(item.model.stiffness_n_per_m), item.model.beam_error
+        stiffness = float(item.model.stiffness_n_per_m)
+        beam_error = item.model.beam_error
         width, thickness, length = (float(v) for v in item.beam)
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
         channels.append(
@@ -350,7 +365,8 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
     for channel in channels:
         gap_um = float(hanging_gap_um(spec, channel.sag_um))
         pull_n = squares_a2[channel.index % len(sets)] * channel.force_constant_n_per_a2
-        slack_um, exponent = pull_n / channel.stiffness_n_per_m / UM, max(channel.pull_exponent, 0.0)
+        slack_um = pull_n / channel.stiffness_n_per_m / UM
+        exponent = max(channel.pull_exponent, 0.0)
         static_um = balanced_deflection(slack_um, gap_um, exponent)
         # With F = k z at balance the stiffness falls by the share (dF/dz)/k, the resonance by half of that.
         shift = 0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2
@@ -371,7 +387,8 @@ def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> 
     Beams are sized for half a rib. The error is twice the shift that the beam model finds with the true depth; that
     covers 96 % of 53 random taxels (docs/accuracy.md).
     """
-    error, depth = np.zeros(len(sized)), np.array([site.frame_depth_mm for site in sites])
+    error = np.zeros(len(sized))
+    depth = np.array([site.frame_depth_mm for site in sites])
     models = [item.model for item in sized]
     deep = [i for i, m in enumerate(models) if m.beam_error is None and depth[i] >= m.spec.pad.rib_mm / 2 * USUAL_DEPTH]
     for topology in {models[i].topology for i in deep}:

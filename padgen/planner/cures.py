@@ -69,7 +69,8 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
         proposed.setdefault(finding.code, []).extend(finding.cures)
-    known, holds = list[tuple[Cure, Plan | None]](), dict[str, list[Cure]]()
+    known = list[tuple[Cure, Plan | None]]()
+    holds = dict[str, list[Cure]]()
     for code, cures in proposed.items():
         for cure in cures:
             if cure not in (tried for tried, _ in known) and len(known) < MOST_TRIED:
@@ -161,7 +162,8 @@ def _too_many(spec: Spec, limit: int) -> str:
 
 def _unreached(spec: Spec, layout: Layout) -> str:
     space = room(spec, layout)
-    found, wanted = reachable_hz(spec, space), ladders(spec, layout.channels, space)
+    found = reachable_hz(spec, space)
+    wanted = ladders(spec, layout.channels, space)
     cell = f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
     grid = f"the {layout.rows} x {layout.columns} grid"
     if not found:  # no beam at all fits a sub-cell that has room for the plate

@@ -56,7 +56,8 @@ def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel], carrier_hz: fl
 
 
 def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float, carrier_hz: float | None) -> DriveRow:
-    resistance, inductance = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
+    resistance = spec.coil.resistance_ohm
+    inductance = spec.coil.inductance_mh * MH
     z = complex(impedance(resistance, inductance, channel.drive_hz))
     volts = current_a * abs(z)
     if channel.force_constant_n_per_a2 <= 0:
@@ -81,7 +82,8 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float, carrier
 
 def bias_row(spec: Spec, scheme: Scheme, own: Sequence[Channel], name: str = BIAS) -> DriveRow:
     """Return the row of the constant part of the current of a coil with the channels `own`."""
-    lines, resistance = np.array([c.line_a2 for c in own]), spec.coil.resistance_ohm
+    lines = np.array([c.line_a2 for c in own])
+    resistance = spec.coil.resistance_ohm
     square = mean_square_a2(scheme, lines, spec.drive.headroom)
     constant = bias_a(scheme, lines) if scheme.is_biased else sqrt(square)
     static_mn = square * own[0].force_constant_n_per_a2 / MN

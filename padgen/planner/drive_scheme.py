@@ -152,14 +152,17 @@ class _Switched(NamedTuple):
             time_s, levels = keyframes(frames, seconds, self.ramp_s, self.brake, self.tau_s)
         amplitude, energy = follow(time_s, levels, self.tau_s)
         own = time_s[1:] <= seconds * (1 + 1e-9)
-        on, off = energy[own].sum(0) / seconds, energy[~own].sum(0) / seconds
-        last_on, last_off = amplitude[:-1][own][-1], np.zeros(count)
+        on = energy[own].sum(0) / seconds
+        off = energy[~own].sum(0) / seconds
+        last_on = amplitude[:-1][own][-1]
+        last_off = np.zeros(count)
         if not self.takes_turns:
             if self.brake is not None:
                 last_on = amplitude[len(time_s) - 1 - 2 * len(self.brake.shares) - 3]
             else:
                 amplitude, energy = follow(np.array([0.0, self.ramp_s, seconds]), frames[[0, 1, 1]], self.tau_s, 1.0)
-                off, last_off = energy.sum(0) / seconds, amplitude[-1]
+                off = energy.sum(0) / seconds
+                last_off = amplitude[-1]
         return self._worst_db(on, off), self._worst_db(last_on**2, last_off**2)
 
     def _worst_db(self, on: np.ndarray, off: np.ndarray) -> float:
@@ -173,7 +176,8 @@ class _Switched(NamedTuple):
         """Return the most frames per second, of `least_s` or longer, that keep a contrast; None without any."""
         low = high = least_s
         while self.contrasts_db(high)[0] < kept_db:
-            low, high = high, 1.5 * high
+            low = high
+            high = 1.5 * high
             if high > LONGEST_S:
                 return None
         while high > low * (1 + RATE_STEP):
@@ -192,7 +196,8 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
     The rates that keep a contrast are looked for with the chosen scheme alone.
     """
     reached = {figures.scheme: figures.reached_db for figures in selectivity.schemes}
-    ramp_s, kept_db = switch_ms(channels, sets) * MS, min(selectivity.asked_db, SLOT_DB)
+    ramp_s = switch_ms(channels, sets) * MS
+    kept_db = min(selectivity.asked_db, SLOT_DB)
     own = [np.array([channel.ring_up_ms * MS for channel in each]) for each in channel_sets(channels, sets)]
     alone = len(own[0]) < 2
     found = []
@@ -241,7 +246,8 @@ def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLo
 
 
 def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: float | None) -> CoilLoad:
-    coil, headroom = spec.coil, spec.drive.headroom
+    coil = spec.coil
+    headroom = spec.drive.headroom
     lines, resonance = np.array([(c.line_a2, c.resonance_hz) for c in channels]).T
     square_a2 = mean_square_a2(scheme, lines, headroom)
     # What a sound card's high-pass takes from a line is made good beforehand, by as many volts more.
@@ -281,7 +287,9 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
 
 def fitting_parts(plan: Plan) -> Parts:
     """Return the parts of the catalogues that can play all channels of a plan, driven as it is planned."""
-    coils, load, amplifiers = plan.coils.rows * plan.coils.columns, plan.load, catalogue("amplifier").items()
+    coils = plan.coils.rows * plan.coils.columns
+    load = plan.load
+    amplifiers = catalogue("amplifier").items()
     carrier = carrier_hz(plan.spec, plan.scheme, max(channel.resonance_hz for channel in plan.channels))
     passed = ("DC",) if plan.scheme.has_constant and carrier is None else ("AC", "DC")
     fed = {
@@ -319,11 +327,14 @@ def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
 
     The spring balances the mean pull, so the washer stays short of pull-in. 0 where sag alone fills a third of the gap.
     """
-    gap_um, exponent = float(hanging_gap_um(spec, channel.sag_um)), max(channel.pull_exponent, 0.0)
-    free_um, slack_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um, _slack_um(channel, square_a2)
+    gap_um = float(hanging_gap_um(spec, channel.sag_um))
+    exponent = max(channel.pull_exponent, 0.0)
+    free_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um
+    slack_um = _slack_um(channel, square_a2)
     if free_um <= 0 or slack_um <= 0:
         return max(free_um, 0.0) / channel.level_um
-    low, high = 0.0, min(free_um, pull_in_deflection(gap_um, exponent)[0])
+    low = 0.0
+    high = min(free_um, pull_in_deflection(gap_um, exponent)[0])
     for _ in range(60):
         static_um = (low + high) / 2
         grown = slack_at(static_um, gap_um, exponent) / slack_um
@@ -350,7 +361,8 @@ def plan_selectivity(
     sets = channel_sets(planned, spec.coil.sets)
     alike, bare, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
     modes = [heard_modes(spec, own, taxels.line) for own, taxels in zip(sets, bare, strict=True)]
-    lost_db, alone = max(channel.level_loss_db for channel in planned), len(sets[0]) < 2
+    lost_db = max(channel.level_loss_db for channel in planned)
+    alone = len(sets[0]) < 2
     figures = {}
     for name in (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order():
         scheme = scheme_named(spec, name)
@@ -358,7 +370,8 @@ def plan_selectivity(
         one_hot = all_db = placed_db = None
         if not alone and not cubic:
             one_hot = min(one_hot_db(taxels, scheme) for taxels in alike)
-            all_db, placed_db = _worst_db(alike, scheme), _worst_db(bare, scheme, modes) - lost_db
+            all_db = _worst_db(alike, scheme)
+            placed_db = _worst_db(bare, scheme, modes) - lost_db
         figures[name] = SchemeFigures(name, one_hot, all_db, placed_db)
     name, why = _chosen_scheme(spec, figures, planned)
     scheme = scheme_named(spec, name)
@@ -422,7 +435,8 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     }
     if why := few.get(len(planned) // spec.coil.sets):
         return "tones", why
-    asked, least = decibel(spec.delta_y), spec.drive.least_frames_per_s
+    asked = decibel(spec.delta_y)
+    least = spec.drive.least_frames_per_s
     # The simplest first: those that amplifier and sound card play, and of these, if there are any, those within limits.
     names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
     fed = [n for n in names if spec.feeds and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
@@ -497,12 +511,15 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
             constant = product if scheme.is_biased else 0.0
             # Spurs and beats of the same channels have the same frequencies, so that their amplitudes add.
             total += (square + constant) ** 2 * tones + (square * np.sqrt(spurs) + product * np.sqrt(beats)) ** 2
-            lines, products = _lines_apart(leak, some, scheme), (leak.product[:, some] ** 2).sum(1)
+            lines = _lines_apart(leak, some, scheme)
+            products = (leak.product[:, some] ** 2).sum(1)
             own_lines += lines * tones + (np.sqrt(lines * spurs) + np.sqrt(products * beats)) ** 2
-        energy, apart = np.maximum(energy, total), np.maximum(apart, own_lines)
+        energy = np.maximum(energy, total)
+        apart = np.maximum(apart, own_lines)
     worst = int(energy.argmax())
     leaks, retuned = (tuple(-decibel(float(value) ** 0.5) for value in each) for each in (energy, apart))
-    away_m, far = np.array(washers_mm)[:, None] * MM - at, np.abs(steps_to).max(1) > 1
+    away_m = np.array(washers_mm)[:, None] * MM - at
+    far = np.abs(steps_to).max(1) > 1
     error = _leak_error(spec, layout, leak, away_m, far, pitch) + channels[worst].force_error
     return Reuse(leaks[worst], worst, turned, leaks, retuned, error)
 
@@ -517,7 +534,8 @@ def _leakage(
 ) -> Leakage:
     """Return the leakage of the coils in the order of `coils_around`; it does not depend on the drive."""
     steps = coils_around(*grid)
-    at, next_to = steps * np.array(pitch_mm) * MM, np.abs(steps).max(1) == 1
+    at = steps * np.array(pitch_mm) * MM
+    next_to = np.abs(steps).max(1) == 1
     return leakage(*parts, gap_mm * MM, np.array(washers_mm) * MM, at[next_to], at[~next_to])
 
 
@@ -566,7 +584,8 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
     taxels = _resonators(spec, channels, "alike")
     sets, tones, spurs, beats = spec.coil.sets, *np.zeros((3, len(channels)))
     for i in range(len(channels)):
-        taxel, other = Channels(*(part[[i]] for part in taxels)), slice((i + steps) % sets, None, sets)
+        taxel = Channels(*(part[[i]] for part in taxels))
+        other = slice((i + steps) % sets, None, sets)
         played = Channels(*(part[other] for part in taxels))
         own = [k for k in range(i % sets, len(channels), sets) if k != i]
         tones[i] = tone_energy(taxel, played).sum()
@@ -632,7 +651,8 @@ def _distances_mm(spec: Spec, layout: Layout, channels: Sequence[Channel], turne
         if row < layout.rows and column < layout.columns:
             # Measured from a cell that is not turned; from a turned one the distances are the same.
             shift = -2 if cell_is_turned(turned, row, column % 2) else 0
-            x, y = column * (spec.pad.width_mm / layout.columns), row * (spec.pad.depth_mm / layout.rows)
+            x = column * (spec.pad.width_mm / layout.columns)
+            y = row * (spec.pad.depth_mm / layout.rows)
             washers = (channel.site.washer_mm for channel in channels)
             distances += [round(hypot(x + shift * own_x, y + shift * own_y), 6) for own_x, own_y in washers]
     return sorted(distances)

@@ -40,7 +40,8 @@ MOST_IN_BAND = 20
 """Most channels that are counted in the band, as if there were room for all."""
 PATIENCE = 2
 """Counts of channels that fail in a row before larger ones are no longer tried."""
-WORTH_DB, WORTH_SHARE = 0.1, 0.01
+WORTH_DB = 0.1
+WORTH_SHARE = 0.01
 COSTS = ("a line of the spec", "another print", "other parts", "another pad")
 
 
@@ -131,7 +132,8 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
             changes.append(change)
     changes.sort(key=lambda change: _rank(change, spec.print_share))
-    design, spreads = design_of(plan, None), spreads_of(spec)
+    design = design_of(plan, None)
+    spreads = spreads_of(spec)
     good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
     shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
     asked = plan.selectivity.asked_db, spec.print_share, plan.coils.rows * plan.coils.columns
@@ -154,7 +156,8 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
     """Return a sort key: good prints up to the share `asked`, below it their selectivity, then channels, then cost."""
-    share, print_db = change.good_share or 0.0, change.print_db or 0.0
+    share = change.good_share or 0.0
+    print_db = change.print_db or 0.0
     short_db = -print_db if share < asked else 0.0
     return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
 
@@ -162,7 +165,8 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
 def _channels_in_band(spec: Spec) -> int:
     """Return the most channels that band, Q and drive allow, as if there were room for all; 'auto' is spur-free."""
     name = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
-    law, asked_db = level_law(spec), decibel(spec.delta_y)
+    law = level_law(spec)
+    asked_db = decibel(spec.delta_y)
     return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db, MOST_IN_BAND)[0]
 
 
@@ -181,12 +185,16 @@ def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, 
     The second result is their drive scheme. Counts up to `least` are tried, larger ones until `PATIENCE` in a
     row fail.
     """
-    held, drive, failed = 0, spec.drive.scheme, 0
+    held = 0
+    drive = spec.drive.scheme
+    failed = 0
     for count in range(1, MOST_TRIED + 1):
         figures = _figures(spec, grid, count)
         failed += 1
         if figures and (figures.kept_db is None or figures.kept_db >= figures.asked_db):
-            held, drive, failed = count, figures.drive, 0
+            held = count
+            drive = figures.drive
+            failed = 0
         if failed >= PATIENCE and count >= least:
             break
     return held, drive
@@ -232,7 +240,10 @@ def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fals
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     """Yield the limits that `held` + 1 channels per coil would break, in words."""
-    spec, load, grid, more = plan.spec, plan.load, (plan.coils.rows, plan.coils.columns), held + 1
+    spec = plan.spec
+    load = plan.load
+    grid = (plan.coils.rows, plan.coils.columns)
+    more = held + 1
     if spec.resonances_hz:
         yield "resonances_hz: the spec lists them; for other numbers of channels padgen chooses them"
     if held >= MOST_TRIED:
@@ -277,7 +288,8 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
 
 def _changes(plan: Plan) -> list[tuple[int, Cure]]:
     """Return the changes to try, each with its cost (index into `COSTS`)."""
-    spec, weakest = plan.spec, max(plan.channels, key=lambda channel: channel.print_spread)
+    spec = plan.spec
+    weakest = max(plan.channels, key=lambda channel: channel.print_spread)
     (low, high), own, printer = spec.band_hz, spec.suspension, spec.printer
     bands = (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1)
     sizes = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}

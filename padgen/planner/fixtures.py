@@ -61,7 +61,8 @@ def coupon_plan(plan: Plan) -> Plan:
     Taxel ``r0c0k0`` is channel 0. A second set of channels lies over the next coil: along x where the pad has several
     columns, else along y. No cell is turned.
     """
-    coils, spec = _coils(plan), plan.spec
+    coils = _coils(plan)
+    spec = plan.spec
     step = (0, 1) if plan.coils.columns > 1 else (1, 0)
     taxels = tuple(
         placed_taxel(coils, (index * step[0], index * step[1]), k, channel)
@@ -70,11 +71,13 @@ def coupon_plan(plan: Plan) -> Plan:
     )
     name = plan.name[: LONGEST_NAME - len(SUFFIX)] + SUFFIX
     # The border is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
-    pad, walls = spec.pad, 2 * WALL_LINES * spec.printer.line_width_mm
+    pad = spec.pad
+    walls = 2 * WALL_LINES * spec.printer.line_width_mm
     least = pad.hole_diameter_mm + walls if pad.hole_diameter_mm else max(walls, pad.rib_mm, SMALLEST_BORDER_MM)
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, pad.frame_thickness_mm)
     border = min(pad.border_mm, round(max(least, screw.head_mm if screw else 0.0), 6))
-    width, depth = coils.columns * coils.pitch_x_mm, coils.rows * coils.pitch_y_mm
+    width = coils.columns * coils.pitch_x_mm
+    depth = coils.rows * coils.pitch_y_mm
     return replace(
         plan,
         name=name,
@@ -104,7 +107,8 @@ def coupon_groove(coupon: Plan) -> Outline:
 
 def _coils(plan: Plan) -> CoilGrid:
     """Return the smallest coil grid that holds all sets of channels and makes up the smallest active area."""
-    coils, sets = plan.coils, len(plan.sets)
+    coils = plan.coils
+    sets = len(plan.sets)
     wide, deep = (sets, 1) if coils.columns > 1 else (1, sets)
     return replace(
         coils,
@@ -142,7 +146,8 @@ SIZES = (
 )
 """Screws by name: diameter, clearance hole, tapping hole, height of the nut and diameter of the head, in mm."""
 LENGTHS_MM = (2, 2.5, 3, 4, 5, 6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70)
-GOOD_TURNS, LEAST_TURNS = 2.0, 1.5
+GOOD_TURNS = 2.0
+LEAST_TURNS = 1.5
 """Wanted and least depth of a screw in plastic, in screw diameters."""
 TIP_MM = 1.0
 """Depth of a hole beyond the screw's tip, and least floor below a hole that does not go through."""
@@ -176,7 +181,8 @@ LEAST_SOCKET_LAYERS = 3
 WALL_LINES = 2
 HOLE_SHARE = 0.5
 """Diameter of the hole in the floor over the coil's."""
-LEAD_MM, LEAD_REACH_MM = 2.0, 1.2
+LEAD_MM = 2.0
+LEAD_REACH_MM = 1.2
 WIRE_SLOT_MM = 4.0
 GAP_SHARE = 0.05
 """Share of the gap by which rounding to layers may change it without a warning."""
@@ -226,7 +232,9 @@ def plan_tray(plan: Plan) -> Tray:
         puts them into the pad.
     """
     spec = plan.spec
-    printer, coil, pad = spec.printer, spec.coil, spec.pad
+    printer = spec.printer
+    coil = spec.coil
+    pad = spec.pad
     # Whole layers: enough for the floor, and as near as they come to the height above it.
     floor = printer.height_mm(printer.layers_up_to(FLOOR_MM))
     layers = int((coil.length_mm + coil.gap_mm - washer_underside_mm(plan)) / printer.layer_mm + 0.5 + 1e-6)
@@ -234,7 +242,8 @@ def plan_tray(plan: Plan) -> Tray:
     clear = round(height - floor - coil.length_mm, 6)
     _refuse(plan, clear)
     depth = max(int(SOCKET_SHARE * coil.length_mm / printer.layer_mm + 1e-9), LEAST_SOCKET_LAYERS) * printer.layer_mm
-    x, y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+    x = (pad.width_mm + pad.border_mm) / 2
+    y = (pad.depth_mm + pad.border_mm) / 2
     screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, height)
     slots = _wire_slots(plan)
     return Tray(
@@ -266,7 +275,8 @@ def washer_underside_mm(plan: Plan) -> float:
 
 def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     """Return findings about a tray: a gap changed by rounding to layers, plates that touch coils, heads on plates."""
-    spec, found = plan.spec, []
+    spec = plan.spec
+    found = []
     off = tray.gap_mm - spec.coil.gap_mm
     if abs(off) > 1e-6:
         found.append(
@@ -291,7 +301,8 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
                 f" {at_least(travel + washer_underside_mm(plan) + spec.printer.layer_mm)} mm would do",
             )
         )
-    pad, screw = spec.pad, tray.screw
+    pad = spec.pad
+    screw = tray.screw
     if screw is not None and screw.head_mm > pad.border_mm + pad.rib_mm + 1e-9:  # heads lie on moving plates
         found.append(
             Finding(
@@ -308,8 +319,12 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
 
 def _refuse(plan: Plan, clear_mm: float) -> None:
     """Raise `InfeasibleError` for coils too small, too short or too close for sockets, or `clear_mm` below the pad."""
-    spec, printer, coil, pitch = plan.spec, plan.spec.printer, plan.spec.coil, plan.coils.pitch_mm
-    outer, wall = coil.outer_diameter_mm, WALL_LINES * printer.line_width_mm
+    spec = plan.spec
+    printer = plan.spec.printer
+    coil = plan.spec.coil
+    pitch = plan.coils.pitch_mm
+    outer = coil.outer_diameter_mm
+    wall = WALL_LINES * printer.line_width_mm
     smallest = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
     shortest = LEAST_SOCKET_LAYERS * printer.layer_mm
     needed = outer + printer.smallest_gap_mm + wall
@@ -349,7 +364,8 @@ def _refuse(plan: Plan, clear_mm: float) -> None:
 
 def _wire_slots(plan: Plan) -> tuple[Outline, ...]:
     """Return slots through the rim at both ends of the lanes between coils; for one coil, at its two sides."""
-    pad, coils = plan.spec.pad, plan.coils
+    pad = plan.spec.pad
+    coils = plan.coils
     columns = _lane_slots(coils.columns, coils.pitch_x_mm, pad.depth_mm / 2, pad.border_mm)
     rows = _lane_slots(coils.rows, coils.pitch_y_mm, pad.width_mm / 2, pad.border_mm)
     if not columns and not rows:
@@ -362,6 +378,7 @@ def _lane_slots(count: int, pitch_mm: float, half_mm: float, border_mm: float) -
 
     Across the rim a slot reaches from within it to beyond its outside.
     """
-    middles, half = [(k - count / 2) * pitch_mm for k in range(1, count)], min(WIRE_SLOT_MM, pitch_mm / 3) / 2
+    middles = [(k - count / 2) * pitch_mm for k in range(1, count)]
+    half = min(WIRE_SLOT_MM, pitch_mm / 3) / 2
     ends = half_mm - border_mm / 2, half_mm + 1.5 * border_mm
     return [([at - half, at + half], sorted(side * end for end in ends)) for at in middles for side in (-1, 1)]

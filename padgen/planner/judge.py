@@ -44,8 +44,12 @@ PULL_ERROR = 0.1
 
 
 def _selectivity(plan: Plan) -> Iterator[Finding]:
-    figures, spec = plan.selectivity, plan.spec
-    kept, one_hot, placed, bound = figures.kept_db, figures.one_hot_db, figures.placed_one_hot_db, figures.asked_db
+    figures = plan.selectivity
+    spec = plan.spec
+    kept = figures.kept_db
+    one_hot = figures.one_hot_db
+    placed = figures.placed_one_hot_db
+    bound = figures.asked_db
     if one_hot is None or kept is None or placed is None:
         return  # a single channel has no selectivity
     if one_hot < bound:
@@ -89,10 +93,8 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
 
 def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
     """Return cures that may keep the asked selectivity: other drive schemes, those that take turns last, and grids."""
-    asked, schemes = (
-        plan.selectivity.asked_db,
-        sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns),
-    )
+    asked = plan.selectivity.asked_db
+    schemes = sorted(plan.selectivity.schemes, key=lambda s: Scheme(s.scheme).takes_turns)
     # Turns are slow: a cure by such a scheme also lowers the asked frame rate to what the scheme reaches.
     slow = {
         rate.scheme: {"drive.least_frames_per_s": float(at_most(rate.frames_per_s))}
@@ -113,7 +115,8 @@ def _named(channels: Iterable[Channel]) -> str:
 
 def _leak(plan: Plan) -> Iterator[Finding]:
     """Tell how much the coils around shake an OFF taxel: in step by the driver table, or each re-tuned on its own."""
-    step, asked = plan.reuse.leak_db, plan.selectivity.asked_db
+    step = plan.reuse.leak_db
+    asked = plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is not None and apart is not None and step < asked and plan.reuse.is_known:
         by_table = f" ({quieter(step)} by the driver table)" * (apart >= asked)
@@ -129,7 +132,9 @@ def _leak(plan: Plan) -> Iterator[Finding]:
 
 def _unknown_leak(plan: Plan) -> Iterator[Finding]:
     """Tell of a leakage that is less certain than large, where it may spoil the selectivity that is asked."""
-    reuse, length_mm, coils = plan.reuse, plan.spec.coil.length_mm, plan.coils
+    reuse = plan.reuse
+    length_mm = plan.spec.coil.length_mm
+    coils = plan.coils
     if reuse.most_leak_db is not None and not reuse.is_known and reuse.most_leak_db < plan.selectivity.asked_db:
         pitch_mm = min(coils.pitch_x_mm, coils.pitch_y_mm)
         shorter = {"coil.length_mm": float(at_most(pitch_mm))}
@@ -211,7 +216,8 @@ def _imperceptible(plan: Plan) -> Iterator[Finding]:
 
 def _slow(plan: Plan) -> Iterator[Finding]:
     """Warn where no scheme that amplifier and sound card play is fast enough."""
-    rate, least = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive], plan.spec.drive
+    rate = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
+    least = plan.spec.drive
     feeds = plan.spec.feeds
     if feeds and least.scheme == "auto" and rate < least.least_frames_per_s:
         named = " and ".join(f"the {word} {device.name}" for word, device in feeds)
@@ -240,7 +246,9 @@ class Exceeded(NamedTuple):
 def exceeded_limits(spec: Spec, load: CoilLoad, coils: int) -> Iterator[Exceeded]:
     """Yield what a pad's `load` exceeds with all taxels on: limits of a coil, its amplifier and the whole pad."""
     amplifier = spec.amplifier
-    volts, amperes, watts = load.voltage_peak_v, load.current_peak_ma * MA, load.copper_loss_w
+    volts = load.voltage_peak_v
+    amperes = load.current_peak_ma * MA
+    watts = load.copper_loss_w
     most_a = amplifier.current_a if amplifier else inf
     pad_w = inf if spec.limits.power_w is None else spec.limits.power_w
     limits = (
@@ -275,7 +283,8 @@ def exceeded_limits(spec: Spec, load: CoilLoad, coils: int) -> Iterator[Exceeded
 
 def _limits(plan: Plan) -> Iterator[Finding]:
     """Find errors where all taxels on ask for more than is borne, as `padgen.driver.limits` does of a drive."""
-    spec, load = plan.spec, plan.load
+    spec = plan.spec
+    load = plan.load
     for limit in exceeded_limits(spec, load, plan.coils.rows * plan.coils.columns):
         told = limit.told.format(number(limit.asked), number(limit.most))
         sentence = f"{number(spec.drive.level_um)} µm with all {told}"
@@ -302,7 +311,8 @@ above that of linear theory (elastica)."""
 LOSS_DB = 0.5
 """Loss of level by stretching beams up to which there is no finding."""
 ROUNDING_MM = 1e-6
-EVEN_RATIO, HOLE_RATIO = 1.2, 2.0
+EVEN_RATIO = 1.2
+HOLE_RATIO = 2.0
 """Largest over smallest distance up to which taxels feel evenly spaced, and above which a display has holes."""
 LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
 
@@ -392,7 +402,8 @@ def _off_target(plan: Plan) -> Iterator[Finding]:
 
     Beams print in steps of width. At a large Q, or where these steps are coarse, a step moves a resonance that far.
     """
-    spec, share = plan.spec, slot_half_width(plan.spec.q_min, plan.spec.delta_y) * SPACING_SHARE
+    spec = plan.spec
+    share = slot_half_width(plan.spec.q_min, plan.spec.delta_y) * SPACING_SHARE
     for channel in plan.channels:
         miss = abs(channel.resonance_hz / channel.target_hz - 1)
         # With coarse steps the ladder is fitted to the steps; the loss is told by `selectivity.snapping`.
@@ -416,7 +427,8 @@ def _off_target(plan: Plan) -> Iterator[Finding]:
 
 
 def _bed(plan: Plan) -> Iterator[Finding]:
-    pad, printer = plan.spec.pad, plan.spec.printer
+    pad = plan.spec.pad
+    printer = plan.spec.printer
     size = sorted((pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm))
     bed = sorted((printer.bed_x_mm, printer.bed_y_mm))
     if size[0] > bed[0] or size[1] > bed[1]:
@@ -436,7 +448,9 @@ def _bed(plan: Plan) -> Iterator[Finding]:
 
 def _prints(plan: Plan) -> Iterator[Finding]:
     """Tell how many prints keep the asked selectivity, and whether every taxel must be measured for that."""
-    prints, wanted, asked = plan.prints, plan.spec.print_share, plan.selectivity.asked_db
+    prints = plan.prints
+    wanted = plan.spec.print_share
+    asked = plan.selectivity.asked_db
     if prints.print_db is None or prints.planned_db is None:
         return
     if prints.good_share < wanted:
@@ -469,7 +483,8 @@ def _layers(plan: Plan) -> Iterator[Finding]:
             f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm are as uneven in thickness as the"
             " bed is: level it well",
         )
-    asked_mm, depth_mm = spec.washer.thickness_mm + spec.taxel.glue_gap_mm, spec.recess_depth_mm
+    asked_mm = spec.washer.thickness_mm + spec.taxel.glue_gap_mm
+    depth_mm = spec.recess_depth_mm
     if depth_mm - asked_mm > ROUNDING_MM:
         yield Finding(
             "note",
@@ -500,12 +515,16 @@ def _modes(plan: Plan) -> Iterator[Finding]:
 
 def _mechanics(plan: Plan) -> Iterator[Finding]:
     """Yield findings on how far taxels move, what their beams bear, and how well the model knows them."""
-    spec, gap_mm = plan.spec, plan.spec.coil.gap_mm
-    fatigue, strength = spec.material.fatigue_stress_mpa, STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa
+    spec = plan.spec
+    gap_mm = plan.spec.coil.gap_mm
+    fatigue = spec.material.fatigue_stress_mpa
+    strength = STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa
     for channel in plan.channels:
-        where, length_mm = f"channel {channel.index}", channel.beam.length_mm
+        where = f"channel {channel.index}"
+        length_mm = channel.beam.length_mm
         moved_um = channel.level_um + channel.sag_um + channel.static_um
-        travel_mm, touches = moved_um * UM / MM, moved_um * UM / MM >= gap_mm
+        travel_mm = moved_um * UM / MM
+        touches = moved_um * UM / MM >= gap_mm
         if travel_mm > gap_mm / 3:
             bound = (
                 f"the gap is {number(gap_mm)} mm: its washer meets the coil"
@@ -556,7 +575,9 @@ def _mechanics(plan: Plan) -> Iterator[Finding]:
 
 def _model_doubt(spec: Spec, channel: Channel) -> str:
     """Say why the resonance is known less well than asked; empty where it is known well enough."""
-    error, tuned, asked = channel.model_error, asked_error(spec), spec.model.tolerance
+    error = channel.model_error
+    tuned = asked_error(spec)
+    asked = spec.model.tolerance
     if channel.model == "solid":
         known = f"finite elements may be off by {error:.2%} of its resonance, asked is {tuned:.2%}: it is not tuned"
         return known if error > tuned else ""
@@ -571,7 +592,8 @@ def _model_doubt(spec: Spec, channel: Channel) -> str:
 
 def _stretching(spec: Spec, channel: Channel) -> Finding:
     """Warn where beams stretch as they bend (bridges), so that a tone planned for small motions misses the level."""
-    alpha, sag_mm = channel.hardening_per_mm2, channel.sag_um * UM / MM
+    alpha = channel.hardening_per_mm2
+    sag_mm = channel.sag_um * UM / MM
     low, high = 0.0, channel.level_um
     for _ in range(30):
         level = (low + high) / 2
@@ -687,8 +709,11 @@ def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
 
 def _coil_crowds(spec: Spec, own: Sequence[Channel], scheme: Scheme) -> Iterable[Crowd]:
     """Return the crowds of one coil: all modes near a line, and modes of its worst OFF taxel that cost it much."""
-    taxels, modes, found = placed_channels(spec, own), coil_modes(spec, own), dict[tuple[int, int], Crowd]()
-    lines, half = _lines(taxels, scheme), slot_half_width(spec.q_min, spec.delta_y)
+    taxels = placed_channels(spec, own)
+    modes = coil_modes(spec, own)
+    found = dict[tuple[int, int], Crowd]()
+    lines = _lines(taxels, scheme)
+    half = slot_half_width(spec.q_min, spec.delta_y)
     order = np.argsort(lines.hz)
     for i, channel in enumerate(own):
         for k in _others(channel):
@@ -729,7 +754,8 @@ def _crowd(
     """Return the `Crowd` for the indices `at` of taxel, mode and line."""
     i, k, line = at
     ratio = float(lines.amplitude[line] / taxels.line[i])
-    hz, line_hz = own[i].modes_hz[k], float(lines.hz[line])
+    hz = own[i].modes_hz[k]
+    line_hz = float(lines.hz[line])
     makers = own[lines.first[line]].index, own[lines.second[line]].index
     return Crowd(
         own[i].index,
@@ -781,7 +807,8 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
 
 def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
     """Tell of second modes in the slots of other channels that a pull at the washer's axis does not excite."""
-    loud, half = {(crowd.channel, crowd.hz) for crowd in found}, slot_half_width(plan.spec.q_min, plan.spec.delta_y)
+    loud = {(crowd.channel, crowd.hz) for crowd in found}
+    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     silent = [
         (channel, other)
         for own in plan.sets
@@ -805,7 +832,8 @@ def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
 
 def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
     """Yield changes of the spec that move modes or lines, the smallest changes first."""
-    spec, channels = plan.spec, plan.channels
+    spec = plan.spec
+    channels = plan.channels
     if any(crowd.is_spur for crowd in found):
         others = [name for name in reversed(simplest_first()) if name != plan.selectivity.drive]
         yield from ({"drive.scheme": name} for name in others if not Scheme(name).takes_turns)

@@ -182,13 +182,15 @@ def _grids(spec: Spec, coils: int) -> list[tuple[int, int]]:
 
 
 def _divisions(spec: Spec, rows: int, columns: int, channels: int, wanted: int) -> Iterator[Layout]:
-    pitch_x, pitch_y = spec.pad.width_mm / columns, spec.pad.depth_mm / rows
+    pitch_x = spec.pad.width_mm / columns
+    pitch_y = spec.pad.depth_mm / rows
     # Down to half a plate's side, so that near misses remain: a refusal explains what they lack.
     narrowest = min(plate_shape(spec)[:2]) / 2
     for sub_columns in range(1, min(channels, max(int(pitch_x / narrowest), 1)) + 1):
         sub_rows = ceil(channels / sub_columns)
         if (sub_columns - 1) * sub_rows < channels:
-            width, depth = pitch_x / sub_columns, pitch_y / sub_rows
+            width = pitch_x / sub_columns
+            depth = pitch_y / sub_rows
             axis = "x" if width >= depth else "y"
             surplus = rows * columns * channels - wanted
             yield Layout(rows, columns, channels, sub_columns, sub_rows, width, depth, axis, surplus, ())
@@ -212,7 +214,8 @@ def room(spec: Spec, layout: Layout) -> Room:
 
 def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
     """Return length and width of a sub-cell between its ribs, in mm along and across the beams."""
-    width, depth = layout.sub_width_mm - spec.pad.rib_mm, layout.sub_depth_mm - spec.pad.rib_mm
+    width = layout.sub_width_mm - spec.pad.rib_mm
+    depth = layout.sub_depth_mm - spec.pad.rib_mm
     return (width, depth) if layout.beam_axis == "x" else (depth, width)
 
 
@@ -231,9 +234,11 @@ def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
 
 def _part_slacks(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
     """Return slacks in mm: of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
-    gap, plate = spec.printer.smallest_gap_mm, plate_shape(spec)
+    gap = spec.printer.smallest_gap_mm
+    plate = plate_shape(spec)
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
-    lengths, widths = [], []
+    lengths = []
+    widths = []
     for name in allowed(spec.suspension.topology):
         shape = suspension(name)
         widest = shape.widest(inside, plate, gap)
@@ -275,7 +280,8 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     The root lies on the side away from the coil. Where the cell is not divided along the beams, the roots lie on
     alternating sides so that the pad stays balanced.
     """
-    window_mm, washer_x_mm = [float(side) for side in arrangement.window_mm], float(arrangement.washer_x_mm)
+    window_mm = [float(side) for side in arrangement.window_mm]
+    washer_x_mm = float(arrangement.washer_x_mm)
     across_x = layout.beam_axis == "y"
     u, v = centre[::-1] if across_x else centre
     sign = -1.0 if u > 1e-9 or (abs(u) <= 1e-9 and v > 1e-9) else 1.0
@@ -285,8 +291,10 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
     near = middle - np.clip(middle, -slide, slide)
     far = middle + np.copysign(slide, middle) * (np.abs(middle) > SLACK_MM)
     washer_u, washer_v = near + _share_to_ring(layout.ring_mm, near, far - near) * (far - near)
-    origin_u, origin_v = round(float(washer_u) - sign * washer_x_mm, 6), round(float(washer_v), 6)
-    washer_u, start = origin_u + sign * washer_x_mm, sign * (origin_u - u)
+    origin_u = round(float(washer_u) - sign * washer_x_mm, 6)
+    origin_v = round(float(washer_v), 6)
+    washer_u = origin_u + sign * washer_x_mm
+    start = sign * (origin_u - u)
     along = ("+" if sign > 0 else "-") + layout.beam_axis
     origin = (origin_v, origin_u) if across_x else (origin_u, origin_v)
     washer = (origin_v, washer_u) if across_x else (washer_u, origin_v)
@@ -298,7 +306,8 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
 
 def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
     """Return the share of `way`, from `near` on, after which the distance from the axis is `ring_mm`; at most 1."""
-    short, length = ring_mm**2 - float(near @ near), float(way @ way)
+    short = ring_mm**2 - float(near @ near)
+    length = float(way @ way)
     if short <= 0 or not length:
         return 0.0
     ahead = float(near @ way) / length
@@ -310,7 +319,10 @@ def explain(spec: Spec, layout: Layout) -> str:
     kind, slack = layout.binding
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     sub = f"{number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
-    inside, plate, washer, reach_mm = room(spec, layout), plate_shape(spec), spec.washer, coil_reach_mm(spec)
+    inside = room(spec, layout)
+    plate = plate_shape(spec)
+    washer = spec.washer
+    reach_mm = coil_reach_mm(spec)
     told = {
         "coil": f"the coil ({number(spec.coil.outer_diameter_mm)} mm) exceeds the pitch of {number(pitch)} mm",
         "reach": f"the farthest washer lies {number(reach_mm - slack)} mm off the coil axis,"
@@ -326,7 +338,8 @@ def explain(spec: Spec, layout: Layout) -> str:
 
 def taxel_places(plan: Plan) -> np.ndarray:
     """Return the index of the taxel in each sub-cell of the pad, (rows, columns) from the lower left; -1 for none."""
-    cell, coils = plan.cell, plan.coils
+    cell = plan.cell
+    coils = plan.coils
     places = np.full((coils.rows * cell.rows, coils.columns * cell.columns), -1)
     for index, taxel in enumerate(plan.taxels):
         x, y = (-v if taxel.turned else v for v in plan.channels[taxel.channel].site.centre_mm)
@@ -357,8 +370,10 @@ def outline(plan: Plan, channel: Channel) -> Outline:
     """Return the sub-cell of `channel` in the taxel's own axes, rounded to 1e-9 mm so that layouts share taxels."""
     cosine, sine = TURNS[channel.site.along]
     dx, dy = (c - o for c, o in zip(channel.site.centre_mm, channel.site.origin_mm, strict=True))
-    x, y = cosine * dx + sine * dy, -sine * dx + cosine * dy
-    wide, deep = plan.cell.width_mm / 2, plan.cell.depth_mm / 2
+    x = cosine * dx + sine * dy
+    y = -sine * dx + cosine * dy
+    wide = plan.cell.width_mm / 2
+    deep = plan.cell.depth_mm / 2
     wide, deep = (deep, wide) if sine else (wide, deep)
     return Outline(*(round(v, 9) for v in (x - wide, x + wide, y - deep, y + deep)))
 
@@ -387,11 +402,13 @@ def placed_taxel(coils: CoilGrid, coil: tuple[int, int], k: int, channel: Channe
     """Return the taxel of the `k`-th channel over a coil (row, column), whose cell may be turned by 180°."""
     sign, (x, y) = -1 if turned else 1, channel.site.washer_mm
     x0, y0 = coil_axis_mm(coils, *coil)
-    name, place = f"r{coil[0]}c{coil[1]}k{k}", (round(x0 + sign * x, 6), round(y0 + sign * y, 6))
+    name = f"r{coil[0]}c{coil[1]}k{k}"
+    place = (round(x0 + sign * x, 6), round(y0 + sign * y, 6))
     return Taxel(name, coil, channel.index, *place, channel.site.coil_distance_mm, turned)
 
 
-WIDTH_MM, DEPTH_MM = 1.5, 1.0
+WIDTH_MM = 1.5
+DEPTH_MM = 1.0
 
 
 def groove(spec: Spec, x_mm: float, above: bool = False) -> Outline:
@@ -415,7 +432,8 @@ SAME_MM = 0.05
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
     """Return the distances in mm of neighbouring columns and rows, and the share of their crossings with a taxel."""
-    crossings, steps = 1, list[tuple[float, ...]]()
+    crossings = 1
+    steps = list[tuple[float, ...]]()
     for places_mm in ([t.x_mm for t in taxels], [t.y_mm for t in taxels]):
         lines: list[float] = []
         for at in sorted(places_mm):

@@ -63,7 +63,8 @@ __all__ = [
 ]
 
 
-RIB_MARGIN, PLATE_MARGIN = 2.5, 2.5
+RIB_MARGIN = 2.5
+PLATE_MARGIN = 2.5
 """Factors for effects outside the formulas: compliance of the joint, lateral bending of the rib, unequal supports, and
 further modes.
 """
@@ -97,16 +98,19 @@ def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
 
     `clamping` is a name in `SUPPORTS`: how the pad is held. The resonance is the peak of the taxel's own response.
     """
-    bounds, point = [], SUPPORTS[clamping][0]
+    bounds = []
+    point = SUPPORTS[clamping][0]
     for channel in plan.channels:
-        frame, arrangement = frame_around(plan, channel, clamping), plan.arrangement(channel)
+        frame = frame_around(plan, channel, clamping)
+        arrangement = plan.arrangement(channel)
         if channel.resonance_hz >= NEAR_RESONANCE * frame.mode_hz:
             bounds.append(inf)
             continue
         # From a root to the washer: along x for a straight beam, else directly.
         roots = [(path.is_straight, *(float(v) for v in path.root_mm)) for path in arrangement.beams]
         away = [(float(arrangement.washer_x_mm) - x, 0.0 if straight else y) for straight, x, y in roots]
-        half, arm = channel.stiffness_n_per_m / 2, max(hypot(*way) for way in away) * MM
+        half = channel.stiffness_n_per_m / 2
+        arm = max(hypot(*way) for way in away) * MM
         rib = half * arm**2 / frame.twist_n_m
         plate = half * point * frame.side_m**2 / frame.bending_n_m / (1 - (channel.resonance_hz / frame.mode_hz) ** 2)
         bounds.append(RIB_MARGIN * rib + PLATE_MARGIN * plate)
@@ -120,18 +124,23 @@ def frame_around(plan: Plan, channel: Channel, clamping: str) -> FrameAround:
     sub-cell has. The lowest mode follows from the deflection w of the pad's centre under its own weight, ``ω² = g/w``
     (Rayleigh), which makes it low.
     """
-    box, pad, material = outline(plan, channel), plan.spec.pad, plan.spec.material
-    modulus, height = material.youngs_modulus_gpa * GPA, pad.frame_thickness_mm * MM
+    box = outline(plan, channel)
+    pad = plan.spec.pad
+    material = plan.spec.material
+    modulus = material.youngs_modulus_gpa * GPA
+    height = pad.frame_thickness_mm * MM
     length, width = (float(v) for v in plan.arrangement(channel).window_mm)
     walls = (-box.x0, box.x1 - length, width / 2 + box.y1 - width, -box.y0 - width / 2)
     thin, thick = sorted(((-box.x0 + max(min(walls), 0.0)) * MM, height))
     torsion = thick * thin**3 / 3 * (1 - 0.63 * thin / thick)
-    wide, deep = box.x1 - box.x0, box.y1 - box.y0
+    wide = box.x1 - box.x0
+    deep = box.y1 - box.y0
     across = max(pad.width_mm, pad.depth_mm) + 2 * pad.border_mm
     # A border that is held does not bend: the pad's cross-section is then that within it.
     open_share = 1.0 if clamping == "edges" else max(pad.width_mm, pad.depth_mm) / across
     bending = (1 - (length / wide + width / deep) / 2 * open_share) * modulus * height**3 / 12
-    side, mode = (across - pad.border_mm) * MM, inf
+    side = (across - pad.border_mm) * MM
+    mode = inf
     if even := SUPPORTS[clamping][1]:
         tiles = (
             plan.cell.columns * plan.cell.rows * plan.coils.rows * plan.coils.columns * (wide * deep - length * width)
@@ -155,7 +164,8 @@ BALANCE_ROUNDS = 3
 SLOPE_HARDENING = 1.3
 """Relative growth of a beam's stiffness per square of deflection over length: 1.2 by the elastica, a little more where
 its tip is elastically held."""
-AIR_KG_PER_M3, AIR_PA_S = 1.2, 1.8e-5
+AIR_KG_PER_M3 = 1.2
+AIR_PA_S = 1.8e-5
 """Density and viscosity of air."""
 HARDENING_SHARE = 0.25
 """Relative error of the cubic spring of beams that stretch: 0.22 where their ends are elastic (docs/accuracy.md)."""
@@ -293,7 +303,8 @@ def _worst_channel(term: str, of: str, channels: Sequence[Channel], bound: np.nd
 def _inertia(plan: Plan) -> LeftOut:
     """Bound the inertia of beams beyond the beam model's; for channels solved as solids it is the solver's error."""
     plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
-    material, channels = plan.spec.material, plan.channels
+    material = plan.spec.material
+    channels = plan.channels
     bound = np.array([channel.model_error for channel in channels])
     elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
     beams = [k for k, channel in enumerate(channels) if channel.model == "beam"]
@@ -335,8 +346,10 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     (Stefan 1874; the logarithm is of the flow from the disc's edge to the coil's). Slots beside the plate reduce both;
     of all shapes and places in a circle a disc in its middle has the largest mass and damping.
     """
-    spec, channels = plan.spec, plan.channels
-    below, coil = plan.plate.recess_depth_mm - spec.washer.thickness_mm, spec.coil.outer_diameter_mm / 2 * MM
+    spec = plan.spec
+    channels = plan.channels
+    below = plan.plate.recess_depth_mm - spec.washer.thickness_mm
+    coil = spec.coil.outer_diameter_mm / 2 * MM
     area, plates, square, most, window = np.array([_moving_area(plan.arrangement(c), c) for c in channels]).T
     mass, stiffness, q, sag, offset = np.array(
         [
@@ -384,10 +397,12 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
         own = float((x1 - x0) * (y1 - y0))
         # The mean square of a linear function over a rectangle, from its middle and its corners.
         square += own * float(2 * np.mean(corners) ** 2 + np.mean(np.square(corners))) / 3
-        area, most = area + own, max(most, *map(abs, corners))
+        area = area + own
+        most = max(most, *map(abs, corners))
     blocks = area
     for path in arrangement.beams:
-        own, tip = float(path.width_mm * path.length_mm), path.corners[-1]
+        own = float(path.width_mm * path.length_mm)
+        tip = path.corners[-1]
         # The mean square of a beam guided at its tip is 13/35 of the square at the tip.
         square += own * 13 / 35 * moves(float(tip.x_mm), float(tip.y_mm)) ** 2
         area += own
@@ -403,16 +418,20 @@ def _far_modes(plan: Plan) -> Iterator[LeftOut]:
         return
     bounds = []
     for own in plan.sets:
-        line, hz = placed_channels(plan.spec, own).line, np.array([channel.resonance_hz for channel in own])
-        every, heard = coil_modes(plan.spec, own), heard_modes(plan.spec, own, line)
+        line = placed_channels(plan.spec, own).line
+        hz = np.array([channel.resonance_hz for channel in own])
+        every = coil_modes(plan.spec, own)
+        heard = heard_modes(plan.spec, own, line)
         kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
         dropped = every.gain * ~(every.frequency_hz[..., None] == kept[:, None]).any(-1)[..., None]
         weight = (line / line[:, None]) ** 2 * ~np.eye(len(line), dtype=bool)
-        amplitude, more = np.zeros(len(line)), np.zeros(len(line))
+        amplitude = np.zeros(len(line))
+        more = np.zeros(len(line))
         for part in range(dropped.shape[-1]):
             taxels = heard._replace(gain=heard.gain[..., [part]]), every._replace(gain=dropped[..., [part]])
             known, missed = (np.maximum((felt_energy(t, slice(None), hz) * weight).sum(1), 0.0) for t in taxels)
-            amplitude, more = amplitude + known, more + 2 * np.sqrt(known * missed) + missed
+            amplitude = amplitude + known
+            more = more + 2 * np.sqrt(known * missed) + missed
         bounds.append(np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0))
     channels = [channel for own in plan.sets for channel in own]
     yield _worst_channel("far modes", "OFF amplitude", channels, np.concatenate(bounds))
@@ -420,7 +439,8 @@ def _far_modes(plan: Plan) -> Iterator[LeftOut]:
 
 def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     """Bound the effects on force and current, for the channels that their coil pulls."""
-    spec, channels = plan.spec, [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
+    spec = plan.spec
+    channels = [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
     if not channels:
         return
     coil, washer = magnetic_parts(spec)
@@ -436,7 +456,8 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     drive = [channel.drive_hz for channel in channels]
     eddies = [2 * core_eddies(coil, RESISTIVITY_OHM_M, f) + washer_eddies(washer, RESISTIVITY_OHM_M, f) for f in drive]
     yield _worst_channel("eddy currents", "force", channels, np.array(eddies))
-    shielded, middle = np.zeros(len(channels)), (washer.outer_diameter + washer.inner_diameter) / 4
+    shielded = np.zeros(len(channels))
+    middle = (washer.outer_diameter + washer.inner_diameter) / 4
     for own in _sets(channels, spec):
         place = np.array([channels[k].site.washer_mm for k in own]) * MM
         echo = core_echo(coil, spec.coil.gap_mm * MM, place)
@@ -465,13 +486,15 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
         [(c.force_constant_n_per_a2, c.stiffness_n_per_m, c.resonance_hz, c.drive_hz, c.q, c.line_a2) for c in channels]
     ).T
     # The constant part of the current over the channel's own tone in it.
-    scheme, bias = plan.scheme, np.zeros(len(channels))
+    scheme = plan.scheme
+    bias = np.zeros(len(channels))
     for own in _sets(channels, spec):
         if scheme.is_biased:
             bias[own] = scheme.bias_ratio * line[own].max() / line[own]
         elif scheme.is_root:
             bias[own] = 2 * (1 + spec.drive.headroom) * line[own].sum() / line[own]
-    ohm, henry = spec.coil.resistance_ohm, spec.coil.inductance_mh * MH
+    ohm = spec.coil.resistance_ohm
+    henry = spec.coil.inductance_mh * MH
     moved = motional_voltage(pull, level * UM, resonance, drive, bias, partial(impedance, ohm, henry))
     yield _worst_channel("motion", "current", channels, moved)
     if not scheme.takes_turns and (ring_down > 0).any():
@@ -486,7 +509,8 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     In fact the mean pull draws a washer nearer, until the spring balances it, and the washer swings about that place.
     There the slope of the pull over the gap (of force and lever) softens the spring. Infinite where nothing balances.
     """
-    spec, sites = plan.spec, [channel.site for channel in channels]
+    spec = plan.spec
+    sites = [channel.site for channel in channels]
     sag, static, exponent, level, here, error = np.array(
         [
             (c.sag_um, c.static_um, c.pull_exponent, c.level_um, c.force_constant_n_per_a2, c.force_error)
@@ -511,7 +535,8 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
         pull, doubt, bend = on_mode(static)
         static = slack_um * pull
     # Means over a swing, exact to the seventh order: of the pull, and of its component in phase with the motion.
-    outer, inner = level * np.cos(np.pi / 8), level * np.sin(np.pi / 8)
+    outer = level * np.cos(np.pi / 8)
+    inner = level * np.sin(np.pi / 8)
     swung = [on_mode(static + side)[0] for side in (outer, inner, -inner, -outer)]
     slope = ((swung[0] - swung[3]) * outer + (swung[1] - swung[2]) * inner) / (2 * level**2)
     # Between two tables of pulls there may be a step as large as their error.
@@ -551,14 +576,18 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
     skin = SKINS["typical"]
     worst = min(plan.channels, key=lambda c: c.stiffness_n_per_m / _allowed(skin, c.resonance_hz))
     typical = next(t for t in plan.touched if t.skin == "typical")
-    added, omega, mass = typical.skin_stiffness_n_per_m, 2 * pi * worst.resonance_hz, worst.effective_mass_g * GRAM
+    added = typical.skin_stiffness_n_per_m
+    omega = 2 * pi * worst.resonance_hz
+    mass = worst.effective_mass_g * GRAM
     allowed = _allowed(skin, worst.resonance_hz)
     if added <= allowed * worst.stiffness_n_per_m:
         return
     contact_mm = allowed * worst.stiffness_n_per_m / skin.modulus / MM
     heavy_g = added / allowed / omega**2 / GRAM
     high_hz = max((added / LOADED / mass) ** 0.5, KEPT_Q * skin.time * added / mass) / 2 / pi
-    hz, q, kept = typical.resonance_hz[worst.index], typical.q[worst.index], typical.all_states_db
+    hz = typical.resonance_hz[worst.index]
+    q = typical.q[worst.index]
+    kept = typical.all_states_db
     heard = "" if kept is None else f", and OFF taxels vibrate {quieter(kept)} than ON ones"
     yield Finding(
         "note",

@@ -62,7 +62,9 @@ from padgen.spec import Spec
 __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
 
 RUNNERS_UP = 2
-REUSES, SCHEMES_TRIED, GAPS_MM = ("same", "alternate"), ("auto", "spur-free", "biased"), (1.0, 0.6, 0.4)
+REUSES = ("same", "alternate")
+SCHEMES_TRIED = ("auto", "spur-free", "biased")
+GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
@@ -191,7 +193,8 @@ def _searched(spec: Spec, quick: bool = False) -> Choice | None:
 
 def _decided_specs(spec: Spec) -> Iterator[Spec]:
     """Yield `spec` with every combination of reuse, drive and gap that it leaves open, the simplest first."""
-    coil, drive = spec.coil, spec.drive
+    coil = spec.coil
+    drive = spec.drive
     schemes = SCHEMES_TRIED if spec.leaves_layout_free and drive.scheme == "auto" else (drive.scheme,)
     reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
     gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
@@ -226,7 +229,9 @@ def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool 
         return _best((choice for choice, _ in tried), known, overloaded=True)
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     # Few prints are enough of those that surely work less often than another.
-    chosen, best, least = tried[0][0], Tried(-inf, -inf, -inf), -inf
+    chosen = tried[0][0]
+    best = Tried(-inf, -inf, -inf)
+    least = -inf
     surely = max(one.share - one.unsure_share for _, one in tried)
     most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
     surely = max([surely, *most_likely[MOST_SURE - 1 : MOST_SURE]])
@@ -236,7 +241,9 @@ def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool 
         if one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share)):
             one = _tried(choice, least, max(surely, best.share), known, overloaded)
         if (one.share, one.print_db) > (best.share, best.print_db):
-            best, chosen, least = one, choice, asked if one.share > 0 else one.print_db
+            best = one
+            chosen = choice
+            least = asked if one.share > 0 else one.print_db
     return chosen
 
 
@@ -272,7 +279,8 @@ def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, o
     The steps are the resonances alone, then pull and modes, then leakage, then simulated prints. Where `overloaded`,
     only the amplifier's limits are kept, not the coils'.
     """
-    spec, hz = choice.spec, np.array([channel.target_hz for channel in choice.channels])
+    spec = choice.spec
+    hz = np.array([channel.target_hz for channel in choice.channels])
     at_most = sets_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
     if at_most < least_db:
         return Tried(at_most)
@@ -305,7 +313,9 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     The cures of its findings are untried proposals. With `quick`, few prints are simulated.
     """
     bare = _assemble(choice, *_driven(choice))
-    spec, prints, coils = bare.spec, what_prints_keep(bare, quick), bare.coils.rows * bare.coils.columns
+    spec = bare.spec
+    prints = what_prints_keep(bare, quick)
+    coils = bare.coils.rows * bare.coils.columns
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
     capacity = replace(bare.capacity, prints=count)
@@ -330,16 +340,21 @@ def _finite(plan: Plan) -> Plan:
 
 def _driven(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:
     """Return the channels of a choice, and the selectivity with the drive that is chosen for them."""
-    spec, layout, sized = choice.spec, choice.layout, choice.channels
+    spec = choice.spec
+    layout = choice.layout
+    sized = choice.channels
     bare = plan_channels(spec, sized, sites_of(spec, layout, sized))
     selectivity = plan_selectivity(spec, bare, planned_optimum(spec, layout.channels, room(spec, layout)))
     return driven(spec, bare, scheme_named(spec, selectivity.drive)), selectivity
 
 
 def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Selectivity) -> Plan:
-    spec, layout, scheme = choice.spec, choice.layout, scheme_named(choice.spec, selectivity.drive)
+    spec = choice.spec
+    layout = choice.layout
+    scheme = scheme_named(choice.spec, selectivity.drive)
     reuse = coil_reuse(spec, layout, channels, scheme)
-    pitch_x, pitch_y = spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows
+    pitch_x = spec.pad.width_mm / layout.columns
+    pitch_y = spec.pad.depth_mm / layout.rows
     coils = CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets)
     taxels = _taxels(layout, coils, channels, reuse.turned)
     return Plan(
@@ -378,7 +393,9 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
 
 def _taxels(layout: Layout, coils: CoilGrid, channels: tuple[Channel, ...], turned: str) -> tuple[Taxel, ...]:
     """Return all taxels, coil by coil from the first row; the last coils have the empty places, one each."""
-    sets, full, taxels = channel_sets(channels, coils.sets), layout.coils - layout.surplus, []
+    sets = channel_sets(channels, coils.sets)
+    full = layout.coils - layout.surplus
+    taxels = []
     for index in range(layout.coils):
         coil = row, column = divmod(index, layout.columns)
         own = sets[(row + column) % len(sets)][: layout.channels - (index >= full)]

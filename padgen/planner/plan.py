@@ -548,7 +548,8 @@ class Plan:
     pushed: Pushed
 
     def __repr__(self) -> str:
-        coils, channels = self.coils, self.channels
+        coils = self.coils
+        channels = self.channels
         return (
             f"<Plan {self.name}: {len(self.taxels)} taxels over {coils.rows} x {coils.columns} coils, resonances"
             f" {channels[0].resonance_hz:.1f} ... {channels[-1].resonance_hz:.1f} Hz, {self.selectivity.drive} drive>"
@@ -598,7 +599,8 @@ class Plan:
 
     def arrangement(self, channel: Channel) -> Arrangement:
         """Return beams, blocks and window of a channel's taxel in its own axes, in mm."""
-        beam, plate = channel.beam, self.plate
+        beam = channel.beam
+        plate = self.plate
         shape = PlateShape(plate.length_mm, plate.width_mm, plate.thickness_mm)
         size = BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm)
         return suspension(beam.topology).arrange(shape, size, plate.gap_mm)
@@ -637,7 +639,9 @@ DEVICES = ("amplifier", "sound_card")
 """Parts of a spec that are left out of ``plan.json`` where the spec names none."""
 DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
 """Parts with sizes that are drawn. Here every number must be finite; in other parts null stands for an infinite one."""
-LARGEST_MM, LARGEST_FLOAT, SMALLEST_FLOAT = 1e4, sys.float_info.max, sys.float_info.min
+LARGEST_MM = 1e4
+LARGEST_FLOAT = sys.float_info.max
+SMALLEST_FLOAT = sys.float_info.min
 MAY_BE_0 = ("post_diameter_mm", "boss_edge_mm", "fillet_mm")
 KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
     str: ((str,), "text"),
@@ -679,7 +683,9 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
 
 def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     """Return the `value` of an entry as its `kind`; raises `ValueError` if it is of another kind."""
-    origin, kinds, is_table = get_origin(kind), get_args(kind), is_dataclass(kind)
+    origin = get_origin(kind)
+    kinds = get_args(kind)
+    is_table = is_dataclass(kind)
     if (is_table or origin is dict) and not isinstance(value, dict):
         raise ValueError(f"{where} must be a table")
     if kind is Any:  # the value of a field of the spec, as in a cure
@@ -715,7 +721,8 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
 
 def _refuse_contradictions(plan: Plan) -> None:
     """Raise `ValueError` for parts that contradict each other or cannot be drawn: larger than any pad."""
-    coils, channels = plan.coils, plan.channels
+    coils = plan.coils
+    channels = plan.channels
     rules = [
         (bool(channels and plan.taxels), "it has no channels or no taxels"),
         (
@@ -725,7 +732,8 @@ def _refuse_contradictions(plan: Plan) -> None:
     ]
     drawn: dict[str, Any] = {"coils": coils, "cell": plan.cell, "plate": plan.plate}
     for index, channel in enumerate(channels):
-        where, known = f"channels[{index}]", channel.beam.topology in names() and channel.site.along in TURNS
+        where = f"channels[{index}]"
+        known = channel.beam.topology in names() and channel.site.along in TURNS
         rules.append((channel.index == index, f"{where}.index must be {index}"))
         rules.append((known, f"{where} has a topology or a direction that there is not"))
         drawn |= {f"{where}.beam": channel.beam, f"{where}.site": channel.site}
@@ -787,6 +795,7 @@ def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
 
 def sets_db(spec: Spec, resonance_hz: np.ndarray, mass: np.ndarray, scheme: Scheme) -> float:
     """Return the all-state selectivity in dB of the worst of the spec's sets, which the channels (n,) join in turn."""
-    level, sets = level_law(spec)(resonance_hz), spec.coil.sets
+    level = level_law(spec)(resonance_hz)
+    sets = spec.coil.sets
     dealt = (slice(k, None, sets) for k in range(sets))
     return min(all_states(channels(resonance_hz[k], spec.q_min, level[k], mass[k]), scheme).db for k in dealt)

@@ -26,7 +26,8 @@ __all__ = ["ChannelSpread", "Cost", "Gain", "Outcome", "PrintYield", "Share", "p
 
 BUDGET = 5e8
 """Most responses that are computed for all pads together: a few seconds."""
-COST_SHARE, COST_PADS = 20, 2000
+COST_SHARE = 20
+COST_PADS = 2000
 """The cost of each spread is found on a twentieth of the pads, but on at least `COST_PADS` if there are as many."""
 OUTCOMES = ("planned", "after_coupon", "after_some", "retuned")
 """Fields of `PrintYield` with an `Outcome`, in the order of `STAGES`."""
@@ -193,11 +194,14 @@ def _criterion(plan: Plan, design: Design) -> str:
 
 
 def _outcome(prints: Simulated, k: int, taxels: int) -> Outcome:
-    pads, good = prints.ratio.shape[1], prints.good_taxels[k]
-    ratio, quantiles = prints.ratio[k], [0.05, 0.5, 0.95, 0.1]
+    pads = prints.ratio.shape[1]
+    good = prints.good_taxels[k]
+    ratio = prints.ratio[k]
+    quantiles = [0.05, 0.5, 0.95, 0.1]
     dbs = (10 * np.log10(np.quantile(ratio, quantiles))).tolist() if np.isfinite(ratio).all() else [None] * 4
     # As many independent taxels as scatter as much as the pads' shares: from pads to pads × taxels.
-    share, scatter = float((good / taxels).mean()), float((good / taxels).var())
+    share = float((good / taxels).mean())
+    scatter = float((good / taxels).var())
     alike = share * (1 - share) / scatter if scatter > 0 else 1.0
     independent = round(pads * min(max(alike, 1.0), taxels))
     return Outcome(
@@ -215,7 +219,8 @@ def _share(good: int, made: int, independent: int) -> Share:
 
 
 def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> Iterator[Cost]:
-    base, taxels = printed(design, spreads, pads, seed), len(design.channel)
+    base = printed(design, spreads, pads, seed)
+    taxels = len(design.channel)
     for name, sigma in zip(NAMES, astuple(spreads), strict=True):
         without = printed(design, replace(spreads, **{name: 0.0}), pads, seed) if sigma else base
         yield Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1)))

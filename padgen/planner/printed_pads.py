@@ -79,7 +79,8 @@ __all__ = [
 
 BLOCK = 1 << 16
 """Responses that are computed at a time: as many as fit a core's cache."""
-DRAWN, MOST_DRAWN = 1 << 18, 1 << 12
+DRAWN = 1 << 18
+MOST_DRAWN = 1 << 12
 """Printed taxels, and at most pads, that one stream of random numbers is used for."""
 STEP = 1e-3
 """Relative step of the central differences; its square is their error, 1e-14 over it the rounding error."""
@@ -175,7 +176,8 @@ class Simulated(NamedTuple):
 
 def spreads_of(spec: Spec) -> Spreads:
     """Return the spreads of a spec's prints."""
-    own, taxel = spec.spread, spec.taxel
+    own = spec.spread
+    taxel = spec.taxel
     return Spreads(
         modulus=own.common_modulus,
         common_z_mm=own.common_z_mm,
@@ -208,7 +210,8 @@ def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
         size = np.concatenate([drawn, sizes_mm[index]], axis=1)
         model = TaxelModel(plan.spec, topology, plate_shape(plan.spec), BeamShape(*np.moveaxis(size, -1, 0)))
         # Of compliant modes take the one nearest to the drawn beam's, so that all sizes have the same mode.
-        compliance, log_hz = model.compliances, np.log(model.modes.frequency_hz)
+        compliance = model.compliances
+        log_hz = np.log(model.modes.frequency_hz)
         drawn_hz = np.take_along_axis(log_hz[:, :1], model.working[:, :1, None], -1)
         works = compliance > WORKING_SHARE * compliance.max(-1, keepdims=True)
         nearest = np.where(works, np.abs(log_hz - drawn_hz), inf).argmin(-1)[..., None]
@@ -226,12 +229,14 @@ def coils_of(plan: Plan) -> dict[tuple[int, int], list[int]]:
 
 def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
     """Return all that simulated prints take from a plan, with its taxels at `places_mm` (t, 2) if these are given."""
-    spec, sensitivity = plan.spec, sensitivities(plan)
+    spec = plan.spec
+    sensitivity = sensitivities(plan)
     size = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
     pull = np.array([c.force_constant_n_per_a2 for c in plan.channels])
     width, thickness, length = (sensitivity / size).T
-    one, glue = np.ones(len(mass)), -0.5 / (mass * GRAM / MG)
+    one = np.ones(len(mass))
+    glue = -0.5 / (mass * GRAM / MG)
     channel = np.array([taxel.channel for taxel in plan.taxels])
     alike: dict[tuple[int, ...], list[list[int]]] = {}
     for index in coils_of(plan).values():
@@ -292,7 +297,8 @@ def _washer_weight(plan: Plan) -> np.ndarray:
     area = np.pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2) * MM**2
     mass = area * washer.thickness_mm * MM * washer.density_g_per_cm3 * G_PER_CM3
     motion = np.array([c.mode_motions[int(np.argmax(c.mode_shares))] for c in plan.channels])
-    up, tilt = motion[:, 2], motion[:, 3:5]
+    up = motion[:, 2]
+    tilt = motion[:, 3:5]
     return np.asarray(mass * np.abs(up) * np.hypot(*tilt.T) * MM)
 
 
@@ -354,7 +360,8 @@ def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
     The waves stand on nodes a sixth of the length apart, or on the places themselves if these are fewer: each wave
     takes a random number for every pad.
     """
-    count, nodes = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES, place_mm
+    count = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES
+    nodes = place_mm
     if count < len(place_mm):
         nodes = np.linspace(place_mm.min() - length_mm, place_mm.max() + length_mm, count)
     among_nodes, to_nodes = (np.exp(-(((at[:, None] - nodes) / length_mm) ** 2)) for at in (nodes, place_mm))
@@ -369,7 +376,8 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
     The coupon is printed with the pad, but somewhere else on the bed, so that its field is independent of the pad's.
     """
     apart = [np.exp(-((side[:, None] - side) ** 2) / design.field_length_mm**2) for side in design.place_mm.T]
-    taxels, more = len(design.channel), 0 if coupon is None else len(coupon)
+    taxels = len(design.channel)
+    more = 0 if coupon is None else len(coupon)
     channel = np.concatenate([design.channel, np.asarray(coupon if more else [], int)])
     alike = {"field_z_mm": np.eye(taxels + more)} | dict.fromkeys(OF_A_PRINT, np.ones((taxels + more,) * 2))
     alike["field_z_mm"][:taxels, :taxels] = apart[0] * apart[1]
@@ -382,7 +390,9 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
 
 def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tuple[str, ...] = STAGES) -> Simulated:
     """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory."""
-    taxels, count, many = len(design.channel), len(design.q), len(stages)
+    taxels = len(design.channel)
+    count = len(design.q)
+    many = len(stages)
     beside = design.beside[[int(stage == STAGES[-1]) for stage in stages]]
     known = [STAGES.index(stage) for stage in stages]
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
@@ -422,13 +432,15 @@ def _judge(
     `x` (taxels, pads) is printed over planned resonance, `tones` the same shape for each stage, the tone over the
     planned one, `beside` (stages, n) as in `Design`.
     """
-    n, shape = len(coils.channels), (*coils.taxels.shape, x.shape[1])
+    n = len(coils.channels)
+    shape = (*coils.taxels.shape, x.shape[1])
     x = x[coils.taxels].reshape(n, -1)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
     hz = f * x
     for k, tone in enumerate(tones):
         tone_hz = f * tone[coils.taxels].reshape(n, -1)
-        driven, rise = channels(tone_hz, q, design.law(tone_hz), mass, pull), (hz / tone_hz) ** 2
+        driven = channels(tone_hz, q, design.law(tone_hz), mass, pull)
+        rise = (hz / tone_hz) ** 2
         # The line that would move each taxel by its level at its own resonance.
         taxel = Channels(hz, q, driven.line * rise)
         on = (relative_energy(tone_hz, hz, q) / rise**2).reshape(shape)
@@ -448,15 +460,19 @@ def _judge(
     prints.neighbours[:] += (apart < 1).sum(), ((apart < limit) & (apart > 1 / limit)).sum()
 
 
-PADS, FEWEST = 1000, 100
+PADS = 1000
+FEWEST = 100
 """Pads that are simulated, and the fewest where a pad takes much work."""
-QUICK_PADS, NEAR_SHARE = 200, 0.07
+QUICK_PADS = 200
+NEAR_SHARE = 0.07
 """Pads for comparing layouts, and three sigma of their good share: more are simulated if it is so near to the asked."""
-SURE_SHARE, SURE_DB = 0.013, 0.2
+SURE_SHARE = 0.013
+SURE_DB = 0.2
 """Half intervals above which more pads are simulated; of two hundred plans none is then off by 2 % or 0.3 dB."""
 SURELY = 2.0
 """Half intervals of 95 % by which a share of few prints is below another that more prints would not reach, either."""
-WORK, MOST_WORK = 4e6, 1.6e7
+WORK = 4e6
+MOST_WORK = 1.6e7
 """Most responses that are computed at first, and when more pads are simulated."""
 SIGMAS_95 = 1.96
 """Half width of a 95 % interval, in sigmas."""
@@ -476,7 +492,8 @@ def compared_prints(plan: Plan, least_db: float, least_share: float) -> tuple[fl
     As many prints are simulated as comparing layouts needs: none (`NOT_PRINTED`) if the drawn pad keeps less than
     `least_db`, and few if these show that the share of good ones is below `least_share`.
     """
-    design, stages = design_of(plan, None), STAGES[-1:]
+    design = design_of(plan, None)
+    stages = STAGES[-1:]
     ratio = float(printed(design, spreads_of(plan.spec).none(), 1, 0, stages).ratio.min())
     paper_db = 10 * float(np.log10(ratio)) if ratio > 0 else float("-inf")
     if paper_db < least_db:
@@ -496,11 +513,14 @@ def _simulated_until_sure(plan: Plan, design: Design, stages: tuple[str, ...]) -
 
 
 def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -> Prints:
-    spreads, columns = spreads_of(plan.spec), plan.coils.columns
-    prints, share = printed(design, spreads, made, 0, stages), plan.spec.print_share
+    spreads = spreads_of(plan.spec)
+    columns = plan.coils.columns
+    prints = printed(design, spreads, made, 0, stages)
+    share = plan.spec.print_share
     kept = np.sort(10 * np.log10(np.maximum(prints.ratio, np.finfo(float).tiny)), axis=1)
     reached = kept[:, min(int((1 - share) * made), made - 1)].tolist()
-    good, heard = float(prints.good[-1].mean()), bool(np.isfinite(kept).all())
+    good = float(prints.good[-1].mean())
+    heard = bool(np.isfinite(kept).all())
     of_coils = dict(zip([t.coil for t in plan.taxels], (prints.good_coils[-1] / made).tolist(), strict=True))
     dbs: dict[str, float | None] = dict(zip(stages, reached, strict=True)) if heard else {}
     # The quantile lies between these ranks with 95 % confidence (normal approximation of the binomial distribution).

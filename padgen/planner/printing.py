@@ -17,7 +17,8 @@ __all__ = [
     "prusa_profile",
 ]
 
-PROFILE_FILE, OTHER_SLICERS_FILE = "pad.ini", "slicer-settings.txt"
+PROFILE_FILE = "pad.ini"
+OTHER_SLICERS_FILE = "slicer-settings.txt"
 TYPICAL_C = {"pla": (215, 60), "petg": (240, 80), "abs": (250, 100), "pa12": (255, 100)}
 """Typical temperatures of nozzle and bed for materials of the catalogue, by filament makers; others take PLA's."""
 
@@ -140,7 +141,8 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
         "skirts": "0", "filament_diameter": "1.75",
     }  # fmt: skip
     hot, bed = (str(celsius) for celsius in TYPICAL_C.get(spec.material.name, TYPICAL_C["pla"]))
-    x, y = number(printer.bed_x_mm), number(printer.bed_y_mm)
+    x = number(printer.bed_x_mm)
+    y = number(printer.bed_y_mm)
     return profile | {
         "temperature": hot, "first_layer_temperature": hot, "bed_temperature": bed, "first_layer_bed_temperature": bed,
         "perimeter_speed": "30", "external_perimeter_speed": "20", "small_perimeter_speed": "15", "infill_speed": "40",
@@ -152,7 +154,8 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
 
 def profile_text(plan: Plan) -> str:
     """Return the text of the file for ``prusa-slicer --load``; empty where there is no such profile."""
-    spec, profile = plan.spec, prusa_profile(plan.spec)
+    spec = plan.spec
+    profile = prusa_profile(plan.spec)
     notes = {
         "layer_height": f"PrusaSlicer's settings for {plan.name} on {spec.printer.name} in {spec.material.name}, by"
         f" padgen {__version__}: prusa-slicer --load {PROFILE_FILE} pad.stl, or File, Import, Import Config.\n"

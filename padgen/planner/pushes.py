@@ -75,7 +75,8 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
 
     Another warning where beams break before the coil stops a push. A note where only a push closes a gap.
     """
-    spec, pushed = plan.spec, plan.pushed
+    spec = plan.spec
+    pushed = plan.pushed
     typical = next(push for push in pushed.pushes if push.skin == "typical")
     strength = STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa
     closed = [force <= PUSHES_MN[-1] for force in pushed.closing_force_mn]
@@ -121,7 +122,8 @@ def _cures(plan: Plan) -> Iterator[dict[str, float]]:
     """Yield a less proud boss and a wider gap: typical skin at the frame's height then leaves half of every gap."""
     spec = plan.spec
     skin = next(push for push in plan.pushed.pushes if push.skin == "typical")
-    proud_mm, layer_mm = spec.taxel.boss_protrusion_mm, spec.printer.layer_mm
+    proud_mm = spec.taxel.boss_protrusion_mm
+    layer_mm = spec.printer.layer_mm
     shares = [moved / proud_mm for moved in skin.deflection_mm]
     fits_mm = min(
         KEPT_SHARE * (spec.coil.gap_mm - channel.sag_um * UM / MM) / share

@@ -87,7 +87,8 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     if spec.resonances_hz:
         return [spec.resonances_hz]
     lowest, highest = slot_band_hz(spec)
-    sets, ratio = spec.coil.sets, ladder_ratio(spec.q_min, spec.delta_y)
+    sets = spec.coil.sets
+    ratio = ladder_ratio(spec.q_min, spec.delta_y)
     spans = [(lowest, highest)]
     if found := reachable_hz(spec, room):
         spans.append((max(lowest, found[0] * 1.01), min(highest, found[1] / 1.01)))
@@ -118,7 +119,8 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
     """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
     found = reachable_hz(spec, room) or (0.0, float("inf"))
-    low, high = max(spec.band_hz[0], found[0] * 1.01), min(spec.band_hz[1], found[1] / 1.01)
+    low = max(spec.band_hz[0], found[0] * 1.01)
+    high = min(spec.band_hz[1], found[1] / 1.01)
     return (low, high) if low < high else spec.band_hz
 
 
@@ -164,7 +166,8 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
 
 
 def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
-    band, asked_db = (low_hz, high_hz), decibel(spec.delta_y)
+    band = (low_hz, high_hz)
+    asked_db = decibel(spec.delta_y)
     if spec.drive.scheme != "auto":
         return _best(spec, count, *band, spec.drive.scheme)
     # Where fewer channels cannot keep the asked selectivity with plain tones, more cannot either.
@@ -180,7 +183,8 @@ def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
 def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
     from padgen.physics.ladder import optimal_ladder
 
-    law, scheme = level_law(spec), scheme_named(spec, drive)
+    law = level_law(spec)
+    scheme = scheme_named(spec, drive)
     ladder = optimal_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
     return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, drive)
 
@@ -200,12 +204,14 @@ def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
     return tuple(float(f"{value:.9g}") for value in ladder)
 
 
-RINGS, ALIKE_MM = (0.0, 0.8, 1.0), 0.1
+RINGS = (0.0, 0.8, 1.0)
+ALIKE_MM = 0.1
 """Shares of the farthest washer's distance at which the nearer ones are kept, tried where distances differ by more
 than `ALIKE_MM`."""
 WORTH_DB = 0.5
 """Least gain by keeping washers off the axis, where they take more current and feel more of the coils around."""
-LAYOUTS_SIZED, CHANNELS_SIZED = 24, 600
+LAYOUTS_SIZED = 24
+CHANNELS_SIZED = 600
 """Layouts, and channels in all of them, whose beams are sized before the search gives up."""
 
 
@@ -214,14 +220,17 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
 
     Of each grid and count of channels only the first division of the cell that works is taken.
     """
-    seen, tried, sized = set(), 0, 0
+    seen = set()
+    tried = 0
+    sized = 0
     for layout in options:
         key = (layout.rows, layout.columns, layout.channels)
         if layout.margin_mm < -SLACK_MM or key in seen:
             continue
         if tried >= LAYOUTS_SIZED or sized >= CHANNELS_SIZED:
             break
-        tried, sized = tried + 1, sized + layout.channels
+        tried = tried + 1
+        sized = sized + layout.channels
         channels = _beams(spec, layout)
         # Every washer must overlap its coil.
         reach_mm = coil_reach_mm(spec) + SLACK_MM
@@ -311,7 +320,8 @@ def channel_limit(spec: Spec) -> int:
         )
     count = whole_channels(capacity(low, high, spec.q_min, spec.delta_y))
     if count < 1:
-        ratio, third = ladder_ratio(spec.q_min, spec.delta_y), (high / low) ** (1 / 3)
+        ratio = ladder_ratio(spec.q_min, spec.delta_y)
+        third = (high / low) ** (1 / 3)
         # A wider band or, where there is none, the ON over OFF at which a slot takes a third of the band.
         cure = (
             {"band_hz": [low, float(at_least(low * (ratio * 1.001)))]}
@@ -329,9 +339,12 @@ def channel_limit(spec: Spec) -> int:
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
     """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
-    paper, law = capacity(*spec.band_hz, spec.q_min, spec.delta_y), level_law(spec)
+    paper = capacity(*spec.band_hz, spec.q_min, spec.delta_y)
+    law = level_law(spec)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
-    ratio, most, breaks = ladder_ratio(spec.q_min, spec.delta_y), searched_to(scheme), "none that was tried"
+    ratio = ladder_ratio(spec.q_min, spec.delta_y)
+    most = searched_to(scheme)
+    breaks = "none that was tried"
     if states < most:
         # The line of the drive that shakes an OFF taxel most when there is one channel more.
         ladder = _ladder(spec.band_hz, states + 1, spec.q_min, law)
@@ -409,7 +422,8 @@ def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> in
 
     The steps up from `low` double until one fails, and then halve: the work grows with the square of a count or faster.
     """
-    step, failing = 1, high + 1
+    step = 1
+    failing = high + 1
     while failing - low > 1:
         tried = min(low + step, high) if failing > high else (low + failing) // 2
         low, failing = (tried, failing) if holds(tried) else (low, tried)

@@ -94,7 +94,8 @@ def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarra
 
 def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.ndarray:
     """Return the nearest printable widths in mm: the smallest beam plus whole steps, at most `widest_mm`."""
-    smallest, step = spec.printer.smallest_beam_mm, spec.printer.width_step_mm
+    smallest = spec.printer.smallest_beam_mm
+    step = spec.printer.width_step_mm
     most = np.floor((widest_mm - smallest) / step + 1e-6)
     return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), 0, most) * step)
 
@@ -107,7 +108,8 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
     own, layer_mm, (shortest, longest) = item.beam, spec.printer.layer_mm, item.length_span_mm
     near_mm = own.width_mm + spec.printer.width_step_mm * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1)
     widths = np.array(sorted(set(on_grid(spec, near_mm, item.width_span_mm[1]).tolist())))
-    thicknesses, lengths = np.array([own.thickness_mm]), np.array([own.length_mm])
+    thicknesses = np.array([own.thickness_mm])
+    lengths = np.array([own.length_mm])
     if "thickness" in spec.suspension.tune and spec.suspension.thickness_mm is None:
         thicknesses = np.round(own.thickness_mm + layer_mm * np.arange(3), 6)
         thicknesses = thicknesses[thicknesses <= spec.taxel.plate_thickness_mm - layer_mm + 1e-9]
@@ -142,7 +144,8 @@ def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz:
         return sets_db(spec, np.array([hz for _, hz, _ in chosen]), np.array([kg for *_, kg in chosen]), scheme)
 
     chosen = [nearest for nearest, *_ in options]
-    best, enough = kept_db(chosen), sets_db(spec, target_hz, np.array([kg for *_, kg in chosen]), scheme)
+    best = kept_db(chosen)
+    enough = sets_db(spec, target_hz, np.array([kg for *_, kg in chosen]), scheme)
     for _ in range(ROUNDS):
         before = best
         if best >= enough:
@@ -152,7 +155,8 @@ def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz:
                 tried = [*chosen[:i], option, *chosen[i + 1 :]]
                 found = kept_db(tried)
                 if found > best + 1e-9:
-                    chosen, best = tried, found
+                    chosen = tried
+                    best = found
         if best <= before + 1e-6:
             break
     return chosen
@@ -160,7 +164,8 @@ def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz:
 
 LENGTHS = 9
 WIDTHS = 4
-TRIES, MOST_BEAMS = 6, 1200
+TRIES = 6
+MOST_BEAMS = 1200
 THICKNESSES = 16
 
 
@@ -205,7 +210,9 @@ class Reach:
 
     def widths_for(self, resonance_hz: np.ndarray) -> np.ndarray:
         """Return the widths in mm (n, T, L) that give each of `resonance_hz` (n,); nan where none does."""
-        target, at, width = np.log(resonance_hz)[:, None, None, None], np.log(self.resonance_hz), np.log(self.width_mm)
+        target = np.log(resonance_hz)[:, None, None, None]
+        at = np.log(self.resonance_hz)
+        width = np.log(self.width_mm)
         low, high = at[..., :-1], at[..., 1:]
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (target - low) / (high - low)
@@ -222,7 +229,8 @@ class Reach:
         beam = BeamShape(width_mm, self.thickness_mm[:, None], self.length_mm)
         spread = frequency_spread(beam, spec.spread)
         if self.apart is not None:
-            at, grid = np.log(self.resonance_hz), np.log(self.width_mm)
+            at = np.log(self.resonance_hz)
+            grid = np.log(self.width_mm)
             steps = np.diff(at, axis=-1) / np.diff(grid, axis=-1)
             found = [np.concatenate([steps[..., :1], steps], -1)]
             for axis, (size, rule) in enumerate(((self.thickness_mm, STRAIGHT[1]), (self.length_mm, STRAIGHT[2]))):
@@ -267,10 +275,14 @@ def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
 
 @lru_cache(maxsize=256)
 def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
-    shape, gap, wanted = suspension(topology), spec.printer.smallest_gap_mm, spec.suspension
+    shape = suspension(topology)
+    gap = spec.printer.smallest_gap_mm
+    wanted = spec.suspension
     plate = plate_shape(spec)
-    longest, widest = shape.longest(room, plate, gap), shape.widest(room, plate, gap)
-    shortest, narrowest = shortest_mm(spec, topology), spec.printer.smallest_beam_mm
+    longest = shape.longest(room, plate, gap)
+    widest = shape.widest(room, plate, gap)
+    shortest = shortest_mm(spec, topology)
+    narrowest = spec.printer.smallest_beam_mm
     if longest < shortest or widest < narrowest:
         return None
     if wanted.thickness_mm:
@@ -327,7 +339,8 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
     """Yield choices of a beam for each channel: those with the fewest different dimensions first, then the robust."""
     widths = [item.widths_for(targets) for item in reaches]
     tables = [(item, width, item.spread(width, spec)) for item, width in zip(reaches, widths, strict=True)]
-    allowed, kind = set(spec.suspension.tune.split("+")), spec.suspension.topology
+    allowed = set(spec.suspension.tune.split("+"))
+    kind = spec.suspension.topology
     mixes = len(tables) > 1 and allowed > {"width"}
     # Members of a family differ only in a number, so that mixing them tunes just one more dimension: try this first.
     if mixes and kind != "auto":
@@ -379,7 +392,8 @@ def _solved(
     The first choice usually works. The others are computed several at a time, which is faster, unless the printer's
     steps are coarse: then each beam takes a search of its own.
     """
-    at_once, known = 1 if steps_are_coarse(spec) else 2 * TRIES, dict[tuple[Any, ...], list[Pick]]()
+    at_once = 1 if steps_are_coarse(spec) else 2 * TRIES
+    known = dict[tuple[Any, ...], list[Pick]]()
     # With more dimensions free the same beams are often found again: only the first of equal choices is taken.
     keyed = ((tuple((reach.topology, *rest) for reach, *rest in picks), picks) for picks in choices)
     new = (picks for key, picks in keyed if known.setdefault(key, picks) is picks)
@@ -402,7 +416,8 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
 
     The beams of one topology are solved together, which is faster.
     """
-    every, count = [pick for picks in choices for pick in picks], len(targets)
+    every = [pick for picks in choices for pick in picks]
+    count = len(targets)
     ideal: list[IdealBeam | None] = [None] * len(every)
     for name in dict.fromkeys(reach.topology for reach, *_ in every):
         own = [k for k, pick in enumerate(every) if pick[0].topology == name]
@@ -411,7 +426,8 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
         spans = np.array([reach.width_mm[t, v, [0, -1]] for reach, t, v, _ in (every[k] for k in own)]).T
         beam, found = _solve_widths(spec, name, BeamShape(*np.array(sizes).T), spans, targets[index], group)
         for at in np.flatnonzero(np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE):
-            lengths_mm, shape = every[own[at]][0].length_mm, BeamShape(*(float(side[at]) for side in beam))
+            lengths_mm = every[own[at]][0].length_mm
+            shape = BeamShape(*(float(side[at]) for side in beam))
             ends_mm = float(lengths_mm[0]), float(lengths_mm[-1])
             ideal[own[at]] = IdealBeam(name, shape, (float(spans[0, at]), float(spans[1, at])), ends_mm)
     solved = [[beam for beam in ideal[k : k + count] if beam] for k in range(0, len(ideal), count)]
@@ -447,14 +463,16 @@ def _solve_widths(
     kept as they are once all of the group are solved.
     """
     plate = plate_shape(spec)
-    slope, found = np.full(len(targets), 0.5), TaxelModel(spec, topology, plate, beam).resonance_hz
+    slope = np.full(len(targets), 0.5)
+    found = TaxelModel(spec, topology, plate, beam).resonance_hz
     for _ in range(5):
         miss = np.log(targets / found)
         is_open = np.isin(group, group[np.abs(miss) >= 1e-5])
         if not is_open.any():
             break
         width = np.where(is_open, np.clip(beam.width_mm * np.exp(miss / slope), *bounds), beam.width_mm)
-        step, before = np.log(width / beam.width_mm), found
+        step = np.log(width / beam.width_mm)
+        before = found
         beam = beam._replace(width_mm=width)
         found = TaxelModel(spec, topology, plate, beam).resonance_hz
         secant = np.divide(np.log(found / before), step, out=slope.copy(), where=np.abs(step) > 1e-9)
@@ -478,12 +496,14 @@ def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[
     taxel's own ON amplitude. The response is this ratio at the mode's peak. Modes that a vertical pull at the washer
     does not excite never count.
     """
-    half_slot, sets = slot_half_width(spec.q_min, spec.delta_y), spec.coil.sets
+    half_slot = slot_half_width(spec.q_min, spec.delta_y)
+    sets = spec.coil.sets
     resonance = np.array([float(c.model.resonance_hz) for c in channels])
     mass = np.array([float(c.model.effective_mass_kg) for c in channels])
     force = resonators(resonance, spec.q_min, level_law(spec)(resonance), mass).line
     frequency = np.array([c.model.modes.frequency_hz for c in channels])
-    compliance, working = np.array([c.model.compliances for c in channels]), [int(c.model.working) for c in channels]
+    compliance = np.array([c.model.compliances for c in channels])
+    working = [int(c.model.working) for c in channels]
     crowded = []
     for i, k, j in np.argwhere(np.abs(frequency[..., None] / resonance - 1) < half_slot).tolist():
         response = float(compliance[i, k] / compliance[i, working[i]] * force[j] / force[i])

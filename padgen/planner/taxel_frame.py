@@ -34,7 +34,9 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
     whole = rigid_crossbar or not model.arrangement.yoke
     tips = [builder.beam(k, elements, with_yoke=whole) for k in range(len(model.placements))]
     bodies = [AttachedBody(model.body, tuple(tips))] if whole else builder.yoke(tips)
-    nodes, bars, roots = np.array(builder.nodes), tuple(builder.elements), tuple(builder.roots)
+    nodes = np.array(builder.nodes)
+    bars = tuple(builder.elements)
+    roots = tuple(builder.roots)
     return Frame(nodes, bars, tuple(bodies), roots, bubbles=INNER_MOTIONS)
 
 
@@ -74,10 +76,12 @@ class _Builder:
 
     def beam(self, index: int, elements: int, *, with_yoke: bool) -> int:
         """Add one beam, clamped at its root, and return the index of its tip's node."""
-        placement, path = self.model.placements[index], self.model.arrangement.beams[index]
+        placement = self.model.placements[index]
+        path = self.model.arrangement.beams[index]
         section = placement.section if with_yoke else self.model.beside_yoke(placement.section)
         before = np.cumsum([0.0, *(float(segment.length_mm) for segment in path.segments)]) * MM
-        nodes, at = list[int](), list[float]()
+        nodes = list[int]()
+        at = list[float]()
         for k, share in _stations(path, float(section.fillet), elements):
             point = path.within(k, share)
             nodes.append(self.node(np.array([float(point.x_mm) * MM, float(point.y_mm) * MM, placement.tip[2]])))
@@ -87,8 +91,10 @@ class _Builder:
             piece = path.segments[int(np.searchsorted(before, (low + high) / 2)) - 1]
             self.bar(start, end, self._section_at(section, (low + high) / 2, piece))
         # Hinges at both ends, as compliant as the parts that hold the beam.
-        first, parts = 1 - len(nodes), flexibility(section, self.modulus, self.poisson)
-        root, tip = (float(parts.root), float(parts.lateral_root)), (float(parts.tip), float(parts.lateral_tip))
+        first = 1 - len(nodes)
+        parts = flexibility(section, self.modulus, self.poisson)
+        root = (float(parts.root), float(parts.lateral_root))
+        tip = (float(parts.tip), float(parts.lateral_tip))
         self.elements[first] = self.elements[first]._replace(hinge_start=root)
         self.elements[-1] = self.elements[-1]._replace(hinge_end=tip)
         return nodes[-1]
@@ -101,9 +107,13 @@ class _Builder:
         radius = float(section.fillet)
         flare = 2 * (radius - np.sqrt(max(radius**2 - max(radius - at, 0.0) ** 2, 0.0)))
         parts = flexibility(section, self.modulus, self.poisson)
-        wide, high, across = float(section.width) + flare, float(section.thickness), float(section.across)
-        length, turn = float(piece.length_mm) * MM, abs(float(piece.turn_rad))
-        plain, bent = rectangle(wide, high, self.poisson, across), bend_stiffening(turn * wide / (2 * length))
+        wide = float(section.width) + flare
+        high = float(section.thickness)
+        across = float(section.across)
+        length = float(piece.length_mm) * MM
+        turn = abs(float(piece.turn_rad))
+        plain = rectangle(wide, high, self.poisson, across)
+        bent = bend_stiffening(turn * wide / (2 * length))
         twisting = 1.0 if turn else float(piece_twist(length, section.ends.warping))
         return plain._replace(
             inertia_up=plain.inertia_up * float(np.asarray(section.ends.stiffening)) * bent,
@@ -120,7 +130,8 @@ class _Builder:
         middle_x = float(crossbar.low_x_mm + crossbar.high_x_mm) / 2 * MM
         half_neck = float(neck.high_y_mm) * MM
         bar = rectangle(float(crossbar.high_x_mm - crossbar.low_x_mm) * MM, height, self.poisson)
-        joint, bodies = list[int](), list[AttachedBody]()
+        joint = list[int]()
+        bodies = list[AttachedBody]()
         for tip in tips:
             y = self.nodes[tip][1]
             inner = self.node(np.array([middle_x, np.sign(y) * half_neck, height / 2]))
@@ -133,7 +144,8 @@ class _Builder:
         end = self.node(np.array([float(neck.high_x_mm) * MM, 0.0, height / 2]))
         self.bar(fast, end, rectangle(2 * half_neck, height, self.poisson))
         # The middle of the crossbar is rigid, as wide as the neck that is attached to it.
-        low, high = float(crossbar.low_x_mm) * MM, float(crossbar.high_x_mm) * MM
+        low = float(crossbar.low_x_mm) * MM
+        high = float(crossbar.high_x_mm) * MM
         middle = box((low, -half_neck, 0.0), (high, half_neck, height), self.density)
         bodies.append(AttachedBody(middle, (end, *joint)))
         return [AttachedBody(self.model.body_of([plate]), (fast,)), *bodies]

@@ -145,12 +145,16 @@ class TaxelModel:
 
     def body_of(self, blocks: Sequence[Block]) -> RigidBody:
         """Return one rigid body made of `blocks`, boss, washer and glue, less the recess."""
-        spec, taxel = self.spec, self.spec.taxel
+        spec = self.spec
+        taxel = self.spec.taxel
         density = spec.material.density_g_per_cm3 * G_PER_CM3 * self.plastic_share
-        top, boss_top = taxel.plate_thickness_mm * MM, (spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm) * MM
+        top = taxel.plate_thickness_mm * MM
+        boss_top = (spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm) * MM
         diameter, depth = (v * MM for v in recess_mm(spec))
-        low, high = depth - spec.washer.thickness_mm * MM, depth
-        outer, bore = spec.washer.outer_diameter_mm * MM, spec.washer.inner_diameter_mm * MM
+        low = depth - spec.washer.thickness_mm * MM
+        high = depth
+        outer = spec.washer.outer_diameter_mm * MM
+        bore = spec.washer.inner_diameter_mm * MM
         washer_at = (self.arrangement.washer_x_mm * MM, 0.0)
         parts = [
             *(
@@ -329,7 +333,8 @@ class TaxelModel:
     @_from_array
     def stress_pa_per_m(self) -> np.ndarray:
         """Largest bending stress (…,) of the beams in Pa per m of the washer's motion, in the working mode."""
-        motion, reference = self._working_motion, self.modes.reference
+        motion = self._working_motion
+        reference = self.modes.reference
         stresses = [bending_stress(beam, motion, reference, *self.elastic[:2]) for beam in self.placements]
         return np.asarray(np.maximum.reduce(stresses))
 

@@ -64,7 +64,8 @@ def draw_ladder(plan: Plan) -> Any:
 
 def ladder(axis: Any, plan: Plan) -> None:
     """Draw the ladder of resonances into an axis, the sets of channels in colours of their own."""
-    half, several = slot_half_width(plan.spec.q_min, plan.spec.delta_y), len(plan.sets) > 1
+    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
+    several = len(plan.sets) > 1
     low = [c.resonance_hz * max(1 - max(half, c.print_spread), 0.05) for c in plan.channels]
     high = [c.resonance_hz * (1 + max(half, c.print_spread)) for c in plan.channels]
     for own, colour, name in zip(plan.sets, COLOURS, ("even", "odd"), strict=False):
@@ -104,7 +105,8 @@ def draw_responses(plan: Plan) -> Any:
     Above, a curve is a taxel's motion, in dB of its ON level, if the line that drives it moved in frequency. A mark is
     what the loudest OFF taxel hears of a tone or a spur that others make. Below are the lines' own strengths.
     """
-    own, scheme = plan.sets[0], plan.scheme
+    own = plan.sets[0]
+    scheme = plan.scheme
     which = placed_channels(plan.spec, own)
     modes = coil_modes(plan.spec, own)
     colours = colours_of(plan)[[channel.index for channel in own]]
@@ -114,7 +116,8 @@ def draw_responses(plan: Plan) -> Any:
     found = np.concatenate([_heard(which, part, modes) for part in parts], axis=1)
     hz = which.resonance_hz
     found = found[:, found[0] >= hz[0] / 8]
-    low, high = 0.9 * min(hz[0] / 2, found[0].min()), 1.1 * max(2 * hz[-1], found[0].max())
+    low = 0.9 * min(hz[0] / 2, found[0].min())
+    high = 1.1 * max(2 * hz[-1], found[0].max())
     figure = new_figure(plan, "how the taxels of one coil answer, and what its current asks of them", 9.0, 5.6)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     grid = np.unique(np.concatenate([np.geomspace(low, high, 1200), hz]))
@@ -136,7 +139,8 @@ def draw_responses(plan: Plan) -> Any:
         bottom.vlines(of_kind[0], FLOOR_DB, level, color=colour, linewidth=2.0, label=name)
         heard = of_kind[:, of_kind[2] > 0]
         if heard.size:
-            size, colour = 10 * np.log10(heard[2]), colours[heard[3].astype(int)]
+            size = 10 * np.log10(heard[2])
+            colour = colours[heard[3].astype(int)]
             top.scatter(heard[0], size, 45, colour, marker=mark, edgecolors="white", linewidths=0.8, zorder=5)
             top.plot([], [], mark, color=PALE, markeredgecolor="white", markersize=8, label=told.format(name))
     top.set(ylim=(FLOOR_DB, 8), ylabel="motion, dB of the ON level")
@@ -150,7 +154,9 @@ def draw_responses(plan: Plan) -> Any:
     return figure
 
 
-MOST_NAMED, MOST_WITH_SPURS, FLOOR_DB = 12, 64, -60.0
+MOST_NAMED = 12
+MOST_WITH_SPURS = 64
+FLOOR_DB = -60.0
 
 
 def _heard(which: Any, part: Any, modes: Any) -> Any:
@@ -189,7 +195,8 @@ def draw_selectivity(plan: Plan) -> Any:
                 corner = column - 0.46, row - 0.46
                 axis.add_patch(Rectangle(corner, 0.92, 0.92, fill=False, edgecolor=COLOURS[1], linewidth=2))
         every = slice(None, None, -(-len(own) // MOST_TICKS))
-        names, at = [str(c.index) for c in own], range(len(own))
+        names = [str(c.index) for c in own]
+        at = range(len(own))
         axis.set_xticks(at[every], names[every])
         axis.set_yticks(at[every], names[every])
         axis.set(xlabel="tone of channel", ylabel="OFF taxel of channel")
@@ -217,7 +224,8 @@ def print_map(axis: Any, plan: Plan) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
-    coils, least = plan.coils, plan.spec.print_share
+    coils = plan.coils
+    least = plan.spec.print_share
     shade = ScalarMappable(Normalize(least, 1.0), LinearSegmentedColormap.from_list("prints", ("#f0bf5a", "white")))
     half = np.array([coils.pitch_x_mm, coils.pitch_y_mm]) / 2
     places = [coil_axis_mm(coils, row, column) for row in range(coils.rows) for column in range(coils.columns)]

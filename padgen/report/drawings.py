@@ -38,7 +38,8 @@ FILLS = {
     "socket": "#55666f",
     "hole": "#55524b",
 }
-SMALL_PT, NAME_PT = 8.0, 9.0
+SMALL_PT = 8.0
+NAME_PT = 9.0
 CIRCLE = np.linspace(0, 2 * pi, 48, endpoint=False)
 Points = np.ndarray
 
@@ -73,12 +74,14 @@ class Sheet:
         from matplotlib.figure import Figure
 
         left, right, below, above = room
-        wide, deep = area.x1 - area.x0, area.y1 - area.y0
+        wide = area.x1 - area.x0
+        deep = area.y1 - area.y0
         self.mm = mm = max(wide / (most[0] - left - right), deep / (most[1] - below - above))
         size = wide / mm + left + right, deep / mm + below + above
         self.figure = Figure(figsize=size)
         self.axis: Any = self.figure.add_axes((0, 0, 1, 1))
-        x, y = (area.x0 - left * mm, area.x1 + right * mm), (area.y0 - below * mm, area.y1 + above * mm)
+        x = (area.x0 - left * mm, area.x1 + right * mm)
+        y = (area.y0 - below * mm, area.y1 + above * mm)
         self.axis.set(xlim=x, ylim=y)
         self.axis.set_axis_off()
         self.figure.suptitle(title, x=0.15 / size[0], y=1 - 0.12 / size[1], ha="left", va="top")
@@ -113,7 +116,8 @@ class Sheet:
         """Write notes below each other at `x`, each with a line to the place that it is about."""
         notes = sorted(notes, key=lambda note: -note.place[1])
         heights = [self.mm * (0.24 + 0.135 * (note.sentence.count("\n") + bool(note.sentence))) for note in notes]
-        tops, low = [], np.inf
+        tops = []
+        low = np.inf
         for note, height in zip(notes, heights, strict=True):
             tops.append(min(low, note.place[1] + height / 2))
             low = tops[-1] - height
@@ -163,9 +167,11 @@ def beam_outline(path: BeamPath, fillet_mm: float) -> Points:
 
 def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
     """Return the outlines of a taxel's parts from above, by name, in its own axes."""
-    arrangement, plate = plan.arrangement(channel), plan.plate
+    arrangement = plan.arrangement(channel)
+    plate = plan.plate
     length, width = (float(v) for v in arrangement.window_mm)
-    x, washer = float(arrangement.washer_x_mm), plan.spec.washer
+    x = float(arrangement.washer_x_mm)
+    washer = plan.spec.washer
     bore = [circle(x, 0, washer.inner_diameter_mm)[::-1]] if washer.inner_diameter_mm else []
     return {
         "window": [rectangle(0, length, -width / 2, width / 2)],
@@ -207,7 +213,9 @@ def both_sides(
 
     The functions bring points (n, 2) from the pad's axes to each side's place on the sheet.
     """
-    pad, groove, radius = plan.spec.pad, corner_groove(plan.spec), plan.spec.pad.border_mm / 2
+    pad = plan.spec.pad
+    groove = corner_groove(plan.spec)
+    radius = plan.spec.pad.border_mm / 2
     (left, low), (right, high) = border(plan)[[0, 2]]
     apart = 1.12 * (right - left)
     sheet = Sheet(title_of(plan, title), Outline(left, right + apart, low, high), (0.7, 0.3, 1.1, 0.85), most)
@@ -255,25 +263,36 @@ MANY = 128
 
 def draw_section(plan: Plan) -> Any:
     """Draw the taxel of the lowest channel from the touch side and, below, cut along its beam, to one scale."""
-    channel, spec, plate, washer = plan.channels[0], plan.spec, plan.plate, plan.spec.washer
-    coil, thick, own, arrangement = (
-        spec.coil,
-        spec.pad.frame_thickness_mm,
-        outline(plan, channel),
-        plan.arrangement(channel),
-    )
-    shapes, beam = taxel_shapes(plan, channel), arrangement.beams[0]
-    length, x = float(arrangement.window_mm[0]), float(arrangement.washer_x_mm)
-    thin, low, peak = channel.beam.thickness_mm, washer_underside_mm(plan), plate.boss_top_mm
-    roof, top = low + washer.thickness_mm, low - coil.gap_mm
-    bottom, reach = top - coil.length_mm, coil.outer_diameter_mm / 2
-    inner, core = coil.inner_diameter_mm / 2, coil.core_diameter_mm / 2
+    channel = plan.channels[0]
+    spec = plan.spec
+    plate = plan.plate
+    washer = plan.spec.washer
+    coil = spec.coil
+    thick = spec.pad.frame_thickness_mm
+    own = outline(plan, channel)
+    arrangement = plan.arrangement(channel)
+    shapes = taxel_shapes(plan, channel)
+    beam = arrangement.beams[0]
+    length = float(arrangement.window_mm[0])
+    x = float(arrangement.washer_x_mm)
+    thin = channel.beam.thickness_mm
+    low = washer_underside_mm(plan)
+    peak = plate.boss_top_mm
+    roof = low + washer.thickness_mm
+    top = low - coil.gap_mm
+    bottom = top - coil.length_mm
+    reach = coil.outer_diameter_mm / 2
+    inner = coil.inner_diameter_mm / 2
+    core = coil.core_diameter_mm / 2
     (cosine, sine), (ahead, aside) = TURNS[channel.site.along], channel.site.origin_mm
-    coil_x, coil_y = -cosine * ahead - sine * aside, sine * ahead - cosine * aside
-    left, right = min(own.x0, coil_x - reach), max(own.x1, coil_x + reach)
+    coil_x = -cosine * ahead - sine * aside
+    coil_y = sine * ahead - cosine * aside
+    left = min(own.x0, coil_x - reach)
+    right = max(own.x1, coil_x + reach)
     # Room for a line of words and a dimension between both views, at whichever scale comes out.
     apart = max(0.13 * (right - left), 0.08 * (peak - bottom + own.y1 - own.y0))
-    lift, above = peak + apart - own.y0, peak + apart + own.y1 - own.y0
+    lift = peak + apart - own.y0
+    above = peak + apart + own.y1 - own.y0
     up = np.array([0.0, lift])
     title = (
         f"one taxel from the touch side and, below, cut along its beam (mm; channel 0, {channel.resonance_hz:.4g} Hz)"
@@ -291,11 +310,14 @@ def draw_section(plan: Plan) -> Any:
     sheet.words((own.x1 + 0.05 * sheet.mm, lift), "cut", ha="left")
     sheet.words((own.x0, own.y0 + lift - 0.05 * sheet.mm), "dashed: washer and coil below", ha="left", va="top")
 
-    cuts, along = beam_cuts(shapes["beam"]), np.concatenate(shapes["beam"])[:, 0]
+    cuts = beam_cuts(shapes["beam"])
+    along = np.concatenate(shapes["beam"])[:, 0]
     side = rectangle(float(along.min()), float(along.max()), 0, thin)
     blocks = [[float(v) for v in b] for b in arrangement.blocks if float(b.low_y_mm) < 0 < float(b.high_y_mm)]
     hollow, post, half = (d / 2 for d in (plate.recess_diameter_mm, plate.post_diameter_mm, plate.boss_diameter_mm))
-    outer, bore, edge = washer.outer_diameter_mm / 2, washer.inner_diameter_mm / 2, plate.boss_edge_mm
+    outer = washer.outer_diameter_mm / 2
+    bore = washer.inner_diameter_mm / 2
+    edge = plate.boss_edge_mm
     profile = [(half, plate.thickness_mm), (half, peak - edge), (half - edge, peak)]
     profile += [(-across, z) for across, z in reversed(profile)]
     parts = {
@@ -313,9 +335,11 @@ def draw_section(plan: Plan) -> Any:
     for name, cut in parts.items():
         sheet.part(name, cut, **({"linewidth": 0.4} if "behind" in name else {}))
 
-    steel, size = x + (bore + outer) / 2, f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
+    steel = x + (bore + outer) / 2
+    size = f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
     spring = sum(cuts[0]) / 2 if cuts else (float(along.min()) + blocks[0][0]) / 2
-    wall, rib = max((x + hollow + blocks[0][1]) / 2, x + half), (length + own.x1) / 2
+    wall = max((x + hollow + blocks[0][1]) / 2, x + half)
+    rib = (length + own.x1) / 2
     winding = f"copper, {number(2 * reach)} across: the frequency\nof its current chooses among taxels"
     notes = [
         Note("boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
@@ -333,7 +357,9 @@ def draw_section(plan: Plan) -> Any:
     absent = {name for name, size in (("core", core), ("boss", peak - plate.thickness_mm)) if size < LEAST_MM}
     sheet.column(right + 0.35 * sheet.mm, True, [note for note in notes if note.name not in absent])
 
-    notes, step, at_y = [], 0.2 * sheet.mm, lift + float(beam.root_mm[1])
+    notes = []
+    step = 0.2 * sheet.mm
+    at_y = lift + float(beam.root_mm[1])
     for text, place, low_end, high_end, start in (
         ("boss {:.3g} high", 1, plate.thickness_mm, peak, x - half),
         ("frame {:.3g} high", 1, 0.0, thick, own.x0),
@@ -348,7 +374,8 @@ def draw_section(plan: Plan) -> Any:
     sheet.column(left - 3 * step, False, notes)
     if abs(coil_y) > SAME_PLACE_MM:
         sheet.words((coil_x, bottom - 0.08 * sheet.mm), "cut through its axis, which lies beside the beam", va="top")
-    first, bent = shapes["beam"][0][:, 0], "" if beam.is_straight else ", along its path"
+    first = shapes["beam"][0][:, 0]
+    bent = "" if beam.is_straight else ", along its path"
     long = f"beam {float(beam.length_mm):.3g} long{bent}"
     sheet.dimension((float(first.min()), float(first.max())), above + 0.1 * sheet.mm, lift, long)
     plate_ends = blocks[0][0], blocks[0][1]
@@ -367,10 +394,13 @@ def beam_cuts(beams: Sequence[Points]) -> list[tuple[float, float]]:
     return [(float(run[0]), float(run[-1])) for run in runs]
 
 
-CUT_POINTS, SAME_PLACE_MM, LEAST_MM = 4001, 0.05, 1e-6
+CUT_POINTS = 4001
+SAME_PLACE_MM = 0.05
+LEAST_MM = 1e-6
 
 
-TURN, UP = np.array([(cos(pi / 6), sin(pi / 6)), (-sin(pi / 6), cos(pi / 6))]), pi / 7.5
+TURN = np.array([(cos(pi / 6), sin(pi / 6)), (-sin(pi / 6), cos(pi / 6))])
+UP = pi / 7.5
 """The direction that the stack is seen from: right and away in the pad's x and y, and the angle above the horizon."""
 
 
@@ -394,7 +424,11 @@ def draw_exploded(plan: Plan) -> Any:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
 
-    spec, coil, washer, plate, edges = plan.spec, plan.spec.coil, plan.spec.washer, plan.plate, border(plan)
+    spec = plan.spec
+    coil = plan.spec.coil
+    washer = plan.spec.washer
+    plate = plan.plate
+    edges = border(plan)
     grid = [coil_axis_mm(plan.coils, r, c) for r in reversed(range(plan.coils.rows)) for c in range(plan.coils.columns)]
     bosses = np.array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
     bosses = bosses[np.argsort(-(bosses @ TURN[1]), kind="stable")]
@@ -402,7 +436,8 @@ def draw_exploded(plan: Plan) -> Any:
         tray = plan_tray(plan)
     except InfeasibleError:
         tray = None
-    step, layers = 0.8 * float(np.ptp(projected(edges, 0.0)[:, 1])), []
+    step = 0.8 * float(np.ptp(projected(edges, 0.0)[:, 1]))
+    layers = []
 
     def prisms(part: str, centres: Any, diameter: float, low: float, high: float | None = None) -> list[Prism]:
         return [Prism(part, circle(x, y, diameter), low, low if high is None else high) for x, y in centres]
@@ -425,7 +460,8 @@ def draw_exploded(plan: Plan) -> Any:
     name = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
     layers.append(("washer", name, "glued into the plates from below", rings))
     z = top + step
-    top, height = z + spec.pad.frame_thickness_mm, z + plate.thickness_mm
+    top = z + spec.pad.frame_thickness_mm
+    height = z + plate.thickness_mm
     shapes = all_shapes(plan, ("window", "plate"))
     pad = [Prism("frame", edges, z, top), *(Prism("inside", shape, top, top) for shape in shapes["window"])]
     pad += [Prism("plate", shape, height, height) for shape in shapes["plate"]]
@@ -434,13 +470,15 @@ def draw_exploded(plan: Plan) -> Any:
     pad += prisms("hole", corners, spec.pad.hole_diameter_mm, top)
     layers.append(("frame", "1 pad", "printed: frame, beams, plates, bosses", pad))
     if tray and tray.screw:
-        low, high = top + step / 2, top + step / 2 + tray.screw.length_mm
+        low = top + step / 2
+        high = top + step / 2 + tray.screw.length_mm
         shanks = prisms("shank", corners, 0.9 * spec.pad.hole_diameter_mm, low, high)
         heads = prisms("screw", corners, tray.screw.head_mm, high, high + tray.screw.head_mm / 2)
         name = "4 screws, 4 nuts" if tray.screw.nut else "4 screws"
         layers.append(("screw", name, f"{tray.screw.name}, {number(tray.screw.length_mm)} mm long", shanks + heads))
 
-    faces, notes = [], []
+    faces = []
+    notes = []
     for meant, name, sentence, solids in layers:
         places = []
         for part, shape, low, high in solids:
@@ -471,7 +509,8 @@ def draw_exploded(plan: Plan) -> Any:
 
 def draw_wiring(plan: Plan) -> Any:
     """Draw which coil is fed by which amplifier output, from the touch side and from below."""
-    coils, diameter = plan.coils, plan.spec.coil.outer_diameter_mm
+    coils = plan.coils
+    diameter = plan.spec.coil.outer_diameter_mm
     # So large that a number of three digits fits into the circle of its coil.
     least = LEAST_COIL_IN * 2.12 * float(np.ptp(border(plan)[:, 0])) / diameter
     sides = ("from the touch side", "from below")
@@ -485,7 +524,8 @@ def draw_wiring(plan: Plan) -> Any:
             ring = view(circle(*coil_axis_mm(coils, row, column), diameter))
             sheet.part("winding", [ring], facecolor="#f3dfd0", edgecolor=FILLS["coil"])
             x, y = (ring.min(0) + ring.max(0)) / 2
-            place, size = (x, y + 0.08 * sheet.mm * roomy), 11 if roomy else SMALL_PT
+            place = (x, y + 0.08 * sheet.mm * roomy)
+            size = 11 if roomy else SMALL_PT
             sheet.words(place, f"{index + 1}", fontsize=size, weight="bold")
             if roomy:
                 sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
@@ -497,4 +537,5 @@ def draw_wiring(plan: Plan) -> Any:
     return sheet.figure
 
 
-LEAST_COIL_IN, ROOMY_COIL_IN = 0.28, 0.45
+LEAST_COIL_IN = 0.28
+ROOMY_COIL_IN = 0.45

@@ -57,7 +57,8 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
 }
-TOKEN_HEADER, PAGE_HEADER = "x-padgen-token", "x-padgen-page"
+TOKEN_HEADER = "x-padgen-token"
+PAGE_HEADER = "x-padgen-page"
 """Headers of a request: the token of the address, and the number by which a page's own requests are known."""
 
 
@@ -200,7 +201,8 @@ class Work:
     """
 
     def __init__(self, live: Live, plan_s: float) -> None:
-        self.live, self.plan_s = live, plan_s
+        self.live = live
+        self.plan_s = plan_s
         self._planners, self._savers, self._builders = Runner(PLANNERS, IMPORTS, inf), Runner(1, IMPORTS, inf), Runner()
         self._planners.prepare(PLANNERS)
         # Why the answer to each request under way is not wanted any more; by a page's number, its newest.
@@ -332,7 +334,8 @@ def application(work: Work, token: str, port: int) -> Any:
 
     def check(request: Request) -> None:
         """Refuse a request that does not come from this page."""
-        host, origin = request.headers.get("host", ""), request.headers.get("origin")
+        host = request.headers.get("host", "")
+        origin = request.headers.get("origin")
         told = request.headers.get(TOKEN_HEADER) or request.query_params.get("token", "")
         if host not in hosts or (origin is not None and origin.removeprefix("http://") not in hosts):
             raise HTTPException(403, "this address is served to its own page only", HEADERS)

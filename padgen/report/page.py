@@ -50,7 +50,8 @@ REPORT_FILE = "report.html"
 PAGE = Path(__file__).with_name("page")
 MOST_PAIRED = 64
 """Most channels of a coil whose spurs the page shows: they grow with the square of the channels."""
-MOST_DB, BINS = 200.0, 48
+MOST_DB = 200.0
+BINS = 48
 LARGEST_STUDY = 10_000_000
 STEPS = 32767
 """Steps from the middle to the ends of a mesh, as 16-bit integers have them: 1 µm for a pad of 65 mm."""
@@ -83,7 +84,8 @@ class Page:
 
     def save(self, path: str | Path) -> Path:
         """Write the page as one file; raises `FileError` where that is impossible."""
-        target, raw = Path(path), self.html.encode()
+        target = Path(path)
+        raw = self.html.encode()
         try:
             with TemporaryDirectory(prefix=".padgen-", dir=target.absolute().parent) as aside:
                 write_synced(Path(aside) / REPORT_FILE, raw)
@@ -176,7 +178,9 @@ def _mass_g(volume_mm3: float, density_g_per_cm3: float) -> float:
 
 def _figures(plan: Plan) -> list[dict[str, str]]:
     """Return the four figures of the first screen."""
-    prints, load, coil = plan.prints, plan.load, plan.spec.coil
+    prints = plan.prints
+    load = plan.load
+    coil = plan.spec.coil
     count = plan.coils.rows * plan.coils.columns
     kept = "no limit" if prints.print_db is None else f"{prints.print_db:.1f} dB"
     typical = next(touched for touched in plan.touched if touched.skin == "typical")
@@ -216,7 +220,9 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
 
 
 def _pad(plan: Plan) -> dict[str, Any]:
-    pad, washer, coil = plan.spec.pad, plan.spec.washer, plan.spec.coil
+    pad = plan.spec.pad
+    washer = plan.spec.washer
+    coil = plan.spec.coil
     return {
         "width_mm": pad.width_mm,
         "depth_mm": pad.depth_mm,
@@ -248,7 +254,8 @@ CHANNEL = (
 
 
 def _channel(plan: Plan, index: int) -> dict[str, Any]:
-    channel, reuse = plan.channels[index], plan.reuse
+    channel = plan.channels[index]
+    reuse = plan.reuse
     leaks = reuse.retuned_leaks_db or reuse.leaks_db
     beam = channel.beam
     return {
@@ -276,8 +283,10 @@ def _taxels(plan: Plan) -> dict[str, list]:
 def _shape(part: ScenePart) -> dict[str, Any]:
     """Return a part as text: its mesh in 16-bit steps, its places as numbers; of taxels and washers also the motion."""
     vertices = part.mesh.vertices_mm
-    low, high = vertices.min(0), vertices.max(0)
-    middle, scale = (low + high) / 2, float((high - low).max()) / 2 / STEPS
+    low = vertices.min(0)
+    high = vertices.max(0)
+    middle = (low + high) / 2
+    scale = float((high - low).max()) / 2 / STEPS
     heights = np.zeros(len(vertices)) if part.heights is None else part.heights
     steps = np.c_[np.rint((vertices - middle) / scale), np.clip(np.rint(heights * HEIGHT_STEPS), -STEPS, STEPS)]
     index = part.mesh.triangles.astype("<u2" if len(vertices) < 1 << 16 else "<u4")
@@ -304,10 +313,13 @@ def _motion(plan: Plan) -> dict[str, Any]:
     `gains` (n, k, 3) are the felt static amplitudes of the modes `modes_hz` (n, k) under a channel's own line, over the
     amplitude at its resonance: upwards, and by tilting about both axes.
     """
-    spec, scheme, sets = plan.spec, plan.scheme, []
+    spec = plan.spec
+    scheme = plan.scheme
+    sets = []
     for own in plan.sets:
         placed = placed_channels(spec, own)
-        modes, line = heard_modes(spec, own, placed.line), placed.line / placed.line.max()
+        modes = heard_modes(spec, own, placed.line)
+        line = placed.line / placed.line.max()
         paired = scheme.has_pair_spurs and len(own) <= MOST_PAIRED
         pairs = np.sqrt(scheme.pair_square(line[:, None], line[None], line.max())) if paired else np.zeros((0, 0))
         sets.append(
@@ -337,7 +349,8 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
 
     They are the very prints that the plan's figures were taken from.
     """
-    prints, asked_db = plan.prints, plan.selectivity.asked_db
+    prints = plan.prints
+    asked_db = plan.selectivity.asked_db
     told: dict[str, Any] = {
         "pads": prints.pads,
         "asked_db": asked_db,
@@ -353,7 +366,8 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
     stages = STAGES[0], STAGES[-1]
     ratio = printed(design_of(plan, None), spreads_of(plan.spec), prints.pads, 0, stages).ratio
     kept = np.clip(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)), -MOST_DB, MOST_DB)
-    low, high = np.floor(min(kept.min(), asked_db)), np.ceil(max(kept.max(), asked_db))
+    low = np.floor(min(kept.min(), asked_db))
+    high = np.ceil(max(kept.max(), asked_db))
     edges = np.linspace(low, max(high, low + 1), BINS + 1)
     counts = [np.histogram(row, edges)[0].tolist() for row in kept]
     return {**told, "edges_db": edges.tolist(), "counts": counts, "counted": [STAGE_WORDS[0], STAGE_WORDS[-1]]}
@@ -361,7 +375,8 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
 
 def _manual(plan: Plan) -> dict[str, Any]:
     """Return what assembling this pad needs: the tray's heights, screws, slicer settings."""
-    tray, why = None, ""
+    tray = None
+    why = ""
     try:
         tray = plan_tray(plan)
     except InfeasibleError as error:

@@ -56,7 +56,9 @@ def pad_line(plan: "Plan") -> str:
     """Return one sentence on taxels, pitch, coils, gap and amplifier outputs."""
     from padgen.planner.plan import carrier_hz
 
-    pad, coils, pitch = plan.spec.pad, plan.coils, plan.pitch
+    pad = plan.spec.pad
+    coils = plan.coils
+    pitch = plan.pitch
     sides = [
         f"{name} " + "-".join(dict.fromkeys(f"{v:.1f}" for v in step)) + " mm"
         for name, step in (("columns", pitch.x_mm), ("rows", pitch.y_mm))
@@ -120,7 +122,9 @@ SHOWN_CHANNELS = 12
 
 def _power_lines(plan: "Plan") -> list[str]:
     """Return lines on the pad's power, and on its prints' selectivity by what is measured of them."""
-    load, prints, count = plan.load, plan.prints, plan.coils.rows * plan.coils.columns
+    load = plan.load
+    prints = plan.prints
+    count = plan.coils.rows * plan.coils.columns
     lines = [
         f"Drive: {plan.selectivity.drive}. All taxels on: {count * load.copper_loss_w:.2g} W in the coils"
         f" (per coil {load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V"
@@ -146,7 +150,10 @@ def plan_text(plan: "Plan") -> str:
     """Return all figures of a plan as tables and lines."""
     from padgen.planner.left_out import left_out_line
 
-    pad, coils, capacity, figures = plan.spec.pad, plan.coils, plan.capacity, plan.selectivity
+    pad = plan.spec.pad
+    coils = plan.coils
+    capacity = plan.capacity
+    figures = plan.selectivity
     count = len(plan.sets[0])
     channels = "1 channel" if count == 1 else f"{count} channels"
     pitch = number(coils.pitch_mm)
@@ -217,7 +224,9 @@ def _drive_lines(plan: "Plan") -> list[str]:
         boards = boards_in_time(drive_at(plan, CONTROLLER_RATES_HZ))
     except SpecError:  # a drive that the firmware does not play
         boards = []
-    figures, load, leak_db = plan.selectivity, plan.load, plan.reuse.leak_db
+    figures = plan.selectivity
+    load = plan.load
+    leak_db = plan.reuse.leak_db
     frames = ", ".join(f"{rate.scheme} {number(round(rate.frames_per_s, 2))}" for rate in plan.refresh)
     error = max((c.force_error for c in plan.channels if c.force_constant_n_per_a2 > 0), default=None)
     leaked = ""
@@ -269,9 +278,14 @@ def _frames_text(rate: "FrameRate") -> str:
 
 def _selectivity_lines(plan: "Plan") -> list[str]:
     figures = plan.selectivity
-    states, one_hot, paper = figures.all_states_db or 0.0, figures.one_hot_db or 0.0, figures.paper_db
+    states = figures.all_states_db or 0.0
+    one_hot = figures.one_hot_db or 0.0
+    paper = figures.paper_db
     law = "equal sensation" if isinstance(figures.level_law, str) else f"levels fall as 1/f^{figures.level_law:g}"
-    worst, kept, optimum, lost = figures.worst_state, figures.kept_db, figures.optimum_db, figures.snapping_db or 0.0
+    worst = figures.worst_state
+    kept = figures.kept_db
+    optimum = figures.optimum_db
+    lost = figures.snapping_db or 0.0
     if len(worst) > SHOWN_BITS:
         worst = f"{worst[:10]}…{worst[-10:]} of {len(worst)}"
     dear = (figures.modes_cost_db or 0.0) >= SHOWN_DB
@@ -505,7 +519,8 @@ def figures_text(figures: dict[str, Any]) -> str:
 
 LEVEL_COLOURS = {"error": "#c2241a", "warning": "#a86a00", "note": "#666666"}
 HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × t × l)", "ring-up ms", "level µm peak")
-LADDER_PX, LADDER_HEIGHT_PX = 560, 46
+LADDER_PX = 560
+LADDER_HEIGHT_PX = 46
 
 
 def slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
@@ -546,14 +561,17 @@ def plan_html(plan: "Plan") -> str:
 def _ladder_svg(plan: "Plan") -> str:
     """Return an SVG picture of the resonances as lines on a logarithmic axis, each within its slot."""
     slots = [slot_hz(plan, channel.resonance_hz) for channel in plan.channels]
-    low, high = max(slots[0][0], plan.channels[0].resonance_hz / 10), slots[-1][1]
+    low = max(slots[0][0], plan.channels[0].resonance_hz / 10)
+    high = slots[-1][1]
 
     def at(hz: float) -> float:
         return round((LADDER_PX - 1) * log(max(hz, low) / low) / log(high / low), 1)
 
     marks = []
     for channel, (first, last) in zip(plan.channels, slots, strict=True):
-        x, width, line = at(first), round(at(last) - at(first), 1), at(channel.resonance_hz)
+        x = at(first)
+        width = round(at(last) - at(first), 1)
+        line = at(channel.resonance_hz)
         marks += [
             f'<rect x="{x}" y="6" width="{width}" height="20" fill="#1f5fa8" fill-opacity="0.25"/>',
             f'<line x1="{line}" x2="{line}" y1="4" y2="28" stroke="#1f5fa8" stroke-width="2"/>',

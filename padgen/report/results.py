@@ -52,13 +52,15 @@ def driven_text(
     """Return how a drive's files came out, the verdict on the pad, what they play, and what a simulated pad hears."""
     from padgen.driver.frames import frames_text, map_text, taxel_grid
 
-    heard, name = driven.heard, plan.name
+    heard = driven.heard
+    name = plan.name
     done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
         done = f"Heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
     if driven.outputs is not None:
         done += f" for {_outputs_text(driven.outputs)}"
-    picture, place = "", plain(str(driven.folder))
+    picture = ""
+    place = plain(str(driven.folder))
     if frames is not None:
         # Dark frames at the beginning show nothing.
         first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
@@ -156,11 +158,13 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
     """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
     import numpy as np
 
-    on, off = heard.on, heard.off
+    on = heard.on
+    off = heard.off
     rows = []
     for channel in plan.channels:
         indices = [k for k, taxel in enumerate(plan.taxels) if taxel.channel == channel.index]
-        played, quiet = on[:, indices], off[:, indices]
+        played = on[:, indices]
+        quiet = off[:, indices]
         rows.append(
             (
                 str(channel.index),
@@ -170,11 +174,13 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
                 "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
             )
         )
-    gap, leak = ", with the pull growing as the gap closes" * heard.with_gap, plan.reuse.leak_db
+    gap = ", with the pull growing as the gap closes" * heard.with_gap
+    leak = plan.reuse.leak_db
     leaked = (
         "" if leak is None or not plan.reuse.is_known else f", the plan has their leakage at {-leak:.1f} dB or less"
     )
-    slot, held = heard.slot_contrast, heard.held_contrast
+    slot = heard.slot_contrast
+    held = heard.held_contrast
     frames = "" if slot is None else f"\naveraged over each frame {slot[0]:.1f} dB of ON over OFF in the worst coil"
     frames += "" if slot is None or held is None else f", at its end {held[0]:.1f} dB, as heard"
     return (
@@ -248,7 +254,8 @@ LAID: "tuple[tuple[str, int, Callable[[dict[str, Any]], list[float | None]]], ..
 dash where some are missing."""
 
 
-SHOWN_TAXELS, MOST_TAXELS = 12, 40
+SHOWN_TAXELS = 12
+MOST_TAXELS = 40
 """Most taxels in the table, and with ``--verbose``."""
 
 
@@ -334,8 +341,10 @@ def _front_text(sweep: "Sweep", overview: "Overview") -> str:
     """Return the Pareto front as a table: varied fields, objectives reached, and those that a variant is best in."""
     from padgen.batch.index import OBJECTIVES
 
-    axes, objectives = [name for axis in sweep.axes for name in axis.fields], overview.objectives
-    weighed, count = ", ".join(OBJECTIVES[name].word for name in objectives), len(overview.rows)
+    axes = [name for axis in sweep.axes for name in axis.fields]
+    objectives = overview.objectives
+    weighed = ", ".join(OBJECTIVES[name].word for name in objectives)
+    count = len(overview.rows)
     head = f"Pareto front over {weighed}: {counted(count, 'variant')} that no other beats"
     head += NONE_WORKS[overview.front_of]
     head += "; those best in one of these" * (count > MOST_ROWS)

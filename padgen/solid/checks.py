@@ -106,7 +106,8 @@ def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
     solids are compared: every difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and
     beams and recesses of the taxels there are measured.
     """
-    state, printer = topology(mesh), plan.spec.printer
+    state = topology(mesh)
+    printer = plan.spec.printer
     figures, findings = _whole(mesh, state, printer, plan.spec.material.density_g_per_cm3)
     if not state.closed or state.volume_mm3 <= 0:
         return Report(figures, tuple(findings))
@@ -170,7 +171,8 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     print_figures, found = _kept_printable(
         mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
     )
-    taxels, dimensions = sample.plan.taxels, list(measured(sample.plan, solid))
+    taxels = sample.plan.taxels
+    dimensions = list(measured(sample.plan, solid))
     off_mm = [abs(d.built_mm - d.planned_mm) for d in dimensions]
     figures |= print_figures | {
         "measured_taxels": len(taxels),
@@ -199,12 +201,14 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
         return False, refused
     if reached.mean() < 0.5:
         room = cells.room(reached)
-        one, other = one ^ room, other ^ room
+        one = one ^ room
+        other = other ^ room
     names = set(np.array(cells.names)[reached].tolist())
     taxels = [taxel for taxel in plan.taxels if f"taxel {taxel.id}" in names]
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
-    found, rooms = differences(one, other), washer_rooms(plan, one, taxels)
+    found = differences(one, other)
+    rooms = washer_rooms(plan, one, taxels)
     return False, [*few(told(off, found, cells)), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
@@ -248,9 +252,11 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
     `rooms` are taxels and their free diameters in mm. The washer's diameter is the largest that its catalogue allows.
     `within_mm` is forgiven: other programs may cut a round face into coarser triangles.
     """
-    printer, washer = spec.printer, spec.washer
+    printer = spec.printer
+    washer = spec.washer
     laid_mm = 2 * printer.xy_compensation_mm + printer.hole_loss_mm
-    needed_mm, least_mm = washer.outer_diameter_mm + laid_mm, laid_mm + FACET_MM
+    needed_mm = washer.outer_diameter_mm + laid_mm
+    least_mm = laid_mm + FACET_MM
     cure = f"; taxel.washer_clearance_mm = {at_least(least_mm)} would do"
     for taxel, room_mm in rooms:
         if not room_mm >= needed_mm - within_mm:
@@ -267,11 +273,13 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
 
 def _as_printed(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
     """Find recesses that washers do not sink into, lines too narrow, and heights that are no whole layers."""
-    printer, washer = spec.printer, spec.washer
+    printer = spec.printer
+    washer = spec.washer
     for d in dimensions:
         if not isfinite(d.built_mm):
             continue
-        is_beam, is_recess = d.name.endswith("thickness"), d.name == "recess depth"
+        is_beam = d.name.endswith("thickness")
+        is_recess = d.name == "recess depth"
         layers = (d.built_mm - printer.first_layer_mm) / printer.layer_mm + 1
         whole = max(round(layers), printer.smallest_beam_layers if is_beam else 1)
         off_mm = abs(layers - whole) * printer.layer_mm
@@ -339,7 +347,8 @@ def _kept_printable(
     vertices_mm: bytes, triangles: bytes, printer: Printer, places: Places
 ) -> tuple[dict[str, Any], list[Finding]]:
     """Return the result of `_printable`, remembered because variants of a layout have the same sample."""
-    corners, sides = np.frombuffer(vertices_mm).copy(), np.frombuffer(triangles, np.int64)
+    corners = np.frombuffer(vertices_mm).copy()
+    sides = np.frombuffer(triangles, np.int64)
     return _printable(Mesh(corners.reshape(-1, 3), sides.reshape(-1, 3)), printer, places)
 
 
@@ -349,7 +358,8 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     if solid is None:
         return {}, refused
     cuts = sections(solid, mesh)
-    bound, limit = 4 * max(printer.line_width_mm, printer.smallest_gap_mm), printer.longest_bridge_mm
+    bound = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
+    limit = printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
     figures = {
         "smallest_wall_mm": min((smallest(cut, False, bound) for cut in cuts), default=None),

@@ -38,7 +38,8 @@ STRIP_MM = 5e-3
 """Width of strips in which the same face of two meshes may differ, since programs round the corners on its edges."""
 STEEP = 1e-3
 """Least vertical part of a face's unit normal for the face to count as seen from above or below."""
-LANDMARK_MM, LANDMARKS = 0.02, 4000
+LANDMARK_MM = 0.02
+LANDMARKS = 4000
 """Largest distance of two corners that match when a mesh is laid over another, and the most corners compared."""
 CORNER_RAD = 0.8
 """Least difference between the sum of the angles at a corner and a whole turn, so that rims of round faces stay out."""
@@ -106,7 +107,8 @@ class Cells(NamedTuple):
         places = np.pad(taxel_places(plan), 1, constant_values=-2)
         names = [*(f"taxel {taxel.id}" for taxel in plan.taxels), "border", "frame"]
         rows, columns = np.array(places.shape) - 1
-        half_x, half_y = plan.spec.pad.width_mm / 2, plan.spec.pad.depth_mm / 2
+        half_x = plan.spec.pad.width_mm / 2
+        half_y = plan.spec.pad.depth_mm / 2
         return cls(
             np.linspace(-half_x, half_x, columns),
             np.linspace(-half_y, half_y, rows),
@@ -115,7 +117,8 @@ class Cells(NamedTuple):
 
     def within(self, corners_mm: np.ndarray) -> np.ndarray:
         """Mark the cells (rows + 2, columns + 2) that triangles (n, 3, 3) reach into."""
-        low, high = corners_mm[..., :2].min(1) - MARGIN_MM / 2, corners_mm[..., :2].max(1) + MARGIN_MM / 2
+        low = corners_mm[..., :2].min(1) - MARGIN_MM / 2
+        high = corners_mm[..., :2].max(1) + MARGIN_MM / 2
         x0, x1 = (np.searchsorted(self.x_mm, corner[:, 0]) for corner in (low, high))
         y0, y1 = (np.searchsorted(self.y_mm, corner[:, 1]) for corner in (low, high))
         reached = np.zeros((len(self.y_mm) + 1, len(self.x_mm) + 1), bool)
@@ -174,7 +177,8 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
     sides = np.roll(outline, -1, axis=0) - outline
     along = sides[np.hypot(*sides[:, :2].T).argmax()]
     ends = np.concatenate([outline, mesh.vertices_mm[mesh.vertices_mm[:, 2].argsort()[[0, -1]]]])
-    low, high = planned.vertices_mm.min(0), planned.vertices_mm.max(0)
+    low = planned.vertices_mm.min(0)
+    high = planned.vertices_mm.max(0)
     for quarter, flipped, mirrored in product(range(4), (False, True), (False, True)):
         angle = quarter * np.pi / 2 - float(np.arctan2(along[1], along[0]))
         turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
@@ -184,7 +188,8 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
         scale = float(np.median(ratios))
         if abs(scale - 1) < SCALE or np.ptp(ratios) > SCALE * scale:
             scale = 1.0
-        there, rows = there * scale, rows * scale
+        there = there * scale
+        rows = rows * scale
         shift = (low + high - there.min(0) - there.max(0)) / 2
         shift[2] = low[2] - there[:, 2].min()
         found = share(rows, shift)
@@ -271,8 +276,10 @@ def differences(one: Any, other: Any) -> list[Difference]:
             core = core ^ core.translate(tuple(-step))
         for piece in sorted(core.decompose(), key=lambda each: -each.volume())[:MOST_PIECES]:
             bounds = np.array(piece.bounding_box())
-            low, high = bounds[:3], bounds[3:] + SMALLEST_MM
+            low = bounds[:3]
+            high = bounds[3:] + SMALLEST_MM
             box = type(part).cube(tuple(high - low)).translate(tuple(low))
-            middle, extent = tuple(((low + high) / 2).tolist()), tuple((high - low).tolist())
+            middle = tuple(((low + high) / 2).tolist())
+            extent = tuple((high - low).tolist())
             found.append(Difference(more, float((part ^ box).volume()), middle, extent))
     return sorted(found, key=lambda each: -each.volume_mm3)

@@ -80,7 +80,8 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
     }
     taxels = plan.taxels if taxels is None else taxels
     for taxel, (outline, centroid) in zip(taxels, _recesses(plan, solid, 0.5, taxels), strict=True):
-        where, offset = f"taxel {taxel.id}", centroid - (taxel.x_mm, taxel.y_mm)
+        where = f"taxel {taxel.id}"
+        offset = centroid - (taxel.x_mm, taxel.y_mm)
         yield Dimension(where, "recess diameter", plan.plate.recess_diameter_mm, _diameter_mm(outline, centroid))
         yield Dimension(where, "recess centre offset", 0.0, float(np.hypot(*offset)))
         centre = np.array([*coil_axis_mm(plan.coils, *taxel.coil), 0.0])
@@ -102,7 +103,8 @@ def washer_rooms(plan: Plan, solid: Any, taxels: Sequence[Taxel]) -> Iterator[tu
 
 def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
     """Return the distance from a point (2,) to the nearest side of a closed outline (n, 2)."""
-    start, along = outline - at, np.roll(outline, -1, axis=0) - outline
+    start = outline - at
+    along = np.roll(outline, -1, axis=0) - outline
     share = -np.einsum("ij,ij->i", start, along) / np.maximum(np.einsum("ij,ij->i", along, along), 1e-30)
     nearest = start + np.clip(share, 0, 1)[:, None] * along
     return float(np.hypot(*nearest.T).min())
@@ -110,7 +112,8 @@ def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
 
 def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
     """Yield the gauges of a taxel's beams, recess and boss, in the taxel's axes."""
-    arrangement, plate = plan.arrangement(channel), plan.plate
+    arrangement = plan.arrangement(channel)
+    plate = plan.plate
     lowest_block = min(float(block.height_mm) for block in arrangement.blocks)
     for number, path in enumerate(arrangement.beams):
         name = f"beam {number + 1}" if len(arrangement.beams) > 1 else "beam"
@@ -152,7 +155,8 @@ def _length_gauge(name: str, path: BeamPath, height: float) -> _Gauge:
     They start within the first and the last segment. A straight ray leaves an arc, so on an arc it starts close to
     the arc's end.
     """
-    length, last = float(path.length_mm), len(path.segments) - 1
+    length = float(path.length_mm)
+    last = len(path.segments) - 1
     aside = [0.5 if not s.turn_rad else min(NEAR_MM / float(s.length_mm), 0.5) for s in path.segments]
     places = path.within(0, aside[0]), path.within(last, 1 - aside[last])
     between = length - sum(aside[k] * float(path.segments[k].length_mm) for k in (0, last))
@@ -206,7 +210,8 @@ def run_mm(solid: Any, start: Any, stop: Any) -> float:
     return float(hits[0].distance * np.linalg.norm(np.subtract(stop, start))) if hits else nan
 
 
-LEVELS, MOST_HEIGHTS = 16, 100
+LEVELS = 16
+MOST_HEIGHTS = 100
 """Most cross-sections of a part, and most heights of its horizontal faces, that are examined."""
 STEP_MM = 1e-4
 AREA_MM2 = 1e-6
@@ -246,7 +251,8 @@ def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> l
         room = type(filled).square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
         filled = room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - filled
     # Square corners survive; acute ones lose a splinter, which is no wall.
-    splinter, half = SPLINTER_SHARE * (limit_mm / 2) ** 2, limit_mm / 2
+    splinter = SPLINTER_SHARE * (limit_mm / 2) ** 2
+    half = limit_mm / 2
     lost = filled - filled.offset(-half, JoinType.Miter).offset(half * 1.001, JoinType.Miter)
     if lost.area() < splinter:
         return []
@@ -266,7 +272,8 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
     """
     from manifold3d import JoinType
 
-    worst, where = 0.0, None
+    worst = 0.0
+    where = None
     bed = float(mesh.vertices_mm[:, 2].min())
     for z in (height for height in _flat_heights_mm(mesh, up=False) if height > bed + 2 * STEP_MM):
         below = solid.slice(z - STEP_MM)

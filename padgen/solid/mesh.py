@@ -32,7 +32,8 @@ __all__ = [
 CHORD_MM = 0.01
 """Default largest distance between a curved face and its triangles (docs/performance.md has the table)."""
 ANGLE_RAD = 0.3
-WELD_MM, FILE_WELD_MM = 1e-6, 1e-5
+WELD_MM = 1e-6
+FILE_WELD_MM = 1e-5
 AT_ONCE = 500_000
 """Triangles that are processed together: the corners of all of a large pad's would take too much memory."""
 LARGEST_MM = 1e4
@@ -70,7 +71,9 @@ def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopLoc import TopLoc_Location
 
-    vertices, triangles, offset = [], [], 0
+    vertices = []
+    triangles = []
+    offset = 0
     with kernel_errors("a mesh"):
         BRepTools.Clean_s(solid.wrapped)
         BRepMesh_IncrementalMesh(solid.wrapped, chord_mm, False, angle_rad, False)
@@ -162,9 +165,12 @@ def as_manifold(mesh: Mesh, what: str) -> Any:
 
 
 PAIRS_AT_ONCE = 1_000_000
-MOST_PAIRS, MOST_FOUND = 40_000_000, 100_000
+MOST_PAIRS = 40_000_000
+MOST_FOUND = 100_000
 """Most candidate pairs beyond `MANY_PAIRS` per triangle, and the number of pairs found that ends the search."""
-MOST_COLUMNS, MOST_CELLS, MANY_PAIRS = 10_000, 16, 100
+MOST_COLUMNS = 10_000
+MOST_CELLS = 16
+MANY_PAIRS = 100
 """Most columns along a side of the grid, most columns per triangle on average, and the candidates per triangle above
 which wider columns are tried."""
 
@@ -193,7 +199,8 @@ def topology(mesh: Mesh) -> Topology:
     count = max(len(mesh.vertices_mm), 1)
     sides = np.empty((3, len(mesh.triangles)), np.int64)
     for i, side in enumerate(sides):
-        a, b = mesh.triangles[:, i], mesh.triangles[:, i - 2]
+        a = mesh.triangles[:, i]
+        b = mesh.triangles[:, i - 2]
         np.minimum(a, b, out=side)
         side *= count
         side += np.maximum(a, b)
@@ -216,9 +223,11 @@ def topology(mesh: Mesh) -> Topology:
 
 def shells(mesh: Mesh) -> np.ndarray:
     """Return the number of each triangle's connected shell, from 0."""
-    label, before = np.arange(len(mesh.vertices_mm)), np.empty(0, int)
+    label = np.arange(len(mesh.vertices_mm))
+    before = np.empty(0, int)
     while not np.array_equal(label, before):
-        before, label = label, label.copy()
+        before = label
+        label = label.copy()
         least = before[mesh.triangles].min(1)
         for corner in mesh.triangles.T:
             np.minimum.at(label, corner, least)
@@ -239,7 +248,8 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
         There are more candidates than can be looked at.
     """
     corners = mesh.corners_mm
-    low, high = corners.min(1), corners.max(1)
+    low = corners.min(1)
+    high = corners.max(1)
     found: list[np.ndarray] = []
     for pairs in _overlapping(low, high):
         found.append(pairs[_pierce(mesh, *pairs.T)])
@@ -259,11 +269,13 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
     )
     for chunk in np.split(np.arange(len(owner)), np.unique(np.minimum(stops + 1, len(owner)))):
         run, step = expanded(partners[chunk])
-        a, b = owner[chunk[run]], owner[chunk[run] + 1 + step]
+        a = owner[chunk[run]]
+        b = owner[chunk[run] + 1 + step]
         for axis in (2, 0, 1):
             # Triangles whose boxes only touch cannot pierce, such as those of one horizontal face.
             overlap = (low[a, axis] < high[b, axis]) & (low[b, axis] < high[a, axis])
-            a, b = a[overlap], b[overlap]
+            a = a[overlap]
+            b = b[overlap]
         yield np.sort(np.stack([a, b], -1), axis=1)
 
 
@@ -273,8 +285,10 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
     pair would meet in all of them.
     """
-    count, flat = len(low), low[:, 2] == high[:, 2]
-    floor, extent = low[:, :2].min(0), np.ptp(np.concatenate([low, high])[:, :2], axis=0)
+    count = len(low)
+    flat = low[:, 2] == high[:, 2]
+    floor = low[:, :2].min(0)
+    extent = np.ptp(np.concatenate([low, high])[:, :2], axis=0)
     side = max(float(np.sqrt(extent.prod() / max(count / 12, 1))), float(extent.max()) / MOST_COLUMNS, 1e-9)
     best: tuple[np.ndarray, np.ndarray] | None = None
     while True:
@@ -288,7 +302,8 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
             key = column * (int(last[:, 1].max()) + 1) + row
             # Horizontal triangles come last in their column, since two of them never pierce each other.
             order = np.argsort(2 * key + flat[owner], kind="stable")
-            owner, key = owner[order], key[order]
+            owner = owner[order]
+            key = key[order]
             partners = np.searchsorted(key, key, side="right") - np.arange(len(key)) - 1
             partners[flat[owner]] = 0
             if best and best[1].sum() <= partners.sum():
@@ -310,7 +325,8 @@ def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         ends = [mesh.triangles[one, i] for i in range(3)]
         heights = [np.einsum("ij,ij->i", mesh.vertices_mm[end] - corners[0], normal) for end in ends]
         for i, j in ((0, 1), (1, 2), (2, 0)):
-            low, high = np.minimum(heights[i], heights[j]), np.maximum(heights[i], heights[j])
+            low = np.minimum(heights[i], heights[j])
+            high = np.maximum(heights[i], heights[j])
             shared = ((face == ends[i][:, None]) | (face == ends[j][:, None])).any(1)
             at = np.flatnonzero((low < -margin) & (high > margin) & ~shared)
             start = mesh.vertices_mm[ends[i][at]]

@@ -52,14 +52,17 @@ def border_mesh(
         The outline cannot be triangulated: its holes meet its edges.
     """
     pad, (rows, columns) = plan.spec.pad, shape
-    half_x, half_y = pad.width_mm / 2, pad.depth_mm / 2
-    x, y = np.linspace(-half_x, half_x, columns + 1), np.linspace(-half_y, half_y, rows + 1)
+    half_x = pad.width_mm / 2
+    half_y = pad.depth_mm / 2
+    x = np.linspace(-half_x, half_x, columns + 1)
+    y = np.linspace(-half_y, half_y, rows + 1)
     # The lattice's outline, anticlockwise from the lower left.
     inside = [(v, -half_y) for v in x] + [(half_x, v) for v in y[1:]]
     inside += [(v, half_y) for v in x[-2::-1]] + [(-half_x, v) for v in y[-2:0:-1]]
     rings = [_outside(plan, chord_mm, angle_rad, groove), np.array(inside[::-1])]
     if pad.hole_diameter_mm:
-        off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+        off_x = (pad.width_mm + pad.border_mm) / 2
+        off_y = (pad.depth_mm + pad.border_mm) / 2
         for centre in product((-off_x, off_x), (-off_y, off_y)):
             rings.append(_circle(centre, pad.hole_diameter_mm, chord_mm, angle_rad)[::-1])
     return prism(rings, 0.0, pad.frame_thickness_mm)
@@ -67,7 +70,8 @@ def border_mesh(
 
 def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM) -> Mesh:
     """Return the triangles of the washer glued to the roof of its recess, in mm in the taxel's own axes."""
-    washer, depth = plan.spec.washer, plan.plate.recess_depth_mm
+    washer = plan.spec.washer
+    depth = plan.plate.recess_depth_mm
     centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
     rings = [_circle(centre, washer.outer_diameter_mm, chord_mm, ANGLE_RAD)]
     if washer.inner_diameter_mm:
@@ -96,7 +100,8 @@ def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | No
     centres = ((x, y), (-x, y), (-x, -y), (x, -y))
     parts = [_arc(c, radius, k * pi / 2, (k + 1) * pi / 2, chord_mm, angle_rad) for k, c in enumerate(centres)]
     if groove is not None:
-        above, edge = groove.y0 > 0, (groove.y0 + groove.y1) / 2
+        above = groove.y0 > 0
+        edge = (groove.y0 + groove.y1) / 2
         within = groove.y0 if above else groove.y1
         notch = [(groove.x0, edge), (groove.x0, within), (groove.x1, within), (groove.x1, edge)]
         # The groove follows the corner at which its side of the border begins.
@@ -135,7 +140,8 @@ def prism(rings: list[np.ndarray], low: float, high: float) -> Mesh:
     import manifold3d
 
     flat = np.concatenate(rings)
-    count, ends = len(flat), np.cumsum([0] + [len(ring) for ring in rings])
+    count = len(flat)
+    ends = np.cumsum([0] + [len(ring) for ring in rings])
     caps = np.asarray(manifold3d.triangulate(rings), np.int64)
     if len(caps) != count + 2 * len(rings) - 4:
         raise GeometryError("the edges of a plate meet its holes")
@@ -180,7 +186,8 @@ class Places(NamedTuple):
 
     def in_pad(self, x_mm: float, y_mm: float) -> tuple[float, float]:
         """Return a place of the sample in the pad's coordinates."""
-        column, row = np.searchsorted(self.columns_mm, x_mm), np.searchsorted(self.rows_mm, y_mm)
+        column = np.searchsorted(self.columns_mm, x_mm)
+        row = np.searchsorted(self.rows_mm, y_mm)
         return x_mm + self.column_shifts_mm[column], y_mm + self.row_shifts_mm[row]
 
 
@@ -202,9 +209,12 @@ def build_pad(
     GeometryError
         A kernel refused a taxel, or a seam does not close.
     """
-    cell, height, tiles = plan.cell, plan.spec.pad.frame_thickness_mm, []
+    cell = plan.cell
+    height = plan.spec.pad.frame_thickness_mm
+    tiles = []
     for channel in plan.channels:
-        known, sides = kept_solid(plan, channel, chord_mm, angle_rad), outline(plan, channel)
+        known = kept_solid(plan, channel, chord_mm, angle_rad)
+        sides = outline(plan, channel)
         vertices = known.mesh.vertices_mm.copy()
         # What is off the outline by rounding only is moved onto it.
         for axis, value in ((0, sides.x0), (0, sides.x1), (1, sides.y0), (1, sides.y1)):
@@ -220,7 +230,8 @@ def build_pad(
 def _of_tiles(
     plan: Plan, tiles: tuple[Tile, ...], chord_mm: float, angle_rad: float, groove: Outline | None = None
 ) -> PadSolid:
-    grid, mark = tile_grid(plan), groove or corner_groove(plan.spec)
+    grid = tile_grid(plan)
+    mark = groove or corner_groove(plan.spec)
     border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad, mark), border_volume_mm3(plan, mark))
     counts = np.bincount(grid.ravel(), minlength=len(tiles))
     volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
@@ -232,13 +243,15 @@ def sampled(plan: Plan, pad: PadSolid) -> Sample:
 
     Every dimension that can be measured on the pad can be measured on this sample.
     """
-    coils, spec = plan.coils, plan.spec
+    coils = plan.coils
+    spec = plan.spec
     kinds = 2 * pad.grid + turned_grid(plan)
     rows = _unrepeated([part.tobytes() for part in kinds.reshape(coils.rows, -1)])
     columns = _unrepeated([part.tobytes() for part in np.ascontiguousarray(kinds.T).reshape(coils.columns, -1)])
     if len(rows) * len(columns) == coils.rows * coils.columns:
         return Sample(plan, pad, Places())
-    wide, deep = len(columns) * coils.pitch_x_mm, len(rows) * coils.pitch_y_mm
+    wide = len(columns) * coils.pitch_x_mm
+    deep = len(rows) * coils.pitch_y_mm
     shift_x = [(k - j) * coils.pitch_x_mm + (wide - spec.pad.width_mm) / 2 for j, k in enumerate(columns)]
     shift_y = [(k - j) * coils.pitch_y_mm + (deep - spec.pad.depth_mm) / 2 for j, k in enumerate(rows)]
     taxels = tuple(
@@ -297,7 +310,9 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
     y = np.linspace(-spec.pad.depth_mm / 2, spec.pad.depth_mm / 2, rows + 1)
     z = np.array([0.0, spec.pad.frame_thickness_mm])
     lattice = np.stack(np.meshgrid(x, y, z, indexing="ij"), -1).reshape(-1, 3)
-    vertices, triangles, offset = [lattice], [], len(lattice)
+    vertices = [lattice]
+    triangles = []
+    offset = len(lattice)
     turned = turned_grid(plan)
     for (index, tile), around in product(enumerate(tiles), (False, True)):
         r, c = np.nonzero((grid == index) & (turned == around))
@@ -335,7 +350,8 @@ def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tupl
     are (0 or 1 per axis), and the triangles that stay.
     """
     v = mesh.vertices_mm
-    on_x, on_y = np.abs(np.abs(v[:, 0]) - half_x) < SEAM_MM, np.abs(np.abs(v[:, 1]) - half_y) < SEAM_MM
+    on_x = np.abs(np.abs(v[:, 0]) - half_x) < SEAM_MM
+    on_y = np.abs(np.abs(v[:, 1]) - half_y) < SEAM_MM
     corner = np.stack([v[:, 0] > 0, v[:, 1] > 0, np.abs(v[:, 2] - z[1]) < SEAM_MM], -1).astype(np.int64)
     side = np.stack([on_x & (v[:, 0] < 0), on_x & (v[:, 0] > 0), on_y & (v[:, 1] < 0), on_y & (v[:, 1] > 0)], -1)
     seam = side[mesh.triangles].all(1).any(1)

@@ -108,9 +108,11 @@ def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
             layers.append(layer.moved(b.Location((0, 0, low))))
         floor, block, rim = layers
         walls = rim.cut(*(box(slot, tray.height_mm, tray.socket_top_mm) for slot in tray.wire_slots))
-        cuts, screw = [box(tray.groove, tray.height_mm)], tray.screw
+        cuts = [box(tray.groove, tray.height_mm)]
+        screw = tray.screw
         if screw:
-            low, radius = tray.height_mm - screw.hole_depth_mm, screw.hole_diameter_mm / 2
+            low = tray.height_mm - screw.hole_depth_mm
+            radius = screw.hole_diameter_mm / 2
             holes = [b.Plane((x, y, low)) for x, y in tray.holes_mm]
             cuts += [b.Solid.make_cylinder(radius, screw.hole_depth_mm, plane) for plane in holes]
         solid = only_solid(floor.fuse(block, *walls.solids()).cut(*cuts), "the coil tray")
@@ -119,8 +121,11 @@ def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
 
 def _socket(tray: Tray, x: float, y: float) -> Any:
     """Return the wire of a coil's socket: a circle with a slot for the leads towards +x +y."""
-    b, radius, half = build123d(), tray.socket_diameter_mm / 2, tray.lead.width_mm / 2
-    mouth, end = sqrt(radius**2 - half**2), radius + tray.lead.reach_mm
+    b = build123d()
+    radius = tray.socket_diameter_mm / 2
+    half = tray.lead.width_mm / 2
+    mouth = sqrt(radius**2 - half**2)
+    end = radius + tray.lead.reach_mm
 
     def at(along: float, across: float) -> Any:
         turn = sqrt(0.5)
@@ -149,7 +154,9 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
 
     The figures are those of the mesh, and the gap that was measured.
     """
-    spec, tray, mesh = plan.spec, built.tray, mesh or built.mesh
+    spec = plan.spec
+    tray = built.tray
+    mesh = mesh or built.mesh
     report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
     figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
     findings = [
@@ -189,7 +196,8 @@ def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
             yield Dimension(where, "seat height", tray.floor_mm, _top(solid, tray, *at))
     # Two places on each side of the rim, near the corners.
     pad = spec.pad
-    off_x, off_y = (pad.width_mm + pad.border_mm) / 2, (pad.depth_mm + pad.border_mm) / 2
+    off_x = (pad.width_mm + pad.border_mm) / 2
+    off_y = (pad.depth_mm + pad.border_mm) / 2
     for side, along in product((-1, 1), (-1, 1)):
         for x, y in ((along * 0.49 * pad.width_mm, side * off_y), (side * off_x, along * 0.49 * pad.depth_mm)):
             where = f"the rim at ({number(x)}, {number(y)}) mm"
@@ -239,7 +247,8 @@ def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterat
     seat = np.array([g.built_mm for g in gauges if g.name == "seat height"])
     rim = np.array([g.built_mm for g in gauges if g.name == "rim height"])
     offset = washer_underside_mm(plan) - spec.coil.length_mm
-    low, high = float(rim.min() - seat.max()) + offset, float(rim.max() - seat.min()) + offset
+    low = float(rim.min() - seat.max()) + offset
+    high = float(rim.max() - seat.min()) + offset
     figures["gap_mm"] = [low, high]
     within = spec.printer.layer_mm / 2 + BUILT_MM
     worst = low if not abs(low - spec.coil.gap_mm) <= abs(high - spec.coil.gap_mm) else high
@@ -257,7 +266,9 @@ def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
     """Check that the coils' places, the room under the pad and every wire slot are empty."""
     import manifold3d
 
-    pad, radius, low = spec.pad, spec.coil.outer_diameter_mm / 2, tray.floor_mm + BUILT_MM
+    pad = spec.pad
+    radius = spec.coil.outer_diameter_mm / 2
+    low = tray.floor_mm + BUILT_MM
     coil = manifold3d.Manifold.cylinder(tray.coil_top_mm - low, radius, radius, COIL_SIDES)
     coils = manifold3d.Manifold.compose([coil.translate((x, y, low)) for x, y in tray.coils_mm])
     blocked = [part for part in (coils ^ solid).decompose() if part.volume() > BLOCKED_MM3]
@@ -322,12 +333,16 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     """
     spec = plan.spec
     coils = plan.coils.rows * plan.coils.columns
-    washer, coil, pad = spec.washer, spec.coil, spec.pad
+    washer = spec.washer
+    coil = spec.coil
+    pad = spec.pad
     screws = f"for {number(pad.hole_diameter_mm)} mm holes"
     if "tray" in (parts_g or {}):
         screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm)
         screws = f"{screw.name} x {number(screw.length_mm)} mm {screws}" if screw else screws
-    own, load, parts = spec.amplifier, plan.load, plan.parts
+    own = spec.amplifier
+    load = plan.load
+    parts = plan.parts
     some = (
         f"{own.name}: {own.channels} channels"
         if own
@@ -409,7 +424,8 @@ def _read_mesh(path: Path) -> Mesh:
         raise MeshFileError("is not a mesh that can be checked; must be an STL, 3MF, OBJ or PLY file", str(path))
     data = read_bounded(path, LARGEST_FILE, "a mesh")
     if kind == ".stl" and len(data) >= 84 and data[:5] != b"solid":
-        promised, held = int.from_bytes(data[80:84], "little"), (len(data) - 84) // 50
+        promised = int.from_bytes(data[80:84], "little")
+        held = (len(data) - 84) // 50
         if held < promised:
             raise MeshFileError(f"is cut short: it promises {promised} triangles and holds {held}", str(path))
     import trimesh
@@ -433,7 +449,8 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
 
     Its corners tell which part of the plan it is (the pad, its coupon, or a tray for either) and how it lies.
     """
-    printer, density = spec.printer, spec.material.density_g_per_cm3
+    printer = spec.printer
+    density = spec.material.density_g_per_cm3
     limits = {"limits_of": printer.name}
     found = None if plan is None else _recognised(mesh, plan)
     if plan is None or found is None:
@@ -454,14 +471,16 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
 
 def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid, Pose] | None:
     """Recognise the part that a mesh shows; return its name, plan, solid and the mesh's pose, or None."""
-    best, most = None, LEAST_LIKENESS
+    best = None
+    most = LEAST_LIKENESS
     for name, own, planned in _parts(plan):
         pose = pose_of(mesh, planned.mesh)
         # All corners of a coupon are found in a pad of one coil: only the size tells the two apart.
         sizes = [np.sort(np.ptp(each.vertices_mm, axis=0)) for each in (pose.laid(mesh), planned.mesh)]
         likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 0.5)
         if likeness > most:
-            best, most = (name, own, planned, pose), likeness
+            best = (name, own, planned, pose)
+            most = likeness
         if most > SURE_LIKENESS[name]:
             break
     return best

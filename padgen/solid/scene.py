@@ -20,7 +20,9 @@ from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid, washer_mesh
 
 __all__ = ["Place", "ScenePart", "SceneParts", "mode_heights", "scene_parts"]
 
-SIDES, FEWER_SIDES, MANY = 32, 14, 200
+SIDES = 32
+FEWER_SIDES = 14
+MANY = 200
 """Corners of a round part, and of one that there are many of."""
 STATIONS = 12
 """Pieces of a beam in meshes made from the plan's dimensions."""
@@ -60,7 +62,8 @@ def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
     A taxel has its origin on the washer's axis, as its places have. Without room for a tray there is none.
     """
     parts = [part for channel in plan.channels for part in _taxel_and_washer(plan, pad, channel)]
-    grid, cell = tile_grid(plan), (plan.cell.width_mm, plan.cell.depth_mm)
+    grid = tile_grid(plan)
+    cell = (plan.cell.width_mm, plan.cell.depth_mm)
     rows, columns = np.nonzero(grid == len(plan.channels))
     if len(rows):
         x, y = ((np.arange(n) - (n - 1) / 2) * step for n, step in zip(grid.shape[::-1], cell, strict=True))
@@ -74,13 +77,16 @@ def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
 
 def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> list[ScenePart]:
     own = [taxel for taxel in plan.taxels if taxel.channel == channel.index]
-    arrangement, k, chord = plan.arrangement(channel), channel.index, 0.1 if len(plan.taxels) > MANY else 0.02
+    arrangement = plan.arrangement(channel)
+    k = channel.index
+    chord = 0.1 if len(plan.taxels) > MANY else 0.02
     axis = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel) * (1, 1, 0)
     parts = []
     for name, material in ((f"taxel-{k}", "pad"), (f"washer-{k}", "steel")):
         if pad is None or material == "steel":
             mesh = washer_mesh(plan, channel, chord) if material == "steel" else _taxel_mesh(plan, channel, arrangement)
-            own_axes, placed = mesh.vertices_mm, to_cell(mesh.vertices_mm, channel)
+            own_axes = mesh.vertices_mm
+            placed = to_cell(mesh.vertices_mm, channel)
         else:
             mesh = pad.tiles[k].mesh
             placed = mesh.vertices_mm + np.array([*channel.site.centre_mm, 0.0])
@@ -105,7 +111,9 @@ def mode_heights(arrangement: Arrangement, channel: Channel, points_mm: np.ndarr
     rotations; the frame is at rest; between them a beam is drawn as the cubic curve that meets both without a kink.
     """
     motion = channel.mode_motions[int(np.argmax(channel.mode_shares))]
-    up, about_x, about_y = motion[2], motion[3] * 1e-3, motion[4] * 1e-3
+    up = motion[2]
+    about_x = motion[3] * 1e-3
+    about_y = motion[4] * 1e-3
     washer_x = float(arrangement.washer_x_mm)
 
     def rigid(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -126,11 +134,13 @@ def mode_heights(arrangement: Arrangement, channel: Channel, points_mm: np.ndarr
     )
     result = np.where(in_window & in_block, rigid(x, y), 0.0)
     bends = in_window & ~in_block
-    places, curves = [], []
+    places = []
+    curves = []
     for path in arrangement.beams:
         points, share = _stations(path, 2 * STATIONS, 2)
         places += [(float(point.x_mm), float(point.y_mm)) for point in points]
-        tip, ahead = np.array(places[-1]), np.array([path.corners[-1].along_x, path.corners[-1].along_y], float)
+        tip = np.array(places[-1])
+        ahead = np.array([path.corners[-1].along_x, path.corners[-1].along_y], float)
         there = float(rigid(*tip))
         slope = float(path.length_mm) * float(rigid(*(tip + ahead)) - rigid(*tip))
         curves.append((3 * there - slope) * share**2 + (slope - 2 * there) * share**3)
@@ -149,7 +159,10 @@ def _stations(path: BeamPath, pieces: int, least: int) -> tuple[list[PathPoint],
 
     They cut it into about so many `pieces`, and each segment into `least` or more.
     """
-    whole, before, points, shares = float(path.length_mm), 0.0, [], []
+    whole = float(path.length_mm)
+    before = 0.0
+    points = []
+    shares = []
     for index, segment in enumerate(path.segments):
         length = float(segment.length_mm)
         for at in np.linspace(0, 1, 1 + max(round(pieces * length / whole), least))[bool(index) :].tolist():
@@ -161,9 +174,12 @@ def _stations(path: BeamPath, pieces: int, least: int) -> tuple[list[PathPoint],
 
 def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
     """Return a taxel with the frame of its sub-cell, in its own axes, from the plan's dimensions alone."""
-    plate, x, sides = plan.plate, float(arrangement.washer_x_mm), _sides(len(plan.taxels))
+    plate = plan.plate
+    x = float(arrangement.washer_x_mm)
+    sides = _sides(len(plan.taxels))
     length, width = (float(v) for v in arrangement.window_mm)
-    window, full = _rectangle(Outline(0, length, -width / 2, width / 2)), plan.spec.pad.frame_thickness_mm
+    window = _rectangle(Outline(0, length, -width / 2, width / 2))
+    full = plan.spec.pad.frame_thickness_mm
     solid = _extruded([_rectangle(outline(plan, channel)), window[::-1]], 0.0, full)
     moving = [_extruded([_rectangle(Outline(*map(float, b[:4])))], 0.0, float(b.height_mm)) for b in arrangement.blocks]
     moving.append(_extruded([_disc(plate.boss_diameter_mm, x, sides=sides)], plate.thickness_mm / 2, plate.boss_top_mm))
@@ -187,10 +203,12 @@ def _beam(path: BeamPath) -> manifold3d.Manifold:
 
 def _coils(plan: Plan) -> SceneParts:
     """Return windings and cores, their tops a gap below the washers."""
-    coil, grid = plan.spec.coil, plan.coils
+    coil = plan.spec.coil
+    grid = plan.coils
     top = washer_underside_mm(plan) - coil.gap_mm
     places = [coil_axis_mm(grid, r, c) for r, c in product(range(grid.rows), range(grid.columns))]
-    inner, sides = min(coil.inner_diameter_mm, coil.outer_diameter_mm - 0.1), _sides(len(places))
+    inner = min(coil.inner_diameter_mm, coil.outer_diameter_mm - 0.1)
+    sides = _sides(len(places))
     rings = {"winding": ("copper", [_disc(coil.outer_diameter_mm, sides=sides), _disc(inner, sides=sides)[::-1]])}
     if coil.core_diameter_mm:
         rings["core"] = "iron", [_disc(min(coil.core_diameter_mm, inner), sides=sides)]
@@ -211,13 +229,16 @@ def _tray(plan: Plan) -> SceneParts:
         tray = plan_tray(plan)
     except InfeasibleError:
         return ()
-    pad, section, radius = plan.spec.pad, manifold3d.CrossSection, plan.spec.pad.border_mm / 2
+    pad = plan.spec.pad
+    section = manifold3d.CrossSection
+    radius = plan.spec.pad.border_mm / 2
     whole = _around(pad.width_mm + 2 * radius, pad.depth_mm + 2 * radius)
     ring = section([_rectangle(whole)]).offset(radius, manifold3d.JoinType.Round, 2.0, SIDES)
     ring -= section([_rectangle(_around(pad.width_mm, pad.depth_mm))]) + section([_rectangle(tray.groove)])
     slots = section.batch_boolean([section([_rectangle(slot)]) for slot in tray.wire_slots], manifold3d.OpType.Add)
     cell = section([_rectangle(_around(plan.coils.pitch_x_mm, plan.coils.pitch_y_mm))])
-    half, reach = tray.lead.width_mm / 2, tray.socket_diameter_mm / 2 + tray.lead.reach_mm
+    half = tray.lead.width_mm / 2
+    reach = tray.socket_diameter_mm / 2 + tray.lead.reach_mm
     sides = _sides(len(tray.coils_mm))
     socket = section([_disc(tray.socket_diameter_mm, sides=sides)])
     socket += section([_rectangle(Outline(0, reach, -half, half))]).rotate(45)

@@ -45,7 +45,9 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
     GeometryError
         The kernel refused the dimensions.
     """
-    b, plate, thickness = build123d(), plan.plate, plan.spec.pad.frame_thickness_mm
+    b = build123d()
+    plate = plan.plate
+    thickness = plan.spec.pad.frame_thickness_mm
     arrangement = plan.arrangement(channel)
     length, width = (float(v) for v in arrangement.window_mm)
     washer_x = float(arrangement.washer_x_mm)
@@ -85,12 +87,16 @@ def _beam(path: BeamPath, fillet: float) -> Any:
     """Extrude the outline on both sides of a beam's path, with a flare of radius `fillet` on each side of its root."""
     b = build123d()
     half = float(path.width_mm) / 2
-    edges, ends = [], []
+    edges = []
+    ends = []
     for side in (half, -half):
-        flare, sides = [], _side(path, side, fillet)
+        flare = []
+        sides = _side(path, side, fillet)
         if fillet >= LEAST_MM:
             # A quarter circle widens the beam at its root.
-            bow, out, root = fillet * (1 - 0.5**0.5), copysign(1.0, side), path.corners[0]
+            bow = fillet * (1 - 0.5**0.5)
+            out = copysign(1.0, side)
+            root = path.corners[0]
             places = ((0, fillet), (bow, bow), (fillet, 0))
             arc = [root.along(Segment(ahead)).beside(side + out * aside) for ahead, aside in places]
             flare = [b.Edge.make_three_point_arc(*arc)]
@@ -102,9 +108,11 @@ def _beam(path: BeamPath, fillet: float) -> Any:
 
 def _side(path: BeamPath, side: float, start: float) -> list[Any]:
     """Return the lines and arcs `side` mm to the left of a path, without its first `start` mm."""
-    b, edges = build123d(), []
+    b = build123d()
+    edges = []
     for k, segment in enumerate(path.segments):
-        length, turn = float(segment.length_mm), float(segment.turn_rad)
+        length = float(segment.length_mm)
+        turn = float(segment.turn_rad)
         if length < abs(turn * side) - LEAST_MM:
             raise GeometryError(
                 f"an arc of {number(length / abs(turn))} mm radius must have at least half of the beam's width,"
@@ -174,7 +182,8 @@ def kept_solid(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) 
     key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
 
     def made() -> bytes:
-        solid, data = taxel_solid(plan, channel), io.BytesIO()
+        solid = taxel_solid(plan, channel)
+        data = io.BytesIO()
         np.savez(data, **tessellated(solid, chord_mm, angle_rad)._asdict(), volume_mm3=float(solid.volume))
         cache.store_bytes(KIND, key, data.getvalue())
         return data.getvalue()

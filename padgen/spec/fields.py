@@ -113,7 +113,8 @@ def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = No
 
 def checked(item: "Field[Any]", value: Any, where: str) -> Any:
     """Return the value of a field if it has the field's type and is within its bounds; raises as `build` does."""
-    kind, meta = optional_type(item.type)[0], item.metadata
+    kind = optional_type(item.type)[0]
+    meta = item.metadata
     if kind in TYPES:
         if kind is int and isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -140,7 +141,8 @@ def _refuse(kind: type, meta: Mapping[str, Any], value: Any, where: str) -> None
     if not isinstance(value, known) or (isinstance(value, bool) and kind is not bool):
         raise SpecError(f"must be {TYPES[kind]}, got {shown(value)}", where)
     if kind is str:
-        words, pattern = choices(meta), meta.get("pattern")
+        words = choices(meta)
+        pattern = meta.get("pattern")
         if words and value not in words:
             raise unknown_name(value, list(words), "choice", where)
         if len(value) > LONGEST_TEXT or plain(value) != value:

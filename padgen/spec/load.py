@@ -73,7 +73,8 @@ Rule = tuple[bool, str, str, Sequence[dict[str, Any]]]
 
 def _band_rules(spec: Spec) -> list[Rule]:
     low, high = spec.band_hz
-    bound, tones = spec.delta_y / 4, spec.resonances_hz or ()
+    bound = spec.delta_y / 4
+    tones = spec.resonances_hz or ()
     return [
         (
             low < high,
@@ -122,8 +123,13 @@ def _band_rules(spec: Spec) -> list[Rule]:
 
 
 def _parts_rules(spec: Spec) -> list[Rule]:
-    material, spread, printer, washer, coil = spec.material, spec.spread, spec.printer, spec.washer, spec.coil
-    scheme, blocked_by = spec.drive.scheme, spec.blocked_by
+    material = spec.material
+    spread = spec.spread
+    printer = spec.printer
+    washer = spec.washer
+    coil = spec.coil
+    scheme = spec.drive.scheme
+    blocked_by = spec.blocked_by
     return [
         (
             material.process == printer.process,
@@ -180,7 +186,8 @@ def _parts_rules(spec: Spec) -> list[Rule]:
 
 def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
     """Yield the rules of a sound card: what its high-pass is, and that it leaves lines to be made good."""
-    card, low = spec.sound_card, spec.band_hz[0]
+    card = spec.sound_card
+    low = spec.band_hz[0]
     if card is None:
         return
     where = "sound_card.corner_hz"
@@ -209,7 +216,10 @@ def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _taxel_rules(spec: Spec) -> list[Rule]:
-    taxel, pad, printer, washer = spec.taxel, spec.pad, spec.printer, spec.washer
+    taxel = spec.taxel
+    pad = spec.pad
+    printer = spec.printer
+    washer = spec.washer
     least = spec.recess_depth_mm + 2 * printer.layer_mm
     boss_height = pad.frame_thickness_mm - taxel.plate_thickness_mm + taxel.boss_protrusion_mm
     edge_bound = min(taxel.boss_diameter_mm / 2, boss_height) * 0.9
@@ -282,7 +292,9 @@ def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
 
 def _bridged(spec: Spec) -> list[dict[str, Any]]:
     """Return cures for a roof too wide to bridge: the largest washer that is not, or a post in the recess."""
-    taxel, washer, most_mm = spec.taxel, spec.washer, spec.printer.longest_bridge_mm
+    taxel = spec.taxel
+    washer = spec.washer
+    most_mm = spec.printer.longest_bridge_mm
     largest = most_mm - taxel.washer_clearance_mm
     sizes = {
         name: entry["outer_diameter_mm"]
@@ -324,7 +336,8 @@ def _printed_rules(spec: Spec) -> list[Rule]:
 
 
 def _beam_rules(spec: Spec) -> list[Rule]:
-    thickness, printer = spec.suspension.thickness_mm, spec.printer
+    thickness = spec.suspension.thickness_mm
+    printer = spec.printer
     if thickness is None:
         return []
     bound = spec.taxel.plate_thickness_mm - printer.layer_mm
@@ -361,7 +374,8 @@ def with_threshold(drive: Drive, folder: Path) -> Drive:
     SpecError
         The spec has both a file and a list, or a number is out of bounds.
     """
-    name, where = drive.threshold_file, "drive.threshold_file"
+    name = drive.threshold_file
+    where = "drive.threshold_file"
     if name is None:
         return drive
     if drive.threshold_hz is not None or drive.threshold_um is not None:
@@ -403,7 +417,9 @@ def _points(text: str, where: str) -> list[tuple[float, float]]:
 
 def _threshold_rules(spec: Spec) -> Iterator[Rule]:
     """Yield the rules of a curve, each true only if those before it hold: it rises in frequency and covers the band."""
-    hz, um, where = spec.drive.threshold_hz or (), spec.drive.threshold_um or (), "drive.threshold_hz"
+    hz = spec.drive.threshold_hz or ()
+    um = spec.drive.threshold_um or ()
+    where = "drive.threshold_hz"
     if not (hz or um):
         return
     entries = f"must have as many entries as drive.threshold_um, got {len(hz)} and {len(um)}"
@@ -458,7 +474,8 @@ def _entry(kind: Any, value: str) -> Any:
     return None if kind is not str and not value else kind(value)
 
 
-LARGEST_TOML, LARGEST_PLAN = 1 << 20, 1 << 25
+LARGEST_TOML = 1 << 20
+LARGEST_PLAN = 1 << 25
 """Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""
 DEFAULTS = {"washer": "iso7092-m1.6", "coil": "paper"}
 OWN = "own"
@@ -628,7 +645,8 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         headroom = max(spec.drive.headroom, CARRIED_HEADROOM)
         spec = replace(spec, drive=replace(spec.drive, headroom=headroom))
     if not spec.leaves_layout_free:
-        gap_mm, reuse = spec.coil.gap_mm or DEFAULT_GAP_MM, spec.coil.reuse.replace("auto", "same")
+        gap_mm = spec.coil.gap_mm or DEFAULT_GAP_MM
+        reuse = spec.coil.reuse.replace("auto", "same")
         spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
     for rules in (_band_rules, _parts_rules, _taxel_rules, _beam_rules, _printed_rules, _threshold_rules):
         for holds, where, sentence, cures in rules(spec):
@@ -729,7 +747,8 @@ def spec_schema() -> dict[str, Any]:
 def _object(kind: Any) -> dict[str, Any]:
     properties = {}
     for item in fields(kind):
-        meta, inner = item.metadata, optional_type(item.type)[0]
+        meta = item.metadata
+        inner = optional_type(item.type)[0]
         if is_dataclass(inner):
             properties[item.name] = _object(inner)
             continue

@@ -67,7 +67,8 @@ class CoupledSystem:
 
     def slopes(self, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return dL/dz in H/m and d²L/dz² in H/m² at z (n, k): twice the pull per A² and its own slope."""
-        m, gap = self.exponent[:, None], self.gap_m[:, None]
+        m = self.exponent[:, None]
+        gap = self.gap_m[:, None]
         near = 1 / (1 - z_m / gap)
         slope = 2 * self.pull_n_per_a2[:, None] * near**m
         return slope, slope * near * m / gap
@@ -178,16 +179,22 @@ def simulate(
     times = np.atleast_1d(np.asarray(time_s, float))
     if source.kind == "voltage" and not system.inductance(-system.gap_m[:, None]) > 0:
         raise SolverError(f"{number(system.inductance_h)} H at rest is less than the washers' share of it")
-    n, by_voltage = len(system.gap_m), source.kind == "voltage"
+    n = len(system.gap_m)
+    by_voltage = source.kind == "voltage"
     if not by_voltage:
         current_a = float(source.wave(np.zeros(1))[0])
     first = at = _State(0.0, np.zeros(n), np.zeros(n), system.inductance_h * current_a, current_a)
     most = _stored(system, first, by_voltage)
-    sampled, done, count = np.empty((2 * n + 1, len(times))), int(np.searchsorted(times, 0.0, "right")), 0
+    sampled = np.empty((2 * n + 1, len(times)))
+    done = int(np.searchsorted(times, 0.0, "right"))
+    count = 0
     sampled[:, :done] = np.append(np.zeros(2 * n), current_a)[:, None]
-    energy, rule = np.zeros(3), radau(stages)
+    energy = np.zeros(3)
+    rule = radau(stages)
     for start, rows, z, faster, at in _steps(system, source, rule, first, float(times[-1]), tolerance, most_steps):
-        length, v, current = at.time_s - start.time_s, rows[:-1], rows[-1]
+        length = at.time_s - start.time_s
+        v = rows[:-1]
+        current = rows[-1]
         upto = len(times) if at.time_s >= times[-1] else int(np.searchsorted(times, at.time_s, "right"))
         share = np.minimum((times[done:upto] - start.time_s) / length, 1.0)
         sampled[:n, done:upto] = start.z[:, None] + length * rule.integrated(v, share)
@@ -199,7 +206,9 @@ def simulate(
             supplied = current**2 / 2 * (system.slopes(z)[0] * v).sum(0)
         damping = (system.mass_kg * system.angular / system.q) @ v**2
         energy = energy + length * np.array([supplied, copper, damping]) @ rule.weights
-        most, done, count = max(most, _stored(system, at, by_voltage)), upto, count + 1
+        most = max(most, _stored(system, at, by_voltage))
+        done = upto
+        count = count + 1
     stored = _stored(system, at, by_voltage) - _stored(system, first, by_voltage)
     largest = max(np.abs(energy).max(), most)
     residual = abs(energy[0] - energy[1] - energy[2] - stored) / largest if largest else 0.0
@@ -220,7 +229,9 @@ def _steps(
     At the stages that is velocities and current (n + 1, s), displacements and accelerations (n, s).
     """
     circuit = system.resistance_ohm / system.inductance_h if source.kind == "voltage" else 0.0
-    step, scales, tried = 0.1 / max(float(system.angular.max()), circuit), np.zeros(len(at.z) + 1), 0
+    step = 0.1 / max(float(system.angular.max()), circuit)
+    scales = np.zeros(len(at.z) + 1)
+    tried = 0
     while at.time_s < end_s:
         length = min(step, end_s - at.time_s)
         if tried >= most_steps:
@@ -241,9 +252,12 @@ def _steps(
             continue
         step = length * min(4.0, 0.9 * grown) if length == step else min(step, length * max(0.9 * grown, 1.0))
         start = at
-        v, current, flux = rows[:-1], float(rows[-1, -1]), start.flux
+        v = rows[:-1]
+        current = float(rows[-1, -1])
+        flux = start.flux
         z = start.z[:, None] + length * v @ rule.integrals.T
-        faster, end_z = system.acceleration(z, v, rows[-1]), start.z + length * v @ rule.weights
+        faster = system.acceleration(z, v, rows[-1])
+        end_z = start.z + length * v @ rule.weights
         if source.kind == "voltage":
             drop = source.wave(start.time_s + length * rule.points) - system.resistance_ohm * rows[-1]
             flux = start.flux + length * float(drop @ rule.weights)
@@ -266,7 +280,8 @@ def scipy_motion(
     """Return displacements, velocities and current (2n + 1, k) from rest, driven by a voltage, by scipy."""
     from scipy.integrate import solve_ivp
 
-    n, damping = len(system.gap_m), system.angular / system.q
+    n = len(system.gap_m)
+    damping = system.angular / system.q
 
     def rates(t: float, y: np.ndarray) -> np.ndarray:
         z = y[:n, None]
@@ -276,7 +291,8 @@ def scipy_motion(
         return np.concatenate([y[n:-1], pull - damping * y[n:-1] - system.angular**2 * y[:n], flux])
 
     scale = np.concatenate([system.gap_m, system.gap_m * system.angular, [1e-3]])
-    span, at_rest = (0.0, float(time_s[-1])), np.zeros(2 * n + 1)
+    span = (0.0, float(time_s[-1]))
+    at_rest = np.zeros(2 * n + 1)
     found = solve_ivp(rates, span, at_rest, method, time_s, rtol=tolerance, atol=1e-3 * tolerance * scale).y
     return np.concatenate([found[:-1], [found[-1] / system.inductance(found[:n])]])
 
@@ -286,7 +302,8 @@ def radau(stages: int) -> Collocation:
     """Return the rule of right Radau points, roots of ``P_s − P_(s−1)``."""
     at = np.sort(legendre.legroots(np.append(np.zeros(stages - 1), [-1, 1])))
     at[-1] = 1.0
-    points, to_legendre = (at + 1) / 2, np.linalg.inv(legendre.legvander(at, stages - 1))
+    points = (at + 1) / 2
+    to_legendre = np.linalg.inv(legendre.legvander(at, stages - 1))
     weights = _integrals(np.ones(1), stages)[0] @ to_legendre
     return Collocation(points, _integrals(points, stages) @ to_legendre, weights, to_legendre)
 
@@ -310,14 +327,16 @@ def _solved(
 
     Newton's method from a motion that goes on as it is. Driven by current, the last row is given.
     """
-    drive, integrals = source.wave(at.time_s + length * rule.points), length * rule.integrals
+    drive = source.wave(at.time_s + length * rule.points)
+    integrals = length * rule.integrals
     rows = np.tile(np.append(at.v, at.current)[:, None], len(drive))
     if source.kind == "current":
         rows[-1] = drive
     mass, angular, loss = (x[:, None] for x in (system.mass_kg, system.angular, system.angular / system.q))
     amps = np.zeros(len(drive))
     for _ in range(MOST_ITERATIONS):
-        v, current = rows[:-1], rows[-1]
+        v = rows[:-1]
+        current = rows[-1]
         z = at.z[:, None] + v @ integrals.T
         if (z >= TOO_NEAR * system.gap_m[:, None]).any():
             return None
@@ -329,7 +348,8 @@ def _solved(
         solved = np.linalg.solve(matrix, np.concatenate([-miss[:, :, None], push], -1))
         if source.kind == "voltage":
             back = (current * slope)[:, :, None] * integrals
-            coil, resistance = system.inductance(z), system.resistance_ohm
+            coil = system.inductance(z)
+            resistance = system.resistance_ohm
             off = coil * current - at.flux - (drive - resistance * current) @ integrals.T
             whole = np.diag(coil) + resistance * integrals + (back @ solved[:, :, 1:]).sum(0)
             amps = np.linalg.solve(whole, -off - (back @ solved[:, :, :1]).sum(0)[:, 0])

@@ -59,7 +59,9 @@ __all__ = [
     "taxel_shape",
 ]
 
-PRINTED, WASHER, CLAMPED = "printed", "washer", "clamped"
+PRINTED = "printed"
+WASHER = "washer"
+CLAMPED = "clamped"
 CLAMPS = {"sides": ((0, 0), (0, 1), (1, 0), (1, 1)), "bottom": ((2, 0),), "root": ((0, 0),)}
 """Clamped faces: the outer vertical faces of the frame, its underside, or the face of smallest x only.
 
@@ -112,7 +114,8 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
             f"must hold two solids, printed part and washer of {number(washer_volume_mm3)} mm³, holds {found}", where
         )
     washer = int(np.argmin(misfit))
-    solids[washer].name, solids[1 - washer].name = WASHER, PRINTED
+    solids[washer].name = WASHER
+    solids[1 - washer].name = PRINTED
     shape = occ.Glue(solids)
     if len(shape.solids) != len(solids):
         raise SolverError("its solids overlap: washer and printed part must touch by faces only", where)
@@ -214,7 +217,8 @@ def _volumes(mesh: Any) -> np.ndarray:
 def coarse_mesh(shape: Any, fineness: Fineness = USUAL, where: str = "taxel") -> Any:
     """Mesh `shape` by Netgen without layers; name the edges of the shape ``edge0``, ``edge1``, …"""
     for place, edge in enumerate(shape.edges):
-        edge.name, edge.hpref = f"edge{place}", 0.0
+        edge.name = f"edge{place}"
+        edge.hpref = 0.0
     return next(_coarse_meshes(shape, fineness, where))[0]
 
 
@@ -236,8 +240,10 @@ def edge_angles(mesh: Any) -> dict[str, float]:
     """
     import trimesh
 
-    points, triangles = mesh.Coordinates(), mesh.Elements2D().NumPy()
-    corner, face = triangles["nodes"][:, :3] - 1, triangles["index"]
+    points = mesh.Coordinates()
+    triangles = mesh.Elements2D().NumPy()
+    corner = triangles["nodes"][:, :3] - 1
+    face = triangles["index"]
     sides = [(mesh.FaceDescriptor(k + 1).domin, mesh.FaceDescriptor(k + 1).domout) for k in range(face.max())]
     domain = np.array(sides)[face - 1]
     outer = (domain == 0).any(1)
@@ -277,7 +283,8 @@ def layered(material: Elastic, ratio: float) -> Elastic:
     """Return `material` printed in layers across z, where its modulus and shear moduli are `ratio` of those along."""
     if ratio == 1:
         return material
-    e, nu = material.modulus_pa, material.poisson
+    e = material.modulus_pa
+    nu = material.poisson
     shear = e / 2 / (1 + nu)
     # Pulled along a layer it narrows as before; ν_zx E_x = ν_xz E_z.
     axes = Orthotropy((e, e, ratio * e), (ratio * shear, ratio * shear, shear), (nu, ratio * nu, nu))
@@ -286,7 +293,8 @@ def layered(material: Elastic, ratio: float) -> Elastic:
 
 def stiffness_pa(material: Elastic) -> np.ndarray:
     """Return the stiffness (6, 6) in Pa for engineering strains in the order xx, yy, zz, yz, zx, xy (Voigt)."""
-    e, nu = material.modulus_pa, material.poisson
+    e = material.modulus_pa
+    nu = material.poisson
     axes = material.axes or Orthotropy((e,) * 3, (e / 2 / (1 + nu),) * 3, (nu,) * 3)
     (ex, ey, ez), (yz, zx, xy) = axes.modulus_pa, axes.poisson
     compliance = np.diag([1 / ex, 1 / ey, 1 / ez, *(1 / g for g in axes.shear_pa)])
@@ -325,7 +333,8 @@ class System(NamedTuple):
 
     def stiffness_times(self, vectors: np.ndarray) -> np.ndarray:
         """Return K v of (n,) or (n, k), in N."""
-        into, out = self.stiffness.CreateColVector(), self.stiffness.CreateColVector()
+        into = self.stiffness.CreateColVector()
+        out = self.stiffness.CreateColVector()
         columns = [_applied(self.stiffness, into, out, column) for column in np.atleast_2d(vectors.T)]
         return np.array(columns).T if vectors.ndim == 2 else columns[0]
 
@@ -378,10 +387,12 @@ def assembled(
         if rich is not None:
             _thin((scalar, space), mesh, order, rich)
     else:
-        blocks, slides = False, {"dirichletz": f"{clamped}|{flat}"} if flat else {}
+        blocks = False
+        slides = {"dirichletz": f"{clamped}|{flat}"} if flat else {}
         space = ng.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
     (u, v), (a, b) = space.TnT(), scalar.TnT()
-    stiffness, mass = ng.BilinearForm(space, symmetric=True), ng.BilinearForm(scalar, symmetric=True)
+    stiffness = ng.BilinearForm(space, symmetric=True)
+    mass = ng.BilinearForm(scalar, symmetric=True)
     for name, material in materials.items():
         where = ng.dx(definedon=mesh.Materials(name))
         stiffness += energy(material, u, v) * where
@@ -407,7 +418,8 @@ def _thin(spaces: tuple[Any, ...], mesh: Any, order: int, rich: np.ndarray) -> N
         orders[ng.CELL][place] = own
     for kind, wanted in orders.items():
         for place in np.flatnonzero(wanted != order):
-            node, own = ng.NodeId(kind, int(place)), int(wanted[place])
+            node = ng.NodeId(kind, int(place))
+            own = int(wanted[place])
             for space in spaces:
                 space.SetOrder(node, own)
     for space in spaces:
@@ -420,8 +432,10 @@ def energy(material: Elastic, u: Any, v: Any) -> Any:
     stiffness = stiffness_pa(material)
     # du/dx has 1/mm, the volume mm³: Pa · 1e6/m² · 1e-9 m³.
     if material.axes is None:
-        shear, lame = MM * stiffness[5, 5], MM * stiffness[0, 1]
-        du, dv = ng.Grad(u), ng.Grad(v)
+        shear = MM * stiffness[5, 5]
+        lame = MM * stiffness[0, 1]
+        du = ng.Grad(u)
+        dv = ng.Grad(v)
         return 2 * shear * ng.InnerProduct(ng.Sym(du), ng.Sym(dv)) + lame * ng.Trace(du) * ng.Trace(dv)
     voigt = ng.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
     return ng.InnerProduct(voigt * _strain(u), _strain(v))
@@ -449,7 +463,8 @@ def factored(system: System) -> Solver:
         inverse = system.stiffness.Inverse(system.space.FreeDofs(), inverse="sparsecholesky")
     except Exception as error:
         raise SolverError("the stiffness matrix cannot be factored: the solid is not held", "elasticity") from error
-    into, out = system.stiffness.CreateColVector(), system.stiffness.CreateColVector()
+    into = system.stiffness.CreateColVector()
+    out = system.stiffness.CreateColVector()
     return partial(_applied, inverse, into, out)
 
 
@@ -491,17 +506,20 @@ def eigenmodes(system: System, solve: Solver, modes: int, start: np.ndarray | No
         wave = np.cos(np.outer(np.arange(system.free.size), np.sqrt(np.arange(2, 2 + modes + SPARE))))
         block = np.array([solve(load) for load in system.mass_times(wave).T]).T
     basis = stiff = np.zeros((system.free.size, 0))
-    values, residual = np.full(modes, np.inf), np.inf
+    values = np.full(modes, np.inf)
+    residual = np.inf
     for _ in range(BLOCKS):
         for _ in range(2):  # M-orthonormal to the basis and in itself; twice, as rounding asks for
             block = block - basis @ (basis.T @ system.mass_times(block))
             size, turn = np.linalg.eigh(block.T @ system.mass_times(block))
             kept = size > size[-1] * np.finfo(float).eps * len(size)
             block = block @ (turn[:, kept] / np.sqrt(size[kept]))
-        basis, stiff = np.hstack((basis, block)), np.hstack((stiff, system.stiffness_times(block)))
+        basis = np.hstack((basis, block))
+        stiff = np.hstack((stiff, system.stiffness_times(block)))
         square, part = np.linalg.eigh(basis[system.free].T @ stiff[system.free])
         if len(square) >= modes:
-            moved, values = np.abs(values / square[:modes] - 1).max(), square[:modes]
+            moved = np.abs(values / square[:modes] - 1).max()
+            values = square[:modes]
             if moved < SETTLED:
                 shape = basis @ part[:, :modes]
                 # |D^-½ (K x − λ M x)| / |x|_K, D the diagonal of K
@@ -526,11 +544,15 @@ def rigid_loads(
     They are in N and N·m. Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
     mass-weighted least-squares fit.
     """
-    mesh, where = system.space.mesh, ng.dx(definedon=system.space.mesh.Materials(solid))
-    x, y, z = MM * (ng.x - x_mm), MM * (ng.y - y_mm), MM * (ng.z - z_mm)
+    mesh = system.space.mesh
+    where = ng.dx(definedon=system.space.mesh.Materials(solid))
+    x = MM * (ng.x - x_mm)
+    y = MM * (ng.y - y_mm)
+    z = MM * (ng.z - z_mm)
     motions = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, -z, y), (z, 0, -x), (-y, x, 0)
     fields = [ng.CoefficientFunction(motion) for motion in motions]
-    weight, v = MM**3 * density_kg_per_m3, system.space.TestFunction()
+    weight = MM**3 * density_kg_per_m3
+    v = system.space.TestFunction()
     forms = [ng.LinearForm(weight * ng.InnerProduct(field, v) * where).Assemble() for field in fields]
     products = ng.CoefficientFunction(tuple(weight * ng.InnerProduct(a, b) for a in fields for b in fields))
     gram = np.array(ng.Integrate(products, mesh, definedon=mesh.Materials(solid))).reshape(6, 6)
@@ -586,7 +608,8 @@ REST = 3e-4
 """Relative error of a frequency that no order shows: curves of order `LEAN`, elements that stay at it."""
 EDGE_RATIO = 0.02
 """Layers are worth while along edges whose tetrahedra hold this much of the energy at the worst edge."""
-POOR, POOR_OTHERS = 0.01, 0.2
+POOR = 0.01
+POOR_OTHERS = 0.2
 """Share of the working mode's energy, and of every other's, in the elements that may stay at order `LEAN`."""
 
 
@@ -663,12 +686,14 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
     SolverError
         As `solve_modes`.
     """
-    known, before = None, None
+    known = None
+    before = None
     shape, layered = _drafted(taxel)
     for place, setting in enumerate(SETTINGS[first:], first):
         try:
             if before != setting[1:]:
-                mesh, before = _layered(taxel, shape, layered, setting), setting[1:]
+                mesh = _layered(taxel, shape, layered, setting)
+                before = setting[1:]
                 lean = _answered(taxel, shape, mesh, LEAN, modes)
                 found = _result(lean, setting._replace(order=LEAN))
                 rich = _rich(mesh, energy_shares(lean[0], taxel.materials, lean[-1]), found.modes.working)
@@ -708,7 +733,8 @@ def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
 
 def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
     """Return `found` extrapolated to higher orders than its own, by the step from `coarser`, with its error."""
-    working, other = found.modes.working, coarser.modes.working
+    working = found.modes.working
+    other = coarser.modes.working
     change = coarser.modes.frequency_hz / found.modes.frequency_hz - 1
     change[working] = coarser.modes.frequency_hz[other] / found.modes.frequency_hz[working] - 1
     error = np.abs(change)

@@ -39,7 +39,8 @@ __all__ = [
     "wound",
 ]
 
-RESIDUAL, STEPS = 1e-8, 60
+RESIDUAL = 1e-8
+STEPS = 60
 Steel = float | BHCurve
 """A relative permeability, or a magnetisation curve."""
 
@@ -128,7 +129,8 @@ def minimise(form: Any, space: Any, solution: Any) -> float:
     """
     slope, step, trial = (solution.vec.CreateVector() for _ in range(3))
     free = ng.Projector(space.FreeDofs(), True)
-    first, residual = 0.0, 1.0
+    first = 0.0
+    residual = 1.0
     for _ in range(STEPS):
         form.Apply(solution.vec, slope)
         free.Project(slope)
@@ -154,7 +156,8 @@ def minimise(form: Any, space: Any, solution: Any) -> float:
 
 def _line_search(form: Any, solution: Any, step: Any, trial: Any, expected: float) -> bool:
     """Move along −step to where the energy falls by a share of the expected fall; return False if nowhere."""
-    energy, share = float(form.Energy(solution.vec)), 1.0
+    energy = float(form.Energy(solution.vec))
+    share = 1.0
     while share > 1e-6:
         trial.data = solution.vec - share * step
         if float(form.Energy(trial)) <= energy - 1e-4 * share * expected + 1e-13 * abs(energy):
@@ -190,7 +193,8 @@ def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
 
 def _stress_on(solved: ScalarField, shift: Any, at_mm: tuple[float, float, float]) -> np.ndarray:
     """Return ``−∫ σ·∇g`` and its moment, with Maxwell's stress σ = μ0 (H⊗H − ½ H²)."""
-    slope, field = ng.grad(shift), solved.field
+    slope = ng.grad(shift)
+    field = solved.field
     density = MU_0 * (ng.InnerProduct(field, field) / 2 * slope - ng.InnerProduct(field, slope) * field)
     options = {"definedon": solved.mesh.Materials("air"), "order": 2 * solved.order + 2}
     if solved.mesh.dim == 2:
@@ -280,9 +284,12 @@ def axisymmetric_force(
 
 def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
     """Return the mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
-    low, high = 1e3 * gap_m, 1e3 * (gap_m + washer.thickness)
-    hole, rim = 500 * washer.inner_diameter, 500 * washer.outer_diameter
-    outer, length = 500 * coil.outer_diameter, 1e3 * coil.length
+    low = 1e3 * gap_m
+    high = 1e3 * (gap_m + washer.thickness)
+    hole = 500 * washer.inner_diameter
+    rim = 500 * washer.outer_diameter
+    outer = 500 * coil.outer_diameter
+    length = 1e3 * coil.length
     far = FAR * max(np.hypot(outer, length / 2), np.hypot(rim, high + length / 2))
     faces = []
     for name, left, right, bottom, top in [("washer", hole, rim, low, high), *coil_cells(coil)]:
@@ -298,7 +305,8 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
         air -= face
     air.faces.name = "air"
     shape = occ.Glue([*faces, air])
-    core, core_top = 500 * coil.core_diameter, 1e3 * coil.core_top
+    core = 500 * coil.core_diameter
+    core_top = 1e3 * coil.core_top
     corners = [(r, z) for r in (hole, rim) for z in (low, high)]
     corners += [(core, z) for z in (core_top, core_top - 1e3 * coil.core_length)]
     for vertex in shape.vertices:
@@ -324,7 +332,8 @@ def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]
 
     Named ``core``, ``winding``, or ``bore`` within a winding.
     """
-    core, core_top = 500 * coil.core_diameter, 1e3 * coil.core_top
+    core = 500 * coil.core_diameter
+    core_top = 1e3 * coil.core_top
     core_low = core_top - 1e3 * coil.core_length
     wound = [
         tuple(1e3 * v for v in (w.inner_diameter / 2, w.outer_diameter / 2, w.bottom, w.top)) for w in coil.windings
@@ -352,9 +361,11 @@ def _edges(*places: float) -> list[float]:
 
 def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
     """Return T_z in A/m, whose curl is the current, and the current's density in A/(m·mm), as functions in mm."""
-    potential, density = ng.CF(0), ng.CF(0)
+    potential = ng.CF(0)
+    density = ng.CF(0)
     for w in coil.windings:
-        inner, outer = 500 * w.inner_diameter, 500 * w.outer_diameter
+        inner = 500 * w.inner_diameter
+        outer = 500 * w.outer_diameter
         full = w.turns * current_a / w.length
         share = ng.IfPos(radius - inner, ng.IfPos(outer - radius, (outer - radius) / (outer - inner), 0), 1)
         among = ng.IfPos(height - 1e3 * w.bottom, ng.IfPos(1e3 * w.top - height, full, 0), 0)
@@ -443,7 +454,8 @@ def solid_force(
     mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
     steels["core"] = core_steel or coil.core_permeability
-    source, weight = ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0])), 2.0 if half else 1.0
+    source = ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
+    weight = 2.0 if half else 1.0
     kept = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if half else np.ones(6)
 
     def at_order(p: int, start: ScalarField | None) -> tuple[ScalarField, np.ndarray, np.ndarray]:
@@ -480,7 +492,9 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
 
     It is refined at the circular edges of core and washers, where the field is singular.
     """
-    length, core, top = 1e3 * coil.length, 500 * coil.core_diameter, 1e3 * coil.core_top
+    length = 1e3 * coil.length
+    core = 500 * coil.core_diameter
+    top = 1e3 * coil.core_top
     parts = []
     for name, inner, outer, low, high in coil_cells(coil):
         part = _tube((0.0, 0.0, low), inner, outer, high - low).mat(name)
@@ -491,7 +505,8 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
     reach = float(np.hypot(500 * coil.outer_diameter, length / 2))
     for i, w in enumerate(washers):
         x, y, z = _foot_mm(w)
-        rim, high = 500 * w.ring.outer_diameter, 1e3 * w.ring.thickness
+        rim = 500 * w.ring.outer_diameter
+        high = 1e3 * w.ring.thickness
         body = _tube((x, y, z), 500 * w.ring.inner_diameter, rim, high)
         body.mat(f"washer{i}").maxh = size * max(high, rim / 2)
         parts.append(body)

@@ -35,7 +35,8 @@ __all__ = [
 
 CLAMPINGS = ("edges", "bottom", "corners")
 """Held are: outer side faces of the border; the frame's underside; the walls of the corner holes."""
-HELD, SEAM = "held", "seam"
+HELD = "held"
+SEAM = "seam"
 ROOT_DEPTH = 0.25
 """Depth, as a share of a rib, of the piece behind a root that moves with the beam."""
 MESH = Fineness(levels=0, largest_mm=4.0, grading=0.8, per_face=10.0)
@@ -77,7 +78,8 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
         The clamping holds nothing, or the frame cannot be meshed.
     """
     ng.SetNumThreads(1)
-    mesh, material = meshed(_frame_solid(plan, clamping), MESH, "frame", set()), plan.spec.material
+    mesh = meshed(_frame_solid(plan, clamping), MESH, "frame", set())
+    material = plan.spec.material
     plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     on_frame, held = (
         _on_frame(plan, assembled(mesh, {".*": plastic}, order, faces)) for faces in (HELD, f"{SEAM}|{HELD}")
@@ -113,14 +115,16 @@ def _frame_solid(plan: Plan, clamping: str) -> Any:
         bore = occ.Cylinder(occ.Pnt(*(half + pad.border_mm / 2) * corner, 0.0), occ.Z, pad.hole_diameter_mm / 2, height)
         _name(bore, HELD if clamping == "corners" else SEAM)
         border = border - bore
-    solids, cell = [border], np.array([plan.cell.width_mm, plan.cell.depth_mm])
+    solids = [border]
+    cell = np.array([plan.cell.width_mm, plan.cell.depth_mm])
     for (row, column), index in np.ndenumerate(taxel_places(plan)):
         low = (column, row) * cell - half
         tile = block(np.array([low, low + cell]))
         _name([face for face in tile.faces if abs(_centre(face)[2] - height / 2) < height / 4], SEAM)
         if index >= 0:
             taxel = plan.taxels[index]
-            arrangement, turn = plan.arrangement(plan.channels[taxel.channel]), _turn(plan, taxel)[:2, :2]
+            arrangement = plan.arrangement(plan.channels[taxel.channel])
+            turn = _turn(plan, taxel)[:2, :2]
             place = (taxel.x_mm, taxel.y_mm) - turn @ (float(arrangement.washer_x_mm), 0.0)
             length, width = (float(side) for side in arrangement.window_mm)
             tile = tile - block(np.array([(0.0, -width / 2), (length, width / 2)]) @ turn.T + place)
@@ -151,14 +155,17 @@ def _centre(face: Any) -> np.ndarray:
 
 def _on_frame(plan: Plan, system: System) -> PadModes:
     """Return modes of all taxels of `plan` on the solid frame of `system`."""
-    solve, plate = factored(system), plate_shape(plan.spec)
+    solve = factored(system)
+    plate = plate_shape(plan.spec)
     models = [
         TaxelModel(plan.spec, beam.topology, plate, BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm))
         for beam in (channel.beam for channel in plan.channels)
     ]
-    loads, pulls = [], np.zeros((system.free.size, len(plan.taxels)))
+    loads = []
+    pulls = np.zeros((system.free.size, len(plan.taxels)))
     for index, taxel in enumerate(plan.taxels):
-        model, turn = models[taxel.channel], _turn(plan, taxel)
+        model = models[taxel.channel]
+        turn = _turn(plan, taxel)
         centre = turn @ (model.body.centroid - model.washer_point_m) / MM + (taxel.x_mm, taxel.y_mm, 0.0)
         working = model.modes.shape[:, model.working]
         for k, placement in enumerate(model.placements):
@@ -185,11 +192,15 @@ def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung
 
     frame = slice(0, len(mass))
     size = len(mass) + 6 * len(taxels)
-    whole, heavy, pulls = np.zeros((size, size)), np.zeros((size, size)), np.zeros((len(taxels), size))
-    whole[frame, frame], heavy[frame, frame] = stiffness, mass
+    whole = np.zeros((size, size))
+    heavy = np.zeros((size, size))
+    pulls = np.zeros((len(taxels), size))
+    whole[frame, frame] = stiffness
+    heavy[frame, frame] = mass
     for index, taxel in enumerate(taxels):
         own = slice(len(mass) + 6 * index, len(mass) + 6 * index + 6)
-        heavy[own, own], pulls[index, own] = taxel.mass, taxel.pull
+        heavy[own, own] = taxel.mass
+        pulls[index, own] = taxel.pull
         for beam, root in taxel.beams:
             whole[frame, frame] += root.T @ beam @ root
             whole[own, own] += beam
@@ -202,7 +213,9 @@ def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung
 def peak_hz(plan: Plan, modes: PadModes, taxel: int) -> float:
     """Return the frequency of a taxel's highest response to a force on itself, near its channel's resonance."""
     channel = plan.channels[plan.taxels[taxel].channel]
-    low, high, q = 0.7 * channel.resonance_hz, 1.3 * channel.resonance_hz, channel.q
+    low = 0.7 * channel.resonance_hz
+    high = 1.3 * channel.resonance_hz
+    q = channel.q
     for _ in range(6):
         grid = np.linspace(low, high, 61)
         at = int(np.abs(modes.receptance(taxel, grid, q)[:, taxel]).argmax())

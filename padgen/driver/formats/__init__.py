@@ -67,7 +67,8 @@ class DriveFormat(Protocol):
         """Add all its files to `out`; may raise SpecError: then nothing is kept."""
 
 
-register, unregister = FORMATS.register, FORMATS.unregister
+register = FORMATS.register
+unregister = FORMATS.unregister
 
 
 def in_order(names: Iterable[str]) -> dict[str, DriveFormat]:

@@ -40,7 +40,9 @@ __all__ = [
     "write",
 ]
 
-ORDER, MADE_OF, FILE = 2, "host", "pad_drive.h"
+ORDER = 2
+MADE_OF = "host"
+FILE = "pad_drive.h"
 FIRMWARE = Path(__file__).with_name("firmware")
 NAMES = {"README.md": "padgen_firmware.md"}
 """Names of files in a pad's folder, where they differ."""
@@ -49,12 +51,15 @@ LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
 HEADER = 2
 """Version of what header and firmware expect of each other."""
-ROOT_CLOCKS, CLOCKS, WAVE_CLOCKS = (300, 370, 50), (200, 320, 95), 125
+ROOT_CLOCKS = (300, 370, 50)
+CLOCKS = (200, 320, 95)
+WAVE_CLOCKS = 125
 """Clocks of a Cortex-M4 with floating-point unit that a sample takes at most, for each spur-free or other sample, coil
 and taxel, and for each sine with its slope: they bound what `docs/measure_firmware.py` counts; compilers differ."""
 CLOCK_SHARE = 2 / 3
 """Share of a board's clock that samples may take; the rest is for converters, the line and waiting for memory."""
-MICRO, SMALL = 1e-6, 1e-4
+MICRO = 1e-6
+SMALL = 1e-4
 MOST_SAMPLES = (1 << 32) - 1
 """Largest value of the firmware's counters."""
 TURN = 1 << 32
@@ -87,7 +92,8 @@ def sample_mhz(drive: PadDrive) -> float:
 
 def boards_in_time(drive: PadDrive) -> list[str]:
     """Return the boards of the catalogue that make the samples of a drive in time."""
-    boards, needed = catalogue("board").items(), sample_mhz(drive) / CLOCK_SHARE
+    boards = catalogue("board").items()
+    needed = sample_mhz(drive) / CLOCK_SHARE
     return [name for name, board in boards if board["clock_mhz"] >= needed]
 
 
@@ -147,7 +153,8 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
 def sealed(header: str) -> str:
     """Add, or write anew, the list of a header's tables and the CRC-32 of their bytes, lowest first."""
     header = re.sub(r"#define PADGEN_TABLES.*\n", "", header)
-    names, crc = [], 0
+    names = []
+    crc = 0
     for kind, name, entries in re.findall(r"static const (\w+) (\w+)[^=]*=\s*(\{.*?\});", header, re.DOTALL):
         words = re.findall(r"[\w.+-]+", re.sub(r"/\*.*?\*/", "", entries, flags=re.DOTALL))
         is_float = kind == "float"
@@ -165,7 +172,8 @@ def _plain(text: str) -> str:
 
 
 def _defines(plan: Plan, drive: PadDrive, kinds: int, channels: int) -> str:
-    rate, turns = drive.rate_hz, drive.scheme.takes_turns
+    rate = drive.rate_hz
+    turns = drive.scheme.takes_turns
     slots = len(plan.sets[0]) if turns else 1
     ramp = ceil((frame_s(plan) / slots / 2 if turns else ramp_s(plan)) * rate)
     step = 2 * ramp if turns else ramp
@@ -211,11 +219,14 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
     With x = exp(−R dt/L) and u = v/R the current goes from b to a = u + (b − u) x, and the mean of its square is
     u² + 2 u (b − u) (1 − x)/k + (b − u)² (1 − x²)/(2k), k = R dt/L: written in a and b, a sum of terms alike in size.
     """
-    spec, rate = plan.spec, drive.rate_hz
-    resistance, inductance = drive.resistance_ohm, drive.inductance_h
+    spec = plan.spec
+    rate = drive.rate_hz
+    resistance = drive.resistance_ohm
+    inductance = drive.inductance_h
     volts = max(floor(drive.voltage_limit_v / MICRO + SMALL), 1)
     reached = ceil(1.001 * drive.voltage_limit_v / resistance / MICRO)
-    amplifier_v, amplifier_a = volts, reached
+    amplifier_v = volts
+    amplifier_a = reached
     if spec.amplifier:
         amplifier_v = max(volts, floor(spec.amplifier.voltage_v / MICRO + SMALL))
         amplifier_a = floor(spec.amplifier.current_a / MICRO + SMALL)
@@ -225,7 +236,8 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
         pad_uw = min(pad_uw, floor(spec.limits.power_w / MICRO + SMALL))
     shift = floor(log2(heat_s(spec.coil) * rate))
     k = resistance / (inductance * rate) if inductance else inf
-    x, rise = exp(-k), -expm1(-k)
+    x = exp(-k)
+    rise = -expm1(-k)
     first, second = (0.0, 0.0) if k == inf else (2 * rise / k, -expm1(-2 * k) / (2 * k))
     mean = (1 - first + second, first * (1 + x) - 2 * x - 2 * second, x * x - first * x + second)
     after, both, before = (part / rise**2 for part in mean) if k > SMALL else (1 / 3, 1 / 3, 1 / 3)
@@ -261,7 +273,9 @@ def _taxel_table(plan: Plan, drive: PadDrive, channels: int) -> str:
 
 
 def _kind_tables(drive: PadDrive, kinds: list[CoilDrive], slots: list[tuple[int, ...]], channels: int) -> Iterable[str]:
-    samples, rate, share = drive.period_samples, drive.rate_hz, 1.0 if drive.scheme.has_constant else 0.5
+    samples = drive.period_samples
+    rate = drive.rate_hz
+    share = 1.0 if drive.scheme.has_constant else 0.5
     yield _table("uint8_t padgen_kind_channels[PADGEN_KINDS]", [str(len(kind.taxels)) for kind in kinds])
     # Whole numbers before they are divided: what is rounded is the increment alone.
     tables: tuple[tuple[str, str, Callable[[CoilDrive], list[str]]], ...] = (

@@ -14,7 +14,9 @@ from padgen.planner.plan import Plan, carrier_hz
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "drive_csv", "drive_rows", "planned_carrier_hz", "write"]
 
-ORDER, MADE_OF, FILE = 0, "plan", "drive.csv"
+ORDER = 0
+MADE_OF = "plan"
+FILE = "drive.csv"
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
@@ -26,7 +28,9 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     """Return the table: a row per channel and, where the current has a constant part, its row."""
-    spec, scheme, carrier = plan.spec, plan.scheme, planned_carrier_hz(plan)
+    spec = plan.spec
+    scheme = plan.scheme
+    carrier = planned_carrier_hz(plan)
     rows: dict[int | str, DriveRow] = {}
     constant: list[DriveRow] = []
     for kind, own in enumerate(plan.sets):

@@ -36,10 +36,13 @@ __all__ = [
     "write",
 ]
 
-ORDER, MADE_OF, FILE = 3, "drive", "drive.hjif"
+ORDER = 3
+MADE_OF = "drive"
+FILE = "drive.hjif"
 DATE = "1970-01-01T00:00:00+00:00"
 TICKS_PER_S = 1000
-LOWEST_HZ, HIGHEST_HZ = 1, 10_000
+LOWEST_HZ = 1
+HIGHEST_HZ = 10_000
 MOST_LEVEL_1 = 128
 """Channels of a perception at level 1 of the profile; level 2 takes 65,536."""
 LARGEST_VECTOR = 127
@@ -110,7 +113,8 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
         effects = channel["bands"][0]["effects"]
         frames = [(e["position"] + f["relative_position"], f) for e in effects for f in e["keyframes"]]
         # Between two effects that meet, both have the level there.
-        at, level = [tick for tick, _ in frames] or [0], [f["amplitude_modulation"] for _, f in frames] or [0]
+        at = [tick for tick, _ in frames] or [0]
+        level = [f["amplitude_modulation"] for _, f in frames] or [0]
         read = np.interp(tick, at, level, left=0.0, right=0.0)
         same &= bool(np.abs(read - levels[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
     if not same:
@@ -124,10 +128,14 @@ def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
     for taxel, tuned in zip(plan.taxels, tuning.taxels, strict=True):
         key = (taxel.channel, tuned.resonance_hz, tuned.q)
         if key not in known:
-            channel, coil, hz, q = plan.channels[taxel.channel], plan.spec.coil, tuned.resonance_hz, tuned.q
+            channel = plan.channels[taxel.channel]
+            coil = plan.spec.coil
+            hz = tuned.resonance_hz
+            q = tuned.q
             drive_hz = hz if plan.scheme.has_constant else hz / 2
             as_planned = (hz, q) == (channel.resonance_hz, channel.q)
-            half, middle = 1 / (2 * q), sqrt(1 + 1 / (2 * q) ** 2)
+            half = 1 / (2 * q)
+            middle = sqrt(1 + 1 / (2 * q) ** 2)
             known[key] = {
                 "id": len(known) + 1,
                 "name": f"{plan.name} " + (f"channel {taxel.channel}" if as_planned else tuned.id),
@@ -142,7 +150,8 @@ def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
                 "custom": q,
             }
             if gain := _gain(plan):
-                law, drive = level_law(plan.spec), plan.spec.drive
+                law = level_law(plan.spec)
+                drive = plan.spec.drive
                 lowest, own = law(np.array([plan.channels[0].resonance_hz, hz]))
                 known[key]["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
         yield known[key]
@@ -204,7 +213,8 @@ def _course(timeline: Timeline) -> Course:
 
 def _effects(course: Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
     """Yield the stretches in which a taxel vibrates, cut where they would get too long; the phase leads on."""
-    tick, level = course[0], course[1][:, k]
+    tick = course[0]
+    level = course[1][:, k]
     cut = tick % LONGEST_EFFECT == 0
     sounds = np.append((level[:-1] > 0) | (level[1:] > 0), False)  # from each tick to the next
     before = np.concatenate([[False], sounds[:-1]])

@@ -21,7 +21,9 @@ from padgen.planner.plan import Channel, Plan
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "coil_states", "drive_json", "write"]
 
-ORDER, MADE_OF, FILE = 1, "plan", "drive.json"
+ORDER = 1
+MADE_OF = "plan"
+FILE = "drive.json"
 SMALLEST_LINE = 1e-300
 """In A²: a coil that pulls no washer has none."""
 
@@ -128,8 +130,10 @@ def drive_json(plan: Plan) -> str:
 
 def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     """Describe the current of a coil of set `kind` by a formula and its numbers in A and A²."""
-    scheme, own = plan.scheme, plan.sets[kind]
-    lines, headroom = np.array([c.line_a2 for c in own]), plan.spec.drive.headroom
+    scheme = plan.scheme
+    own = plan.sets[kind]
+    lines = np.array([c.line_a2 for c in own])
+    headroom = plan.spec.drive.headroom
     recipe: dict[str, Any] = {
         "channels": [c.index for c in own],
         "squared_lines_a2": lines.tolist(),

@@ -145,7 +145,9 @@ if __name__ == "__main__":
 '''
 
 
-ORDER, MADE_OF, FILE = 5, "frames", "drive_syntacts.py"
+ORDER = 5
+MADE_OF = "frames"
+FILE = "drive_syntacts.py"
 
 
 class _Stretch(NamedTuple):
@@ -211,13 +213,15 @@ def _figure(value: float) -> str:
 
 def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
     """Yield the stretches between the keyframes, cut at the same samples as the written wave."""
-    rate, edge = drive.rate_hz, edges(drive, timeline)
+    rate = drive.rate_hz
+    edge = edges(drive, timeline)
     for key, (first, last) in enumerate(pairwise(edge)):
         if last <= first:
             continue
         half = max(2 * first - 1, 0)
         end = 2 * last if key == len(edge) - 2 else 2 * last - 1
-        begin_s, speed = float(timeline.time_s[key]), 1 / float(timeline.time_s[key + 1] - timeline.time_s[key])
+        begin_s = float(timeline.time_s[key])
+        speed = 1 / float(timeline.time_s[key + 1] - timeline.time_s[key])
         start_s = half / (2 * rate)
         yield _Stretch(key, start_s, (end - half) / (2 * rate), (start_s - begin_s) * speed, speed, half)
 
@@ -288,24 +292,30 @@ def _tones_text(
     harmonic, amplitude = coil_lines(drive, coil)
     is_root = not drive.scheme.is_biased
     if drive.scheme.is_biased:
-        harmonic, amplitude = np.append(harmonic, 0), np.append(amplitude, coil.bias_a)
+        harmonic = np.append(harmonic, 0)
+        amplitude = np.append(amplitude, coil.bias_a)
         levels = np.column_stack([levels, fed])
         if fed[0] != fed[1]:  # i² rises with the step as a whole
-            amplitude, is_root = amplitude * levels[fed.index(True)], True
+            amplitude = amplitude * levels[fed.index(True)]
+            is_root = True
             levels = np.repeat(np.array(fed, float)[:, None], len(harmonic), 1)
         elif not fed[0]:
             return ""
-    text, terms, shapes = "", [], dict[tuple[float, float], tuple[str, str]]()
+    text = ""
+    terms = []
+    shapes = dict[tuple[float, float], tuple[str, str]]()
     lines = _lines(drive, stretch, harmonic, amplitude / scale_v)
     for (line, rate), before, after in zip(lines, *levels.tolist(), strict=True):
         if not (line and (before or after)):
             continue
         if (before, after) not in shapes:
-            level, rise = _mixed(before, after), f"{_n(after - before)} * d" if before != after else ""
+            level = _mixed(before, after)
+            rise = f"{_n(after - before)} * d" if before != after else ""
             if is_root:
                 k = len(shapes)
                 text += f"var g{k} := sqrt(max({level}, 1e-300)); "
-                level, rise = f"g{k}", f"{rise} / (2 * g{k})" if rise else ""
+                level = f"g{k}"
+                rise = f"{rise} / (2 * g{k})" if rise else ""
             shapes[before, after] = level, rise
         level, rise = shapes[before, after]
         # The constant current of the biased scheme has no line to be made good.
@@ -328,7 +338,9 @@ def _root_text(
     """
     if not levels.any():
         return ""
-    text, force, slope = "", [_mixed(constant[0], constant[1])], ["0"]
+    text = ""
+    force = [_mixed(constant[0], constant[1])]
+    slope = ["0"]
     if not np.array_equal(*levels):
         text = _step_text(stretch)
         slope.append(f"{_n(constant[1] - constant[0])} * d")
@@ -340,7 +352,8 @@ def _root_text(
             slope.append(f"{level} * {_wave(1j * rate * line, rate)}")
             if before != after:
                 slope.append(f"{_n(after - before)} * d * {_wave(line, rate)}")
-    r, half_l = drive.resistance_ohm / scale_v, drive.inductance_h / (2 * scale_v)
+    r = drive.resistance_ohm / scale_v
+    half_l = drive.inductance_h / (2 * scale_v)
     text += f"var r := sqrt(max({' + '.join(force)}, 1e-300)); var s := ({' + '.join(slope)}) / r; "
     volts = f"{_n(r)} * r + {_n(half_l)} * s"
     if drive.carrier_hz is None:

@@ -71,10 +71,13 @@ def wav_header(rate_hz: int, channels: int, count: int, depth: str, comment: str
     data = count * channels * width
     if data > LARGEST_WAVE:
         raise FileError(f"would take {data / 1e9:.3g} GB, at most {LARGEST_WAVE / 1e9:g} GB are written", "WAV")
-    code, frame = PCM if depth == "24" else FLOAT, channels * width
-    tag, more = code, b"\0\0"
+    code = PCM if depth == "24" else FLOAT
+    frame = channels * width
+    tag = code
+    more = b"\0\0"
     if channels > 2 or depth == "24":
-        tag, more = EXTENSIBLE, struct.pack("<HHIIHH8s", 22, 8 * width, 0, code, *SUBFORMAT)
+        tag = EXTENSIBLE
+        more = struct.pack("<HHIIHH8s", 22, 8 * width, 0, code, *SUBFORMAT)
     chunks = _chunk(b"fmt ", struct.pack("<HHIIHH", tag, channels, rate_hz, frame * rate_hz, frame, 8 * width) + more)
     if depth == "float":
         chunks += _chunk(b"fact", struct.pack("<I", count))
@@ -95,7 +98,8 @@ class WavWriter:
     """
 
     def __init__(self, path: Path, rate_hz: int, channels: int, count: int, depth: str, comment: str = "") -> None:
-        self.checksum, self._odd = 0, count * channels * (3 if depth == "24" else 4) % 2
+        self.checksum = 0
+        self._odd = count * channels * (3 if depth == "24" else 4) % 2
         self._packed = _packed_24 if depth == "24" else _packed_float
         header = wav_header(rate_hz, channels, count, depth, comment)
         try:
@@ -146,8 +150,11 @@ def _packed_float(samples: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(samples, dtype="<f4")
 
 
-ORDER, MADE_OF, FILE = 4, "frames", "drive.wav"
-SIDECAR, HEARD = "drive-wave.json", "hear.json"
+ORDER = 4
+MADE_OF = "frames"
+FILE = "drive.wav"
+SIDECAR = "drive-wave.json"
+HEARD = "hear.json"
 SIGNALS = {"voltage": "V", "current": "A"}
 """Quantities of a file's samples, and their units."""
 CHECKED_BLOCK = 1 << 12
@@ -302,8 +309,11 @@ def _write(
 
     Once a sample would be clipped, silence is written, for another pass.
     """
-    count, coils = sample_count(drive, timeline), len(drive.coils)
-    peak, square, first = 0.0, np.zeros(coils), np.zeros((0, coils))
+    count = sample_count(drive, timeline)
+    coils = len(drive.coils)
+    peak = 0.0
+    square = np.zeros(coils)
+    first = np.zeros((0, coils))
     comment = f"sample 1 = {scale:g} {SIGNALS[signal]}; channel k is coil k, row by row{beyond}"
     try:
         with WavWriter(path, drive.rate_hz, coils, count, depth, comment) as file:

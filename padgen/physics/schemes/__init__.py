@@ -75,7 +75,8 @@ class DriveScheme(Protocol):
         """Return an upper bound in V of the coil's voltage: all peaks at one moment."""
 
 
-register, unregister = SCHEMES.register, SCHEMES.unregister
+register = SCHEMES.register
+unregister = SCHEMES.unregister
 
 
 def in_order() -> tuple[str, ...]:

@@ -19,8 +19,11 @@ __all__ = [
     "peak_voltage_v",
 ]
 
-ORDER, SIMPLICITY = 2, 1
-CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "biased", False, True
+ORDER = 2
+SIMPLICITY = 1
+CURRENT = "biased"
+TAKES_TURNS = False
+HAS_PAIR_SPURS = True
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:

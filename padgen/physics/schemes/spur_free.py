@@ -17,8 +17,11 @@ __all__ = [
     "peak_voltage_v",
 ]
 
-ORDER, SIMPLICITY = 1, 2
-CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "root", False, False
+ORDER = 1
+SIMPLICITY = 2
+CURRENT = "root"
+TAKES_TURNS = False
+HAS_PAIR_SPURS = False
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:

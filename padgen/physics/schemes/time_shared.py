@@ -18,8 +18,11 @@ __all__ = [
     "peak_voltage_v",
 ]
 
-ORDER, SIMPLICITY = 3, 0
-CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "tones", True, False
+ORDER = 3
+SIMPLICITY = 0
+CURRENT = "tones"
+TAKES_TURNS = True
+HAS_PAIR_SPURS = False
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:

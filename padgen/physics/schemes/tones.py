@@ -19,8 +19,11 @@ __all__ = [
     "tone_volts",
 ]
 
-ORDER, SIMPLICITY = 0, 0
-CURRENT, TAKES_TURNS, HAS_PAIR_SPURS = "tones", False, True
+ORDER = 0
+SIMPLICITY = 0
+CURRENT = "tones"
+TAKES_TURNS = False
+HAS_PAIR_SPURS = True
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:

@@ -20,7 +20,8 @@ class CoilKind(Protocol):
         """Return windings and core in m, heights from the top face; raise SpecError for fields that make no coil."""
 
 
-register, unregister = COILS.register, COILS.unregister
+register = COILS.register
+unregister = COILS.unregister
 
 
 def coil_source(coil: Coil) -> CoilSource:

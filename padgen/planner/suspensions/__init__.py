@@ -135,7 +135,9 @@ class PathPoint(NamedTuple):
         length, turn = segment
         # The chord of an arc lies at half of the arc's turn.
         half = turn / 2
-        chord, c, s = length * np.sinc(half / np.pi), np.cos(half), np.sin(half)
+        chord = length * np.sinc(half / np.pi)
+        c = np.cos(half)
+        s = np.sin(half)
         x, y = self.along_x, self.along_y
         turned = (np.cos(turn) * x - np.sin(turn) * y, np.sin(turn) * x + np.cos(turn) * y)
         return PathPoint(self.x_mm + chord * (c * x - s * y), self.y_mm + chord * (s * x + c * y), *turned)
@@ -213,7 +215,9 @@ class Suspension(Protocol):
         """
 
 
-register, unregister, names = SUSPENSIONS.register, SUSPENSIONS.unregister, SUSPENSIONS.names
+register = SUSPENSIONS.register
+unregister = SUSPENSIONS.unregister
+names = SUSPENSIONS.names
 
 
 def suspension(name: str) -> Suspension:

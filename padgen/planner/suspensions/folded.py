@@ -52,7 +52,9 @@ def shortest(plate: PlateShape, gap_mm: float) -> float:
 def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
     """Return beams, blocks and window in mm for one beam shape, or for arrays of them."""
     length: Any = beam.length_mm
-    zero, half, middle = 0.0 * length, plate.width_mm / 2, length / 2
+    zero = 0.0 * length
+    half = plate.width_mm / 2
+    middle = length / 2
     y = half + gap_mm + beam.width_mm / 2
     outside = y + beam.width_mm / 2
     height = np.minimum(

@@ -64,9 +64,12 @@ class Serpentine:
 
     def arrange(self, plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
         """Return beam, block and window in mm for one beam shape, or for arrays of them."""
-        radius, zero = (beam.width_mm + gap_mm) / 2 + 0.0 * beam.length_mm, 0.0 * beam.length_mm
+        radius = (beam.width_mm + gap_mm) / 2 + 0.0 * beam.length_mm
+        zero = 0.0 * beam.length_mm
         out = (beam.length_mm - self._length_mm(zero, beam.width_mm, gap_mm)) / (2 * (self.legs - 1))
-        stub, half, across = Segment(zero + gap_mm / 2), Segment(out - radius), Segment(2 * out)
+        stub = Segment(zero + gap_mm / 2)
+        half = Segment(out - radius)
+        across = Segment(2 * out)
         segments = [stub, arc(radius, 90), half]
         for leg in range(1, self.legs):
             segments += [arc(radius, 180 if leg % 2 == 0 else -180), across if leg < self.legs - 1 else half]

@@ -30,7 +30,8 @@ LARGEST_FILE = LARGEST_UNPACKED = 1 << 28
 """Most bytes of a mesh file, and of a 3MF's parts unpacked."""
 MOST_TRIANGLES = 2_000_000
 """Most triangles of a mesh file, each instance counted: several times as many as a pad of 512 taxels has."""
-MOST_PARTS, DEEPEST = 50_000, 64
+MOST_PARTS = 50_000
+DEEPEST = 64
 """Most meshes and components that are placed, and most levels of components within each other."""
 
 PRUSA_CONFIG = "Metadata/Slic3r_PE.config"
@@ -132,15 +133,18 @@ def _model(job: ExportJob) -> Iterator[bytes]:
     if placed:
         head = f'<object id="{len(meshes) + 1}" name={quoteattr(job.plan.name)} type="model">'
         yield "\n".join([head, "<components>", *placed, "</components>", "</object>\n"]).encode()
-    printer, last = job.plan.spec.printer, len(meshes) + bool(placed)
+    printer = job.plan.spec.printer
+    last = len(meshes) + bool(placed)
     middle = f"1 0 0 0 1 0 0 0 1 {printer.bed_x_mm / 2:.6f} {printer.bed_y_mm / 2:.6f} 0"
     yield f'</resources>\n<build>\n<item objectid="{last}" transform="{middle}"/>\n</build>\n</model>\n'.encode()
 
 
 def _instances(plan: Plan, pad: PadSolid) -> tuple[list[tuple[str, Mesh]], list[str]]:
     """Return the names and meshes of the border and the distinct tiles, and the components that place them."""
-    spec, turned = plan.spec, turned_grid(plan)
-    meshes, placed = [("border", pad.border.mesh)], ['<component objectid="1"/>']
+    spec = plan.spec
+    turned = turned_grid(plan)
+    meshes = [("border", pad.border.mesh)]
+    placed = ['<component objectid="1"/>']
     names = [f"taxel-{channel.index}" for channel in plan.channels] + ["frame"]
     for index, (name, tile) in enumerate(zip(names, pad.tiles, strict=True)):
         places = np.argwhere(pad.grid == index).tolist()
@@ -226,7 +230,8 @@ def _unpacked(path: Path) -> Iterator[tuple[str, bytes]]:
 
 def _read_part(name: str, part: bytes, objects: dict[Key, _Object], items: list[tuple[Key, np.ndarray]]) -> None:
     """Add the objects and build items of the XML in a part of the package; `name` is its path."""
-    own, scale = _Object(array("d"), array("q"), []), 1.0
+    own = _Object(array("d"), array("q"), [])
+    scale = 1.0
 
     def named(attributes: dict[str, str]) -> tuple[Key, np.ndarray]:
         """Return the object, which may be in another part, that a component or item places, and where."""
@@ -258,7 +263,8 @@ def _read_part(name: str, part: bytes, objects: dict[Key, _Object], items: list[
         raise ValueError("it declares a document type, which 3MF does not allow")
 
     parser = expat.ParserCreate("UTF-8", " ")
-    parser.StartElementHandler, parser.StartDoctypeDeclHandler = started, declared
+    parser.StartElementHandler = started
+    parser.StartDoctypeDeclHandler = declared
     parser.Parse(part, True)
 
 
@@ -282,7 +288,8 @@ def _placed(
         if depth > DEEPEST:
             raise MeshFileError(f"has components more than {DEEPEST} deep within one another", where)
         own = objects[key]
-        parts, triangles = parts + 1, triangles + len(own.corners) // 3
+        parts = parts + 1
+        triangles = triangles + len(own.corners) // 3
         if parts > MOST_PARTS:
             raise MeshFileError(f"places more than {MOST_PARTS} parts", where)
         if triangles > MOST_TRIANGLES:
@@ -319,10 +326,12 @@ def picture_png(mesh: Mesh, size_px: tuple[int, int]) -> bytes:
     toward = np.array([np.sin(AZIMUTH) * np.cos(ELEVATION), -np.cos(AZIMUTH) * np.cos(ELEVATION), np.sin(ELEVATION)])
     axes = np.stack([right, np.cross(toward, right), toward])
     seen = mesh.vertices_mm @ axes.T
-    low, high = seen.min(0), seen.max(0)
+    low = seen.min(0)
+    high = seen.max(0)
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
     shift = np.array([width, height, 0]) / 2 - (low + high) / 2 * (scale, -scale, scale)
-    image, nearest = np.tile(BACKGROUND, (width * height, 1)), np.full(width * height, -np.inf)
+    image = np.tile(BACKGROUND, (width * height, 1))
+    nearest = np.full(width * height, -np.inf)
     for some in np.array_split(mesh.triangles, len(mesh.triangles) // AT_ONCE + 1):
         corners = seen[some]
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -334,7 +343,8 @@ def picture_png(mesh: Mesh, size_px: tuple[int, int]) -> bytes:
         # Assigned in the order of depth, the nearest triangle comes last and stays.
         order = np.argsort(depth, kind="stable")
         order = order[depth[order] >= nearest[pixel[order]]]
-        nearest[pixel[order]], image[pixel[order]] = depth[order], shades[owner[order]]
+        nearest[pixel[order]] = depth[order]
+        image[pixel[order]] = shades[owner[order]]
     image = image.reshape(height, width, 3)
     steps = range(OVERSAMPLE)
     # A mean over two axes would take ten times as long.
@@ -346,7 +356,8 @@ def picture_png(mesh: Mesh, size_px: tuple[int, int]) -> bytes:
 
 def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the pixels whose centres triangles (n, 3, 3) cover, each one's triangle, and its depth there."""
-    low, high = corners[..., 1].min(1), corners[..., 1].max(1)
+    low = corners[..., 1].min(1)
+    high = corners[..., 1].max(1)
     owner, row = _runs(np.maximum(np.ceil(low - 0.5), 0), np.minimum(np.floor(high - 0.5), height - 1))
     # The corners' weights and the depth are linear in the place: slopes to the right and down, and offsets.
     depth = corners[..., 2:].copy()

@@ -70,7 +70,8 @@ class PadFormat(Protocol):
         """
 
 
-register, unregister = PAD_FORMATS.register, PAD_FORMATS.unregister
+register = PAD_FORMATS.register
+unregister = PAD_FORMATS.unregister
 
 
 def verified(name: str, mesh: Mesh, written: Mesh) -> None:
@@ -101,6 +102,7 @@ def verified_volume(name: str, mesh: Mesh, written: Mesh) -> None:
     GeometryError
         The volumes differ.
     """
-    before, after = signed_volume_mm3(mesh), signed_volume_mm3(written)
+    before = signed_volume_mm3(mesh)
+    after = signed_volume_mm3(written)
     if not abs(after / before - 1) <= REREAD_SHARE:
         raise GeometryError(f"read back, its volume is {number(after)} mm³, must be {number(before)} mm³", name)

@@ -44,8 +44,10 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
     key = taxel_key(plan, channel, washer=asdict(plan.spec.washer), step=_UNNAMED, writer=writer)
 
     def made() -> bytes:
-        printed, washer = taxel_solid(plan, channel), washer_solid(plan, channel)
-        printed.label, washer.label = "printed", "washer"
+        printed = taxel_solid(plan, channel)
+        washer = washer_solid(plan, channel)
+        printed.label = "printed"
+        washer.label = "washer"
         _write_step(path, _UNNAMED, printed, washer)
         cache.store_bytes(STEP_KIND, key, path.read_bytes())
         return path.read_bytes()
@@ -56,13 +58,15 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
 
 def _write_step(path: Path, label: str, *solids: Any) -> None:
     """Write solids under one label, and check that they are read back with their volumes."""
-    b, planned = build123d(), sorted(float(solid.volume) for solid in solids)
+    b = build123d()
+    planned = sorted(float(solid.volume) for solid in solids)
     with kernel_errors(path.name):
         whole = b.Compound(children=solids) if len(solids) > 1 else solids[0]
         whole.label = label
         b.export_step(whole, path, timestamp="1970-01-01T00:00:00")
         # Parts of an assembly are numbered from 1, since OCCT goes on counting through all files of a process.
-        part, number = r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'", itertools.count(1)
+        part = r"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'"
+        number = itertools.count(1)
         path.write_text(re.sub(part, lambda match: f"{match[1]}{next(number)}'", path.read_text()))
         back = sorted(float(solid.volume) for solid in b.import_step(path).solids())
     if len(back) != len(planned) or not np.allclose(back, planned, rtol=1e-6):

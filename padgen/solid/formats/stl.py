@@ -15,7 +15,8 @@ _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("at
 def write(out: OutputFolder, job: ExportJob) -> None:
     """Add the part's mesh, and compare the file with it corner by corner."""
     part = job.part
-    name, title = f"{part.name}.stl", f"{__version__} {part.title} {job.spec_hash[:16]}"
+    name = f"{part.name}.stl"
+    title = f"{__version__} {part.title} {job.spec_hash[:16]}"
     path = out.write(name, stl_bytes(part.mesh, title))
     vertices, triangles = part.mesh
     for k in range(0, len(triangles), AT_ONCE):
@@ -34,6 +35,7 @@ def stl_bytes(mesh: Mesh, title: str) -> bytearray:
     data[80:84] = np.uint32(len(mesh.triangles)).tobytes()
     triangles = np.frombuffer(data, _STL_TRIANGLE, offset=84)
     for k in range(0, len(triangles), AT_ONCE):
-        some, corners = triangles[k : k + AT_ONCE], mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
+        some = triangles[k : k + AT_ONCE]
+        corners = mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
         some["normal"], some["corners"] = unit_normals(corners), corners
     return data
