@@ -54,6 +54,7 @@ __all__ = [
     "site_wrenches",
     "taxel_modes",
     "wanted_line_a2",
+    "with_any_drive",
 ]
 
 
@@ -255,8 +256,18 @@ USUAL_DEPTH = 1.01
 """Depth of the frame behind a root over half a rib, for which beams are sized; up to here no error is added."""
 
 
+def with_any_drive(spec: Spec) -> Spec:
+    """Return `spec` with the drive scheme left open: what does not depend on the scheme is computed once for all."""
+    return replace(spec, drive=replace(spec.drive, scheme="auto"))
+
+
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
     """Return the channels of a coil, before `driven` fills in the fields that depend on the drive scheme."""
+    return _plan_channels(with_any_drive(spec), tuple(sized), tuple(sites))
+
+
+@lru_cache(maxsize=256)
+def _plan_channels(spec: Spec, sized: tuple[SizedChannel, ...], sites: tuple[Site, ...]) -> tuple[Channel, ...]:
     law = level_law(spec)
     resonance = np.array([float(s.model.resonance_hz) for s in sized])
     level = law(resonance)

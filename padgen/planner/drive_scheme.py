@@ -29,7 +29,7 @@ from padgen.physics.schemes import (
 )
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, pair_lines, tone_energy
 from padgen.physics.switching import Brake, brake_for, follow, keyframes
-from padgen.planner.channels import hanging_gap_um, heard_modes, magnetic_parts
+from padgen.planner.channels import hanging_gap_um, heard_modes, magnetic_parts, with_any_drive
 from padgen.planner.layout import Layout
 from padgen.planner.plan import (
     Channel,
@@ -358,42 +358,85 @@ def plan_selectivity(
     With two sets of channels, the figures are of the worse one. `optimum`, the figure of optimised resonances, is
     recorded if it is of the chosen scheme. With `asked_only`, no other schemes are judged than the spec asks for.
     """
-    sets = channel_sets(planned, spec.coil.sets)
-    alike, bare, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
-    modes = [heard_modes(spec, own, taxels.line) for own, taxels in zip(sets, bare, strict=True)]
-    lost_db = max(channel.level_loss_db for channel in planned)
-    alone = len(sets[0]) < 2
-    figures = {}
-    for name in (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order():
-        scheme = scheme_named(spec, name)
-        cubic = scheme.has_pair_spurs and len(sets[0]) > MOST_WITH_SPURS and name != spec.drive.scheme
-        one_hot = all_db = placed_db = None
-        if not alone and not cubic:
-            one_hot = min(one_hot_db(taxels, scheme) for taxels in alike)
-            all_db = _worst_db(alike, scheme)
-            placed_db = _worst_db(bare, scheme, modes) - lost_db
-        figures[name] = SchemeFigures(name, one_hot, all_db, placed_db)
+    any_drive = with_any_drive(spec)
+    planned = tuple(planned)
+    names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order()
+    figures = {name: _scheme_figures(any_drive, planned, scheme_named(spec, name), spec.drive.scheme) for name in names}
     name, why = _chosen_scheme(spec, figures, planned)
-    scheme = scheme_named(spec, name)
-    states = min((all_states(taxels, scheme) for taxels in alike), key=lambda found: found.db)
-    below = [-10 * np.log10(tone_energy(taxels, taxels)) + 0.0 for taxels in alike if len(sets[0]) <= MOST_SPELLED_OUT]
+    return replace(
+        _selectivity(any_drive, planned, scheme_named(spec, name)),
+        why=why,
+        optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
+        schemes=tuple(figures.values()),
+    )
+
+
+class _CoilSets(NamedTuple):
+    """A coil's sets of channels for the physics, as `_resonators` makes them, and the modes that they hear."""
+
+    alike: list[Channels]
+    placed: list[Channels]
+    asked: list[Channels]
+    modes: list[ModalTaxels]
+
+    @property
+    def alone(self) -> bool:
+        """Whether a coil has one channel, which has no other to be told from."""
+        return len(self.alike[0].line) < 2
+
+
+@lru_cache(maxsize=256)
+def _coil_sets(spec: Spec, planned: tuple[Channel, ...]) -> _CoilSets:
+    sets = channel_sets(planned, spec.coil.sets)
+    alike, placed, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
+    modes = [heard_modes(spec, own, taxels.line) for own, taxels in zip(sets, placed, strict=True)]
+    return _CoilSets(alike, placed, asked, modes)
+
+
+def _level_loss_db(planned: tuple[Channel, ...]) -> float:
+    return max(channel.level_loss_db for channel in planned)
+
+
+@lru_cache(maxsize=1024)
+def _scheme_figures(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme, asked: str) -> SchemeFigures:
+    sets = _coil_sets(spec, planned)
+    cubic = scheme.has_pair_spurs and len(sets.alike[0].line) > MOST_WITH_SPURS and scheme.name != asked
+    if sets.alone or cubic:
+        return SchemeFigures(scheme.name, None, None, None)
+    return SchemeFigures(
+        scheme.name,
+        min(one_hot_db(taxels, scheme) for taxels in sets.alike),
+        _worst_db(sets.alike, scheme),
+        _worst_db(sets.placed, scheme, sets.modes) - _level_loss_db(planned),
+    )
+
+
+@lru_cache(maxsize=256)
+def _selectivity(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> Selectivity:
+    """Return the selectivity of channels under a scheme, without what the choice of the scheme adds."""
+    sets = _coil_sets(spec, planned)
+    alone = sets.alone
+    states = min((all_states(taxels, scheme) for taxels in sets.alike), key=lambda one: one.db)
+    few = len(sets.alike[0].line) <= MOST_SPELLED_OUT
+    below = [-10 * np.log10(tone_energy(taxels, taxels)) + 0.0 for taxels in sets.alike if few]
+    placed_db = _worst_db(sets.placed, scheme, sets.modes)
     return Selectivity(
-        drive=name,
+        drive=scheme.name,
         level_law="threshold" if spec.drive.threshold_hz else spec.drive.level_law,
-        one_hot_db=None if alone else min(one_hot_db(taxels, scheme) for taxels in alike),
+        one_hot_db=None if alone else min(one_hot_db(taxels, scheme) for taxels in sets.alike),
         all_states_db=None if alone else states.db,
         worst_state=states.state,
         asked_db=decibel(spec.delta_y),
-        placed_one_hot_db=None if alone else min(map(one_hot_db, bare, repeat(scheme), modes)),
-        placed_all_states_db=None if alone else _worst_db(bare, scheme, modes) - lost_db,
-        why=why,
-        paper_db=None if alone else _paper_db(spec, sets),
-        snapping_db=None if alone else _worst_db(asked, scheme) - states.db,
-        modes_cost_db=None if alone else _worst_db(bare, scheme) - _worst_db(bare, scheme, modes),
-        modes_left_out=max(float(own.left_out.max()) for own in modes),
-        optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
+        placed_one_hot_db=None if alone else min(map(one_hot_db, sets.placed, repeat(scheme), sets.modes)),
+        placed_all_states_db=None if alone else placed_db - _level_loss_db(planned),
+        why="",
+        paper_db=None if alone else _paper_db(spec, channel_sets(planned, spec.coil.sets)),
+        snapping_db=None if alone else _worst_db(sets.asked, scheme) - states.db,
+        modes_cost_db=None if alone else _worst_db(sets.placed, scheme) - placed_db,
+        modes_left_out=max(float(own.left_out.max()) for own in sets.modes),
+        optimum_db=None,
         matrix_db=tuple(tuple(map(tuple, table.tolist())) for table in below),
-        schemes=tuple(figures.values()),
+        schemes=(),
     )
 
 

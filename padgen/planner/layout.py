@@ -7,6 +7,7 @@ Of a finished plan come the taxels' places and outlines, and the grooves that ma
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from itertools import groupby, pairwise
 from math import ceil, floor, hypot, inf, pi, prod, sqrt
 from typing import Any, NamedTuple
@@ -15,7 +16,7 @@ import numpy as np
 
 from padgen.core.errors import number
 from padgen.planner.plan import TURNS, Channel, CoilGrid, Pitch, Plan, Site, Taxel
-from padgen.planner.suspensions import Arrangement, Room, allowed, suspension
+from padgen.planner.suspensions import Arrangement, PlateShape, Room, Suspension, allowed, suspension
 from padgen.planner.taxel_model import plate_shape, recess_mm, shortest_mm
 from padgen.spec import Spec
 
@@ -93,7 +94,16 @@ class Layout:
 
 def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
     """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
+    # Neither gap nor drive moves a layout: specs that differ in nothing else share one list.
+    coil = replace(spec.coil, gap_mm=1.0)
+    drive = replace(spec.drive, scheme="auto", level_um=1.0)
+    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit))
+
+
+@lru_cache(maxsize=64)
+def _candidates(spec: Spec, channel_limit: int) -> tuple[Layout, ...]:
     wanted = spec.resolution
+    parts = _parts(spec)
     bare = [
         layout
         for channels in channel_counts(spec, channel_limit)
@@ -101,10 +111,11 @@ def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
         if 0 <= rows * columns * channels - wanted < rows * columns
         for layout in _divisions(spec, rows, columns, channels, wanted)
     ]
-    spare = [_margin_bound_mm(spec, layout) for layout in bare]
+    spare = [_margin_bound_mm(spec, parts, layout) for layout in bare]
     least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
     near = (layout for layout, mm in zip(bare, spare, strict=True) if mm >= min(least, -SLACK_MM))
-    return sorted((replace(layout, slacks=_slacks(spec, layout)) for layout in near), key=lambda layout: layout.rank)
+    sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
+    return tuple(sorted(sized, key=lambda layout: layout.rank))
 
 
 NEAR_MISSES = 200
@@ -122,6 +133,7 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
         for columns in range(1, int(min(columns_, most // (rows * channels), most_outputs(spec) // rows)) + 1)
     )
     spare: dict[tuple[float, float], float] = {}
+    parts = _parts(spec)
     work = 0
     for taxels, alike in groupby(sorted(grids, key=prod, reverse=True), key=prod):
         found = []
@@ -129,11 +141,11 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
             size = layout.sub_width_mm, layout.sub_depth_mm
             # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
             if size not in spare:
-                spare[size] = _margin_bound_mm(spec, layout)
+                spare[size] = _margin_bound_mm(spec, parts, layout)
             work += 1
             if spare[size] >= -SLACK_MM:
                 work += layout.channels
-                found.append(replace(layout, slacks=_slacks(spec, layout)))
+                found.append(replace(layout, slacks=_slacks(spec, parts, layout)))
         yield from sorted((f for f in found if f.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
         if work > MOST_WORK:
             return
@@ -219,33 +231,45 @@ def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
     return (width, depth) if layout.beam_axis == "x" else (depth, width)
 
 
-def _margin_bound_mm(spec: Spec, layout: Layout) -> float:
+class _Parts(NamedTuple):
+    """What a sub-cell must hold: the plate, and one of the suspensions with the length of its shortest beam in mm."""
+
+    plate: PlateShape
+    gap_mm: float
+    suspensions: list[tuple[Suspension, float]]
+
+
+def _parts(spec: Spec) -> _Parts:
+    kinds = [(suspension(name), shortest_mm(spec, name)) for name in allowed(spec.suspension.topology)]
+    return _Parts(plate_shape(spec), spec.printer.smallest_gap_mm, kinds)
+
+
+def _margin_bound_mm(spec: Spec, parts: _Parts, layout: Layout) -> float:
     """Return an upper bound of a layout's margin in mm, quickly: without the places of its washers."""
-    return min(slack for _, slack in _part_slacks(spec, layout, Room(*_sides_mm(spec, layout))))
+    return min(slack for _, slack in _part_slacks(spec, parts, layout, Room(*_sides_mm(spec, layout))))
 
 
-def _slacks(spec: Spec, layout: Layout) -> tuple[tuple[str, float], ...]:
+def _slacks(spec: Spec, parts: _Parts, layout: Layout) -> tuple[tuple[str, float], ...]:
     # That of the reach is the farthest washer's to the coil's, with plates slid towards the coil.
-    pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + spec.printer.smallest_gap_mm + spec.pad.rib_mm / 2
+    pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + parts.gap_mm + spec.pad.rib_mm / 2
     x_mm, y_mm = (max(side / 2 - pocket, 0) for side in (layout.sub_width_mm, layout.sub_depth_mm))
     farthest = max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in slots(layout))
-    return *_part_slacks(spec, layout, room(spec, layout)), ("reach", coil_reach_mm(spec) - farthest)
+    return *_part_slacks(spec, parts, layout, room(spec, layout)), ("reach", coil_reach_mm(spec) - farthest)
 
 
-def _part_slacks(spec: Spec, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
+def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
     """Return slacks in mm: of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
-    gap = spec.printer.smallest_gap_mm
-    plate = plate_shape(spec)
+    plate = parts.plate
+    gap = parts.gap_mm
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     lengths = []
     widths = []
-    for name in allowed(spec.suspension.topology):
-        shape = suspension(name)
+    for shape, shortest in parts.suspensions:
         widest = shape.widest(inside, plate, gap)
         widths.append(
             widest - spec.printer.smallest_beam_mm if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap
         )
-        lengths.append(shape.longest(inside, plate, gap) - shortest_mm(spec, name))
+        lengths.append(shape.longest(inside, plate, gap) - shortest)
     best = max(range(len(widths)), key=lambda i: min(widths[i], lengths[i]))
     return ("coil", pitch - spec.coil.outer_diameter_mm), ("width", widths[best]), ("length", lengths[best])
 

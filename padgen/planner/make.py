@@ -68,6 +68,8 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
+MOST_FOR_CURE = 48
+"""Choices that are tried to find out whether a cure works: one that needs more is not proposed."""
 MOST_SURE = 8
 """Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
 those that few prints leave the most hope for."""
@@ -137,7 +139,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """
     if choice and set(cure) == {"drive.level_um"}:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
-    found = _searched(varied(spec, cure), quick=choice is None)
+    found = _searched(varied(spec, cure), quick=choice is None, most=MOST_FOR_CURE)
     if found is None:
         raise InfeasibleError("no layout holds", "resolution")
     return finish(found, quick=True)
@@ -154,7 +156,8 @@ def choose(spec: Spec) -> Choice:
     raise refusal(next(_decided_specs(spec)), partial(_planned_with, spec, None))
 
 
-def _searched(spec: Spec, quick: bool = False) -> Choice | None:
+def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
+    """Return the choice for a spec, of at most so many; with `quick` the first that has room and beams."""
     ranked: list[Iterator[Choice]] = []
     known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided_specs(spec):
@@ -169,7 +172,7 @@ def _searched(spec: Spec, quick: bool = False) -> Choice | None:
             return first
         ranked.append(own)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
-    found = merge(*ranked, key=_coils_key)
+    found = islice(merge(*ranked, key=_coils_key), most)
     some_found = list(islice(found, 2))
     if not some_found:
         return None

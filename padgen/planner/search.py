@@ -298,6 +298,8 @@ LARGEST_WITH_SPURS = 32
 """Largest count of channels that is tried with a drive that makes spurs: the spurs of n channels take n³ numbers."""
 LARGEST = 4096
 """Largest count of channels that is tried with a drive without spurs."""
+LARGEST_PRINTED = 1024
+"""Largest count of channels whose prints are judged: of n channels that takes some twenty tables of n² numbers."""
 TRIED_SINGLY = 64
 """Counts up to here are tried one by one; above, the largest that holds is found in doubling and halving steps."""
 
@@ -401,7 +403,7 @@ def printed_count(
 ) -> int:
     """Return the most channels with which a `share` of the printed pads keeps `target_db`, on a geometric ladder.
 
-    Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma of ln f of a taxel that its re-tuned
+    At most `LARGEST_PRINTED` are tried. Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma of ln f of a taxel that its re-tuned
     tone follows, `missed` the sigma that the tone does not follow.
     """
 
@@ -409,12 +411,10 @@ def printed_count(
         ladder = _ladder(band_hz, count, q, law)
         return print_share(ladder, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
 
-    most, _ = largest_counts(band_hz, q, law, scheme, target_db)
-    return (
-        next((n for n in range(most, 1, -1) if holds(n)), 1)
-        if most <= TRIED_SINGLY
-        else _largest_that_holds(holds, 1, most)
-    )
+    most = min(largest_counts(band_hz, q, law, scheme, target_db)[0], LARGEST_PRINTED)
+    if most <= TRIED_SINGLY:
+        return next((n for n in range(most, 1, -1) if holds(n)), 1)
+    return _largest_that_holds(holds, 1, most)
 
 
 def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> int:

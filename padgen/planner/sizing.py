@@ -169,7 +169,7 @@ MOST_BEAMS = 1200
 THICKNESSES = 16
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SizedChannel:
     """One channel's beam for a resonance of `target_hz`, and the model of its taxel."""
 

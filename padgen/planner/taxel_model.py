@@ -110,7 +110,7 @@ def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[Taxe
     return value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TaxelModel:
     """One taxel, or an array of taxels of one topology, by the beam model.
 
