@@ -96,7 +96,7 @@ def _missed_energy(
     if section.path:
         # The mass of a bent beam includes rotary inertia, compliance of its ends and shear already.
         energy = np.einsum("...i,...ij,...j->...", tip, tip_mass(section, density, poisson), tip)
-        more = energy * _dynamic(square * largest_inverse_square(section, modulus, poisson, density))
+        more = _dynamic(energy, square * largest_inverse_square(section, modulus, poisson, density))
         return 0.0 * energy, 0.0 * energy, more
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     # Stiffness across the layers is a lower bound for upward shear and twist.
@@ -123,13 +123,13 @@ def _missed_energy(
         missed = missed + energy - line * length * _shifting(held)
         missed = missed + line * height**2 / 12 / length * _turning(deflected)
         shear_doubt = shear_doubt + 0.5 * energy * sheared / (1 + sheared)
-        doubt = doubt + energy * _dynamic(square * slow)
+        doubt = doubt + _dynamic(energy, square * slow)
     along = line * length / 3
     polar, (a, b) = (width**2 + thickness**2) / 12, (np.maximum(width, thickness), np.minimum(width, thickness))
     twist = a * b**3 / 3 * (1 - 0.63 * b / a) * shear_modulus  # a lower bound of the torsion constant
     wave = square * (length / pi) ** 2
-    doubt = doubt + along * tip[..., 0] ** 2 * _dynamic(wave * density / modulus)
-    doubt = doubt + along * polar * tip[..., 3] ** 2 * _dynamic(wave * line * polar / twist)
+    doubt = doubt + _dynamic(along * tip[..., 0] ** 2, wave * density / modulus)
+    doubt = doubt + _dynamic(along * polar * tip[..., 3] ** 2, wave * line * polar / twist)
     return missed, shear_doubt, doubt
 
 
@@ -157,9 +157,10 @@ def _turning(deflection: tuple[Any, ...]) -> Any:
     return (36 * w**2 - 6 * w * (a + b) + 4 * (a**2 + b**2) - 2 * a * b) / 30
 
 
-def _dynamic(slowness: Any) -> Any:
-    """Return ω²/(ω₁² − ω²) from `slowness` = (ω/ω₁)²; infinite from ω₁ on."""
-    return np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
+def _dynamic(energy: Any, slowness: Any) -> Any:
+    """Return `energy` times ω²/(ω₁² − ω²), from `slowness` = (ω/ω₁)²: infinite from ω₁ on, but of no energy always 0."""
+    share = np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
+    return np.multiply(energy, share, out=np.zeros(np.broadcast(energy, share).shape), where=energy != 0)
 
 
 class Magnetised(NamedTuple):
