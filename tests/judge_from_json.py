@@ -66,6 +66,9 @@ def judged_level(plan: dict[str, Any]) -> str:
         return "error"
     prints = plan["prints"]
     spec = plan["spec"]
+    shown = next(one for one in plan["refresh"] if one["scheme"] == plan["selectivity"]["drive"])
+    if shown["frames_per_s"] < spec["drive"]["least_frames_per_s"]:
+        return "short"
     if prints["print_db"] is None:
         return "good"
     if prints["planned_db"] >= 20 * log10(spec["delta_y"]):

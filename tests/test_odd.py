@@ -133,6 +133,15 @@ def test_numbers_that_break_down_are_told_in_a_sentence(monkeypatch):
             make_plan(make_spec(FOUR))
 
 
+def test_a_breakdown_names_the_field_whose_usual_value_does(monkeypatch):
+    judge = make.judge
+    monkeypatch.setattr(make, "judge", lambda plan: judge(plan) if plan.spec.q_min < 1e5 else 1 / 0)
+    with pytest.raises(SolverError, match=r"must be nearer to what is usual, got 1e\+06: .* leaves the range") as told:
+        make_plan(make_spec({**FOUR, "q_min": 1e6, "drive": {"level_um": 1e-3}}))
+    assert told.value.where == "q_min"
+    assert told.value.cures == ({"q_min": 15.0},)
+
+
 @pytest.mark.parametrize("value", [nan, inf, -inf])
 def test_no_plan_has_a_figure_that_is_not_finite(monkeypatch, value):
     plan = make_plan(make_spec(FOUR))

@@ -51,6 +51,8 @@ def random_table(draw: random.Random, is_quick: bool) -> dict:
         table["limits"] = {"power_w": draw.choice([0.2, 1.0, 5.0])}
     if kind in (6, 8):
         table["drive"]["voltage_limit_v"] = draw.choice([1.0, 5.0, 12.0])
+    if draw.random() < 0.2:
+        table["drive"]["least_frames_per_s"] = draw.choice([2.0, 5.0, 20.0])
     if is_quick:
         table |= {"resolution": 8, "printer": "fdm-0.4"}
         table.setdefault("coil", {})["grid"] = [2, 2]

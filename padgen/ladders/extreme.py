@@ -914,7 +914,7 @@ def outcome(table: dict[str, Any]) -> str:
     """Return the fault of the answer to a spec, empty where it is a plan of finite figures or one sentence.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures, but no
-    other. Warnings are faults, and so are sentences that only say that a computation broke down.
+    other. Warnings are faults, and so is a computation that broke down, in whatever words that is told.
     """
     try:
         with catch_warnings():
@@ -923,7 +923,8 @@ def outcome(table: dict[str, Any]) -> str:
     except PadgenError as error:
         if "\n" in str(error) or len(str(error)) > LONGEST_SENTENCE:
             return "its refusal is no sentence"
-        return f"SolverError: {error}" if isinstance(error.__cause__, BROKEN_DOWN) else ""
+        causes = (error.__cause__, getattr(error.__cause__, "__cause__", None))
+        return f"SolverError: {error}" if any(isinstance(cause, BROKEN_DOWN) for cause in causes) else ""
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     honest = any(finding.level == "error" for finding in plan.findings)

@@ -158,7 +158,7 @@ def _turning(deflection: tuple[Any, ...]) -> Any:
 
 
 def _dynamic(energy: Any, slowness: Any) -> Any:
-    """Return `energy` times ω²/(ω₁² − ω²), from `slowness` = (ω/ω₁)²: infinite from ω₁ on, but of no energy always 0."""
+    """Return `energy` times ω²/(ω₁² − ω²), from `slowness` = (ω/ω₁)²: infinite from ω₁ on, but 0 of no energy."""
     share = np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
     return np.multiply(energy, share, out=np.zeros(np.broadcast(energy, share).shape), where=energy != 0)
 

@@ -6,11 +6,11 @@
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, fields, replace
 from itertools import islice
-from math import inf
+from math import inf, log
 from operator import itemgetter
 from typing import Any
 
-from padgen.core.errors import InfeasibleError, PadgenError, SpecError, cured, number
+from padgen.core.errors import InfeasibleError, PadgenError, SolverError, SpecError, cured, number
 from padgen.planner.layout import (
     SLACK_MM,
     Layout,
@@ -26,10 +26,10 @@ from padgen.planner.layout import (
 from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts
 from padgen.planner.verdict import judged
-from padgen.spec import Spec, Suspension, make_spec
+from padgen.spec import Spec, Suspension, load_spec, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
-__all__ = ["Cure", "refusal", "varied", "with_tried_cures"]
+__all__ = ["Cure", "named_breakdown", "refusal", "varied", "with_tried_cures"]
 
 
 MOST_TRIED = 4
@@ -100,6 +100,40 @@ def _is_better(plan: Plan, again: Plan, code: str) -> bool:
         and (len(after) < len(before) or others[1] <= others[0])
         and kept[1] >= min(kept[0], plan.selectivity.asked_db) - LOST_DB
     )
+
+
+UNUSUAL_TRIED = 3
+"""Fields far from what is usual that are tried with their usual value, after a computation broke down."""
+
+
+def named_breakdown(spec: Spec, error: SolverError, planned: Callable[[Cure], Any]) -> SolverError:
+    """Return `error` with the field at fault: one that leaves a pad that can be computed if it has its usual value.
+
+    Usual is what the template pad-32 has; fields are tried in the order of their ratio to that, the largest first.
+    """
+    usual = _numbers_of(load_spec("pad-32"))
+    given = _numbers_of(spec)
+    shared = [name for name in given if name in usual and given[name] > 0 and usual[name] > 0]
+    far = sorted(shared, key=lambda name: -abs(log(given[name] / usual[name])))
+    for name in far[:UNUSUAL_TRIED]:
+        cure: Cure = {name: usual[name]}
+        try:
+            planned(cure)
+        except PadgenError:
+            continue
+        message = f"must be nearer to what is usual, got {given[name]:g}: with it {error.where} {error.message}"
+        return SolverError(message, name, [cure])
+    return error
+
+
+def _numbers_of(spec: Spec) -> dict[str, Any]:
+    """Return the numeric fields of a spec by their dotted names."""
+    table = asdict(spec)
+    named = list(table.items())
+    for name, value in table.items():
+        if isinstance(value, dict):
+            named += [(f"{name}.{key}", inner) for key, inner in value.items()]
+    return {name: value for name, value in named if isinstance(value, (int, float)) and not isinstance(value, bool)}
 
 
 FEWER = 3

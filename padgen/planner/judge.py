@@ -215,21 +215,29 @@ def _imperceptible(plan: Plan) -> Iterator[Finding]:
 
 
 def _slow(plan: Plan) -> Iterator[Finding]:
-    """Warn where no scheme that amplifier and sound card play is fast enough."""
+    """Warn where the chosen scheme shows fewer frames than the spec asks for."""
     rate = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
-    least = plan.spec.drive
+    drive = plan.spec.drive
     feeds = plan.spec.feeds
-    if feeds and least.scheme == "auto" and rate < least.least_frames_per_s:
+    if rate >= drive.least_frames_per_s:
+        return
+    faster: tuple[dict[str, Any], ...] = ()
+    reason = "the spec asks for that scheme"
+    if drive.scheme == "auto":
         named = " and ".join(f"the {word} {device.name}" for word, device in feeds)
-        yield Finding(
-            "warning",
-            "drive.slow",
-            "drive",
-            f"{plan.selectivity.drive} shows {number(rate)} frames/s, drive.least_frames_per_s asks for"
-            f" {number(least.least_frames_per_s)}; {named} play{'s' * (len(feeds) == 1)} nothing faster that"
-            " keeps what is asked",
-            ({"drive.least_frames_per_s": float(at_most(rate))}, *filter(None, (plan.spec.passing_cure,))),
-        )
+        plays = "plays" if len(feeds) == 1 else "play"
+        reason = f"{named} {plays} nothing faster that keeps what is asked" if feeds else "no scheme shows more"
+        faster = tuple(filter(None, (plan.spec.passing_cure,)))
+    elif Scheme(plan.selectivity.drive).takes_turns:
+        faster = ({"drive.scheme": "auto"},)
+    yield Finding(
+        "warning",
+        "drive.slow",
+        "drive",
+        f"{plan.selectivity.drive} shows {number(rate)} frames/s, drive.least_frames_per_s asks for"
+        f" {number(drive.least_frames_per_s)}; {reason}",
+        ({"drive.least_frames_per_s": float(at_most(rate))}, *faster),
+    )
 
 
 class Exceeded(NamedTuple):

@@ -19,7 +19,7 @@ from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import driven, force_constants, plan_channels
-from padgen.planner.cures import Cure, refusal, varied, with_tried_cures
+from padgen.planner.cures import Cure, named_breakdown, refusal, varied, with_tried_cures
 from padgen.planner.drive_scheme import (
     cell_is_turned,
     coil_load,
@@ -105,7 +105,7 @@ def numbers_hold() -> Iterator[None]:
             own = [frame for frame in extract_tb(error.__traceback__) if ROOT in Path(frame.filename).parents]
             raise SolverError(
                 f"leaves the range in which it can be computed ({error} in {own[-1].name} of"
-                f" {Path(own[-1].filename).relative_to(ROOT)}); some field is far from what is usual",
+                f" {Path(own[-1].filename).relative_to(ROOT)})",
                 "the spec",
             ) from error
 
@@ -121,7 +121,10 @@ def make_plan(spec: Spec) -> Plan:
     InfeasibleError
         No layout works; the message names the limits of the best candidates, and changes that were tried and work.
     """
-    return with_cures(spec, choose(spec))
+    try:
+        return with_cures(spec, choose(spec))
+    except SolverError as error:
+        raise named_breakdown(spec, error, partial(_planned_with, spec, None)) from error
 
 
 @numbers_hold()

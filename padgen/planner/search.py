@@ -403,8 +403,8 @@ def printed_count(
 ) -> int:
     """Return the most channels with which a `share` of the printed pads keeps `target_db`, on a geometric ladder.
 
-    At most `LARGEST_PRINTED` are tried. Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma of ln f of a taxel that its re-tuned
-    tone follows, `missed` the sigma that the tone does not follow.
+    At most `LARGEST_PRINTED` are tried. Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma
+    of ln f of a taxel that its re-tuned tone follows, `missed` the sigma that the tone does not follow.
     """
 
     def holds(count: int) -> bool:

@@ -1,7 +1,7 @@
 """Make the verdict on a plan: whether the pad does its job, in the sentences that every output begins with.
 
-All that decides is in the plan: its errors (limits of coils, amplifier, gap and beams among them), what its prints keep
-of the asked selectivity, and what a finger does to that.
+All that decides is in the plan: its errors (limits of coils, amplifier, gap and beams among them), its frame rate, what
+its prints keep of the asked selectivity, and what a finger does to that.
 """
 
 from dataclasses import replace
@@ -36,10 +36,18 @@ def _working(plan: Plan) -> Verdict:
     prints = plan.prints
     asked_db = plan.selectivity.asked_db
     touched = _touched_sentence(plan)
+    slow = next((finding for finding in plan.findings if finding.code == "drive.slow"), None)
+    short = f"{plan.name} falls short of what is asked, even untouched"
     if prints.print_db is None or prints.planned_db is None:
+        if slow:
+            return Verdict("short", f"{short}: {slow.message}.", touched, slow.code, _cure_of(slow), None)
         return Verdict("good", f"{plan.name} works untouched: no taxel hears another.", touched, "", "", None)
     share = f"in {plan.spec.print_share:.0%} of prints ON taxels"
     asked = f"(asked: {asked_db:.1f} dB)"
+    if slow:
+        kept = f"{share} vibrate {_kept(prints.print_db)} than OFF ones {asked}"
+        sentence = f"{short}: {slow.message}. Measured and re-tuned, {kept}."
+        return Verdict("short", sentence, touched, slow.code, _cure_of(slow), prints.print_db)
     if prints.planned_db >= asked_db:
         sentence = (
             f"{plan.name} works untouched, as printed: driven by the plan's table, {share} vibrate"
@@ -50,7 +58,7 @@ def _working(plan: Plan) -> Verdict:
     if prints.good_share >= plan.spec.print_share:
         sentence = f"{plan.name} works untouched, once every taxel is measured and re-tuned: {kept}"
         return Verdict("retune", sentence, touched, "print.spread", "", prints.print_db)
-    sentence = f"{plan.name} falls short of what is asked, even untouched, measured and re-tuned: {kept}"
+    sentence = f"{short}, measured and re-tuned: {kept}"
     causes = [finding for finding in plan.findings if finding.code in CAUSES]
     cause = min(causes, key=lambda finding: CAUSES.index(finding.code))
     return Verdict("short", sentence, touched, cause.code, _cure_of(cause), prints.print_db)
