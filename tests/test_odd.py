@@ -146,6 +146,6 @@ def test_a_breakdown_names_the_field_whose_usual_value_does(monkeypatch):
 def test_no_plan_has_a_figure_that_is_not_finite(monkeypatch, value):
     plan = make_plan(make_spec(FOUR))
     lost = replace(plan, channels=(replace(plan.channels[0], sag_um=value), *plan.channels[1:]))
-    monkeypatch.setattr(make, "finish", lambda *_: lost)
+    monkeypatch.setattr(make, "finish", lambda *_, **__: lost)
     with pytest.raises(SolverError, match=r"channels\[0\]\.sag_um: has no finite value \(-?(nan|inf)\)"):
         make_plan(make_spec(FOUR))
