@@ -218,7 +218,7 @@ def test_a_braked_file_is_within_what_it_is_judged_by(name):
     assert not beyond  # the limit is the spec's
     tight = replace(plan, spec=replace(plan.spec, drive=replace(plan.spec.drive, voltage_limit_v=0.9 * most_v)))
     beyond = judge_limits("drive.wav", tight, replace(drive, voltage_limit_v=0.9 * most_v), shown)
-    assert "wave.voltage" in {finding.code for finding in beyond}
+    assert "coil.voltage" in {finding.code for finding in beyond}
     assert ramp_s(plan) > brake_of(plan).blend_s
 
 

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import Finding, SpecError, at_least, at_most, number
-from padgen.core.units import MM, UM
+from padgen.core.units import MM
 from padgen.driver.excitation import Excitation
 from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
@@ -38,11 +38,9 @@ from padgen.driver.waveform import (
 )
 from padgen.measured.tuning import Tuning, planned_tuning, printed_channels
 from padgen.physics.crest import least_constant
-from padgen.physics.magnetics import balanced_deflection, impedance
-from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
+from padgen.physics.magnetics import impedance
 from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
-from padgen.planner.channels import hanging_gap_um
-from padgen.planner.drive_scheme import NEAR, pull_in_share
+from padgen.planner.limits import SMALLEST_LEVEL_UM, Demand, Moved, exceeded
 from padgen.planner.plan import CARRIER_OVER_RESONANCE, Plan
 from padgen.spec import Coil
 
@@ -398,8 +396,6 @@ def _least_constants(
 
 
 TRIES = 6
-SMALLEST_LEVEL_UM = 1e-4
-"""Smallest that a spec may ask for."""
 
 
 def judge_limits(
@@ -421,94 +417,35 @@ def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) 
     if any(judge_load("", plan, load_of(plan, drive), tuning)):
         found = judge_limits("", plan, drive, timeline(plan, np.unique(frames, axis=0)), tuning)
         if found:
-            raise SpecError(f"is not played: it {found[0].message}", plan.name)
+            raise SpecError(f"is not played: {found[0].message}", plan.name)
 
 
 def judge_load(where: str, plan: Plan, load: Load, tuning: Tuning | None = None) -> Iterator[Finding]:
     """Yield errors about a load."""
-    for code, sentence, _ in _exceeded(plan, load, tuning):
-        yield Finding("error", code, where, sentence)
+    for one in exceeded(plan.spec, _demand(plan, load, tuning)):
+        averaged = f", averaged over {number(heat_s(plan.spec.coil))} s" if one.limit.code == "coil.heat" else ""
+        yield Finding("error", one.limit.code, where, one.sentence + averaged)
 
 
-def _exceeded(plan: Plan, load: Load, tuning: Tuning | None) -> Iterator[tuple[str, str, float]]:
-    """Yield each limit that a load exceeds: its code, a sentence, and the share of the level that would keep it."""
-    spec = plan.spec
-    coil = plan.spec.coil
-    loss_w, total_w = (coil.resistance_ohm * float(square) for square in (load.warm_a2.max(initial=0.0), load.total_a2))
-    limit_v = spec.drive.voltage_limit_v
-    pad_w = inf if spec.limits.power_w is None else spec.limits.power_w
-    yield from _above(
-        ("wave.voltage", "peaks at {} V, above drive.voltage_limit_v = {} V", load.peak_v, limit_v, 2),
-        ("wave.current", "peaks at {} A, above amplifier.current_a = {} A", load.peak_a, _limit_a(plan), 2),
-        (
-            "coil.heat",
-            f"takes {{}} W of copper loss at its warmest, averaged over {number(heat_s(coil))} s, above"
-            " coil.power_limit_w = {} W",
-            loss_w,
-            coil.power_limit_w,
-            1,
-        ),
-        ("limits.power", "takes {} W in all coils together, above limits.power_w = {} W", total_w, pad_w, 1),
-    )
+def _demand(plan: Plan, load: Load, tuning: Tuning | None) -> Demand:
+    """Return what a load asks of the coils and of the taxels as they are printed."""
+    resistance_ohm = plan.spec.coil.resistance_ohm
     channels = printed_channels(plan, tuning or planned_tuning(plan))
-    alike = {
-        (channel, float(load.square_a2[taxel.coil[0] * plan.coils.columns + taxel.coil[1]]), level)
-        for taxel, channel, level in zip(plan.taxels, channels, load.level.tolist(), strict=True)
+    coil_of = [taxel.coil[0] * plan.coils.columns + taxel.coil[1] for taxel in plan.taxels]
+    moved = {
+        Moved(channel, float(load.square_a2[coil]), level)
+        for coil, channel, level in zip(coil_of, channels, load.level.tolist(), strict=True)
     }
-    figures = []
-    for channel, square_a2, level in alike:
-        gap_um = float(hanging_gap_um(spec, channel.sag_um))
-        slack_um = max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
-        static_um = balanced_deflection(slack_um, gap_um, max(channel.pull_exponent, 0.0)) or 0.0
-        figures.append(
-            (
-                pull_in_share(spec, channel, square_a2),
-                channel.sag_um + static_um + level * channel.level_um,
-                level * channel.root_stress_mpa,
-                weighted_acceleration(channel.resonance_hz, level * channel.level_um * UM),
-            )
-        )
-    share, travel_um, stress_mpa, at_hand = np.max(figures, axis=0).tolist()
-    third_um = coil.gap_mm * MM / UM / 3
-    if share >= 1:
-        yield "coil.pull_in", f"pulls a washer {number(share)} times as strongly as it takes to snap to the coil", 0.7
-    elif travel_um > third_um:
-        told = f"moves a washer by {number(travel_um * UM / MM)} mm, sag and static pull with it; a third of the gap is"
-        yield "gap.travel", f"{told} {number(third_um * UM / MM)} mm", 0.7
-    yield from _above(
-        (
-            "beam.fatigue",
-            "bends a beam to {} MPa at its root, above material.fatigue_stress_mpa = {} MPa",
-            stress_mpa,
-            spec.material.fatigue_stress_mpa,
-            1,
-        ),
-        (
-            "skin.level",
-            "shakes a finger by {} m/s², weighted by ISO 5349-1, above the {} m/s² that Directive 2002/44/EC allows for"
-            " eight hours a day",
-            at_hand,
-            HAND_LIMIT_M_PER_S2,
-            1,
-        ),
-    )
-
-
-def _above(*limits: tuple[str, str, float, float, int]) -> Iterator[tuple[str, str, float]]:
-    """Yield those of `limits` (code, sentence, value, limit, power) that are exceeded, as `_exceeded` does.
-
-    The level goes with the value's `power`: with the square of volts and amperes.
-    """
-    for code, sentence, value, limit, power in limits:
-        if value > limit * NEAR:
-            yield code, sentence.format(number(value), number(limit)), (limit / value) ** power
+    coil_w = resistance_ohm * float(load.warm_a2.max(initial=0.0))
+    return Demand(load.peak_v, load.peak_a, coil_w, resistance_ohm * load.total_a2, tuple(moved))
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
     """Name the level at which the same is within all limits, as a clause: it was tried."""
     for _ in range(TRIES):
         # All currents go with the root of the level.
-        part = min(share for *_, share in _exceeded(plan, load, tuning))
+        broken = exceeded(plan.spec, _demand(plan, load, tuning))
+        part = min(one.limit.share_of_level(plan.spec, one.asked) for one in broken)
         text = at_most(plan.spec.drive.level_um * part)
         if float(text) < SMALLEST_LEVEL_UM:
             break
@@ -529,4 +466,4 @@ def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tunin
     beyond = next(judge_load("", plan, load_of(plan, drive, shown), tuning), None)
     if beyond is None:
         return f"; a carrier has none (--carrier {hz} keeps all limits)"
-    return f"; a carrier has none, but with the lowest that is accepted, --carrier {hz}, the current {beyond.message}"
+    return f"; a carrier has none, but with the lowest that is accepted, --carrier {hz}, {beyond.message}"

@@ -112,7 +112,7 @@ def play_wave(
         raise SpecError(f"must be at least 1 time, got {loops}", "--loops")
     _, *beyond = wave.comment.split(BEYOND_LIMIT)
     if beyond:
-        raise SpecError(f"is not played: it {beyond[0]}", str(path))
+        raise SpecError(f"is not played: {beyond[0]}", str(path))
     sound = _sounddevice()
     chosen = audio_device(device)
     named = f"{chosen.name} (device {chosen.index})"
@@ -363,7 +363,7 @@ class Bench:
         chirp = excitation(plan, "chirp", self.rate_hz, sweep_s(plan) * (1 if sink is None else LONGER**attempt))
         beyond = next(judge_load("", plan, excitation_load(plan, chirp)), None)
         if beyond is not None:
-            raise SpecError(f"its excitation is not played: it {beyond.message}", plan.name)
+            raise SpecError(f"its excitation is not played: {beyond.message}", plan.name)
         if sink is None:
             volts = sweep_table(plan).voltage_v(self.rate_hz)
             ohms = plan.spec.coil.resistance_ohm

@@ -31,6 +31,7 @@ from padgen.physics.selectivity import Channels, Scheme, all_states, channels, o
 from padgen.physics.switching import Brake, brake_for, follow, keyframes
 from padgen.planner.channels import hanging_gap_um, heard_modes, magnetic_parts, with_any_drive
 from padgen.planner.layout import Layout
+from padgen.planner.limits import Demand, Moved, exceeded, limits, most_asked, pull_in_share, slack_um
 from padgen.planner.plan import (
     Channel,
     CoilLoad,
@@ -54,10 +55,10 @@ if TYPE_CHECKING:
 __all__ = [
     "LONGEST_S",
     "MOST_WITH_SPURS",
-    "NEAR",
     "RINGS",
     "SLOT_DB",
     "cell_is_turned",
+    "coil_demand",
     "coil_load",
     "coil_reuse",
     "coils_around",
@@ -67,15 +68,12 @@ __all__ = [
     "is_fed",
     "placed_channels",
     "plan_selectivity",
-    "pull_in_share",
     "slot_ms",
     "switch_brake",
     "switch_ms",
 ]
 
 
-NEAR = 1 + 1e-9
-"""Factor on a limit up to which an excess is taken as rounding."""
 SWITCH_PERIODS = 9.0
 """Periods of the lowest resonance that a transition lasts: at most 1e-4 of the mean pull's step then rings on."""
 SWITCH_BEATS = 2.5
@@ -261,15 +259,15 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
         peak_a *= 2**0.5
     loss_w = square_a2 * coil.resistance_ohm
     # Factors by which the displacements may grow: the square of the current grows in proportion.
+    moved = tuple(Moved(channel, square_a2, 1.0) for channel in channels)
+    demand = Demand(volts, peak_a, loss_w, loss_w, moved)
     factors = {
-        "voltage": (spec.drive.voltage_limit_v / volts) ** 2 if volts > 0 else inf,
-        "copper loss": coil.power_limit_w / loss_w if loss_w > 0 else inf,
-        "gap": min(_gap_factor(spec, channel, square_a2) for channel in channels),
-        "stretching": min(jump_amplitude(c.hardening_per_mm2, c.q) * MM / UM / c.level_um for c in channels),
-        "root stress": spec.material.fatigue_stress_mpa / max(c.root_stress_mpa for c in channels),
+        limit.level_factor: limit.share_of_level(spec, most_asked(limit, spec, demand))
+        for limit in limits()
+        if limit.level_factor and limit.bound(spec) < inf
     }
-    if spec.amplifier and peak_a > 0:
-        factors["amplifier's current"] = (spec.amplifier.current_a / peak_a) ** 2
+    factors["gap"] = min(_gap_factor(spec, channel, square_a2) for channel in channels)
+    factors["stretching"] = min(jump_amplitude(c.hardening_per_mm2, c.q) * MM / UM / c.level_um for c in channels)
     if min(c.force_constant_n_per_a2 for c in channels) <= 0:
         factors["pull"] = 0.0
     tightest = min(factors, key=lambda name: factors[name])
@@ -303,23 +301,16 @@ def fitting_parts(plan: Plan) -> Parts:
     return Parts(fed, tuple(name for name, e in cards if e["channels"] >= coils and e["coupling"] in passed))
 
 
+def coil_demand(load: CoilLoad, coils: int, moved: tuple[Moved, ...] = ()) -> Demand:
+    """Return what a plan asks for with all taxels on, of a coil and of so many coils; `moved` are taxels of each."""
+    watts = load.copper_loss_w
+    return Demand(load.voltage_peak_v, load.current_peak_ma * MA, watts, watts * coils, moved)
+
+
 def is_fed(spec: Spec, load: CoilLoad) -> bool:
     """Return whether amplifier and sound card, where the spec names any, have the volts and amperes of a load."""
-    most_a = spec.amplifier.current_a if spec.amplifier else inf
-    enough = load.voltage_peak_v <= spec.drive.voltage_limit_v and load.current_peak_ma * MA <= most_a
-    return enough or not spec.feeds
-
-
-def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
-    """Return the mean pull on a washer for a mean square current, over the pull at which it snaps to the coil."""
-    gap_um = float(hanging_gap_um(spec, channel.sag_um))
-    _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
-    return _slack_um(channel, square_a2) / largest_um
-
-
-def _slack_um(channel: Channel, square_a2: float) -> float:
-    """Return the deflection in µm under the mean pull at rest, as if the pull did not grow while the gap closes."""
-    return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
+    codes = {one.limit.code for one in exceeded(spec, coil_demand(load, 1))}
+    return codes.isdisjoint({"coil.voltage", "coil.current"}) or not spec.feeds
 
 
 def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
@@ -330,16 +321,16 @@ def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     exponent = max(channel.pull_exponent, 0.0)
     free_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um
-    slack_um = _slack_um(channel, square_a2)
-    if free_um <= 0 or slack_um <= 0:
+    resting_um = slack_um(channel, square_a2)
+    if free_um <= 0 or resting_um <= 0:
         return max(free_um, 0.0) / channel.level_um
     low = 0.0
     high = min(free_um, pull_in_deflection(gap_um, exponent)[0])
     for _ in range(60):
         static_um = (low + high) / 2
-        grown = slack_at(static_um, gap_um, exponent) / slack_um
+        grown = slack_at(static_um, gap_um, exponent) / resting_um
         low, high = (static_um, high) if grown * channel.level_um + static_um < free_um else (low, static_um)
-    return slack_at(low, gap_um, exponent) / slack_um
+    return slack_at(low, gap_um, exponent) / resting_um
 
 
 MOST_SPELLED_OUT = 16

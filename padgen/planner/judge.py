@@ -1,7 +1,7 @@
 """Make the findings of a plan: limits that it breaks or nearly breaks, with proposed cures."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import combinations, pairwise, permutations
 from math import inf
 from typing import Any, NamedTuple
@@ -9,28 +9,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import LEVELS, Finding, about, at_least, at_most, number, percent, quieter
-from padgen.core.units import MA, MM, UM, decibel
+from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.physics.modes import jump_amplitude, level_kept, resonance_rise
 from padgen.physics.resonator import ModalTaxels, felt_energy
-from padgen.physics.schemes import simplest_first
+from padgen.physics.schemes import mean_square_a2, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
 from padgen.planner.channels import coil_modes, mode_names
 from padgen.planner.cures import Cure
-from padgen.planner.drive_scheme import NEAR, placed_channels
+from padgen.planner.drive_scheme import coil_demand, placed_channels
 from padgen.planner.left_out import judge_left_out, judge_touch
-from padgen.planner.plan import Channel, CoilLoad, Plan, channel_sets
+from padgen.planner.limits import Moved, exceeded, lower_level
+from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pushes import judge_pushes
-from padgen.planner.sizing import DRAWN_SHARE, STRENGTH_OVER_FATIGUE, steps_are_coarse
+from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.suspensions import allowed
 from padgen.planner.taxel_model import asked_error
-from padgen.spec import Coil, Spec
+from padgen.spec import Spec
 
-__all__ = ["Crowd", "crowds", "exceeded_limits", "judge", "judge_modes", "lower_level"]
+__all__ = ["Crowd", "crowds", "judge", "judge_modes"]
 
 
-SMALLEST_LEVEL_UM = 1e-4
-"""Smallest level that a spec may ask for."""
 PULL_DB = 1.0
 """Loss of selectivity by unequal pull up to which there is no finding."""
 SNAPPING_DB = 0.5
@@ -161,12 +160,6 @@ def _unsure_pull(plan: Plan) -> Iterator[Finding]:
             )
 
 
-def lower_level(spec: Spec, share: float) -> tuple[dict[str, float], ...]:
-    """Return a cure: a `share` of the level. Empty where that is below the smallest level that a spec may ask for."""
-    level_um = float(at_most(spec.drive.level_um * share))
-    return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
-
-
 def _softening(plan: Plan) -> Iterator[Finding]:
     spec = plan.spec
     quarter_slot = slot_half_width(spec.q_min, spec.delta_y) / 2
@@ -240,89 +233,31 @@ def _slow(plan: Plan) -> Iterator[Finding]:
     )
 
 
-class Exceeded(NamedTuple):
-    """A limit that a load exceeds: `asked` is more than `most`, and the level goes with its `power`."""
-
-    code: str
-    where: str
-    told: str
-    asked: float
-    most: float
-    power: int
-
-
-def exceeded_limits(spec: Spec, load: CoilLoad, coils: int) -> Iterator[Exceeded]:
-    """Yield what a pad's `load` exceeds with all taxels on: limits of a coil, its amplifier and the whole pad."""
-    amplifier = spec.amplifier
-    volts = load.voltage_peak_v
-    amperes = load.current_peak_ma * MA
-    watts = load.copper_loss_w
-    most_a = amplifier.current_a if amplifier else inf
-    pad_w = inf if spec.limits.power_w is None else spec.limits.power_w
-    limits = (
-        Exceeded(
-            "coil.voltage",
-            "coil",
-            "channels on take up to {} V, the amplifier has {} V",
-            volts,
-            spec.drive.voltage_limit_v,
-            2,
-        ),
-        Exceeded("coil.current", "coil", "channels on take up to {} A, the amplifier has {} A", amperes, most_a, 2),
-        Exceeded(
-            "coil.heat",
-            "coil",
-            "channels on heat each coil with {} W, it bears {} W",
-            watts,
-            spec.coil.power_limit_w,
-            1,
-        ),
-        Exceeded(
-            "limits.power",
-            "pad",
-            "taxels on take {} W in all coils, limits.power_w allows {} W",
-            watts * coils,
-            pad_w,
-            1,
-        ),
-    )
-    yield from (limit for limit in limits if limit.asked > limit.most * NEAR)
-
-
 def _limits(plan: Plan) -> Iterator[Finding]:
     """Find errors where all taxels on ask for more than is borne, as `padgen.driver.limits` does of a drive."""
     spec = plan.spec
-    load = plan.load
-    for limit in exceeded_limits(spec, load, plan.coils.rows * plan.coils.columns):
-        told = limit.told.format(number(limit.asked), number(limit.most))
-        sentence = f"{number(spec.drive.level_um)} µm with all {told}"
-        cures = lower_level(spec, (limit.most / limit.asked) ** limit.power)
-        yield Finding("error", limit.code, limit.where, sentence, cures)
-    if load.pull_in_share >= 1:
-        yield Finding(
-            "error",
-            "coil.pull_in",
-            "coil",
-            f"the mean pull is {about(load.pull_in_share, 3)} times the one at which the softest washer snaps to"
-            " the coil",
-            lower_level(spec, 0.99 / load.pull_in_share),
-        )
+    moved = []
+    for own in plan.sets:
+        lines = np.array([channel.line_a2 for channel in own])
+        square_a2 = mean_square_a2(plan.scheme, lines, spec.drive.headroom)
+        moved += [Moved(channel, square_a2, 1.0) for channel in own]
+    demand = coil_demand(plan.load, plan.coils.rows * plan.coils.columns, tuple(moved))
+    for one in exceeded(spec, demand):
+        limit = one.limit
+        share = limit.share_of_level(spec, one.asked)
+        cures = lower_level(spec, share) if limit.cures is None else limit.cures(spec, one.asked)
+        sentence = f"with all taxels on at {number(spec.drive.level_um)} µm {one.sentence}"
+        yield Finding(limit.planned, limit.code, one.where, sentence, cures)
 
 
 SPACING_SHARE = 0.05
 """Share of a slot by which a resonance may be off without a finding."""
-GAPS_TRIED = (1.01, 1.3, 2.0)
-"""Wider gaps that are proposed, over three times the travel: farther from the coil a washer is pulled more evenly."""
-LARGE_MOTION = 0.25
-"""Largest deflection of a beam over its length. The secant stiffness of a cantilever under an end load is then 7 %
-above that of linear theory (elastica)."""
 LOSS_DB = 0.5
 """Loss of level by stretching beams up to which there is no finding."""
 ROUNDING_MM = 1e-6
 EVEN_RATIO = 1.2
 HOLE_RATIO = 2.0
 """Largest over smallest distance up to which taxels feel evenly spaced, and above which a display has holes."""
-LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
 
 
 def judge(plan: Plan) -> tuple[Finding, ...]:
@@ -355,12 +290,8 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
 
 
 WORST: dict[str, Callable[[Channel], float]] = {
-    "beam.sag": lambda c: (c.level_um + c.sag_um + c.static_um) / c.beam.length_mm,
-    "beam.strength": lambda c: c.root_stress_mpa * (c.level_um + c.sag_um + c.static_um) / c.level_um,
-    "beam.stress": lambda c: c.root_stress_mpa,
     "beam.stretching": lambda c: c.level_loss_db,
     "coil.unsure": lambda c: c.force_error,
-    "gap.travel": lambda c: c.level_um + c.sag_um + c.static_um,
     "model.error": lambda c: c.model_error,
     "resonance.band": lambda c: abs(c.resonance_hz / c.target_hz - 1),
     "resonance.off": lambda c: abs(c.resonance_hz / c.target_hz - 1),
@@ -522,63 +453,13 @@ def _modes(plan: Plan) -> Iterator[Finding]:
 
 
 def _mechanics(plan: Plan) -> Iterator[Finding]:
-    """Yield findings on how far taxels move, what their beams bear, and how well the model knows them."""
+    """Yield findings on how beams stretch, and how well the model knows their resonances."""
     spec = plan.spec
-    gap_mm = plan.spec.coil.gap_mm
-    fatigue = spec.material.fatigue_stress_mpa
-    strength = STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa
     for channel in plan.channels:
-        where = f"channel {channel.index}"
-        length_mm = channel.beam.length_mm
-        moved_um = channel.level_um + channel.sag_um + channel.static_um
-        travel_mm = moved_um * UM / MM
-        touches = moved_um * UM / MM >= gap_mm
-        if travel_mm > gap_mm / 3:
-            bound = (
-                f"the gap is {number(gap_mm)} mm: its washer meets the coil"
-                if touches
-                else f"a third of the gap is {number(gap_mm / 3)} mm"
-            )
-            yield Finding(
-                "error" if touches else "warning",
-                "gap.travel",
-                where,
-                f"sag ({number(channel.sag_um)} µm), static pull ({number(channel.static_um)} µm) and amplitude"
-                f" together are {number(travel_mm)} mm, {bound}",
-                _more_room(spec, travel_mm),
-            )
-        swing_mpa = channel.root_stress_mpa
-        stress = swing_mpa * moved_um / channel.level_um
-        broken = (
-            (
-                "beam.strength",
-                stress > strength,
-                f"sag, mean pull and amplitude, {number(travel_mm)} mm in all, stress its root by {number(stress)}"
-                f" MPa, {spec.material.name} breaks at about {number(strength)} MPa",
-                0.5,
-            ),
-            (
-                "beam.sag",
-                travel_mm > LARGE_MOTION * length_mm,
-                f"sag, mean pull and amplitude move it by {number(travel_mm)} mm, more than {LARGE_MOTION:.0%} of"
-                f" its beams' length of {number(length_mm)} mm: no figure of this plan holds",
-                0.5,
-            ),
-            (
-                "beam.stress",
-                swing_mpa > fatigue,
-                f"at {number(channel.level_um)} µm the root of its beams is stressed by {number(swing_mpa)} MPa,"
-                f" {spec.material.name} bears {number(fatigue)} MPa for long",
-                fatigue / max(swing_mpa, fatigue),
-            ),
-        )
-        for code, breaks, sentence, share in broken:
-            if breaks:
-                yield Finding("error", code, where, sentence, lower_level(spec, share))
         if channel.level_loss_db > LOSS_DB:
             yield _stretching(spec, channel)
         if doubt := _model_doubt(spec, channel):
-            yield Finding("warning", "model.error", where, doubt)
+            yield Finding("warning", "model.error", f"channel {channel.index}", doubt)
 
 
 def _model_doubt(spec: Spec, channel: Channel) -> str:
@@ -620,13 +501,6 @@ def _stretching(spec: Spec, channel: Channel) -> Finding:
         f" asked{jumps}{sags}",
         lower_level(spec, low / channel.level_um),
     )
-
-
-def _more_room(spec: Spec, travel_mm: float) -> tuple[dict[str, float], ...]:
-    """Return cures for a travel that takes too much of the gap: wider gaps and lower levels."""
-    gaps = [float(at_least(3 * travel_mm * factor)) for factor in GAPS_TRIED]
-    wider = [{"coil.gap_mm": gap_mm} for gap_mm in gaps if spec.coil.gap_mm < gap_mm <= LARGEST_GAP_MM]
-    return (*wider, *lower_level(spec, 0.5), *lower_level(spec, 0.1))
 
 
 def _places(plan: Plan) -> Iterator[Finding]:

@@ -22,6 +22,7 @@ from padgen.planner.channels import driven, force_constants, plan_channels
 from padgen.planner.cures import Cure, named_breakdown, refusal, varied, with_tried_cures
 from padgen.planner.drive_scheme import (
     cell_is_turned,
+    coil_demand,
     coil_load,
     coil_reuse,
     fitting_parts,
@@ -30,9 +31,10 @@ from padgen.planner.drive_scheme import (
     is_fed,
     plan_selectivity,
 )
-from padgen.planner.judge import exceeded_limits, judge
+from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
 from padgen.planner.left_out import left_out, touched_pads
+from padgen.planner.limits import exceeded
 from padgen.planner.plan import (
     Cell,
     Channel,
@@ -298,7 +300,7 @@ def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, o
     load = coil_load(spec, channels, scheme)
     if meets or not is_fed(spec, load):
         return Tried(-inf)
-    if not overloaded and any(exceeded_limits(spec, load, choice.layout.coils)):
+    if not overloaded and any(exceeded(spec, coil_demand(load, choice.layout.coils))):
         return Tried(-inf)
     if selectivity.kept_db is not None:
         at_most = min(at_most, selectivity.kept_db)

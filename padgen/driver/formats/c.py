@@ -25,6 +25,7 @@ from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, drive_at, frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.selectivity import Scheme
+from padgen.planner.limits import limits
 from padgen.planner.plan import Plan
 from padgen.spec import catalogue
 
@@ -225,15 +226,13 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
     inductance = drive.inductance_h
     volts = max(floor(drive.voltage_limit_v / MICRO + SMALL), 1)
     reached = ceil(1.001 * drive.voltage_limit_v / resistance / MICRO)
+    bounds = {limit.firmware: limit.bound(spec) for limit in limits() if limit.firmware}
+    kept = {name: floor(bound / MICRO + SMALL) for name, bound in bounds.items() if bound < inf}
     amplifier_v = volts
-    amplifier_a = reached
     if spec.amplifier:
         amplifier_v = max(volts, floor(spec.amplifier.voltage_v / MICRO + SMALL))
-        amplifier_a = floor(spec.amplifier.current_a / MICRO + SMALL)
-    coil_uw = floor(spec.coil.power_limit_w / MICRO + SMALL)
-    pad_uw = len(drive.coils) * coil_uw
-    if spec.limits.power_w is not None:
-        pad_uw = min(pad_uw, floor(spec.limits.power_w / MICRO + SMALL))
+    amplifier_a = kept.get("PADGEN_AMPLIFIER_UA", reached)
+    all_coils_uw = len(drive.coils) * kept["PADGEN_COIL_LIMIT_UW"]
     shift = floor(log2(heat_s(spec.coil) * rate))
     k = resistance / (inductance * rate) if inductance else inf
     x = exp(-k)
@@ -241,15 +240,14 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
     first, second = (0.0, 0.0) if k == inf else (2 * rise / k, -expm1(-2 * k) / (2 * k))
     mean = (1 - first + second, first * (1 + x) - 2 * x - 2 * second, x * x - first * x + second)
     after, both, before = (part / rise**2 for part in mean) if k > SMALL else (1 / 3, 1 / 3, 1 / 3)
-    return {
+    lines: dict[str, int | str] = {
         "PADGEN_VOLTAGE_LIMIT_UV": volts,
         "PADGEN_AMPLIFIER_UV": amplifier_v,
         "PADGEN_VOLTAGE_LIMIT_V": "(PADGEN_VOLTAGE_LIMIT_UV / 1000000.0f)",
         "PADGEN_CURRENT_LIMIT_UA": min(reached, amplifier_a),
         "PADGEN_AMPLIFIER_UA": amplifier_a,
         "PADGEN_CURRENT_LIMIT_A": "(PADGEN_CURRENT_LIMIT_UA / 1000000.0f)",
-        "PADGEN_COIL_LIMIT_UW": coil_uw,
-        "PADGEN_PAD_LIMIT_UW": pad_uw,
+        "PADGEN_PAD_LIMIT_UW": min(all_coils_uw, kept.get("PADGEN_PAD_LIMIT_UW", all_coils_uw)),
         "PADGEN_HEAT_SHIFT": shift,
         "PADGEN_START_SAMPLES": f"{ceil((1 << shift) / 63)}u",
         "PADGEN_CURRENT_RISE": _float(rise),
@@ -257,6 +255,7 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
         "PADGEN_SQUARE_BOTH": _float(both),
         "PADGEN_SQUARE_BEFORE": _float(before),
     }
+    return lines | {name: bound for name, bound in kept.items() if name not in lines}
 
 
 def _upper(scheme: str) -> str:

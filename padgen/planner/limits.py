@@ -1,0 +1,374 @@
+"""List the limits of coils, amplifiers, gaps, beams and skin: one row each, for plans, samples, firmware and benches.
+
+A plan asks for all taxels on at its level, a timeline for what its samples show, the firmware for whatever a host may
+send, a bench for its excitation: each makes a `Demand`, and `exceeded` says which limits it breaks. A new limit is one
+row of `LIMITS`, or one call of `register`.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from math import inf
+from typing import Any, NamedTuple
+
+from padgen.core.errors import SpecError, at_least, at_most, number
+from padgen.core.units import MM, UM
+from padgen.physics.magnetics import balanced_deflection, pull_in_deflection
+from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
+from padgen.planner.channels import hanging_gap_um
+from padgen.planner.plan import Channel
+from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
+from padgen.spec import Coil, Spec
+
+__all__ = [
+    "NEAR",
+    "SMALLEST_LEVEL_UM",
+    "Demand",
+    "Exceeded",
+    "Limit",
+    "Moved",
+    "exceeded",
+    "limits",
+    "lower_level",
+    "most_asked",
+    "pull_in_share",
+    "register",
+    "slack_um",
+    "unregister",
+]
+
+NEAR = 1 + 1e-9
+"""Factor above a bound up to which it counts as kept: rounding."""
+SMALLEST_LEVEL_UM = 1e-4
+"""Smallest level that a spec may ask for."""
+LARGE_MOTION = 0.25
+"""Largest deflection of a beam over its length. The secant stiffness of a cantilever under an end load is then 7 %
+above that of linear theory (elastica)."""
+LOWER = 0.5
+"""Share of the level that is tried where the limit's quantity does not go with a power of the level."""
+GAPS_TRIED = (1.01, 1.3, 2.0)
+"""Wider gaps that are proposed, over three times the travel: farther from the coil a washer is pulled more evenly."""
+
+Cures = tuple[dict[str, Any], ...]
+
+
+class Moved(NamedTuple):
+    """A taxel of a `channel` at a share `level` of its ON level, over a coil with a mean square current in A²."""
+
+    channel: Channel
+    square_a2: float
+    level: float
+
+
+class Demand(NamedTuple):
+    """The most that is asked at once: peaks and heat of any coil, heat of all coils, and the motion of taxels.
+
+    `peak_v` in V, `peak_a` in A, `coil_w` and `pad_w` in W.
+    """
+
+    peak_v: float
+    peak_a: float
+    coil_w: float
+    pad_w: float
+    moved: tuple[Moved, ...] = ()
+
+
+def slack_um(channel: Channel, square_a2: float) -> float:
+    """Return the deflection in µm under the mean pull at rest, as if the pull did not grow while the gap closes."""
+    return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
+
+
+def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
+    """Return the mean pull on a washer for a mean square current, over the pull at which it snaps to the coil."""
+    gap_um = float(hanging_gap_um(spec, channel.sag_um))
+    _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
+    return slack_um(channel, square_a2) / largest_um
+
+
+def _resting_um(spec: Spec, one: Moved) -> float:
+    """Return sag and deflection by the mean pull in µm; a washer that snaps to its coil crosses the gap."""
+    channel = one.channel
+    gap_um = float(hanging_gap_um(spec, channel.sag_um))
+    static_um = balanced_deflection(slack_um(channel, one.square_a2), gap_um, max(channel.pull_exponent, 0.0))
+    return channel.sag_um + (gap_um if static_um is None else static_um)
+
+
+def _travel_mm(spec: Spec, one: Moved) -> float:
+    """Return the farthest that a washer comes from where its beam is straight: sag, mean pull and amplitude, in mm."""
+    return (_resting_um(spec, one) + one.level * one.channel.level_um) * UM / MM
+
+
+def _root_stress_mpa(spec: Spec, one: Moved) -> float:
+    """Return the largest stress in MPa at the roots of a taxel's beams: by sag, mean pull and amplitude."""
+    return one.channel.root_stress_mpa * _travel_mm(spec, one) * MM / UM / one.channel.level_um
+
+
+def lower_level(spec: Spec, share: float) -> Cures:
+    """Return a cure: a `share` of the level. Empty where that is below the smallest level that a spec may ask for."""
+    level_um = float(at_most(spec.drive.level_um * share))
+    return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
+
+
+def _more_room(spec: Spec, travel_mm: float) -> Cures:
+    """Return cures for a travel that takes too much of the gap: wider gaps and lower levels."""
+    gaps = [float(at_least(3 * travel_mm * factor)) for factor in GAPS_TRIED]
+    wider = [{"coil.gap_mm": gap_mm} for gap_mm in gaps if spec.coil.gap_mm < gap_mm <= LARGEST_GAP_MM]
+    return (*wider, *lower_level(spec, LOWER), *lower_level(spec, 0.1))
+
+
+LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.name == "gap_mm")
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One limit: what is asked must not be more than what is borne.
+
+    `asked` returns the quantity in `unit` of a `Demand`, or for `each` taxel of it; `bound` returns what a spec allows,
+    infinity where nothing limits it, and `bound_name` says what that is. The quantity goes with the level's power of
+    1/`power`; None: with no power of it. `cures` returns changes of the spec that may keep the limit, by default the
+    level that does. `planned` is the level of a plan's finding.
+
+    `level_factor` is the name of the limit where it bounds the level that a coil reaches, `firmware` that of the
+    constant, in millionths of the unit, by which the firmware keeps it. A channel that exceeds a limit of `implied_by`,
+    which stand before this one, is not told of this one, too.
+    """
+
+    code: str
+    where: str
+    quantity: str
+    unit: str
+    bound_name: str
+    bound: Callable[[Spec], float]
+    asked: Callable[[Spec, Demand], float] | None = None
+    each: Callable[[Spec, Moved], float] | None = None
+    power: float | None = 1.0
+    cures: Callable[[Spec, float], Cures] | None = None
+    planned: str = "error"
+    level_factor: str = ""
+    firmware: str = ""
+    implied_by: tuple[str, ...] = ()
+
+    def share_of_level(self, spec: Spec, asked: float) -> float:
+        """Return the share of the level at which the quantity is at its bound, as far as it goes with the level."""
+        if self.power is None:
+            return LOWER
+        return (self.bound(spec) / asked) ** self.power if asked > 0 else inf
+
+
+class Exceeded(NamedTuple):
+    """A limit that is exceeded: `asked` and `bound` in its unit, and the channels that exceed it, if any."""
+
+    limit: Limit
+    asked: float
+    bound: float
+    channels: tuple[int, ...]
+
+    @property
+    def sentence(self) -> str:
+        """Say what is asked and what is borne, as a clause."""
+        limit = self.limit
+        unit = f" {limit.unit}" if limit.unit != "1" else ""
+        worst = f" (channel {self.channels[0]})" if self.channels else ""
+        bound = f"{limit.bound_name} = {number(self.bound)}" if limit.bound_name else number(self.bound)
+        return f"{limit.quantity} is {number(self.asked)}{unit}{worst}, above {bound}{unit}"
+
+    @property
+    def where(self) -> str:
+        """Name the part: the channels that exceed the limit, else coil or pad."""
+        if not self.channels:
+            return self.limit.where
+        plural = "s" if len(self.channels) > 1 else ""
+        return f"channel{plural} {', '.join(map(str, sorted(self.channels)))}"
+
+
+def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
+    """Yield the limits that `demand` exceeds, in the order of the table; of channels those that do, the worst first.
+
+    A channel is judged by that of its taxels that asks for most.
+    """
+    told: dict[str, set[int]] = {}
+    for limit in limits():
+        bound = limit.bound(spec)
+        if limit.asked is not None:
+            asked = limit.asked(spec, demand)
+            if asked > bound * NEAR:
+                yield Exceeded(limit, asked, bound, ())
+            continue
+        most: dict[int, float] = {}
+        for one in demand.moved:
+            value = _of_each(limit, spec, one)
+            most[one.channel.index] = max(value, most.get(one.channel.index, value))
+        known = set[int]().union(*(told.get(code, ()) for code in limit.implied_by))
+        broken = [index for index in most if most[index] > bound * NEAR and index not in known]
+        told[limit.code] = {*broken}
+        if broken:
+            broken.sort(key=lambda index: (-most[index], index))
+            yield Exceeded(limit, most[broken[0]], bound, tuple(broken))
+
+
+def _of_each(limit: Limit, spec: Spec, one: Moved) -> float:
+    assert limit.each is not None, limit.code
+    return limit.each(spec, one)
+
+
+def most_asked(limit: Limit, spec: Spec, demand: Demand) -> float:
+    """Return the most that a demand asks of a limit's quantity, of any taxel; minus infinity where none moves."""
+    if limit.asked is not None:
+        return limit.asked(spec, demand)
+    return max((_of_each(limit, spec, one) for one in demand.moved), default=-inf)
+
+
+def _amplifier_a(spec: Spec) -> float:
+    return spec.amplifier.current_a if spec.amplifier else inf
+
+
+def _pad_w(spec: Spec) -> float:
+    return inf if spec.limits.power_w is None else spec.limits.power_w
+
+
+LIMITS = (
+    Limit(
+        "coil.voltage",
+        "coil",
+        "the peak voltage of a coil",
+        "V",
+        "drive.voltage_limit_v",
+        lambda spec: spec.drive.voltage_limit_v,
+        lambda _, demand: demand.peak_v,
+        power=2,
+        level_factor="voltage",
+        firmware="PADGEN_VOLTAGE_LIMIT_UV",
+    ),
+    Limit(
+        "coil.current",
+        "coil",
+        "the peak current of a coil",
+        "A",
+        "amplifier.current_a",
+        _amplifier_a,
+        lambda _, demand: demand.peak_a,
+        power=2,
+        level_factor="amplifier's current",
+        firmware="PADGEN_AMPLIFIER_UA",
+    ),
+    Limit(
+        "coil.heat",
+        "coil",
+        "the heat of a coil",
+        "W",
+        "coil.power_limit_w",
+        lambda spec: spec.coil.power_limit_w,
+        lambda _, demand: demand.coil_w,
+        level_factor="copper loss",
+        firmware="PADGEN_COIL_LIMIT_UW",
+    ),
+    Limit(
+        "limits.power",
+        "pad",
+        "the heat of all coils together",
+        "W",
+        "limits.power_w",
+        _pad_w,
+        lambda _, demand: demand.pad_w,
+        firmware="PADGEN_PAD_LIMIT_UW",
+    ),
+    Limit(
+        "coil.pull_in",
+        "coil",
+        "the mean pull over the one at which the washer snaps to the coil",
+        "1",
+        "",
+        lambda _: 1.0,
+        each=lambda spec, one: pull_in_share(spec, one.channel, one.square_a2),
+    ),
+    Limit(
+        "gap.contact",
+        "gap",
+        "the travel (sag, mean pull and amplitude)",
+        "mm",
+        "the whole gap, coil.gap_mm",
+        lambda spec: spec.coil.gap_mm,
+        each=_travel_mm,
+        power=None,
+        cures=_more_room,
+        implied_by=("coil.pull_in",),
+    ),
+    Limit(
+        "gap.travel",
+        "gap",
+        "the travel (sag, mean pull and amplitude)",
+        "mm",
+        "a third of coil.gap_mm",
+        lambda spec: spec.coil.gap_mm / 3,
+        each=_travel_mm,
+        power=None,
+        cures=_more_room,
+        planned="warning",
+        implied_by=("coil.pull_in", "gap.contact"),
+    ),
+    Limit(
+        "beam.strength",
+        "beam",
+        "the stress at the root of a beam by sag, mean pull and amplitude",
+        "MPa",
+        f"the strength, {STRENGTH_OVER_FATIGUE:g} x material.fatigue_stress_mpa",
+        lambda spec: STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa,
+        each=_root_stress_mpa,
+        power=None,
+    ),
+    Limit(
+        "beam.sag",
+        "beam",
+        "the travel over the length of the beam",
+        "1",
+        "the largest for which figures hold",
+        lambda _: LARGE_MOTION,
+        each=lambda spec, one: _travel_mm(spec, one) / one.channel.beam.length_mm,
+        power=None,
+    ),
+    Limit(
+        "beam.stress",
+        "beam",
+        "the alternating stress at the root of a beam",
+        "MPa",
+        "material.fatigue_stress_mpa",
+        lambda spec: spec.material.fatigue_stress_mpa,
+        each=lambda _, one: one.level * one.channel.root_stress_mpa,
+        level_factor="root stress",
+    ),
+    Limit(
+        "skin.level",
+        "skin",
+        "the acceleration at a finger (weighted by ISO 5349-1)",
+        "m/s²",
+        "what Directive 2002/44/EC allows for eight hours a day",
+        lambda _: HAND_LIMIT_M_PER_S2,
+        each=lambda _, one: weighted_acceleration(one.channel.resonance_hz, one.level * one.channel.level_um * UM),
+    ),
+)
+"""The table: a limit is a row of it."""
+_registered: dict[str, Limit] = {}
+
+
+def limits() -> tuple[Limit, ...]:
+    """Return all limits: those of the table, then the registered ones."""
+    return (*LIMITS, *_registered.values())
+
+
+def register(limit: Limit) -> None:
+    """Add a limit; `unregister` removes it.
+
+    Raises
+    ------
+    SpecError
+        Its code is taken, or it says neither what is asked of a pad nor what of each taxel.
+    """
+    if limit.code in (one.code for one in limits()):
+        raise SpecError(f"there is a limit {limit.code!r} already; take another code", "limit")
+    if (limit.asked is None) == (limit.each is None):
+        raise SpecError(f"the limit {limit.code!r} must have one of asked and each", "limit")
+    _registered[limit.code] = limit
+
+
+def unregister(code: str) -> None:
+    """Remove a registered limit; those of the table cannot be removed."""
+    del _registered[code]
