@@ -111,7 +111,7 @@ def read_settings(path: Path) -> dict[str, str]:
     if b"\0" in begin:
         stl = size == 84 + 50 * int.from_bytes(begin[80:84], "little")
         raise FileError(OTHER_FILES[4][1] if stl else "is binary, not G-code as text", str(path))
-    found = {key.decode(errors="replace"): value.decode(errors="replace") for key, value in SETTING.findall(begin + b"\n" + end)}
+    found = {key.decode(): value.decode(errors="replace") for key, value in SETTING.findall(begin + b"\n" + end)}
     slicer = SLICER.search(begin)
     return found | ({"slicer": slicer[1].decode(errors="replace")} if slicer else {})
 
