@@ -111,7 +111,7 @@ def parse_expression(text: str, spec: Spec) -> Expression:
     """
     where = f"constraint {text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + '…'!r}"
     if len(text) > LONGEST:
-        raise SpecError(f"is no condition of at most {LONGEST} characters, it has {len(text)}; write several", where)
+        raise SpecError(f"has {len(text)} characters, a condition may have {LONGEST}: write several conditions", where)
     try:
         tree = ast.parse(text.strip(), mode="eval").body
         _refuse(tree, spec, where)

@@ -188,7 +188,7 @@ def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: Limits)
         answer = runner.run(work, task, time_s=limits.time_s, most_mb=limits.memory_mb)
         record = answer.value
         if answer.kind != "value":
-            sentence = answer.sentence + f" (limits.{answer.limit})" * bool(answer.limit)
+            sentence = answer.sentence + (f" (limits.{answer.limit})" if answer.limit else "")
             if answer.kind == "refused":
                 sentence = f"broke down ({type(answer.error).__name__}: {sentence})"
             record = broken(task, sentence, answer.seconds, answer.peak_mb)

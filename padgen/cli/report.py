@@ -63,7 +63,7 @@ def _report(options: argparse.Namespace) -> int:
 
 
 def _recorded(folder: Path) -> Any:
-    """Return the plan in a folder: planned anew where that gives the same plan, since a file holds ten digits."""
+    """Return the plan of a folder in full precision: planned anew from its spec where that gives the same plan."""
     from padgen.core.files import differs, read_as_one
     from padgen.make.planning import plan_for, recorded_plan
     from padgen.planner import plan_to_json

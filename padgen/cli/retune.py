@@ -19,7 +19,7 @@ from padgen.cli.common import (
     show,
 )
 from padgen.cli.drive import tuning_of
-from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, plain
+from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, plain, plural
 
 __all__ = ["add_bench", "add_calibrate", "add_retune"]
 
@@ -284,7 +284,7 @@ def _calibrate(options: argparse.Namespace) -> int:
         f"beams print {found.z_offset_mm:.4f} ± {found.z_offset_error_mm:.4f} mm thicker and"
         f" {found.width_offset_mm:.4f} ± {found.width_offset_error_mm:.4f} mm wider than drawn, of"
         f" {found.modulus_gpa:.3f} ± {found.modulus_error_gpa:.3f} GPa"
-        f" ({found.prints} print{'s' * (found.prints > 1)}, {found.taxels} taxels, chi-square"
+        f" ({found.prints} print{plural(found.prints)}, {found.taxels} taxels, chi-square"
         f" {found.chi_square:.1f} of {found.freedom})"
     )
     use = f'written: {plain(str(path))}; printer = "{plain(path.name)}" in a spec beside it plans for this printer'

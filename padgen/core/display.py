@@ -129,7 +129,8 @@ def seconds_text(seconds: float) -> str:
     if not isfinite(seconds):
         return ""
     if seconds < 60:
-        unit, size = ("s", 1.0) if seconds >= 1 else ("ms", 1e-3) if seconds >= 1e-3 else ("µs", 1e-6)
+        units = (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6))
+        unit, size = next((pair for pair in units if seconds >= pair[1]), units[-1])
         return f"{number(float(f'{seconds / size:.3g}'))} {unit}"
     minutes, rest = divmod(round(seconds), 60)
     return f"{minutes} min {rest:02d} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60:02d} min"

@@ -44,6 +44,7 @@ __all__ = [
     "number",
     "percent",
     "plain",
+    "plural",
     "quieter",
     "shown",
 ]
@@ -225,7 +226,7 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
     "too much; coil.grid = [2, 2] with washer = 'iso7092-m2', or leaving out coil.gap_mm, would do"
     """
     ways = [as_lines(cure) for cure in cures]
-    comma = "," * (len(ways) > 1)
+    comma = "," if len(ways) > 1 else ""
     return f"{sentence}; {', or '.join(ways)}{comma} would do" if ways else sentence
 
 
@@ -262,6 +263,15 @@ def number(value: float) -> str:
     ('4', '0.12346', '100000')
     """
     return shown(value) if isinstance(value, int) else f"{value:.5g}"
+
+
+def plural(count: float) -> str:
+    """Return the ending of a noun after a count.
+
+    >>> f"1 coil{plural(1)}, 2 coil{plural(2)}"
+    '1 coil, 2 coils'
+    """
+    return "" if count == 1 else "s"
 
 
 def about(value: float, digits: int = 2) -> str:

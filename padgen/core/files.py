@@ -639,7 +639,9 @@ def _escaped(text: str) -> str:
 def _plain(value: Any, in_full: bool = False) -> Any:
     """Return a value as plain data, its numbers rounded or `in_full`."""
     if isinstance(value, float):
-        return (value if in_full else _rounded(value)) if isfinite(value) else None
+        if not isfinite(value):
+            return None
+        return value if in_full else _rounded(value)
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, (list, tuple)):

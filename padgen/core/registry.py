@@ -123,7 +123,7 @@ class Registry(Generic[T]):
 
 @cache
 def _module(package: str, name: str) -> Any:
-    """Import and keep the thing of a name, since plans ask for it a thousand times and `import_module` is slow."""
+    """Import a module of a package, once: plans ask for it a thousand times, and `import_module` is slow."""
     stem, number = _files(package)[name]
     module = import_module(f"{package}.{stem}")
     return module.member(number) if number else module

@@ -532,7 +532,7 @@ def tell(step: str) -> None:
 
 
 def serve(imports: list[str], life: int, idle_s: float) -> None:
-    """Answer jobs in the worker until there is nobody left to ask, or none is asked for `idle_s`.
+    """Run a worker: answer jobs until the parent is gone, or none has come for `idle_s`.
 
     `life` is one end of a pipe, whose other end the parent holds.
     """

@@ -159,12 +159,12 @@ class Heard:
 
     @property
     def off(self) -> np.ndarray:
-        """Felt levels (h, n) of the taxels that are OFF over what is wanted at level 1, NaN else."""
+        """Felt levels (h, n) of OFF taxels, each over its own planned ON level; NaN for taxels that are ON."""
         return np.where(self.shares > 0, np.nan, self.relative)
 
     @property
     def selectivity_db(self) -> float | None:
-        """Smallest ON over largest OFF in all spans, each over the taxel's own; None where there is none of either."""
+        """Worst ratio of ON to OFF taxels in dB over all held states; None without taxels of both kinds."""
         on = self.on
         off = self.off
         if np.isnan(on).all() or np.isnan(off).all():
@@ -269,7 +269,7 @@ def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> n
 
 
 def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: float) -> tuple[Span, ...]:
-    """Return the states that are held; where channels take turns, frames of so many `slots`, unless all is one state.
+    """Split a file into its held states; where channels take turns, into frames of `slots` turns.
 
     `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
     """
@@ -578,7 +578,7 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
             yield {
                 "until_s": span.stop_s,
                 "coil": heard.coils[k]["coil"],
-                "state": "".join("0" if x <= 0 else "1" if x > 1 - 1e-9 else "+" for x in span.levels[which]),
+                "state": "".join(map(_level_mark, span.levels[which].tolist())),
                 "on_db": on_db,
                 "on_taxel": on_taxel,
                 "off_db": off_db,
@@ -586,6 +586,13 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
                 "selectivity_db": None if on_db is None or off_db is None else on_db - off_db,
                 "settled": bool(heard.settled[h, which].all()),
             }
+
+
+def _level_mark(level: float) -> str:
+    """Return '0' for a taxel that is OFF, '1' for one fully ON and '+' for one between."""
+    if level <= 0:
+        return "0"
+    return "1" if level > 1 - 1e-9 else "+"
 
 
 def ear_findings(heard: Heard) -> Iterator[Finding]:

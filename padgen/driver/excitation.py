@@ -60,7 +60,7 @@ class Excitation:
 
     @property
     def samples(self) -> int:
-        """Samples of the whole: of one turn, or of one turn for each coil."""
+        """Number of all samples: one turn's, times the number of coils where they take turns."""
         return len(self.current_a) * (1 if self.together else len(self.coils))
 
     @property

@@ -401,7 +401,7 @@ TRIES = 6
 def judge_limits(
     where: str, plan: Plan, drive: PadDrive, shown: Timeline | None = None, tuning: Tuning | None = None
 ) -> tuple[Finding, ...]:
-    """Find errors where `drive`, made for `plan` and `tuning`, asks for more than is borne; none where all limits hold.
+    """Return an error for each limit that a drive of a plan exceeds; an empty tuple where all hold.
 
     `shown` None: by the worst of all levels and changes that the firmware may be sent.
     """

@@ -414,7 +414,7 @@ class _Link:
 
     @contextmanager
     def closing_in(self, what: str) -> Iterator[None]:
-        """Turn what a line that is gone raises into a sentence."""
+        """Raise a `FileError` with one sentence where the serial line is lost meanwhile."""
         try:
             yield
         except LINE_ERRORS as error:
@@ -491,7 +491,7 @@ class _Link:
 
 
 def _answers(answer: Message, message: Message) -> bool:
-    """Tell whether an answer is to this message; a damaged one has no name, one of another version no form."""
+    """Return whether this reply answers this message; a damaged reply answers none."""
     if answer.version != VERSION:
         return message.kind == Kind.HELLO and answer.kind >= Kind.GREETING
     if answer.kind in (Kind.ACK, Kind.NAK) and len(answer.payload) >= (2 if answer.kind == Kind.ACK else REFUSAL.size):

@@ -120,7 +120,7 @@ class CoilDrive:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PadDrive:
-    """The coils of a pad, row by row, and what feeds them: all of one scheme and on one comb.
+    """The drive of a pad: its coils, row by row, with one scheme and frequencies on one base period.
 
     `rate_hz` is that of the samples; a period is a whole number of them. `resistance_ohm`, `inductance_h`
     are each coil's. With a `carrier_hz` (spur-free only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers
@@ -489,7 +489,7 @@ SMALLEST = 1e-300
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Group:
-    """Coils (m,) with the same frequencies: their taxels (m, n) and what one at level 1 adds to their sum.
+    """Coils (m,) that share their frequencies, with their taxels (m, n) and each taxel's line at level 1.
 
     `weight` (m, n) are complex amplitudes of the sum that is formed: of i², or of the current. `harmonic` (n,) are
     the sum's frequencies in 1/period, `table` (row, 2n + 1) cosines, sines and ones over a row. All is scaled to the

@@ -1,4 +1,4 @@
-"""Stiff and extreme cases of every model, and of whole plans: what each says, what is true, whether it knew.
+"""List stiff and extreme cases of every model: its figure, the reference's, and whether its error covers the gap.
 
 Structure: foils and blocks, ribbons and blades, feathers and anvils at the tip: the frame of Timoshenko elements
 against the roots of the frequency equation in forty digits, and the beam model of taxels against 3-D elasticity of

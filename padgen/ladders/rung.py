@@ -459,7 +459,7 @@ def measured(rung: Rung) -> Measured:
     """Run a rung and measure it; a refusal or a crash is a `Measured` with its sentence."""
     answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
     if answer.kind != "value":
-        return Measured(note="refused: " * (answer.kind == "refused") + answer.sentence)
+        return Measured(note=("refused: " if answer.kind == "refused" else "") + answer.sentence)
     found: Timed = answer.value
     solved: Solved = found.value
     values = np.atleast_1d(np.asarray(solved.values, float))

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import SolverError, number
+from padgen.core.errors import SolverError, number, plural
 from padgen.core.units import GRAM, MH, MM
 from padgen.ladders.rung import (
     Ladder,
@@ -483,7 +483,7 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
         step = scene.step(channel)
         frame = partial(frame_hz, *taxel)
         frames = (
-            Rung("frame", f"{count} element{'s' * (count > 1)} a beam", partial(frame, count), FRAME, 1 / count, FRAMES)
+            Rung("frame", f"{count} element{plural(count)} a beam", partial(frame, count), FRAME, 1 / count, FRAMES)
             for count in ELEMENTS
         )
         solids = (
@@ -590,7 +590,7 @@ def planned_hz(plan: Plan) -> Solved:
 
 
 def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
-    """Return the same, moved by as much as the frame moves the peak of the taxel's own response."""
+    """Return the resonances of a taxel in the pad's frame, which moves the peak of its response."""
     from padgen.verify.pad_frame import central_taxels, pad_modes, shift
 
     modes, held = pad_modes(plan, clamping, order)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from padgen.core import cache
-from padgen.core.errors import EngineMissingError, SolverError, SpecError, number
+from padgen.core.errors import EngineMissingError, SolverError, SpecError, number, plural
 from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.physics.resonator import TaxelModes
 from padgen.planner.layout import room, shape_inputs
@@ -181,7 +181,7 @@ class TaxelSolver:
                 known |= _from_cache(unknown)  # others may have stored them during the wait
                 missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in known}
                 if missing:
-                    self._progress(f"solving {len(missing)} taxel{'s' * (len(missing) > 1)} by finite elements")
+                    self._progress(f"solving {len(missing)} taxel{plural(len(missing))} by finite elements")
                     known |= dict(zip(missing, self._computed(plan, list(missing.values())), strict=True))
                 for key in missing:
                     cache.store(KIND, key, _to_plain(known[key]))

@@ -135,7 +135,7 @@ def fitted(
     if not refused:
         return ordered, tuple(curves), None
     (part, cause), *others = refused
-    named = ", ".join(other.id for other, _ in others[:MOST_NAMED]) + " …" * (len(others) > MOST_NAMED)
+    named = ", ".join(other.id for other, _ in others[:MOST_NAMED]) + (" …" if len(others) > MOST_NAMED else "")
     rest = f" ({len(others)} more cannot be fitted: {named})" if others else ""
     return ordered, tuple(curves), FileError(cause + rest, part.where)
 
@@ -316,7 +316,7 @@ def tuning_picture(curves: Sequence[Curve]) -> bytes:
                 level = 20 * np.log10(np.maximum(np.abs(values) / top, 10 ** (FLOOR_DB / 20)))
                 axis.plot(frequency[keep], level[keep], mark, color=colour, markersize=3, linewidth=1, label=name)
             axis.set_ylim(FLOOR_DB, 10)
-            axis.set_title(curve.id + ": refused" * bool(curve.cause), fontsize=9)
+            axis.set_title(curve.id + (": refused" if curve.cause else ""), fontsize=9)
             if curve.cause:
                 axis.text(0.02, 0.03, fill(curve.cause, 48), transform=axis.transAxes, fontsize=8, color=COLOURS[1])
         axes[0].legend(fontsize=8, loc="upper right")

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import Finding, number
+from padgen.core.errors import Finding, number, plural
 from padgen.core.units import G_PER_CM3, MG, MM
 from padgen.measured.laid_pad import LaidPad, laid_pad, read_settings
 from padgen.physics.ladder import slot_half_width
@@ -212,7 +212,7 @@ def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, dict[s
     for name in SETTINGS:
         if name not in needs or name not in has or _plain(has[name]) == _plain(needs[name]):
             continue
-        unit = " mm" * (needs[name].endswith("mm") and "mm" not in has[name])
+        unit = " mm" if needs[name].endswith("mm") and "mm" not in has[name] else ""
         shown = {"0": "off", "1": "on"}.get(has[name], has[name]) if needs[name] in ("on", "off") else has[name]
         found[name] = {"name": name.replace("_", " "), "has": f"{shown}{unit}", "needs": needs[name]}
     return found
@@ -245,7 +245,7 @@ def _told(
     if names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         cause = "; ".join("{name} is {has}, must be {needs}".format(**wrong[name]) for name in causes if name in wrong)
-        told = f"{told} ({', '.join(names[:NAMED])}{more}){': ' * bool(cause)}{cause}"
+        told = f"{told} ({', '.join(names[:NAMED])}{more}){': ' if cause else ''}{cause}"
         yield Finding(level, code, f"{len(names)} of {of}", told)
 
 
@@ -257,7 +257,7 @@ def _range(values: np.ndarray) -> str:
 def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[Finding]:
     """Find faults of beams: missing beams, pieces and layers, wrong thickness and widths."""
     each = [
-        (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' * (len(own) > 1)}", beam, at)
+        (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' if len(own) > 1 else ''}", beam, at)
         for channel, own in zip(plan.channels, beams, strict=True)
         for k, beam in enumerate(own)
         for at, taxel in enumerate(_of(plan, channel))
@@ -283,7 +283,7 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
             off.setdefault(key, []).append(name)
     for (planned, layers, thick, count), names in sorted(off.items()):
         told = (
-            f"are laid {number(thick)} mm thick in {count} layer{'s' * (count > 1)}, planned are {number(planned)} mm"
+            f"are laid {number(thick)} mm thick in {count} layer{plural(count)}, planned are {number(planned)} mm"
             f" in {layers}"
         )
         yield from _told("error", "laid.layers", names, of, told, wrong, "layer_height", "first_layer_height")

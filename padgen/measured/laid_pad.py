@@ -572,8 +572,9 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
     least = 1.0
     top = 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):
-        told = float(layer.height_mm[0])
-        step = told if told > 0 else layer.top_mm - top if layer.top_mm > top else layer.top_mm
+        step = float(layer.height_mm[0])
+        if step <= 0:
+            step = layer.top_mm - top if layer.top_mm > top else layer.top_mm
         top = layer.top_mm
         wide = float(np.ptp(layer.start, axis=0).max())
         if wide > WIDEST_MM:

@@ -292,7 +292,7 @@ def _records(
     return [
         Record(
             taxel,
-            f"{where}, channel {k + 1 + driven} ({'coil of ' * bool(shared)}{taxel})",
+            f"{where}, channel {k + 1 + driven} ({'coil of ' if shared else ''}{taxel})",
             rate,
             columns[:, k + driven],
             squared,

@@ -313,7 +313,7 @@ def _motions(frame: Frame) -> np.ndarray:
     led = {6 * node + k for attached in frame.bodies for node in attached.nodes for k in range(6)}
     clamped = {6 * node + k for node in frame.clamped for k in range(6)}
     if led & clamped:
-        raise SolverError("a node that is fast to a body cannot be held as well; hold another node")
+        raise SolverError("a node that is fixed to a rigid body cannot be clamped, too; clamp another node")
     used = {6 * n + k for e in frame.elements for n in (e.start, e.end) for k in range(6)}
     return ties[:, sorted(((used - led) | set(range(6 * count, rows + inner))) - clamped)]
 

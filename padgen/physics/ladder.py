@@ -277,5 +277,8 @@ def descend(
         kept = (values.max() - trial[0].max()) / -best[-1]
         if kept > 0:
             here, (values, slope) = there, trial
-        reach *= 2 if kept > 0.75 else 1 if kept > 0.25 else 0.3
+        if kept > 0.75:
+            reach *= 2
+        elif kept <= 0.25:
+            reach *= 0.3
     return Descent(here, float(values.max()), reach)

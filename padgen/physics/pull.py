@@ -348,7 +348,7 @@ def _at_nodes(count: int) -> tuple[np.ndarray, ...]:
 def make_table(
     coil: CoilSource, washer: SteelRing, low: float, high: float, reach: float, gaps: int, offsets: int
 ) -> PullTable:
-    """Solve the pull at `gaps` times `offsets` places and return the table; a single offset is `reach` over √2."""
+    """Make a table of the pull at `gaps` x `offsets` places; a single offset lies at `reach`/√2."""
     at_gap = chebyshev.chebpts1(gaps)
     at_offset = chebyshev.chebpts1(offsets)
     gap = low * (high / low) ** ((at_gap + 1) / 2)

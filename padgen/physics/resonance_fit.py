@@ -810,7 +810,7 @@ def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _
 def _fit_peaks(
     lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False, alone: bool = False
 ) -> _Solved:
-    """Fit the chosen one of `peaks`, if not `alone` with its neighbours and what else stands out of the residual."""
+    """Fit one peak; if not `alone`, together with its neighbours and others that stand out of the residual."""
     own = _chosen(peaks, near_hz, exact)
     start = np.log([own.hz, own.q])
     others = [peak for peak in peaks if peak is not own]

@@ -10,7 +10,7 @@ from math import inf, log
 from operator import itemgetter
 from typing import Any
 
-from padgen.core.errors import InfeasibleError, PadgenError, SolverError, SpecError, cured, number
+from padgen.core.errors import InfeasibleError, PadgenError, SolverError, SpecError, cured, number, plural
 from padgen.planner.layout import (
     SLACK_MM,
     Layout,
@@ -189,7 +189,7 @@ def _too_many(spec: Spec, limit: int) -> str:
         word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
         there_are = f"the {word} {device.name} has channels for"
     return (
-        f"{there_are} {coils} coil{'s' * (coils > 1)} of {number(spec.coil.outer_diameter_mm)} mm, each with at most"
+        f"{there_are} {coils} coil{plural(coils)} of {number(spec.coil.outer_diameter_mm)} mm, each with at most"
         f" {per_coil} channels by band, Q and room for plates, {coils * per_coil} taxels in all"
     )
 

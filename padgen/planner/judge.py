@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import LEVELS, Finding, about, at_least, at_most, number, percent, quieter
+from padgen.core.errors import LEVELS, Finding, about, at_least, at_most, number, percent, plural, quieter
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.physics.modes import jump_amplitude, level_kept, resonance_rise
@@ -109,7 +109,7 @@ def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
 
 def _named(channels: Iterable[Channel]) -> str:
     indices = list(dict.fromkeys(str(channel.index) for channel in channels))
-    return f"channel{'s' * (len(indices) > 1)} {', '.join(indices)}"
+    return f"channel{plural(len(indices))} {', '.join(indices)}"
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
@@ -118,14 +118,14 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     asked = plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is not None and apart is not None and step < asked and plan.reuse.is_known:
-        by_table = f" ({quieter(step)} by the driver table)" * (apart >= asked)
+        by_table = f" ({quieter(step)} by the driver table)" if apart >= asked else ""
         yield Finding(
             "warning" if apart < asked else "note",
             "coil.leak",
             f"channel {plan.reuse.leak_channel}",
             "in their worst state the coils around shake this taxel, when it is OFF, re-tuned"
             f" {quieter(apart)} than its own coil does when ON{by_table}; asked are"
-            f" {asked:.1f} dB less{f' ({asked - apart:.1g} dB short)' * (apart < asked < apart + 0.1)}",
+            f" {asked:.1f} dB less{f' ({asked - apart:.1g} dB short)' if apart < asked < apart + 0.1 else ''}",
         )
 
 

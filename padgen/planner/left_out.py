@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import Finding, at_least, at_most, number, percent, quieter
+from padgen.core.errors import Finding, at_least, at_most, number, percent, plural, quieter
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM, decibel
 from padgen.physics.bounds import (
     beam_inertia,
@@ -254,7 +254,7 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
     """
     dropped = _ignored(entries)
     more = len(dropped) - most
-    rest = f"; {more} smaller one{'s' * (more > 1)}" if more > 0 else ""
+    rest = f"; {more} smaller one{plural(more)}" if more > 0 else ""
     return f"ignored effects: {'; '.join(map(_told, dropped[:most])) or 'none'}{rest}"
 
 
@@ -572,7 +572,7 @@ def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Ite
 
 
 def judge_touch(plan: Plan) -> Iterator[Finding]:
-    """Yield a note where typical skin stiffens or damps a taxel too much, with values that would prevent it."""
+    """Yield a note where typical skin stiffens or damps a taxel too much, with changes that can be made and help."""
     skin = SKINS["typical"]
     worst = min(plan.channels, key=lambda c: c.stiffness_n_per_m / _allowed(skin, c.resonance_hz))
     typical = next(t for t in plan.touched if t.skin == "typical")
@@ -589,14 +589,31 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
     q = typical.q[worst.index]
     kept = typical.all_states_db
     heard = "" if kept is None else f", and OFF taxels vibrate {quieter(kept)} than ON ones"
+    ways = []
+    if contact_mm >= SMALLEST_CONTACT_MM:
+        ways.append(f"a contact {at_most(contact_mm)} mm wide")
+    if heavy_g <= HEAVIEST_G:
+        ways.append(f"a moving mass of {at_least(heavy_g)} g")
+    if high_hz <= HIGHEST_FELT_HZ:
+        ways.append(f"a resonance of {at_least(high_hz)} Hz")
+    cure = f"{' or '.join(ways)} would keep it within 5 %"
+    if not ways:
+        cure = "no single change that can be made (contact, moving mass, resonance) would keep it within 5 %"
     yield Finding(
         "note",
         "touch.skin",
         f"channel {worst.index}",
         f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{heard}; any one of these would keep it within 5 %: a contact {at_most(contact_mm)} mm wide, a"
-        f" moving mass of {at_least(heavy_g)} g, a resonance of {at_least(high_hz)} Hz",
+        f" {q:.2g}{heard}; {cure}",
     )
+
+
+SMALLEST_CONTACT_MM = 0.4
+"""Width of the finest pin that a common printer makes: one line of a 0.4 mm nozzle."""
+HEAVIEST_G = 2.5
+"""Heaviest mass that hangs on a taxel of some 6 mm: a short steel dowel."""
+HIGHEST_FELT_HZ = 800.0
+"""Highest frequency that skin feels well enough to be of use."""
 
 
 def _allowed(skin: Skin, hz: float) -> float:

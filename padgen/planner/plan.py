@@ -676,7 +676,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
         plan: Plan = read_as(Plan, table, "the plan")
         _refuse_contradictions(plan)
     except (ValueError, RecursionError, SpecError) as error:
-        its = "its spec: " * isinstance(error, SpecError)
+        its = "its spec: " if isinstance(error, SpecError) else ""
         raise FileError(f"is not a plan ({its}{error}); padgen plan makes one", where) from error
     return plan
 
@@ -748,7 +748,9 @@ def _refuse_contradictions(plan: Plan) -> None:
     for where, part in drawn.items():
         for item in fields(part):
             # Places may be 0 or negative, most sizes not.
-            least = -LARGEST_MM if isinstance(part, (Site, Taxel)) else 0.0 if item.name in MAY_BE_0 else SMALLEST_FLOAT
+            least = 0.0 if item.name in MAY_BE_0 else SMALLEST_FLOAT
+            if isinstance(part, (Site, Taxel)):
+                least = -LARGEST_MM
             value = getattr(part, item.name)
             sizes = [v for v in (value if isinstance(value, tuple) else (value,)) if isinstance(v, (int, float))]
             if not all(least <= size <= LARGEST_MM for size in sizes):

@@ -183,7 +183,7 @@ def other_slicers_text(plan: Plan) -> str:
         ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]),
     ):
         lines = (
-            f"  {name}" + f": {each.value}" * (":" not in name)
+            f"  {name}" + (f": {each.value}" if ":" not in name else "")
             for name, each in zip(own, settings, strict=True)
             if name
         )

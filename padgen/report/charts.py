@@ -189,7 +189,8 @@ def draw_selectivity(plan: Plan) -> Any:
         for (row, column), value in np.ndenumerate(db):
             if len(own) <= MOST_WRITTEN:
                 dark = row != column and image.norm(value) < 0.55
-                words = "ON" if row == column else f"{value:.0f}" if len(own) > 4 else f"{value:.1f}"
+                digits = 0 if len(own) > 4 else 1
+                words = "ON" if row == column else f"{value:.{digits}f}"
                 axis.text(column, row, words, ha="center", va="center", fontsize=8, color="white" if dark else INK)
             if row != column and value < figures.asked_db:
                 corner = column - 0.46, row - 0.46

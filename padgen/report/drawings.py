@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.display import COLOURS, INK, PALE
-from padgen.core.errors import InfeasibleError, number
+from padgen.core.errors import InfeasibleError, number, plural
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
 from padgen.planner.plan import TURNS, Channel, Plan
@@ -452,12 +452,12 @@ def draw_exploded(plan: Plan) -> Any:
     windings = prisms("coil", grid, coil.outer_diameter_mm, z, top)
     cores = prisms("core", grid, coil.core_diameter_mm, top)
     coils = [*chain(*zip(windings, cores, strict=True))]
-    layers.append(("coil", f"{len(grid)} coil{'s' * (len(grid) > 1)}", "an amplifier output each", coils))
+    layers.append(("coil", f"{len(grid)} coil{plural(len(grid))}", "an amplifier output each", coils))
     z = top + step
     top = z + washer.thickness_mm
     rings = prisms("washer", bosses, washer.outer_diameter_mm, z, top)
     rings += prisms("hole", bosses, washer.inner_diameter_mm, top)
-    name = f"{len(bosses)} washer{'s' * (len(bosses) > 1)}"
+    name = f"{len(bosses)} washer{plural(len(bosses))}"
     layers.append(("washer", name, "glued into the plates from below", rings))
     z = top + step
     top = z + spec.pad.frame_thickness_mm
@@ -531,7 +531,7 @@ def draw_wiring(plan: Plan) -> Any:
                 sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
     told = (
         "bold: amplifier output, and channel of the WAV file counted from 1; row by row from the corner with the groove"
-        + "\nr1c2: row 1, column 2, as in the names of taxels" * roomy
+        + ("\nr1c2: row 1, column 2, as in the names of taxels" if roomy else "")
     )
     sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), told, ha="left", va="top")
     return sheet.figure

@@ -5,7 +5,7 @@ from math import isfinite, log
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
-from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, at_most, number, plain, quieter
+from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, at_most, number, plain, plural, quieter
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
@@ -73,8 +73,8 @@ def pad_line(plan: "Plan") -> str:
         f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
         + (f", {' and '.join(sides)} apart ({even}{full})" if sides else "")
         + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
-        + f" channel{'s' * (len(plan.sets[0]) > 1)}"
-        + " (one coil has those of even number, the next those of odd number)" * (coils.sets > 1)
+        + f" channel{plural(len(plan.sets[0]))}"
+        + (" (one coil has those of even number, the next those of odd number)" if coils.sets > 1 else "")
         + f", {number(plan.spec.coil.gap_mm)} mm below the washers; {coils.rows * coils.columns} amplifier"
         f" outputs, {output_coupling(plan)} coupled{on_carrier}."
     )
@@ -162,8 +162,7 @@ def plan_text(plan: "Plan") -> str:
     lines = [
         f"{plan.name}: {len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm,"
         f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
-        + ": one coil has those of even number, the next those of odd number"
-        * (coils.sets > 1),
+        + (": one coil has those of even number, the next those of odd number" if coils.sets > 1 else ""),
         f"channels that a coil could have in this band: {capacity.paper} by the paper's bound"
         f" ({capacity.paper_unrounded:.2f} before rounding; each resonance {number(capacity.ratio)} times the one"
         f" below); {capacity.exact_one_hot} by the exact response with one channel on;"
@@ -342,7 +341,7 @@ def held_line(done: str, findings: Iterable[Finding]) -> str:
         some = f"{errors} checks fail: see the errors" if errors > 1 else "a check fails: see the error"
         return f"{done}, but {some} below."
     if warnings:
-        return f"{done}, with {warnings} warning{'s' * (warnings > 1)}."
+        return f"{done}, with {warnings} warning{plural(warnings)}."
     return f"{done}, and every check holds."
 
 
@@ -363,7 +362,7 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
         (len(parts), "further warning", " on what prints keep"),
         (len(ordered) - len(serious), "note", ""),
     )
-    if told := [f"{count} {word}{'s' * (count > 1)}{about}" for count, word, about in more if count]:
+    if told := [f"{count} {word}{plural(count)}{about}" for count, word, about in more if count]:
         lines.append(f"--verbose shows {', '.join(told)}, and all details.")
     return "\n".join(lines)
 
@@ -424,7 +423,7 @@ def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
 
 def yield_text(result: "PrintYield") -> str:
     """Return tables of the yields before and after re-tuning, and of the gain without each spread."""
-    fewer = f"; {result.pads_asked} would have been too much work" * (result.pads < result.pads_asked)
+    fewer = f"; {result.pads_asked} would have been too much work" if result.pads < result.pads_asked else ""
     columns = (
         "",
         "good taxels (95 % sure)",

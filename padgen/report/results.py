@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import seconds_text, span_text, table
-from padgen.core.errors import Finding, number, plain
+from padgen.core.errors import Finding, number, plain, plural
 from padgen.report.plans import findings_text, held_line, serious_text, verdict_text
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def driven_table(plan: "Plan", driven: "Driven", notes: Sequence[str]) -> dict[s
 
 def counted(count: int, word: str) -> str:
     """Return a number with its word, in the plural where it is not 1."""
-    return f"{count} {word}{'s' * (count != 1)}"
+    return f"{count} {word}{plural(count)}"
 
 
 def _wave_text(report: "WaveReport") -> str:
@@ -174,7 +174,7 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
                 "" if np.isnan(quiet).all() else f"{20 * np.log10(max(float(np.nanmax(quiet)), 1e-12)):.1f}",
             )
         )
-    gap = ", with the pull growing as the gap closes" * heard.with_gap
+    gap = ", with the pull growing as the gap closes" if heard.with_gap else ""
     leak = plan.reuse.leak_db
     leaked = (
         "" if leak is None or not plan.reuse.is_known else f", the plan has their leakage at {-leak:.1f} dB or less"
@@ -211,7 +211,7 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
     """Return the verdict on a G-code, the settings to change, and a table of each channel (`verbose`: each taxel)."""
     figures = report.figures
     count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
-    faults = ", ".join(f"{n} {level}{'s' * (n > 1)}" for level, n in count.items() if n)
+    faults = ", ".join(f"{n} {level}{plural(n)}" for level, n in count.items() if n)
     verdict = f"would not print as planned ({faults})" if faults else "would print as planned"
     x, y = figures["centre_mm"]
     turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
@@ -325,8 +325,8 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
 
 def counts_text(event: "Event | SweepResult") -> str:
     """Return the counts of variants done and failed, and of those refused and left if there are any."""
-    counts = [f"{event.done} done", f"{event.refused} refused" * bool(event.refused), f"{event.failed} failed"]
-    return ", ".join(count for count in [*counts, f"{event.left} left" * bool(event.left)] if count)
+    counts = [f"{event.done} done", (f"{event.refused} refused" if event.refused else ""), f"{event.failed} failed"]
+    return ", ".join(count for count in [*counts, (f"{event.left} left" if event.left else "")] if count)
 
 
 NONE_WORKS = {
@@ -347,7 +347,7 @@ def _front_text(sweep: "Sweep", overview: "Overview") -> str:
     count = len(overview.rows)
     head = f"Pareto front over {weighed}: {counted(count, 'variant')} that no other beats"
     head += NONE_WORKS[overview.front_of]
-    head += "; those best in one of these" * (count > MOST_ROWS)
+    head += "; those best in one of these" if count > MOST_ROWS else ""
     best: dict[int, list[str]] = {row: [] for row in range(count) if count <= MOST_ROWS}
     for objective, row in overview.best().items():
         best.setdefault(row, []).append(OBJECTIVES[objective].word)

@@ -242,8 +242,10 @@ def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> 
             extent = " x ".join(number(round(v, 2)) for v in piece.extent_mm)
             what = "more than planned" if piece.more else "missing"
             said.append(f"{piece.volume_mm3:.2g} mm³ are {what} near ({x}, {y}, {z}) mm, over {extent} mm")
-        more = f"; so are {', '.join(others[:AT_ONCE])}{' and others' * (len(others) > AT_ONCE)}" if others else ""
-        yield Finding("error", "built.planned", first, "; ".join(said) + more)
+        if others:
+            rest = " and others" if len(others) > AT_ONCE else ""
+            said.append(f"so are {', '.join(others[:AT_ONCE])}{rest}")
+        yield Finding("error", "built.planned", first, "; ".join(said))
 
 
 def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
@@ -312,7 +314,7 @@ def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
         yield replace(UNCOMPARED, where=where)
         return
     if len(pairs):
-        least = "at least " * (len(pairs) > MOST_FOUND)
+        least = "at least " if len(pairs) > MOST_FOUND else ""
         yield Finding(
             "error",
             "mesh.intersects",
@@ -371,7 +373,7 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
         told = f"{number(thin.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm"
         wrong.append(("print.skin", thin, told))
     if place and span > limit:
-        hangs = f"a face hangs free over {'at least ' * (span > limit + 0.99)}{number(span)} mm"
+        hangs = f"a face hangs free over {'at least ' if span > limit + 0.99 else ''}{number(span)} mm"
         wrong.append(("print.bridge", place, f"{hangs}, {printer.name} bridges {number(limit)} mm"))
     spots = [_spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm) for _, at, _ in wrong]
     findings = (Finding("error", code, spot, told) for spot, (code, _, told) in zip(spots, wrong, strict=True))

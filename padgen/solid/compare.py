@@ -234,7 +234,7 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
 
 
 def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
-    """Return whether triangles (n, 3, 3) and planned ones, of closed meshes alike in all others, show the same faces.
+    """Return whether both meshes triangulate the same faces, given their triangles (n, 3, 3) that differ.
 
     Along a vertical line two such solids can part only at faces that are seen from above or below, and cannot where
     the triangles in every plane cover the same places. Strips narrower than `STRIP_MM` are left out.

@@ -379,7 +379,8 @@ def with_threshold(drive: Drive, folder: Path) -> Drive:
     if name is None:
         return drive
     if drive.threshold_hz is not None or drive.threshold_um is not None:
-        raise SpecError("must stand without drive.threshold_hz and drive.threshold_um, or they without it", where)
+        twice = "gives a threshold that drive.threshold_hz and drive.threshold_um give, too: leave out one or the other"
+        raise SpecError(twice, where)
     if not name.strip() or "\0" in name:
         raise SpecError(f"must name a file, got {name!r}", where)
     where = f"{where} {str(folder / name)!r}"
@@ -712,8 +713,8 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
     other = len(given) > 1 or given == ["turns"]
     if table == "coil" and "name" not in overrides and other and len(given) < len(WINDING):
         raise SpecError(
-            f"must have {', '.join(WINDING)} together, got {', '.join(given)} alone; of a coil that is like a"
-            " catalogue's but for that, give its name as well",
+            f"needs {', '.join(WINDING)} together for a coil of one's own, got only {', '.join(given)}; to change only"
+            " that of a coil in the catalogue, give its name, too",
             table,
         )
     if not isinstance(name, str):

@@ -353,7 +353,7 @@ def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]
 
 
 def _edges(*places: float) -> list[float]:
-    """Return places in order, one of those that rounding keeps apart."""
+    """Return the places sorted, with those that differ by rounding only once."""
     ordered = sorted(places)
     close = 1e-6 * (ordered[-1] - ordered[0])
     return [ordered[0], *(v for u, v in pairwise(ordered) if v - u > close)]

@@ -1,0 +1,44 @@
+"""Plain code: what no rule of the linter holds, counted over all modules, with the few that are left."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+MODULES = sorted((Path(__file__).parents[1] / "padgen").rglob("*.py"))
+
+
+def is_packed(node: ast.AST) -> bool:
+    """Return whether values are packed on one line, as ``a, b = x, y`` does; pairs such as x and y may stay."""
+    return (
+        isinstance(node, ast.Assign)
+        and isinstance(node.value, ast.Tuple)
+        and any(isinstance(target, ast.Tuple) for target in node.targets)
+    )
+
+
+def is_chained(node: ast.AST) -> bool:
+    """Return whether a conditional expression is in another: ``a if p else b if q else c``."""
+    return isinstance(node, ast.IfExp) and any(isinstance(part, ast.IfExp) for part in (node.body, node.orelse))
+
+
+def is_text_times_condition(node: ast.AST) -> bool:
+    """Return whether a text is left out by a product, ``" more" * (n > 1)``; ``"-" * width`` is no such thing."""
+    if not isinstance(node, ast.BinOp) or not isinstance(node.op, ast.Mult):
+        return False
+    text = isinstance(node.left, ast.JoinedStr) or (
+        isinstance(node.left, ast.Constant) and isinstance(node.left.value, str)
+    )
+    asks = isinstance(node.right, (ast.Compare, ast.BoolOp)) or (
+        isinstance(node.right, ast.Call) and isinstance(node.right.func, ast.Name) and node.right.func.id == "bool"
+    )
+    return text and asks
+
+
+@pytest.mark.parametrize(("kind", "most"), [(is_packed, 90), (is_chained, 0), (is_text_times_condition, 0)])
+def test_code_says_one_thing_a_line(kind, most):
+    """The number only sinks: a new one is unpacked, or an old one goes."""
+    found = [
+        f"{path.name}:{node.lineno}" for path in MODULES for node in ast.walk(ast.parse(path.read_text())) if kind(node)
+    ]
+    assert len(found) <= most, found
