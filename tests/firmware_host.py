@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import lfilter
 
 from padgen.driver.formats.c import FILE, c_header, firmware_files
-from padgen.driver.limits import HEAT_S
+from padgen.driver.loads import HEAT_S
 from padgen.driver.serial_line import Kind, Message, decode, encode, frame_message, plan_hash
 from padgen.driver.waveform import PadDrive, make_drive
 from padgen.planner import Plan, make_plan

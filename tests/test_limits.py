@@ -22,12 +22,12 @@ from scipy.signal import lfilter
 from padgen import cli
 from padgen.core.errors import Finding, InfeasibleError, SpecError
 from padgen.core.wav_reader import read_wav
-from padgen.driver import limits, sound_card, waveform
+from padgen.driver import sound_card, waveform
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.formats.c import boards_in_time, c_header, sample_mhz
 from padgen.driver.frames import state_frame
-from padgen.driver.limits import HEAT_S, excitation_load, heat_s, judge_limits, judge_load, load_of
+from padgen.driver.loads import HEAT_S, excitation_load, heat_s, judge_limits, judge_load, load_of
 from padgen.driver.serial_line import frame_message
 from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
@@ -391,7 +391,7 @@ def test_a_bound_of_many_states_is_one(monkeypatch):
         seen = load_of(plan, drive)
         for name, value in (("MOST_CHANNELS", 3), ("MOST_POINTS", 0)):
             with monkeypatch.context() as patch:
-                patch.setattr(limits, name, value)
+                patch.setattr(loads, name, value)
                 bound = load_of(plan, drive)
             assert seen.peak_v <= bound.peak_v < 1.6 * seen.peak_v
             assert (seen.square_a2 <= bound.square_a2 + 1e-15).all()
@@ -416,7 +416,7 @@ def test_a_change_that_is_quick_is_never_above_what_is_judged(monkeypatch, schem
     plan = planned("power_limit_w = 1e-3", f"scheme = '{scheme}'\nvoltage_limit_v = 1")
     drive = make_drive(plan, 48_000)
     quick_s = 5e-4
-    monkeypatch.setattr(limits, "ramp_s", lambda plan: quick_s)
+    monkeypatch.setattr(loads, "ramp_s", lambda plan: quick_s)
     held = 0.0213
     on = np.ones((1, 16))
     times = np.cumsum([0.0, *[quick_s, held] * 10])

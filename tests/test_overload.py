@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from padgen.driver.limits import judge_load, load_of
+from padgen.driver.loads import judge_load, load_of
 from padgen.driver.waveform import CONTROLLER_RATES_HZ, drive_at
 from padgen.planner.judge import judge
 from padgen.planner.make import make_plan

@@ -20,7 +20,7 @@ import padgen as pg
 from padgen import cli
 from padgen.core.errors import SpecError
 from padgen.driver.drive_folder import levels_of
-from padgen.driver.limits import judge_limits, load_of
+from padgen.driver.loads import judge_limits, load_of
 from padgen.driver.waveform import blocks, brake_of, braked_s, drive_at, ramp_s, steady, timeline
 from padgen.physics.switching import blend, brake_for, follow, keyframes, overlap
 from padgen.planner.plan import plan_from_json, plan_to_json

@@ -73,6 +73,9 @@ def test_the_plan_says_what_a_finger_makes_of_it():
     assert typical.q[0] == pytest.approx(0.8, abs=0.06)
     found = next(f for f in plan.findings if f.code == "touch.skin")
     assert found.level == "note"
+    assert "no single change that can be made" in found.message
+    plan = pg.plan({"name": "one", "resolution": 2, "band_hz": [150, 400], "q_min": 15, "resonances_hz": [200.0]})
+    found = next(f for f in plan.findings if f.code == "touch.skin")
     # The cure, applied: a plate as heavy as it says, at the same resonance, keeps it within 5 %.
     mass_g = float(found.message.split("a moving mass of ")[1].split(" g")[0])
     hz = plan.channels[0].resonance_hz
@@ -256,7 +259,7 @@ def test_jumps_begin_where_the_response_becomes_threefold():
     ("text", "code"),
     [
         ("resonances_hz = [3, 50]\npad = { width_mm = 180, depth_mm = 180 }\ncoil = { grid = [2, 1] }", "beam.sag"),
-        ("resonances_hz = [30, 50]\ncoil = { gap_mm = 0.2, grid = [2, 1] }", "gap.travel"),
+        ("resonances_hz = [30, 50]\ncoil = { gap_mm = 0.2, grid = [2, 1] }", "gap.contact"),
         ("resonances_hz = [30, 50]\nmaterial = { name = 'pla', fatigue_stress_mpa = 0.1 }", "beam.strength"),
     ],
 )

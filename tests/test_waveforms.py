@@ -26,7 +26,7 @@ from padgen.core.errors import FileError, SpecError
 from padgen.core.wav_reader import read_wav
 from padgen.driver import waveform
 from padgen.driver.formats.wav import WavWriter, full_scale, wave_json, write_wave
-from padgen.driver.limits import load_of
+from padgen.driver.loads import load_of
 from padgen.driver.waveform import (
     Timeline,
     blend,

@@ -21,7 +21,7 @@ from padgen.driver.excitation import SAMPLES_OF_HIGHEST, Excitation, excitation
 from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
-from padgen.driver.limits import excitation_load, judge_limits, judge_load
+from padgen.driver.loads import excitation_load, judge_limits, judge_load
 from padgen.driver.outputs import Outputs, needed_outputs
 from padgen.driver.slots import FrameContrast, frame_contrast, slot_findings
 from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, brake_of, drive_at, ramp_s, steady, timeline

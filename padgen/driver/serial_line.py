@@ -25,7 +25,7 @@ import numpy as np
 
 from padgen.core.errors import EngineMissingError, FileError, SpecError, at_least, number
 from padgen.driver.excitation import sweep_table
-from padgen.driver.limits import refuse_frames
+from padgen.driver.loads import refuse_frames
 from padgen.driver.waveform import timeline
 from padgen.measured.tuning import Tuning, tuning_to_json
 from padgen.planner.plan import Plan, plan_to_json

@@ -21,7 +21,7 @@ from padgen.core.units import MH
 from padgen.core.wav_reader import Wave, read_wav
 from padgen.driver.excitation import excitation, sweep_table
 from padgen.driver.formats.wav import BEYOND_LIMIT, WavWriter
-from padgen.driver.limits import excitation_load, judge_load
+from padgen.driver.loads import excitation_load, judge_load
 from padgen.driver.serial_line import BAUD, excite
 from padgen.driver.waveform import blend
 from padgen.measured.fits import TaxelFit, fit_measured

@@ -234,7 +234,7 @@ def _slow(plan: Plan) -> Iterator[Finding]:
 
 
 def _limits(plan: Plan) -> Iterator[Finding]:
-    """Find errors where all taxels on ask for more than is borne, as `padgen.driver.limits` does of a drive."""
+    """Find errors where all taxels on ask for more than is borne, as `padgen.driver.loads` does of a drive."""
     spec = plan.spec
     moved = []
     for own in plan.sets:

@@ -20,7 +20,7 @@ from padgen.core.errors import Finding, SpecError, number
 from padgen.core.files import OutputFolder
 from padgen.driver.excitation import SweepTable, sweep_table
 from padgen.driver.formats import DriveJob
-from padgen.driver.limits import group_channels, heat_s, judge_limits, least_constants
+from padgen.driver.loads import group_channels, heat_s, judge_limits, least_constants
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, drive_at, frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash

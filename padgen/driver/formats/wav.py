@@ -21,7 +21,7 @@ from padgen.core.files import OutputFolder, json_text, reason
 from padgen.core.wav_reader import EXTENSIBLE, FLOAT, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
-from padgen.driver.limits import carrier_text
+from padgen.driver.loads import carrier_text
 from padgen.driver.waveform import PadDrive, Timeline, blocks, coil_lines, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.crest import ALIAS_DB
@@ -237,7 +237,7 @@ def write_wave(
     """Write a WAV file, one channel per coil, read it back and compare.
 
     Sample 1 is the amplifier's limit, or the next round value where the voltage goes above it: nothing is clipped.
-    `judged` is what `padgen.driver.limits` found of the timeline; where it found anything, the file's comment says so.
+    `judged` is what `padgen.driver.loads` found of the timeline; where it found anything, the file's comment says so.
     `carrier` is a clause about carriers for a current with a constant part.
 
     Raises

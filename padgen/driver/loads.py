@@ -1,4 +1,4 @@
-"""The limits of coils, amplifiers and gaps: the one judge of all that is written or played, before it is.
+"""Bound what is asked of coils and taxels by all that is written or played, and judge it by the limits before it is.
 
 What is judged is what is shown (a timeline), or where that is not known the worst of whatever a host may send to the
 firmware: a `Load`.
