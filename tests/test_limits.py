@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 from padgen import cli
 from padgen.core.errors import Finding, InfeasibleError, SpecError
 from padgen.core.wav_reader import read_wav
-from padgen.driver import sound_card, waveform
+from padgen.driver import loads, sound_card, waveform
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.formats.c import boards_in_time, c_header, sample_mhz
