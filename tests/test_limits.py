@@ -661,11 +661,10 @@ def test_a_carrier_that_cannot_be_is_refused_with_its_bounds(tmp_path, formats, 
         written(planned("", "scheme = 'spur-free'"), tmp_path / "o", formats, carrier_hz=carrier_hz)
     low, high = re.search(r"must be (\S+) … (\S+) Hz", str(refused.value)).groups()
     assert not (tmp_path / "o").exists()
-    assert (
-        "pad_drive.h"
-        in written(planned("", "scheme = 'spur-free'"), tmp_path / "o", "c", "", carrier_hz=float(low)).files
-    )
     assert float(high) > float(low)
+    if np.isnan(carrier_hz):  # the bound is the same of all, and writing firmware takes seconds
+        driven = written(planned("", "scheme = 'spur-free'"), tmp_path / "o", "c", "", carrier_hz=float(low))
+        assert "pad_drive.h" in driven.files
 
 
 # ---- Amplifiers ----------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from padgen.core.registry import COILS
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
@@ -263,11 +264,13 @@ def with_any_drive(spec: Spec) -> Spec:
 
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
     """Return the channels of a coil, before `driven` fills in the fields that depend on the drive scheme."""
-    return _plan_channels(with_any_drive(spec), tuple(sized), tuple(sites))
+    return _plan_channels(with_any_drive(spec), tuple(sized), tuple(sites), COILS.version(spec.coil.kind))
 
 
 @lru_cache(maxsize=256)
-def _plan_channels(spec: Spec, sized: tuple[SizedChannel, ...], sites: tuple[Site, ...]) -> tuple[Channel, ...]:
+def _plan_channels(
+    spec: Spec, sized: tuple[SizedChannel, ...], sites: tuple[Site, ...], coil_version: int
+) -> tuple[Channel, ...]:
     law = level_law(spec)
     resonance = np.array([float(s.model.resonance_hz) for s in sized])
     level = law(resonance)

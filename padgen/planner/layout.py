@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import number
+from padgen.core.registry import SUSPENSIONS
 from padgen.planner.plan import TURNS, Channel, CoilGrid, Pitch, Plan, Site, Taxel
 from padgen.planner.suspensions import Arrangement, PlateShape, Room, Suspension, allowed, suspension
 from padgen.planner.taxel_model import plate_shape, recess_mm, shortest_mm
@@ -97,11 +98,11 @@ def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
     # Neither gap nor drive moves a layout: specs that differ in nothing else share one list.
     coil = replace(spec.coil, gap_mm=1.0)
     drive = replace(spec.drive, scheme="auto", level_um=1.0)
-    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit))
+    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit, SUSPENSIONS.changes))
 
 
 @lru_cache(maxsize=64)
-def _candidates(spec: Spec, channel_limit: int) -> tuple[Layout, ...]:
+def _candidates(spec: Spec, channel_limit: int, suspensions_version: int) -> tuple[Layout, ...]:
     wanted = spec.resolution
     parts = _parts(spec)
     bare = [

@@ -126,6 +126,8 @@ def make_plan(spec: Spec) -> Plan:
     try:
         return with_cures(spec, choose(spec))
     except SolverError as error:
+        if not isinstance(error.__cause__, BROKEN_DOWN):
+            raise
         raise named_breakdown(spec, error, partial(_planned_with, spec, None)) from error
 
 
