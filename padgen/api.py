@@ -1,4 +1,4 @@
-"""The public functions, one for each command; the commands are thin over the same calls.
+"""The public functions: plan, build, check, drive, re-tune, study and sweep pads from Python.
 
 `padgen` imports this module when one of the functions is first used.
 """

@@ -664,5 +664,5 @@ def _db(ratio: np.ndarray) -> np.ndarray:
 
 
 def _largest(values: np.ndarray, sign: float = 1.0) -> float | None:
-    """Return the largest that is a number, times `sign`; None where none is."""
+    """Return the largest of the values that are numbers, times `sign`; None where none is a number."""
     return None if np.isnan(values).all() else sign * float(np.nanmax(values))

@@ -65,11 +65,11 @@ class Excitation:
 
     @property
     def seconds(self) -> float:
-        """Length of the whole."""
+        """Length of the whole excitation in s."""
         return self.samples / self.rate_hz
 
     def blocks(self) -> Iterator[np.ndarray]:
-        """Yield blocks (samples, coils) of the whole, in V."""
+        """Yield the voltages of all coils in V, in blocks (samples, coils)."""
         for k in range(1 if self.together else len(self.coils)):
             for start in range(0, len(self.voltage_v), BLOCK_SAMPLES):
                 part = self.voltage_v[start : start + BLOCK_SAMPLES]

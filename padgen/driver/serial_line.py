@@ -362,7 +362,7 @@ class _Link:
         self._what_then = "the device is as it was"
 
     def greet(self, plan: Plan, tuning: Tuning | None, greet_s: float) -> None:
-        """Meet the device; it must hold the same pad."""
+        """Ask the device for its pad and scheme; raise unless it holds the same plan and tuning."""
         wanted = plan_hash(plan, tuning)
         end = time.monotonic() + greet_s
         answer = None
@@ -414,7 +414,7 @@ class _Link:
 
     @contextmanager
     def closing_in(self, what: str) -> Iterator[None]:
-        """Raise a `FileError` with one sentence where the serial line is lost meanwhile."""
+        """Raise a `FileError` with one sentence where the serial line is lost within the block."""
         try:
             yield
         except LINE_ERRORS as error:
@@ -446,7 +446,7 @@ class _Link:
             time.sleep(BUSY_S)
 
     def _wait(self, until: float) -> None:
-        """Wait, with signs of life."""
+        """Wait until a time, and ping the device meanwhile, so that its watchdog does not silence it."""
         pause = self.device.watchdog_ms * 1e-3 / PINGS
         while (left := until - time.monotonic()) > pause:
             time.sleep(pause)
@@ -476,7 +476,7 @@ class _Link:
         return f"the device refused a message ({name}); {self._what_then}"
 
     def _once(self, message: Message) -> Message | None:
-        """Send a message once; None where no answer to it came, or one that it was damaged."""
+        """Send a message once and return its answer; None where none came, or the device says that it came damaged."""
         self._line.write(encode(message))
         end = time.monotonic() + self._reply_s
         while (left := end - time.monotonic()) > 0:

@@ -357,7 +357,7 @@ class Timeline:
 
     @property
     def seconds(self) -> float:
-        """Its length."""
+        """Length of the timeline in s."""
         return float(self.time_s[-1])
 
 
@@ -395,7 +395,7 @@ def brake_of(plan: Plan, tuning: Tuning | None = None) -> Brake:
 
 
 def braked_s(plan: Plan, tuning: Tuning | None = None) -> float:
-    """Return the least seconds of a braked frame: it is switched in, held for one blend of the brake, and braked."""
+    """Return the shortest time in s of a braked frame: switched in, held for one blend of the brake, and braked."""
     brake = brake_of(plan, tuning)
     return ramp_s(plan) + brake.blend_s + brake.seconds
 

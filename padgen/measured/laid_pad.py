@@ -385,7 +385,7 @@ class PadMaps:
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
 
     def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Look up points (n, 2) in mm on the pad.
+        """Return what is laid at points (n, 2) in mm on the pad.
 
         Return each one's taxel (−1: none), its place (n, 2) from the washer in the taxel's own axes, and its pixel.
         """

@@ -213,7 +213,7 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
 
 
 def as_built(size_mm: float) -> str:
-    """Return a measured size as text.
+    """Write a measured size in mm for a sentence.
 
     >>> as_built(3.4567891), as_built(float("nan"))
     ('3.4568 mm', 'missing')

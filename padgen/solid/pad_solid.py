@@ -173,7 +173,7 @@ class PadSolid:
 
 
 class Places(NamedTuple):
-    """Map from a sample's coordinates to the pad's.
+    """Places of a sample's copies on the pad: the map from its coordinates to the pad's.
 
     `columns_mm` and `rows_mm` are the sample's coordinates at which its second, third … column and row of coils begin;
     the shifts, one per column and row, are added to reach the place in the pad.
