@@ -28,6 +28,7 @@ __all__ = [
     "build",
     "calibrate",
     "check",
+    "draw",
     "drive",
     "plan",
     "read_plan",
@@ -145,6 +146,67 @@ def build(
     if isinstance(plan, Plan):
         return Pad(plan.spec, named, given=plan, progress=progress)
     return Pad(spec_of(plan), named, progress=progress)
+
+
+def draw(
+    plan: "Plan | str | Path | Mapping[str, Any] | Spec",
+    folder: "str | Path",
+    *,
+    only: Sequence[str] = (),
+    formats: Sequence[str] = ("svg", "png"),
+    progress: Progress = _silent,
+) -> tuple[str, ...]:
+    """Draw the pictures of a plan into a folder, and return their files' names.
+
+    Parameters
+    ----------
+    plan : Plan, or what `padgen.plan` takes
+        The pad's plan or spec.
+    folder : path
+        Where the files go; it is made if it is not there.
+    only : sequence of str
+        Some of 'pad', 'section', 'exploded', 'ladder', 'responses', 'selectivity', 'prints', 'wiring'; none: all.
+    formats : sequence of str
+        'svg', 'png' or both.
+    progress : callable
+        Called with one line of text at each step.
+
+    Returns
+    -------
+    tuple of str
+        ``NAME.svg`` and ``NAME.png`` of each picture.
+
+    Raises
+    ------
+    SpecError, FileError, InfeasibleError
+        The spec is bad, there is no picture or format of a name, or the folder cannot be written.
+
+    Examples
+    --------
+    >>> draw("paper-32", "out/pictures", only=["ladder"], formats=["svg"])  # doctest: +SKIP
+    ('ladder.svg',)
+    """
+    from padgen.core.display import plot_bytes
+    from padgen.core.files import OutputFolder
+    from padgen.core.registry import names_in
+    from padgen.report.charts import PICTURES, picture
+
+    # The overview is that of several pictures on one sheet.
+    known = tuple(name for name in PICTURES if name != "overview")
+    names = names_in(",".join(only), known, "only") if only else known
+    kinds = names_in(",".join(formats), PICTURE_FORMATS, "formats")
+    planned = plan if isinstance(plan, Plan) else plan_for(spec_of(plan), None, progress)
+    with OutputFolder(Path(folder)) as out:
+        for name in names:
+            progress(f"drawing {name}")
+            figure = picture(planned, name)
+            for kind in kinds:
+                out.write(f"{name}.{kind}", plot_bytes(figure, kind))
+        out.commit()
+    return tuple(out.names)
+
+
+PICTURE_FORMATS = ("svg", "png")
 
 
 def check(

@@ -243,3 +243,8 @@ def test_draw_writes_the_pictures_that_were_asked_for(tmp_path, monkeypatch, cap
     files = {path.name for path in (tmp_path / "out/tiny/pictures").iterdir()}
     assert files == {*told["files"], "manifest.json"}
     assert {*NAMES, "overview"} == {*PICTURES}
+    assert pg.draw("tiny.toml", "again", only=["section"], formats=["svg"]) == ("section.svg",)
+    assert (tmp_path / "again/section.svg").read_bytes() == (tmp_path / "out/tiny/pictures/section.svg").read_bytes()
+    with pytest.raises(pg.SpecError, match="did you mean 'section'"):
+        pg.draw("tiny.toml", "other", only=["secton"])
+    assert not (tmp_path / "other").exists()

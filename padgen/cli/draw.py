@@ -34,20 +34,12 @@ def add(commands: Any) -> None:
 def _draw(options: argparse.Namespace) -> int:
     names = NAMES if options.only is None else names_in(options.only, NAMES, "--only")
     kinds = names_in(options.format, KINDS, "--format")
-    from padgen.core.display import plot_bytes
-    from padgen.core.files import OutputFolder
-    from padgen.report.charts import picture
+    from padgen import api
 
     with progress_line() as progress:
         plan = plan_of(options, progress)
         folder = Path(options.output or folder_of(options, plan.name) / "pictures")
-        with OutputFolder(folder) as out:
-            for name in names:
-                progress(f"drawing {name}")
-                figure = picture(plan, name)
-                for kind in kinds:
-                    out.write(f"{name}.{kind}", plot_bytes(figure, kind))
-            out.commit()
-    table = {"name": plan.name, "folder": str(folder), "files": out.names}
-    answer(options, table, f"written to {plain(str(folder))}: {'  '.join(out.names)}")
+        files = api.draw(plan, folder, only=names, formats=kinds, progress=progress)
+    table = {"name": plan.name, "folder": str(folder), "files": files}
+    answer(options, table, f"written to {plain(str(folder))}: {'  '.join(files)}")
     return DONE
