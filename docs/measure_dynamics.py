@@ -17,7 +17,7 @@ from padgen.ladders.extreme import dynamics_cases
 from padgen.ladders.rung import Solved
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import impedance
-from padgen.physics.propagation import Tones, propagate, tones
+from padgen.physics.propagation import DecayingTones, propagate, tones
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate
@@ -41,7 +41,7 @@ def row(*cells: object) -> str:
     return "| " + " | ".join(str(c) for c in cells) + " |"
 
 
-def linear_rates(hz: np.ndarray, q: float, force: Tones) -> Callable[[float, np.ndarray], np.ndarray]:
+def linear_rates(hz: np.ndarray, q: float, force: DecayingTones) -> Callable[[float, np.ndarray], np.ndarray]:
     omega, n = 2 * np.pi * hz, len(hz)
     angular = 2 * np.pi * force.frequency_hz
     size = force.amplitude / MASS_KG
@@ -96,7 +96,7 @@ def speed() -> list[str]:
     return lines
 
 
-def pair() -> tuple[CoupledSystem, Tones, float]:
+def pair() -> tuple[CoupledSystem, DecayingTones, float]:
     """Return the paper's pair, driven far above its level so that the gap matters."""
     hz = np.array([60.0, 78.0])
     current = tones(hz / 2, 0.1, -np.pi / 2)
@@ -105,7 +105,7 @@ def pair() -> tuple[CoupledSystem, Tones, float]:
     return make_system(hz, 26.0, 1.45e-4, 0.033, 0.78, GAP_M, 62.9, 0.0417), voltage, 0.3
 
 
-def fast_circuit() -> tuple[CoupledSystem, Tones, float]:
+def fast_circuit() -> tuple[CoupledSystem, DecayingTones, float]:
     """Return a circuit with a time constant L/R of a microsecond beside a taxel of 1 kHz."""
     pull = 62.9e-6 / GAP_M / 20
     amps = np.sqrt(MASS_KG * (2 * np.pi * 1000.0) ** 2 * GAP_M / 10 / pull)

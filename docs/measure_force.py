@@ -34,7 +34,7 @@ from padgen.spec.fields import build
 from padgen.spec.load import catalogue, template_paths
 from padgen.verify.field_solid import (
     PlacedWasher,
-    Pull,
+    PullQuestion,
     axisymmetric_force,
     body_wrench,
     solid_force,
@@ -75,7 +75,7 @@ def rungs() -> None:
         models["solid"] = partial(three_d_pull, order=3, levels=1)
         for name, model in models.items():
             start = time.process_time()
-            found = model(Pull(COIL, WASHER, MM, offset))
+            found = model(PullQuestion(COIL, WASHER, MM, offset))
             seconds = time.process_time() - start
             row(offset / MM, name, float(found.values[0]), found.unknowns, found.residual, seconds)
 
@@ -108,7 +108,7 @@ def templates() -> None:
         coil, washer = magnetic_parts(spec)
         gap = spec.coil.gap_mm * MM
         for offset in sorted({round(c.site.coil_distance_mm, 6) for c in make_plan(spec).channels}):
-            solved = solid_pull(Pull(coil, washer, gap, offset * MM))
+            solved = solid_pull(PullQuestion(coil, washer, gap, offset * MM))
             force = solved.wrench[0]
             found = solved_pulls(coil, washer, np.array([gap]), np.array([offset * MM]))
             pull, side, moment = (float(v[0]) for v in (found.pull, found.side, found.moment))
@@ -127,7 +127,7 @@ def consequences() -> None:
     )
     # ln c as a polynomial of ln gap through field solutions; balance is at k z = c(1 mm − z) <i²>.
     gaps = MM * 0.3 ** ((1 + np.cos(np.pi * np.arange(5) / 4)) / 2)
-    pulls = [float(axisymmetric_pull(Pull(COIL, WASHER, gap), 5, 4).values[0]) for gap in gaps]
+    pulls = [float(axisymmetric_pull(PullQuestion(COIL, WASHER, gap), 5, 4).values[0]) for gap in gaps]
     fit = np.polynomial.Polynomial.fit(np.log(gaps), np.log(pulls), 4)
     z = np.linspace(0, 0.7 * MM, 100_001)[1:-1]
     log_gap = np.log(MM - z)
@@ -142,10 +142,10 @@ def consequences() -> None:
     pitch = np.array([[12.5 * MM, 0.0]])
     estimate = leakage(COIL, WASHER, MM, place[None], pitch).mutual[0, 0, 0]
     found = many_coils(COIL, WASHER, MM, place, np.concatenate([np.zeros((1, 2)), pitch]))
-    near, far = (float(solid_pull(Pull(COIL, WASHER, MM, x * MM)).wrench[0, 2]) for x in (3, 9.5))
+    near, far = (float(solid_pull(PullQuestion(COIL, WASHER, MM, x * MM)).wrench[0, 2]) for x in (3, 9.5))
     print(f"\nLeakage of a neighbour 12.5 mm away: estimate {estimate:.4f}, all cores {found[1, 1] / found[0, 0]:.4f},")
     print(f"without the own core, solid: {far / near:.4f}")
-    print(f"Shielding by a second washer opposite: {shielding(Pull(COIL, WASHER, MM, 3 * MM)):.1%}")
+    print(f"Shielding by a second washer opposite: {shielding(PullQuestion(COIL, WASHER, MM, 3 * MM)):.1%}")
 
 
 def winding(half_width: float) -> Any:

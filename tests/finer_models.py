@@ -32,7 +32,7 @@ from padgen.physics.magnetics import (
     winding_rings,
 )
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
-from padgen.physics.propagation import Tones
+from padgen.physics.propagation import DecayingTones
 from padgen.physics.pull import PullAt, leakage
 from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.schemes import bias_a, current_lines_a
@@ -49,7 +49,7 @@ from padgen.planner.plan import Channel, Plan
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
-from padgen.verify.field_solid import PlacedWasher, Pull, Steel, solid_force
+from padgen.verify.field_solid import PlacedWasher, PullQuestion, Steel, solid_force
 from padgen.verify.pad_frame import PadModes, peak_hz
 
 MOST_CHANNELS = 4
@@ -1033,7 +1033,7 @@ OWN_BOUND = ("beam inertia", "saturation")
 """Terms whose finer model needs parts a little other than the plan's, and gives their bound with the true size."""
 
 
-def shielding(pull: Pull, order: int = 3) -> float:
+def shielding(pull: PullQuestion, order: int = 3) -> float:
     """Share of the pull that a second washer, opposite on the same coil, takes from the first, by fields in space."""
     near, far = (PlacedWasher(pull.washer, pull.gap_m, x) for x in (pull.offset_m, -pull.offset_m))
     both, alone = (solid_force(pull.coil, own, order=order).wrench[:, 2].mean() for own in ((near, far), (near,)))
@@ -1047,7 +1047,7 @@ def crosstalk_db(plan: Plan, modes: PadModes, driven: int) -> np.ndarray:
     return np.asarray(20 * np.log10(amplitude[driven] / amplitude))
 
 
-def merged(wave: Tones) -> Tones:
+def merged(wave: DecayingTones) -> DecayingTones:
     """Add up the tones of one frequency and decay, lowest frequency first; `wave` has amplitudes (m,)."""
     key = np.stack([wave.frequency_hz, wave.rest_hz, wave.decay_per_s])
     unique, where = np.unique(key, axis=1, return_inverse=True)
@@ -1055,4 +1055,4 @@ def merged(wave: Tones) -> Tones:
     np.add.at(phasor, where.ravel(), wave.amplitude * np.exp(1j * wave.phase_rad))
     still = (unique[0] == 0) & (unique[1] == 0)
     phasor[still] = phasor[still].real  # a tone of 0 Hz is the constant A cos φ
-    return Tones(unique[0], np.abs(phasor), np.angle(phasor), unique[2], unique[1])
+    return DecayingTones(unique[0], np.abs(phasor), np.angle(phasor), unique[2], unique[1])

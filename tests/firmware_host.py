@@ -18,7 +18,7 @@ from padgen.driver.serial_line import Kind, Message, decode, encode, frame_messa
 from padgen.driver.waveform import PadDrive, make_drive
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
-from padgen.spec.model import Amplifier, Limits
+from padgen.spec.model import Amplifier, LimitsTable
 
 SANITIZED = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
 STRICT = ["-O1", "-Wall", "-Wextra", "-Werror", "-pedantic"]
@@ -203,7 +203,7 @@ def limited(
     if current_a is not None:
         amplifier = Amplifier("bench", len(plan.taxels), "DC", spec.drive.voltage_limit_v, current_a)
     coil = replace(spec.coil, power_limit_w=coil_w)
-    plan = replace(plan, spec=replace(spec, coil=coil, limits=Limits(power_w), amplifier=amplifier))
+    plan = replace(plan, spec=replace(spec, coil=coil, limits=LimitsTable(power_w), amplifier=amplifier))
     return plan, make_drive(plan, rate_hz, carrier_hz=carrier_hz)
 
 

@@ -27,7 +27,7 @@ from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
 from padgen.physics.propagation import (
     STATED_ERROR,
-    Tones,
+    DecayingTones,
     circuit_current,
     propagate,
     signal,
@@ -123,7 +123,7 @@ def test_squares_and_merging_keep_the_signal():
     wave = tones([30.0, 39.1, 0.0, 51.7], [1.0, 2.0, 0.5, 0.3], [0.1, -2.0, 0.0, 1.0], [0.0, 3.0, 0.0, 0.5])
     times = np.linspace(0, 1, 57)
     assert signal(squared(wave), times) == pytest.approx(signal(wave, times) ** 2, rel=1e-12, abs=1e-12)
-    doubled = Tones(*(np.concatenate([part, part]) for part in wave))
+    doubled = DecayingTones(*(np.concatenate([part, part]) for part in wave))
     assert len(merged(doubled).frequency_hz) == 4
     assert signal(merged(doubled), times) == pytest.approx(2 * signal(wave, times), abs=1e-12)
     # Frequencies of lines are known beyond the last digit of a double.

@@ -24,7 +24,7 @@ from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, t
 from padgen.physics.magnetics import MILD_STEEL, TEAM_STEEL, SteelRing, saturating, solenoid
 from padgen.verify.field_solid import (
     PlacedWasher,
-    Pull,
+    PullQuestion,
     axisymmetric_force,
     body_wrench,
     solid_force,
@@ -224,14 +224,14 @@ def test_half_and_whole_model_agree(off_axis):
 
 def test_a_second_washer_takes_two_per_cent():
     # 1.9 % by another solution; elements of order 2 put both pulls up by 1 %, alike to half a per cent.
-    assert shielding(Pull(COIL, WASHER, MM, 3 * MM), order=2) == pytest.approx(0.019, abs=0.008)
+    assert shielding(PullQuestion(COIL, WASHER, MM, 3 * MM), order=2) == pytest.approx(0.019, abs=0.008)
 
 
 # --- ladder ----------------------------------------------------------------------------------------------
 
 
 def test_the_ladder_climbs():
-    pulled = Pull(COIL, WASHER, MM, current_a=AMPERE)
+    pulled = PullQuestion(COIL, WASHER, MM, current_a=AMPERE)
     truth = MAGNETS["force_mn_by_gap_mm"]["1"] * 1e-3 / AMPERE**2
     assert paper_pull(pulled).values * AMPERE**2 == pytest.approx([1364], rel=1e-3)  # as printed in the reference
     half = replace(pulled, coil=COIL._replace(core_diameter=2 * MM))  # Eq. 4 goes with the area of the core's end
@@ -245,8 +245,8 @@ def test_the_ladder_climbs():
 
 def test_pull_on_a_neighbours_washer(off_axis):
     """A lone coil pulls a washer 9.5 mm off its axis as surface charges say, far less than its own washer."""
-    far = Pull(COIL, WASHER, MM, 9.5 * MM)
-    charges = [charges_pull(Pull(COIL, WASHER, MM, x)).values[0] for x in (9.5 * MM, 3 * MM)]
+    far = PullQuestion(COIL, WASHER, MM, 9.5 * MM)
+    charges = [charges_pull(PullQuestion(COIL, WASHER, MM, x)).values[0] for x in (9.5 * MM, 3 * MM)]
     with pytest.raises(SolverError, match="drowns in the field's own error"):
         solid_pull(far, 2)
     ratio = solid_pull(far, 3).wrench[0, 2] * AMPERE**2 / off_axis.wrench[0, 2]

@@ -148,3 +148,13 @@ def test_all_is_true(path):
     assert len(set(module.__all__)) == len(module.__all__)
     for public in module.__all__:
         assert hasattr(module, public)
+
+
+def test_no_two_classes_have_one_name():
+    """So that a name in a sentence, a signature or a search means one thing."""
+    named: dict[str, list[str]] = {}
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                named.setdefault(node.name, []).append(path.name)
+    assert {name: files for name, files in named.items() if len(files) > 1} == {}

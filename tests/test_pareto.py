@@ -8,7 +8,7 @@ import pytest
 
 from padgen.batch import index
 from padgen.batch.index import BLOCK, COLOURED_BY, OBJECTIVES, front_mask, overview_of, pareto_csv, write_pareto
-from padgen.batch.variant import Record
+from padgen.batch.variant import VariantRecord
 
 HEADER = ("number", "name", "status", "taxels", "verdict_db", "power_w", "sentence", "seconds")
 
@@ -17,7 +17,9 @@ def row(number, taxels, selectivity, power, status="done", errors=0, sentence=""
     """Return a record and its row of the index; a figure that is None is missing."""
     figures = {"taxels": taxels, "verdict_db": selectivity, "power_w": power}
     cells = ["" if figure is None else f"{figure:.10g}" for figure in figures.values()]
-    record = Record(number, "", status, sentence, {}, {**figures, "verdict": verdict}, errors, 0, (), seconds, 90.0)
+    record = VariantRecord(
+        number, "", status, sentence, {}, {**figures, "verdict": verdict}, errors, 0, (), seconds, 90.0
+    )
     return record, (str(number), f"q-{number:05d}", status, *cells, sentence, str(seconds))
 
 

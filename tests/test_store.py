@@ -20,7 +20,7 @@ from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, as_manifold, signed_volume_mm
 from padgen.solid.pad_solid import border_mesh, border_volume_mm3, prism, washer_mesh
 from padgen.solid.taxel import washer_solid
 from padgen.spec import parse_spec
-from padgen.spec.model import Drive
+from padgen.spec.model import DriveTable
 from tests.conftest import SMALL
 
 OPTIMISED = SMALL.replace("[pad]", 'spacing = "optimised"\n[pad]')
@@ -217,10 +217,10 @@ def test_an_optimised_ladder_is_searched_once(store, monkeypatch):
     [
         {"q_min": 16.0},
         {"delta_y": 9.0},
-        {"drive": Drive(scheme="time-shared")},
-        {"drive": Drive(level_law=0.5)},
-        {"drive": Drive(bias_ratio=1.5)},
-        {"drive": Drive(threshold_hz=(50.0, 400.0), threshold_um=(1.0, 2.0))},
+        {"drive": DriveTable(scheme="time-shared")},
+        {"drive": DriveTable(level_law=0.5)},
+        {"drive": DriveTable(bias_ratio=1.5)},
+        {"drive": DriveTable(threshold_hz=(50.0, 400.0), threshold_um=(1.0, 2.0))},
     ],
     ids=str,
 )

@@ -26,8 +26,8 @@ from padgen.ladders.rung import (
     NOT_RUN,
     TOLERANCES,
     Ladder,
-    Measured,
     Rung,
+    RungFigures,
     Scene,
     Theory,
     chosen_channels,
@@ -43,8 +43,8 @@ from padgen.ladders.rung import (
 from padgen.ladders.stages import LADDERS
 from padgen.ladders.study import (
     STUDY_FILES,
+    CaseVerdict,
     Study,
-    Verdict,
     extreme_picture,
     extreme_text,
     judged_error,
@@ -80,11 +80,11 @@ def ladder(rungs, reference="fine", **more) -> Ladder:
     return Ladder("test", "a subject", "a figure", "Hz", tuple(rungs), reference, **more)
 
 
-def known(values, seconds=1.0, **more) -> Measured:
-    return Measured(np.atleast_1d(np.asarray(values, float)), seconds=seconds, runs=1, memory_mb=1.0, **more)
+def known(values, seconds=1.0, **more) -> RungFigures:
+    return RungFigures(np.atleast_1d(np.asarray(values, float)), seconds=seconds, runs=1, memory_mb=1.0, **more)
 
 
-def of_order(order, steps, constant=0.1) -> list[Measured]:
+def of_order(order, steps, constant=0.1) -> list[RungFigures]:
     return [known(EXACT * (1 + constant * h**order), seconds=1 / h) for h in steps]
 
 
@@ -154,7 +154,7 @@ def test_not_converged_is_said_and_nothing_is_recommended_below():
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_two_refinements_are_asked_for(count):
-    found = [known(1.0)] * count + [Measured(note="refused: no engine")] * (3 - count)
+    found = [known(1.0)] * count + [RungFigures(note="refused: no engine")] * (3 - count)
     result = judged(ladder(rungs_of((1, 0.5, 0.25))), found)
     assert result.uncertainty == inf
     assert not result.converged
@@ -209,7 +209,7 @@ def test_a_pick_holds_for_every_subject():
     other = judged(ladder(rungs), [known(1.2, 1.0), known(1.001, 4.0), *exact])
     (pick,) = picks([one, other], (0.01,))
     assert (pick.model, pick.seconds) == ("slow", 3.0)
-    (none,) = picks([one, judged(ladder(rungs), [Measured()] * 5)], (0.01,))
+    (none,) = picks([one, judged(ladder(rungs), [RungFigures()] * 5)], (0.01,))
     assert none.model == ""
 
 
@@ -298,7 +298,7 @@ def _study(*results):
 def result():
     theory = {"fine": Theory(2, "by design")}
     rungs = [Rung("crude", "", nothing), Rung("gone", "", nothing), *rungs_of((1, 0.5, 0.25, 0.125))]
-    found = [known(EXACT * 1.3, 1e-4), Measured(note="refused: it is gone"), *of_order(2, (1, 0.5, 0.25, 0.125))]
+    found = [known(EXACT * 1.3, 1e-4), RungFigures(note="refused: it is gone"), *of_order(2, (1, 0.5, 0.25, 0.125))]
     return judged(ladder(rungs, theory=theory), found)
 
 
@@ -329,12 +329,12 @@ def test_the_same_figures_draw_the_same_bytes(result):
     assert one == two
     assert b"dc:date" not in one[0]
     assert one[1].startswith(b"\x89PNG")
-    verdicts = [Verdict("a", "b", "c", 1e-9, 1e-6, verdict="right")]
+    verdicts = [CaseVerdict("a", "b", "c", 1e-9, 1e-6, verdict="right")]
     assert extreme_picture(verdicts) == extreme_picture(verdicts)
 
 
 def test_a_ladder_without_reference_is_drawn_and_told(result):
-    bare = judged(result.ladder, [Measured(note="refused: no engine")] * 6)
+    bare = judged(result.ladder, [RungFigures(note="refused: no engine")] * 6)
     assert plot_bytes(_study(bare).plot(), "svg")
     assert "there is no reference" in study_text(_study(bare))
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from padgen import cli
-from padgen.batch.definition import RANGE_KEYS, STAGES, Limits, Sample, Settings
+from padgen.batch.definition import RANGE_KEYS, STAGES, PointSample, Settings, VariantLimits
 from padgen.batch.sweep import core_count
 from padgen.core import cache
 from padgen.core.display import seconds_text
@@ -230,7 +230,7 @@ def test_examples_of_the_docs_run(work, capsys, path):
 
 def test_docs_tell_every_key():
     text = (ROOT / "docs" / "sweeps.md").read_text()
-    for kind in (Settings, Sample, Limits):
+    for kind in (Settings, PointSample, VariantLimits):
         for field in fields(kind):
             assert f"`{field.name}`" in text, field.name
     for word in (

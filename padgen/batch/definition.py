@@ -30,10 +30,10 @@ __all__ = [
     "STAGES",
     "Axis",
     "Expression",
-    "Limits",
-    "Sample",
+    "PointSample",
     "Sweep",
     "Variant",
+    "VariantLimits",
     "count_points",
     "load_sweep",
     "parse_expression",
@@ -229,7 +229,7 @@ class Axis:
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class PointSample:
     """The choice of the points."""
 
     method: str = choice("grid", of=METHODS, doc="grid: all combinations; the others: `count` points, seeded")
@@ -238,7 +238,7 @@ class Sample:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class VariantLimits:
     """Limits of one variant, beyond which it is given up."""
 
     time_s: float = quantity(600.0, unit="s", low=0.1, high=1e6, doc="run time of one variant")
@@ -267,8 +267,8 @@ class Sweep:
     folder: Path
     axes: tuple[Axis, ...]
     constraints: tuple[Expression, ...]
-    sample: Sample = field(default_factory=Sample)
-    limits: Limits = field(default_factory=Limits)
+    sample: PointSample = field(default_factory=PointSample)
+    limits: VariantLimits = field(default_factory=VariantLimits)
 
 
 TOP_KEYS, RANGE_KEYS = ([f.name for f in fields(kind)] for kind in (Settings, Range))
@@ -342,14 +342,14 @@ def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any]
         names_in(settings.formats, PAD_FORMATS.names(), "formats")
         conditions = tuple(parse_expression(entry, spec) for entry in constraints)
         return Sweep(
-            settings, base, spec, folder.absolute(), found, conditions, sample, build(Limits, limits, "limits")
+            settings, base, spec, folder.absolute(), found, conditions, sample, build(VariantLimits, limits, "limits")
         )
     except RecursionError as error:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error
 
 
-def _checked_sample(table: Any) -> Sample:
-    sample: Sample = build(Sample, table, "sample")
+def _checked_sample(table: Any) -> PointSample:
+    sample: PointSample = build(PointSample, table, "sample")
     if sample.method != "grid" and not sample.count:
         raise SpecError(f"must be at least 1 for method {sample.method!r}", "sample.count")
     if sample.method == "grid" and sample.count:
@@ -363,7 +363,7 @@ def _checked_sample(table: Any) -> Sample:
     return sample
 
 
-def _axes(table: Any, linked: Any, sample: Sample) -> tuple[Axis, ...]:
+def _axes(table: Any, linked: Any, sample: PointSample) -> tuple[Axis, ...]:
     if not isinstance(table, dict) or not isinstance(linked, list):
         raise SpecError("must be a table of fields ([axes]), and [[linked]] tables", "axes")
     axes = [_axis(name, value, sample) for name, value in _flat(table)]
@@ -400,7 +400,7 @@ def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     return pairs
 
 
-def _axis(name: str, value: Any, sample: Sample) -> Axis:
+def _axis(name: str, value: Any, sample: PointSample) -> Axis:
     where = f"axes.{name}"
     item = _spec_field(name)
     if isinstance(value, list):

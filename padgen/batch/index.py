@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.batch.definition import Sweep, variant_name
-from padgen.batch.variant import STATUSES, Record
+from padgen.batch.variant import STATUSES, VariantRecord
 from padgen.core.display import PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, csv_cell, json_line, open_plain, reason
@@ -168,7 +168,7 @@ class _Pool:
         self.front = self.rest = np.empty((0, len(objectives)))
         self.stride = 1
 
-    def add(self, pairs: Sequence[tuple[Record, tuple[str, ...]]]) -> None:
+    def add(self, pairs: Sequence[tuple[VariantRecord, tuple[str, ...]]]) -> None:
         """Take in some records with their rows."""
         if not pairs:
             return
@@ -185,7 +185,7 @@ class _Pool:
             self.stride = 2 * self.stride
 
 
-def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[Record, tuple[str, ...]]]) -> Overview:
+def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tuple[str, ...]]]) -> Overview:
     """Go once through records with their rows of the index, whose columns `header` names."""
     names = [name for name in OBJECTIVES if name in header]
     pools = {kind: _Pool(names) for kind in KINDS}
@@ -228,7 +228,7 @@ KINDS = ("works", "short", "faulty")
 """Kinds of variants that were made, by their verdicts: only those of the first kind that there is compete."""
 
 
-def _kind(record: Record) -> str:
+def _kind(record: VariantRecord) -> str:
     """Return which of `KINDS` a record is: its build may have errors where its plan has none."""
     level = record.figures.get("verdict")
     if record.errors or level == "error":
@@ -431,9 +431,9 @@ class Journal:
             self._reader = self.path.open("rb")
             for line in self._reader:
                 found = _parsed(line)
-                number = found.number if isinstance(found, Record) else found
+                number = found.number if isinstance(found, VariantRecord) else found
                 if number is not None and 0 <= number < len(self._places):
-                    self._places[number] = place if isinstance(found, Record) else NOWHERE
+                    self._places[number] = place if isinstance(found, VariantRecord) else NOWHERE
                 place += len(line)
             if not line.endswith(b"\n"):
                 self._file.write(b"\n")
@@ -447,21 +447,21 @@ class Journal:
         self._file.close()
         self._reader.close()
 
-    def record(self, number: int) -> Record | None:
+    def record(self, number: int) -> VariantRecord | None:
         """Return the last record of a variant, if there is one."""
         if self._places[number] == NOWHERE:
             return None
         self._reader.seek(self._places[number])
         record = _parsed(self._reader.readline())
-        if not isinstance(record, Record):
+        if not isinstance(record, VariantRecord):
             raise FileError("was changed while the sweep ran", str(self.path))
         return record
 
-    def records(self) -> Iterator[Record]:
+    def records(self) -> Iterator[VariantRecord]:
         """Yield the last record of each variant, in the order of their numbers."""
         return (record for number in range(len(self._places)) if (record := self.record(number)))
 
-    def add(self, record: Record) -> None:
+    def add(self, record: VariantRecord) -> None:
         """Keep a record; the system has it when this returns."""
         one_line = replace(record, sentence=" ".join(record.sentence.split()))
         self._places[record.number] = self._write(one_line)
@@ -482,7 +482,7 @@ class Journal:
                 return
         raise FileError("was removed while the sweep ran", str(self.path))
 
-    def _write(self, table: Record | dict[str, int]) -> int:
+    def _write(self, table: VariantRecord | dict[str, int]) -> int:
         """Write a line by one call without buffers, so that a crash can tear the last one only; return its place."""
         place = self._file.seek(0, os.SEEK_END)
         rest = (json_line(table) + "\n").encode()
@@ -512,7 +512,7 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
     figures = list(dict.fromkeys(name for record in journal.records() for name in record.figures))
     header = (*COLUMNS[0], *axes, *figures, *COLUMNS[1])
 
-    def rows(writer: Any) -> Iterator[tuple[Record, tuple[str, ...]]]:
+    def rows(writer: Any) -> Iterator[tuple[VariantRecord, tuple[str, ...]]]:
         writer.writerow(header)
         for record in journal.records():
             own = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
@@ -535,13 +535,13 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
     return found[0]
 
 
-def _parsed(line: bytes) -> Record | int | None:
+def _parsed(line: bytes) -> VariantRecord | int | None:
     """Return the record in a line, or the number of an invalidated one; None where the line holds neither."""
     try:
         table = json.loads(line)
         if isinstance(table.get(FORGOTTEN), int):
             return int(table[FORGOTTEN])
-        record = Record(**{**table, "findings": tuple(table["findings"])})
+        record = VariantRecord(**{**table, "findings": tuple(table["findings"])})
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         return None
     words = (record.key, record.sentence, *record.findings)

@@ -28,9 +28,9 @@ from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from padgen.batch.definition import Limits, Sweep, Variant, count_points, variant_name, variants
+from padgen.batch.definition import Sweep, Variant, VariantLimits, count_points, variant_name, variants
 from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_index
-from padgen.batch.variant import Record, Task, is_whole, run_task, task_of, writes_folders
+from padgen.batch.variant import Task, VariantRecord, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import code_hash, limit_bytes, version, versions
 from padgen.core.errors import LONGEST_PART, EngineMissingError, FileError, PadgenError, SpecError, number
 from padgen.core.files import answer_within, locked, open_plain, reason, take_away
@@ -61,7 +61,7 @@ __all__ = [
 ]
 
 
-Work = Callable[[Task], Record]
+Work = Callable[[Task], VariantRecord]
 POLL_S = 0.1
 """Between two looks at futures that do not call back."""
 IMPORTS = ("padgen.planner",)
@@ -82,7 +82,7 @@ class Window:
     For each list of tasks it calls ``function(tasks, *rest)``.
     """
 
-    def __init__(self, executor: Any, most: int, function: Callable[..., list[Record]], *rest: Any) -> None:
+    def __init__(self, executor: Any, most: int, function: Callable[..., list[VariantRecord]], *rest: Any) -> None:
         self.most = most
         self._executor = executor
         self._function = function
@@ -128,7 +128,7 @@ class Window:
                 future.cancel()
 
 
-def records_of(future: Any, tasks: list[Task]) -> list[Record]:
+def records_of(future: Any, tasks: list[Task]) -> list[VariantRecord]:
     """Return the records of a finished future, one a task.
 
     Raises
@@ -149,7 +149,7 @@ def records_of(future: Any, tasks: list[Task]) -> list[Record]:
     except Exception as error:
         raise LostError(told(error)) from error
     asked = [(task.number, task.key) for task in tasks]
-    if not isinstance(records, list) or [(r.number, r.key) for r in records if isinstance(r, Record)] != asked:
+    if not isinstance(records, list) or [(r.number, r.key) for r in records if isinstance(r, VariantRecord)] != asked:
         raise LostError("what came back is not what was asked for")
     return records
 
@@ -160,7 +160,7 @@ def told(error: Any) -> str:
     return str(error) if isinstance(error, PadgenError) else f"{type(error).__name__}: {text}".rstrip(": ")
 
 
-def run_tasks(tasks: list[Task], work: Work, limits: Limits) -> list[Record]:
+def run_tasks(tasks: list[Task], work: Work, limits: VariantLimits) -> list[VariantRecord]:
     """Make variants in a worker beside this process: what is submitted to an executor that the caller brought."""
     return make_variants(_own_runner(os.getpid()), tasks, work, limits)
 
@@ -175,7 +175,7 @@ def _own_runner(process: int) -> Runner:
     return runner
 
 
-def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: Limits) -> list[Record]:
+def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: VariantLimits) -> list[VariantRecord]:
     """Make variants one after the other in a worker; never raises but when no worker can be started.
 
     Raises
@@ -192,15 +192,15 @@ def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: Limits)
             if answer.kind == "refused":
                 sentence = f"broke down ({type(answer.error).__name__}: {sentence})"
             record = broken(task, sentence, answer.seconds, answer.peak_mb)
-        elif isinstance(record, Record) and record.seconds is None:
+        elif isinstance(record, VariantRecord) and record.seconds is None:
             record = replace(record, seconds=answer.seconds, peak_memory_mb=answer.peak_mb)
         made.append(record)
     return made
 
 
-def broken(task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None) -> Record:
+def broken(task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None) -> VariantRecord:
     """Return the record of a variant whose worker broke down or was lost."""
-    return Record(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), seconds, memory_mb)
+    return VariantRecord(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), seconds, memory_mb)
 
 
 AHEAD = 4
@@ -247,7 +247,7 @@ class Event(Counts):
 
     kind: str
     eta_s: float | None
-    record: Record | None = None
+    record: VariantRecord | None = None
     reused: bool = False
 
 
@@ -479,7 +479,7 @@ class _Run:
             if state == ABSENT:
                 self.journal.forget(absent)
 
-    def _holds(self, record: Record, variant: Variant) -> bool:
+    def _holds(self, record: VariantRecord, variant: Variant) -> bool:
         """Return whether a record is of these inputs, and the files that it tells of are there."""
         task = task_of(self.sweep, variant, self.folder)
         whole = record.status != "done" or not task.out or is_whole(Path(task.out), task.stage)
@@ -493,7 +493,7 @@ class _Run:
             if self.todo[variant.number] >= TO_RUN:
                 yield task_of(self.sweep, variant, self.folder)
 
-    def keep(self, record: Record) -> None:
+    def keep(self, record: VariantRecord) -> None:
         """Add the record of a variant to the journal and to the counts."""
         if self.todo[record.number] < TO_RUN:
             return  # told twice: an executor ran its task again
@@ -506,7 +506,7 @@ class _Run:
         self.counts[record.status] += 1
         self.tell(record.status, record)
 
-    def tell(self, kind: str, record: Record | None = None, reused: bool = False) -> None:
+    def tell(self, kind: str, record: VariantRecord | None = None, reused: bool = False) -> None:
         """Report an event to the caller; the time left is estimated from the variants made so far."""
         told = self.told
         made = self.total - self.kept - told["left"]

@@ -26,7 +26,7 @@ from padgen.spec.load import LARGEST_CURVE
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["STATUSES", "Record", "Task", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]
+__all__ = ["STATUSES", "Task", "VariantRecord", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]
 
 STATUSES = ("done", "refused", "failed")
 """Made (whatever its findings); the spec cannot be met; something broke down."""
@@ -55,7 +55,7 @@ class Task:
 
 
 @dataclass(frozen=True, slots=True)
-class Record:
+class VariantRecord:
     """The result of one variant: one row of the index.
 
     `findings` are the codes of errors and warnings. `seconds` and `peak_memory_mb`, of the worker and all that it
@@ -121,7 +121,7 @@ def _threshold(table: dict[str, Any], folder: Path) -> str:
         return "cannot be read"
 
 
-def run_task(task: Task) -> Record:
+def run_task(task: Task) -> VariantRecord:
     """Make one variant as far as its stage asks for; a refusal is in its record."""
     figures: dict[str, Any] = {}
     findings: tuple[Finding, ...] = ()
@@ -134,7 +134,7 @@ def run_task(task: Task) -> Record:
         sentence = str(error)
     told = tuple(sorted({f.code for f in findings if f.level != "note"}))
     errors, warnings = (sum(f.level == level for f in findings) for level in ("error", "warning"))
-    return Record(task.number, task.key, status, sentence, task.values, figures, errors, warnings, told)
+    return VariantRecord(task.number, task.key, status, sentence, task.values, figures, errors, warnings, told)
 
 
 def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":

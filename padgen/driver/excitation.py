@@ -25,7 +25,7 @@ from padgen.measured.shaking import (
 from padgen.physics.schemes import mean_square_a2
 from padgen.planner.plan import Plan
 
-__all__ = ["KINDS", "SAMPLES_OF_HIGHEST", "Excitation", "SweepTable", "excitation", "sweep_table"]
+__all__ = ["KINDS", "SAMPLES_OF_HIGHEST", "Excitation", "FirmwareSweep", "excitation", "sweep_table"]
 
 KINDS = ("chirp", "noise")
 VOLTAGE_SHARE = 0.9
@@ -173,7 +173,7 @@ SHORTEST_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SweepTable:
+class FirmwareSweep:
     """A sweep as the firmware plays it: frequency `hz` and amplitude `volts` of the voltage, in even steps of time."""
 
     seconds: float
@@ -189,7 +189,7 @@ class SweepTable:
         return np.asarray(np.interp(at, rows, self.volts) * np.sin(2 * np.pi * turns))
 
 
-def sweep_table(plan: Plan) -> SweepTable:
+def sweep_table(plan: Plan) -> FirmwareSweep:
     """Return the sweep by which the firmware measures one coil's taxels, as strong as the chirp.
 
     It is silent where nothing can be measured.
@@ -200,8 +200,8 @@ def sweep_table(plan: Plan) -> SweepTable:
         hz = np.geomspace(low, high, SWEEP_ROWS)
         line = share * shaking_line_a2(plan)(hz)
     except SpecError:
-        return SweepTable(SHORTEST_S, np.zeros(2), np.zeros(2))
+        return FirmwareSweep(SHORTEST_S, np.zeros(2), np.zeros(2))
     coil = plan.spec.coil
     ohms = np.hypot(coil.resistance_ohm, np.pi * hz * coil.inductance_mh * MH)
     fade = np.clip(np.minimum(np.arange(SWEEP_ROWS), np.arange(SWEEP_ROWS)[::-1]) / 4, 0, 1)
-    return SweepTable(sweep_s(plan), hz / 2, ohms * np.sqrt(2 * line) * fade)
+    return FirmwareSweep(sweep_s(plan), hz / 2, ohms * np.sqrt(2 * line) * fade)

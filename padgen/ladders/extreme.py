@@ -40,7 +40,15 @@ from padgen.physics.magnetics import (
     solenoid,
 )
 from padgen.physics.modes import RigidBody
-from padgen.physics.propagation import STATED_ERROR, Tones, circuit_current, propagate, squared, steady_lines, tones
+from padgen.physics.propagation import (
+    STATED_ERROR,
+    DecayingTones,
+    circuit_current,
+    propagate,
+    squared,
+    steady_lines,
+    tones,
+)
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.make import BROKEN_DOWN
 from padgen.planner.plan import lost_figures
@@ -52,7 +60,7 @@ from padgen.spec.load import CATALOGUES, PLAIN_TABLES, laid_over, read_toml, tem
 from padgen.verify import mpmath, occ
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
-from padgen.verify.field_solid import Pull
+from padgen.verify.field_solid import PullQuestion
 
 __all__ = [
     "BlockTaxel",
@@ -402,28 +410,30 @@ def force_cases() -> Iterator[ExtremeCase]:
         yield _near_pull_in(share)
     for permeability in (1.001, 1.1, 10.0, 1e3, 1e6):
         parts = (COIL._replace(core_permeability=permeability), WASHER._replace(permeability=permeability))
-        yield _axisymmetric_case(f"both steels of permeability {permeability:g}", Pull(*parts, gap_m=1e-3))
+        yield _axisymmetric_case(f"both steels of permeability {permeability:g}", PullQuestion(*parts, gap_m=1e-3))
     for sizes in (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3):
         gap_m = sizes * WASHER.outer_diameter
-        yield _axisymmetric_case(f"gap of {sizes:g} washer diameters", Pull(COIL, WASHER, gap_m))
+        yield _axisymmetric_case(f"gap of {sizes:g} washer diameters", PullQuestion(COIL, WASHER, gap_m))
     for current_a in (2.0, 20.0, 200.0):
-        saturated = Pull(COIL, WASHER, 1e-3, 0.0, current_a, MILD_STEEL, MILD_STEEL)
+        saturated = PullQuestion(COIL, WASHER, 1e-3, 0.0, current_a, MILD_STEEL, MILD_STEEL)
         yield _axisymmetric_case(f"saturated steels, {1000 * current_a:g} ampere turns", saturated)
-    yield _solid_case("saturated steels, 20000 ampere turns", Pull(COIL, WASHER, 1e-3, 0, 20.0, MILD_STEEL, MILD_STEEL))
+    yield _solid_case(
+        "saturated steels, 20000 ampere turns", PullQuestion(COIL, WASHER, 1e-3, 0, 20.0, MILD_STEEL, MILD_STEEL)
+    )
     for ratio in (0.0, 0.98):
         coil = solenoid(10e-3, max(ratio, 0.4) * 10e-3, 10e-3, 1000, ratio * 10e-3, 1000)
-        pull = Pull(coil, WASHER, 1e-3)
+        pull = PullQuestion(coil, WASHER, 1e-3)
         name = f"core {ratio:g} of the coil's diameter"
         yield _axisymmetric_case(name, pull)
         yield _solid_case(name, pull)
         yield _planned_case(name, pull)
     for gap_m in (1e-5, 5e-5, 2e-4, 5e-3):
-        yield _planned_case(f"gap of {1e3 * gap_m:g} mm", Pull(COIL, WASHER, gap_m))
+        yield _planned_case(f"gap of {1e3 * gap_m:g} mm", PullQuestion(COIL, WASHER, gap_m))
     for offset_m in (3e-3, 5e-3, 8e-3):
-        yield _planned_case(f"{1e3 * offset_m:g} mm off the axis", Pull(COIL, WASHER, 1e-3, offset_m))
+        yield _planned_case(f"{1e3 * offset_m:g} mm off the axis", PullQuestion(COIL, WASHER, 1e-3, offset_m))
     wide = solenoid(20e-3, 16e-3, 20e-3, 1000, 16e-3, 1000)
     small = SteelRing(4e-3, 1.7e-3, 0.3e-3, 300)
-    yield _planned_case("washer of M1.6 over a core of 16 mm", Pull(wide, small, 5e-4))
+    yield _planned_case("washer of M1.6 over a core of 16 mm", PullQuestion(wide, small, 5e-4))
     for index in range(RANDOM):
         pull = random_pull(index)
         what = f"washer of {1e3 * pull.washer.outer_diameter:g} mm, core of {1e3 * pull.coil.core_diameter:.3g} mm"
@@ -431,7 +441,7 @@ def force_cases() -> Iterator[ExtremeCase]:
         yield _planned_case(f"random {index}: {what}, {place}", pull)
 
 
-def random_pull(index: int) -> Pull:
+def random_pull(index: int) -> PullQuestion:
     """Draw coil, washer and place number `index`: gap 0.2 … 5 mm, offset 0 … 15 mm, core 0 … 20 mm.
 
     The same ones on every machine.
@@ -445,10 +455,12 @@ def random_pull(index: int) -> Pull:
     length = 5e-3 * 8 ** draw()
     sizes = [1e-3 * ring[key] for key in ("outer_diameter_mm", "inner_diameter_mm", "thickness_mm")]
     coil = solenoid(outer, bore, length, 1000, core, 1000)
-    return Pull(coil, SteelRing._make([*sizes, ring["relative_permeability"]]), 2e-4 * 25 ** draw(), 15e-3 * draw())
+    return PullQuestion(
+        coil, SteelRing._make([*sizes, ring["relative_permeability"]]), 2e-4 * 25 ** draw(), 15e-3 * draw()
+    )
 
 
-def _planned_case(name: str, pull: Pull) -> ExtremeCase:
+def _planned_case(name: str, pull: PullQuestion) -> ExtremeCase:
     reference = partial(axisymmetric_pull, pull)
     source = "axisymmetric field, with its error"
     if pull.offset_m:
@@ -457,19 +469,19 @@ def _planned_case(name: str, pull: Pull) -> ExtremeCase:
     return ExtremeCase(name, "force", "plan", partial(charges_pull, pull), reference, source)
 
 
-def _axisymmetric_case(name: str, pull: Pull) -> ExtremeCase:
+def _axisymmetric_case(name: str, pull: PullQuestion) -> ExtremeCase:
     source = "the same by elements of order 7 and six refinements, with its own error"
     solve = partial(axisymmetric_pull, pull)
     finer = partial(axisymmetric_pull, pull, *FINER_FIELD, scalar=True)
     return ExtremeCase(name, "force", "axisymmetric", solve, finer, source)
 
 
-def _solid_case(name: str, pull: Pull) -> ExtremeCase:
+def _solid_case(name: str, pull: PullQuestion) -> ExtremeCase:
     source = "axisymmetric field, with its own error"
     return ExtremeCase(name, "force", "3-D", partial(three_d_pull, pull), partial(axisymmetric_pull, pull), source)
 
 
-def _off_axis(pull: Pull) -> Solved:
+def _off_axis(pull: PullQuestion) -> Solved:
     """Solve the 3-D field; by a higher order where a weak pull drowns in the usual one's own error."""
     try:
         return three_d_pull(pull)
@@ -529,7 +541,7 @@ def dynamics_cases() -> Iterator[ExtremeCase]:
     yield from _pull_in()
 
 
-def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Tones, time_s: float) -> float:
+def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: DecayingTones, time_s: float) -> float:
     """Return the displacement in m of one resonator from rest by the textbook formula, in arithmetic of many digits.
 
     Raises
@@ -565,7 +577,7 @@ def _over_largest(values: np.ndarray) -> np.ndarray:
     return np.asarray(values / np.abs(values).max(1, keepdims=True))
 
 
-def _propagated(name: str, hz: np.ndarray, q: Any, mass: Any, force: Tones, times: np.ndarray) -> ExtremeCase:
+def _propagated(name: str, hz: np.ndarray, q: Any, mass: Any, force: DecayingTones, times: np.ndarray) -> ExtremeCase:
     def solve() -> Solved:
         return Solved(_over_largest(propagate(hz, q, mass, force, times)), 10 * STATED_ERROR)
 
@@ -615,7 +627,7 @@ def _many_oscillators() -> ExtremeCase:
     return ExtremeCase(name, "dynamics", "exponential", solve, exact, f"{MANY_DIGITS}, 16 of them")
 
 
-def _refined(system: CoupledSystem, voltage: Tones, times: np.ndarray) -> Solved:
+def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -> Solved:
     """Return a coupled run; its stated error is ten times its difference from a finer run with other stages."""
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
@@ -655,7 +667,9 @@ def _acting_back(constant_s: float) -> ExtremeCase:
     return _against_scipy(name, system, voltage, np.array([0.0005, 0.001]), constant_s < 1e-4)
 
 
-def _against_scipy(name: str, system: CoupledSystem, voltage: Tones, times: np.ndarray, stiff: bool) -> ExtremeCase:
+def _against_scipy(
+    name: str, system: CoupledSystem, voltage: DecayingTones, times: np.ndarray, stiff: bool
+) -> ExtremeCase:
     method, tolerance = ("Radau", 1e-12) if stiff else ("DOP853", 3e-14)
 
     def reference() -> np.ndarray:

@@ -33,12 +33,12 @@ __all__ = [
     "TIMES",
     "TOLERANCES",
     "Judged",
+    "JudgedRung",
     "Ladder",
-    "Measured",
     "Order",
     "Pick",
-    "Row",
     "Rung",
+    "RungFigures",
     "Scene",
     "Solved",
     "Theory",
@@ -173,7 +173,7 @@ class Ladder:
 
 
 @dataclass(frozen=True)
-class Measured:
+class RungFigures:
     """The figures of a rung that was run; `values` is None where it refused or broke down, and `note` says why.
 
     `seconds` (wall) and `cpu_seconds` are the best of `runs`, `memory_mb` is the peak over what the
@@ -190,18 +190,18 @@ class Measured:
     note: str = ""
 
 
-NOT_RUN = Measured(note="not run: the study was stopped")
+NOT_RUN = RungFigures(note="not run: the study was stopped")
 
 
 @dataclass(frozen=True)
-class Row:
+class JudgedRung:
     """A rung with what was measured and its `error`, which is at most `at_most`.
 
     With `is_bound` the error cannot be told from the reference's own: only `at_most` is known.
     """
 
     rung: Rung
-    measured: Measured
+    measured: RungFigures
     error: float = nan
     at_most: float = inf
     is_bound: bool = False
@@ -228,7 +228,7 @@ class Judged:
     """
 
     ladder: Ladder
-    rows: tuple[Row, ...]
+    rows: tuple[JudgedRung, ...]
     reference: int | None
     uncertainty: float
     converged: bool
@@ -260,7 +260,7 @@ class Pick(NamedTuple):
     at_most: float
 
 
-def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
+def judged(ladder: Ladder, measured: Sequence[RungFigures]) -> Judged:
     """Return errors, orders of convergence and the reference of a ladder from its measured rungs, in its order."""
     line = [i for i, rung in enumerate(ladder.rungs) if rung.series == ladder.reference]
     solved = [i for i in line if measured[i].values is not None]
@@ -271,8 +271,8 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     rows = []
     for rung, figures in zip(ladder.rungs, measured, strict=True):
         error = inf if reference is None else _distance(ladder, figures, measured[reference])
-        row = Row(rung, figures, error, error + uncertainty, error <= uncertainty)
-        rows.append(row if isfinite(error) else Row(rung, figures))
+        row = JudgedRung(rung, figures, error, error + uncertainty, error <= uncertainty)
+        rows.append(row if isfinite(error) else JudgedRung(rung, figures))
     names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
     found = []
     for name in names:
@@ -295,7 +295,7 @@ def judged(ladder: Ladder, measured: Sequence[Measured]) -> Judged:
     return Judged(ladder, tuple(rows), reference, uncertainty, converged, why, tuple(found))
 
 
-def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[int]) -> tuple[float, bool, str]:
+def _uncertainty(ladder: Ladder, measured: Sequence[RungFigures], solved: Sequence[int]) -> tuple[float, bool, str]:
     """Return the reference's own relative error, whether it is shown, and a sentence on it."""
     if not solved:
         return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
@@ -311,7 +311,7 @@ def _uncertainty(ladder: Ladder, measured: Sequence[Measured], solved: Sequence[
     return CAUTION * max(first, second), False, f"the reference is {name}, which is not shown to be converged: {said}"
 
 
-def _distance(ladder: Ladder, one: Measured, other: Measured, to: Measured | None = None) -> float:
+def _distance(ladder: Ladder, one: RungFigures, other: RungFigures, to: RungFigures | None = None) -> float:
     """Return the largest difference of two answers, relative to `to` (the second of them) as the ladder says.
 
     inf where they have no common shape.
@@ -365,7 +365,7 @@ def recommended_for(result: Judged, tolerances: Sequence[float]) -> list[list[fl
     return [[tol for tol, at in zip(tolerances, best, strict=True) if at == i] for i in range(len(result.rows))]
 
 
-def _holds(row: Row, tolerance: float) -> bool:
+def _holds(row: JudgedRung, tolerance: float) -> bool:
     return row.rung.offered and row.at_most <= tolerance
 
 
@@ -386,7 +386,7 @@ def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -
 
 
 def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
-    held: dict[tuple[str, str], list[Row]] = {}
+    held: dict[tuple[str, str], list[JudgedRung]] = {}
     for row in (row for result in results for row in result.rows if _holds(row, tolerance)):
         held.setdefault((row.rung.model, row.rung.resolution), []).append(row)
     costs = {key: sum(row.measured.seconds for row in rows) for key, rows in held.items() if len(rows) == len(results)}
@@ -455,16 +455,16 @@ def timed(
     return apart(run_timed, pickle.dumps((prepare, work)), budget_s, most_runs, imports=imports, limit_s=limit_s)
 
 
-def measured(rung: Rung) -> Measured:
-    """Run a rung and measure it; a refusal or a crash is a `Measured` with its sentence."""
+def measured(rung: Rung) -> RungFigures:
+    """Run a rung and measure it; a refusal or a crash is a `RungFigures` with its sentence."""
     answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
     if answer.kind != "value":
-        return Measured(note=("refused: " if answer.kind == "refused" else "") + answer.sentence)
+        return RungFigures(note=("refused: " if answer.kind == "refused" else "") + answer.sentence)
     found: Timed = answer.value
     solved: Solved = found.value
     values = np.atleast_1d(np.asarray(solved.values, float))
     known, note = (values, "") if np.isfinite(values).all() else (None, "its answer is not a number")
-    return Measured(known, int(solved.unknowns), float(solved.residual), *found[1:], note)
+    return RungFigures(known, int(solved.unknowns), float(solved.residual), *found[1:], note)
 
 
 def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:

@@ -34,7 +34,7 @@ from padgen.ladders.rung import (
 )
 from padgen.physics.ladder import geometric_ladder, optimal_ladder
 from padgen.physics.magnetics import impedance, paper_force_constant
-from padgen.physics.propagation import Tones, propagate, signal, squared, steady_lines, tones
+from padgen.physics.propagation import DecayingTones, propagate, signal, squared, steady_lines, tones
 from padgen.physics.pull import solved_pulls
 from padgen.physics.schemes import bias_a
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
@@ -44,7 +44,7 @@ from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, simulate
-from padgen.verify.field_solid import Pull, axisymmetric_force, solid_pull
+from padgen.verify.field_solid import PullQuestion, axisymmetric_force, solid_pull
 
 __all__ = [
     "LADDERS",
@@ -91,12 +91,12 @@ class DynamicsQuestion:
 
     system: CoupledSystem
     scheme: Scheme
-    current: Tones | None
-    squared_current: Tones
+    current: DecayingTones | None
+    squared_current: DecayingTones
     time_s: np.ndarray
 
     @property
-    def force(self) -> Tones:
+    def force(self) -> DecayingTones:
         """The pull in N on each washer where it rests, amplitudes (n, m)."""
         lines = self.squared_current
         return lines._replace(amplitude=self.system.pull_n_per_a2[:, None] * lines.amplitude)
@@ -235,7 +235,7 @@ def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
     return float(spring.max()) + 4 * float((system.pull_n_per_a2 * largest).sum()) / system.inductance_h
 
 
-def _root_voltage(lines: Tones, resistance: float, inductance: float, time_s: np.ndarray) -> np.ndarray:
+def _root_voltage(lines: DecayingTones, resistance: float, inductance: float, time_s: np.ndarray) -> np.ndarray:
     """Return u = R i + L di/dt in V of i = √F: ``di/dt = F'/(2i)``."""
     slope = 2 * np.pi * lines.frequency_hz * lines.amplitude
     quarter = lines._replace(amplitude=slope, phase_rad=lines.phase_rad + np.pi / 2)
@@ -403,7 +403,7 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
     gap = scene.plan.spec.coil.gap_mm
     distances = {round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)}
     for offset in sorted({distance if distance >= LEAST_OFFSET_MM else 0.0 for distance in distances}):
-        pull = Pull(coil, washer, gap * MM, offset * MM)
+        pull = PullQuestion(coil, washer, gap * MM, offset * MM)
         place = f"{offset:g} mm off the axis" if offset else "on the axis"
         coaxial = () if offset else ((COAXIAL, axisymmetric_pull, AXISYMMETRIC),)
         fields = (
@@ -431,19 +431,19 @@ def _resolution(order: int, levels: int) -> str:
     return f"order-{order} elements, {times}"
 
 
-def paper_pull(pull: Pull) -> Solved:
+def paper_pull(pull: PullQuestion) -> Solved:
     """Return the pull by Eq. 4 as printed, over the core's end (the bore's without a core)."""
     diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
     return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
 
 
-def charges_pull(pull: Pull) -> Solved:
+def charges_pull(pull: PullQuestion) -> Solved:
     """Return the pull by surface charges on core and washer, which know no saturation: the plan's own."""
     found = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
     return Solved(found.pull, float(found.error[0]))
 
 
-def axisymmetric_pull(pull: Pull, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
+def axisymmetric_pull(pull: PullQuestion, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
     """Return the pull by elements of `order` in the half plane, the middle of what two potentials say.
 
     With `scalar`, what the scalar potential says alone.
@@ -455,7 +455,7 @@ def axisymmetric_pull(pull: Pull, order: int = 5, levels: int = 4, scalar: bool 
     return Solved(answer, found.error, found.residual, unknowns=found.unknowns)
 
 
-def three_d_pull(pull: Pull, order: int = 3, levels: int = 1) -> Solved:
+def three_d_pull(pull: PullQuestion, order: int = 3, levels: int = 1) -> Solved:
     """Return the pull by elements of `order` in space."""
     found = solid_pull(pull, order, levels)
     answer = np.array([-float(found.wrench[0, 2]) / pull.current_a**2])

@@ -40,10 +40,10 @@ from padgen.ladders.rung import (
     TIMES,
     TOLERANCES,
     Judged,
+    JudgedRung,
     Ladder,
-    Measured,
     Pick,
-    Row,
+    RungFigures,
     Scene,
     Solved,
     apart,
@@ -66,9 +66,9 @@ __all__ = [
     "MISSING",
     "SETS",
     "STUDY_FILES",
+    "CaseVerdict",
     "ExtremeStudy",
     "Study",
-    "Verdict",
     "extreme_picture",
     "extreme_text",
     "judged_error",
@@ -105,7 +105,7 @@ MISSING = "not run"
 
 
 @dataclass(frozen=True)
-class Verdict:
+class CaseVerdict:
     """The verdict on a case: the columns of its table. `error` is relative, against the case's own reference.
 
     'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
@@ -137,10 +137,10 @@ def _asked(cases: CaseSet, place: int, what: str) -> Solved:
     return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
-def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S) -> Verdict:
+def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S) -> CaseVerdict:
     """Run a case of `named_cases` and its reference, and compare them, allowing for the reference's own error."""
     cases, place, case = named
-    say: Callable[..., Verdict] = partial(Verdict, case.domain, case.name, case.model, source=case.source)
+    say: Callable[..., CaseVerdict] = partial(CaseVerdict, case.domain, case.name, case.model, source=case.source)
     answer = timed(partial(_asked, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":
         return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
@@ -226,7 +226,7 @@ class ExtremeStudy:
 
     folder: Path
     files: tuple[str, ...]
-    verdicts: tuple[Verdict, ...]
+    verdicts: tuple[CaseVerdict, ...]
 
     @property
     def holds(self) -> bool:
@@ -309,7 +309,7 @@ def run_study(
 
 def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
     """Run all rungs of some ladders, one at a time, and judge them; after Ctrl-C, what was measured until then."""
-    found: list[list[Measured]] = [[] for _ in ladders]
+    found: list[list[RungFigures]] = [[] for _ in ladders]
     total = sum(len(ladder.rungs) for ladder in ladders)
     done = 0
     with suppress(KeyboardInterrupt):
@@ -343,7 +343,7 @@ def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequ
     """
     with OutputFolder(folder) as out:
         cases = named_cases(sets)
-        verdicts = [Verdict(case.domain, case.name, case.model, source=case.source) for *_, case in cases]
+        verdicts = [CaseVerdict(case.domain, case.name, case.model, source=case.source) for *_, case in cases]
         with suppress(KeyboardInterrupt):
             for place, named in enumerate(cases):
                 progress(f"case {place + 1} of {len(cases)}: {named[-1].domain}, {named[-1].name}")
@@ -389,7 +389,7 @@ COLUMNS = (
     "values",
     "note",
 )
-EXTREME_COLUMNS = tuple(item.name for item in fields(Verdict))
+EXTREME_COLUMNS = tuple(item.name for item in fields(CaseVerdict))
 
 
 def study_csv(study: Study) -> str:
@@ -437,7 +437,7 @@ def _ladder(result: Judged) -> dict[str, Any]:
     }
 
 
-def _rung(row: Row) -> dict[str, Any]:
+def _rung(row: JudgedRung) -> dict[str, Any]:
     rung = row.rung
     own = row.measured
     return {
@@ -497,7 +497,7 @@ def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
     return "\n".join([*lines, *([ladder.note] if ladder.note else [])])
 
 
-def _table_row(row: Row, holds: Sequence[float]) -> tuple[str, ...]:
+def _table_row(row: JudgedRung, holds: Sequence[float]) -> tuple[str, ...]:
     own = row.measured
     model = f"{row.rung.model}, {row.rung.resolution}"
     if len(model) > WIDEST_MODEL:
@@ -550,7 +550,7 @@ LEAST = 1e-13
 """Errors below are drawn here."""
 
 
-def extreme_picture(verdicts: Sequence[Verdict]) -> bytes:
+def extreme_picture(verdicts: Sequence[CaseVerdict]) -> bytes:
     """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
     with plot_style():
         figure, (axis,) = _figure(1)
@@ -626,5 +626,5 @@ def _decades(values: Sequence[float]) -> tuple[float, float]:
     return (low / 2, high * 3) if high > low else (low / 2, high * 10)
 
 
-def _place(row: Row) -> tuple[float, float]:
+def _place(row: JudgedRung) -> tuple[float, float]:
     return max(row.measured.seconds, 1e-7), max(row.at_most if row.is_bound else row.error, LEAST)

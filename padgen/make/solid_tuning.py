@@ -52,7 +52,7 @@ Task = tuple[Channel, int]
 """The channel whose taxel is to be solved, and the first setting to try."""
 
 
-class Solved(NamedTuple):
+class SolvedTaxel(NamedTuple):
     """Modes of one taxel, the finite elements' own estimate of their relative error, and their `setting`.
 
     The setting is the index in `verify.elasticity.SETTINGS`.
@@ -72,7 +72,7 @@ class Trial(NamedTuple):
     """A channel with one width, its modes, and its distance from the target, ``ln(goal/resonance)``."""
 
     sized: SizedChannel
-    solved: Solved
+    solved: SolvedTaxel
     miss: float
 
 
@@ -170,7 +170,7 @@ class TaxelSolver:
         if self._runner:
             self._runner.close()
 
-    def solve(self, plan: Plan, settings: Sequence[int]) -> list[Solved]:
+    def solve(self, plan: Plan, settings: Sequence[int]) -> list[SolvedTaxel]:
         """Return the modes of every channel's taxel; `settings` are the first settings of the elements to try."""
         tasks = list(zip(plan.channels, settings, strict=True))
         keys = [cache.key_of(self._inputs(plan, *task)) for task in tasks]
@@ -202,7 +202,7 @@ class TaxelSolver:
             "versions": [cache.version(name) for name in packages],
         }
 
-    def _computed(self, plan: Plan, tasks: Sequence[Task]) -> list[Solved]:
+    def _computed(self, plan: Plan, tasks: Sequence[Task]) -> list[SolvedTaxel]:
         """Model taxels and solve them, as many at a time as there are cores."""
         if self._runner is None:
             from padgen.core.runner import Runner, core_count
@@ -224,7 +224,7 @@ class TaxelSolver:
             return [_modes_of(job.result(), channel) for job, (channel, _) in zip(jobs, tasks, strict=True)]
 
 
-def _modes_of(answer: "Answer", channel: Channel) -> Solved:
+def _modes_of(answer: "Answer", channel: Channel) -> SolvedTaxel:
     """Return the modes that a process found.
 
     Raises
@@ -239,7 +239,7 @@ def _modes_of(answer: "Answer", channel: Channel) -> Solved:
         raise SolverError(told, f"channel {channel.index}") from error
     if error:
         raise error
-    found: Solved = answer.value
+    found: SolvedTaxel = answer.value
     return found
 
 
@@ -263,15 +263,15 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
     )
 
 
-def solve_step(taxel: Any, tolerance: float, setting: int) -> Solved:
+def solve_step(taxel: Any, tolerance: float, setting: int) -> SolvedTaxel:
     """Return the modes of one STEP file; called in a process of its own."""
     from padgen.verify.elasticity import converged_modes
 
     found = converged_modes(taxel, tolerance, MODES, setting)
-    return Solved(found.modes, found.working_error, found.setting)
+    return SolvedTaxel(found.modes, found.working_error, found.setting)
 
 
-def _to_plain(solved: Solved) -> dict[str, Any]:
+def _to_plain(solved: SolvedTaxel) -> dict[str, Any]:
     """Return a solution as plain data for the cache."""
     modes = solved.modes
     rest = np.zeros((6, 6)) if modes.rest is None else modes.rest
@@ -284,12 +284,12 @@ def _to_plain(solved: Solved) -> dict[str, Any]:
     }
 
 
-def _from_cache(keys: Iterable[str]) -> dict[str, Solved]:
+def _from_cache(keys: Iterable[str]) -> dict[str, SolvedTaxel]:
     """Return those of the keys that the cache holds, with their solutions."""
     return {key: solved for key in keys if (solved := _from_plain(cache.load(KIND, key)))}
 
 
-def _from_plain(entry: Any) -> Solved | None:
+def _from_plain(entry: Any) -> SolvedTaxel | None:
     """Return a solution from the cache's data, None where the data are not a taxel's modes."""
     try:
         frequency, motion, rest = (np.array(entry[key], float) for key in ("frequency_hz", "motion", "rest"))
@@ -300,4 +300,4 @@ def _from_plain(entry: Any) -> Solved | None:
     shapes = (frequency.shape, motion.shape, rest.shape)
     is_sound = shapes == ((MODES,), (MODES, 6), (6, 6)) and frequency.min() > 0
     is_sound = is_sound and all(np.isfinite(v).all() for v in (frequency, motion, rest, error))
-    return Solved(TaxelModes(frequency, motion, rest), error, setting) if is_sound else None
+    return SolvedTaxel(TaxelModes(frequency, motion, rest), error, setting) if is_sound else None

@@ -11,7 +11,7 @@ import numpy as np
 from padgen.core.display import COLOURS, PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError, SolverError, number
 from padgen.core.units import MS
-from padgen.measured.read import Measured, Record, Row, Spectrum
+from padgen.measured.read import Measured, Spectrum, TaxelRecord, TaxelRow
 from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, looked_at, rough_hz
 from padgen.physics.resonance_judge import ResonanceFit, Seen
 from padgen.planner.plan import Channel, Plan
@@ -117,14 +117,14 @@ def fitted(
     for part in measured.taxels:
         try:
             for taxel, near_hz in _heard(part, plan, nearest):
-                if isinstance(part, Row):
+                if isinstance(part, TaxelRow):
                     fits[taxel] = _from_row(part, channels[taxel])
                     continue
                 fit = _fit(part, channels[taxel], near_hz)
                 fits[taxel] = _from_fit(taxel, fit, part)
                 curves.append(Curve(taxel, fit.seen, ""))
         except SolverError as error:
-            assert not isinstance(part, Row)  # a table states its resonances
+            assert not isinstance(part, TaxelRow)  # a table states its resonances
             refused.append((part, error.message))  # the error itself would keep the fit's arrays alive
             if isinstance(part, Spectrum):
                 seen = Seen(part.frequency_hz, part.response, None)
@@ -140,7 +140,7 @@ def fitted(
     return ordered, tuple(curves), FileError(cause + rest, part.where)
 
 
-def _fit(part: Spectrum | Record, channel: Channel, near_hz: float | None) -> ResonanceFit:
+def _fit(part: Spectrum | TaxelRecord, channel: Channel, near_hz: float | None) -> ResonanceFit:
     if isinstance(part, Spectrum):
         return fit_spectrum(part.frequency_hz, part.response, near_hz, part.power)
     square = part.squared_current_a2
@@ -159,7 +159,7 @@ def _fit(part: Spectrum | Record, channel: Channel, near_hz: float | None) -> Re
     return fit_driven(part.rate_hz, square, moved, near_hz, part.power, channel.ring_up_ms * MS, part.clipped, exact)
 
 
-def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tuple[str, float | None]]:
+def _heard(part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool) -> list[tuple[str, float | None]]:
     """Return the taxels that a part of a measurement is of, each with the frequency in Hz near which it is sought.
 
     Peaks in a record of a whole coil go to its taxels in their planned order, so that they are off the plan by about
@@ -171,7 +171,7 @@ def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tup
         Two ways to name the peaks are about as likely.
     """
     channel = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
-    if isinstance(part, Row | Spectrum) or not part.shared:
+    if isinstance(part, TaxelRow | Spectrum) or not part.shared:
         return [(part.id, channel[part.id].resonance_hz if nearest else None)]
     planned = sorted((channel[taxel].resonance_hz, taxel) for taxel in part.shared)
     first = _fit(part, channel[planned[0][1]], planned[0][0])
@@ -194,7 +194,7 @@ def _heard(part: Row | Spectrum | Record, plan: Plan, nearest: bool) -> list[tup
     return ways[0][1]
 
 
-def _from_row(row: Row, channel: Channel) -> TaxelFit:
+def _from_row(row: TaxelRow, channel: Channel) -> TaxelFit:
     error = row.resonance_error_hz
     response = row.response_um_per_a2
     q, q_share = (channel.q, PLANNED_Q_SHARE) if row.q is None else (row.q, TABLE_Q_SHARE)
@@ -213,7 +213,7 @@ def _from_row(row: Row, channel: Channel) -> TaxelFit:
     )
 
 
-def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | Record) -> TaxelFit:
+def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord) -> TaxelFit:
     own = MethodFit("least squares", fit.resonance_hz, fit.resonance_error_hz, fit.q, fit.q_error)
     unit = (2 * np.pi * fit.resonance_hz) ** (fit.power or 0)
     return TaxelFit(
@@ -248,9 +248,9 @@ def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
     part = measured.taxels[0]
     rough = roughs[0]
     planned = channels[part.id].resonance_hz
-    peak = part.id if isinstance(part, Row) else f"the largest response of {part.id}"
+    peak = part.id if isinstance(part, TaxelRow) else f"the largest response of {part.id}"
     shown = f"{peak} is at {number(rough)} Hz, planned is {number(planned)} Hz"
-    is_time = isinstance(part, Record)
+    is_time = isinstance(part, TaxelRecord)
     for factor, *wrong in WRONG_UNITS:
         if abs(log(ratio / factor)) < log(3):
             raise FileError(f"{shown}: {wrong[is_time]}", measured.where)
@@ -278,9 +278,9 @@ WRONG_UNITS = (
 """Ratios of measured to planned resonances that tell of a wrong unit, with the words for frequencies and for times."""
 
 
-def _rough_hz(part: Row | Spectrum | Record) -> float:
+def _rough_hz(part: TaxelRow | Spectrum | TaxelRecord) -> float:
     """Return the frequency in Hz of the largest response, 0 where there is none."""
-    if isinstance(part, Row):
+    if isinstance(part, TaxelRow):
         return part.resonance_hz
     if isinstance(part, Spectrum):
         return float(part.frequency_hz[int((np.abs(part.response) * part.frequency_hz).argmax())])

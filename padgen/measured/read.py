@@ -39,7 +39,7 @@ from padgen.core.wav_reader import Wave, read_wav
 from padgen.physics.resonance_fit import MOST_SAMPLES, SENSORS, current_of_voltage
 from padgen.planner.plan import Plan
 
-__all__ = ["Measured", "Record", "Row", "Spectrum", "read_measured", "read_measured_text"]
+__all__ = ["Measured", "Spectrum", "TaxelRecord", "TaxelRow", "read_measured", "read_measured_text"]
 
 LARGEST_FILE = 1 << 28
 """Most bytes of a file, or of all files in a folder."""
@@ -50,7 +50,7 @@ LONGEST_NAME = 80
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class TaxelRow:
     """A taxel's line of a table; values that were left out are None."""
 
     id: str
@@ -78,7 +78,7 @@ class Spectrum:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Record:
+class TaxelRecord:
     """A taxel's motion (n,) over time, in µm (µm/s, µm/s²) where `absolute`, else relative; `power` as of `Spectrum`.
 
     `squared_current_a2` (n,) is the coil's i², None for a free decay. `clipped` (n,) marks samples of the motion at the
@@ -108,7 +108,7 @@ class Measured:
     stated: bool
 
 
-Part = Row | Spectrum | Record
+Part = TaxelRow | Spectrum | TaxelRecord
 Found = tuple[list[Part], bool]
 
 
@@ -149,7 +149,7 @@ def read_measured(
         found, stated = _read(data, alone, tuple(taxel.id for taxel in plan.taxels), plan, excitation, False)
     if sensor is not None:
         power = SENSORS.index(sensor)
-        found = [p if isinstance(p, Row) or p.power is not None else replace(p, power=power) for p in found]
+        found = [p if isinstance(p, TaxelRow) or p.power is not None else replace(p, power=power) for p in found]
     return _ordered(found, stated, where, plan)
 
 
@@ -196,7 +196,7 @@ def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) 
         left -= len(data)
         parts, told = _read(data, path, own, plan, excitation, True)
         for part in parts:
-            if isinstance(part, Row):
+            if isinstance(part, TaxelRow):
                 raise FileError(
                     "is a table, which has all taxels in one file; give that file, not the folder", str(path)
                 )
@@ -290,7 +290,7 @@ def _records(
         _squared_current(columns[:, 0], rate, plan, excitation, "channel 1, the excitation,", where) if driven else None
     )
     return [
-        Record(
+        TaxelRecord(
             taxel,
             f"{where}, channel {k + 1 + driven} ({'coil of ' if shared else ''}{taxel})",
             rate,
@@ -529,7 +529,7 @@ def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
             "'level_um' and 'line_a2' (of the line of i² that made it) must stand together",
         ),
     )
-    rows: dict[str, Row] = {}
+    rows: dict[str, TaxelRow] = {}
     for line, raw in sheet.lines:
         cells = dict(zip(sheet.names, sheet.cells(line, raw), strict=True))
         taxel = cells.pop("taxel")
@@ -546,7 +546,7 @@ def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
                 f"line {line} has one of 'level_um' and 'line_a2'; give both or none",
             ),
         )
-        rows[taxel] = Row(
+        rows[taxel] = TaxelRow(
             taxel,
             f"{sheet.where}, line {line}",
             sheet.factor * values["resonance_hz"],
@@ -688,6 +688,6 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         kind = name.partition("_")[0]
         squared = _squared_current(column, rate, plan, kind, f"column {name!r}", sheet.where)
     return [
-        Record(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *told)
+        TaxelRecord(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *told)
         for taxel, parts in columns.items()
     ]

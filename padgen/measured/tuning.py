@@ -37,10 +37,10 @@ __all__ = [
     "Q_SPREAD",
     "SIMULATED",
     "CoilFigures",
-    "Played",
-    "Tones",
+    "TaxelEnergies",
     "TunedTaxel",
     "Tuning",
+    "WantedLines",
     "levels_um",
     "one_coil_spec",
     "planned_response_um_per_a2",
@@ -223,14 +223,14 @@ UNPULLED = 1e-12
 """Share of the largest response that replaces a smaller one, so that nothing is divided by zero."""
 
 
-class Tones(NamedTuple):
+class WantedLines(NamedTuple):
     """The lines of i² that are to move the taxels (t,), in the plan's order: frequency in Hz, amplitude in A²."""
 
     hz: np.ndarray
     line_a2: np.ndarray
 
 
-class Played(NamedTuple):
+class TaxelEnergies(NamedTuple):
     """Energies (n,) of the taxels of a coil, each over the energy of its wanted level.
 
     `on` is by the taxel's own tone alone, `off` the largest over all states in which the taxel is OFF, `alone` the
@@ -270,14 +270,14 @@ def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
     return np.asarray(law(resonance_hz) * (plan.spec.drive.level_um / lowest))
 
 
-def tones_at(plan: Plan, tuning: Tuning) -> Tones:
+def tones_at(plan: Plan, tuning: Tuning) -> WantedLines:
     """Return tones on the resonances of `tuning` that move every taxel by its level.
 
     A taxel that no current moves gets a tone of amplitude 0.
     """
     hz = _of(tuning, "resonance_hz")
     response = _of(tuning, "response_um_per_a2")
-    return Tones(hz, np.divide(levels_um(plan, hz), response, out=np.zeros(len(hz)), where=response > 0))
+    return WantedLines(hz, np.divide(levels_um(plan, hz), response, out=np.zeros(len(hz)), where=response > 0))
 
 
 def one_coil_spec(plan: Plan) -> Spec:
@@ -330,7 +330,7 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
     return tuple(moved)
 
 
-def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> Played:
+def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> TaxelEnergies:
     """Return the energies of the taxels `truth` of one coil under `tones`.
 
     ``truth.line`` is the amplitude of i² (A²) that moves a taxel by its wanted level at its own resonance;
@@ -341,11 +341,11 @@ def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels 
     on = own[:, 0].diagonal().copy()
     own = own.sum(1)
     np.fill_diagonal(own, 0.0)
-    return Played(on, off_energy(truth, scheme, modes, tones), own.max(1), own.argmax(1))
+    return TaxelEnergies(on, off_energy(truth, scheme, modes, tones), own.max(1), own.argmax(1))
 
 
 def predicted(
-    plan: Plan, tuning: Tuning, tones: Tones, wanted_um: np.ndarray | None = None, scheme_name: str | None = None
+    plan: Plan, tuning: Tuning, tones: WantedLines, wanted_um: np.ndarray | None = None, scheme_name: str | None = None
 ) -> tuple[CoilFigures, ...]:
     """Return the selectivity of every coil of the print `tuning` under `tones`, row by row.
 

@@ -39,8 +39,8 @@ __all__ = [
     "UNCERTAINTY",
     "BeamPlacement",
     "Modes",
-    "Plate",
     "RigidBody",
+    "RigidPlate",
     "bending_stress",
     "box",
     "combine",
@@ -323,7 +323,7 @@ MOST_SOFTER = 0.8
 """Largest share of all flexibility that is taken as missing."""
 
 
-class Plate(NamedTuple):
+class RigidPlate(NamedTuple):
     """The plate that the model takes as rigid, in m; `thickness` is that of the part above the recess."""
 
     length: Array
@@ -331,7 +331,9 @@ class Plate(NamedTuple):
     thickness: Array
 
 
-def uncertain_energies(beam: BeamPlacement, modes: Modes, modulus: float, poisson: float, plate: Plate) -> np.ndarray:
+def uncertain_energies(
+    beam: BeamPlacement, modes: Modes, modulus: float, poisson: float, plate: RigidPlate
+) -> np.ndarray:
     """Return twice the energy (…, 6, parts) in 1/s² that each mode has in each uncertain flexibility of one beam.
 
     The modes are mass-normalised; the parts are those of `UNCERTAINTY`, in its order.

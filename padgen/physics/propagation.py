@@ -29,7 +29,7 @@ from padgen.core.errors import SolverError
 
 __all__ = [
     "STATED_ERROR",
-    "Tones",
+    "DecayingTones",
     "circuit_current",
     "propagate",
     "signal",
@@ -43,7 +43,7 @@ SPLITTER = 134217729.0
 """2^27 + 1, the factor that splits a double into two halves of its digits (Dekker 1971)."""
 
 
-class Tones(NamedTuple):
+class DecayingTones(NamedTuple):
     """``Σ_j amplitude_j e^(−decay_j t) cos(2π (frequency_j + rest_j) t + phase_j)``, arrays of shape (m,).
 
     `amplitude` may be (n, m), for n receivers. `rest_hz` is the rounding error of `frequency_hz`.
@@ -61,12 +61,12 @@ def tones(
     amplitude: object,
     phase_rad: object = 0.0,
     decay_per_s: object = 0.0,
-) -> Tones:
-    """Return `Tones` from values that broadcast to (m,); amplitudes may be (n, m)."""
+) -> DecayingTones:
+    """Return `DecayingTones` from values that broadcast to (m,); amplitudes may be (n, m)."""
     size = np.atleast_1d(np.asarray(amplitude, float))
     parts = (np.asarray(v, float) for v in (frequency_hz, phase_rad, decay_per_s))
     rest, frequency, phase, decay = np.broadcast_arrays(np.zeros(size.shape[-1]), *parts)
-    return Tones(frequency, np.broadcast_to(size, (*size.shape[:-1], len(frequency))), phase, decay, rest)
+    return DecayingTones(frequency, np.broadcast_to(size, (*size.shape[:-1], len(frequency))), phase, decay, rest)
 
 
 def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
@@ -81,7 +81,7 @@ def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     return np.asarray((product - np.rint(product)) + lost)
 
 
-def signal(wave: Tones, time_s: np.ndarray) -> np.ndarray:
+def signal(wave: DecayingTones, time_s: np.ndarray) -> np.ndarray:
     """Return the values (k,) or (n, k) of a sum of tones at times (k,) in s."""
     at = np.asarray(time_s, float)
     cycles = turns(wave.frequency_hz[:, None], at) + wave.rest_hz[:, None] * at
@@ -89,7 +89,7 @@ def signal(wave: Tones, time_s: np.ndarray) -> np.ndarray:
     return np.asarray(wave.amplitude @ carrier)
 
 
-def squared(wave: Tones) -> Tones:
+def squared(wave: DecayingTones) -> DecayingTones:
     """Return the square of a sum of tones (m,), to which a coil's pull is proportional, as m(m + 1) tones.
 
     It has all lines, wanted or not: ``2 f_a``, ``f_a ± f_b`` and the constants (paper Eq. 5).
@@ -104,7 +104,7 @@ def squared(wave: Tones) -> Tones:
     rest[0] += wave.rest_hz[a] + wave.rest_hz[b]
     rest[1] += sign * (wave.rest_hz[a] - wave.rest_hz[b])
     phase = np.stack([wave.phase_rad[a] + wave.phase_rad[b], sign * (wave.phase_rad[a] - wave.phase_rad[b])])
-    return Tones(
+    return DecayingTones(
         np.concatenate([total, difference]),
         np.concatenate([product, product]),
         phase.ravel(),
@@ -113,7 +113,9 @@ def squared(wave: Tones) -> Tones:
     )
 
 
-def circuit_current(voltage: Tones, resistance: float, inductance: float, initial_a: float = 0.0) -> Tones:
+def circuit_current(
+    voltage: DecayingTones, resistance: float, inductance: float, initial_a: float = 0.0
+) -> DecayingTones:
     """Return the current in A of ``u = R i + L di/dt`` from `initial_a` at time 0.
 
     It has one tone for each of the voltage, and the transient. At times much shorter than L/R the tones cancel: they
@@ -123,7 +125,7 @@ def circuit_current(voltage: Tones, resistance: float, inductance: float, initia
     size = voltage.amplitude / np.hypot(resistance, angular * inductance)
     phase = voltage.phase_rad - np.arctan2(angular * inductance, resistance)
     transient = initial_a - float((size * np.cos(phase)).sum())
-    return Tones(
+    return DecayingTones(
         np.append(voltage.frequency_hz, 0.0),
         np.append(size, transient),
         np.append(phase, 0.0),
@@ -133,7 +135,7 @@ def circuit_current(voltage: Tones, resistance: float, inductance: float, initia
 
 
 def steady_lines(
-    frequency_hz: np.ndarray, q: np.ndarray | float, mass_kg: np.ndarray | float, force: Tones
+    frequency_hz: np.ndarray, q: np.ndarray | float, mass_kg: np.ndarray | float, force: DecayingTones
 ) -> np.ndarray:
     """Return displacement phasors (n, m) in m of resonators (n,) under the steady tones (m,) of a `force` in N.
 
@@ -194,7 +196,7 @@ def propagate(
     frequency_hz: np.ndarray,
     q: np.ndarray | float,
     mass_kg: np.ndarray | float,
-    force: Tones,
+    force: DecayingTones,
     time_s: np.ndarray,
 ) -> np.ndarray:
     """Return the displacement (n, k) in m of resonators (n,), at rest at time 0, at times (k,) in s, in any order.
@@ -248,7 +250,7 @@ def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
 
 
 def _move(
-    poles: _Poles, turns_by: tuple[np.ndarray, np.ndarray], phasor: np.ndarray, force: Tones, time: np.ndarray
+    poles: _Poles, turns_by: tuple[np.ndarray, np.ndarray], phasor: np.ndarray, force: DecayingTones, time: np.ndarray
 ) -> np.ndarray:
     """Return the displacement (n, k) at the times of one block.
 

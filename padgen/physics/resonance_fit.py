@@ -144,7 +144,7 @@ second.
 """
 
 
-class Lines(NamedTuple):
+class MeasuredLines(NamedTuple):
     """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
 
     A record lasts `seconds` (0 for a spectrum). `slow` (k, n) are transforms of the response times the time and times
@@ -163,14 +163,14 @@ class Lines(NamedTuple):
         """Distance of a record's lines in Hz, or the largest of a spectrum's."""
         return 1 / self.seconds if self.seconds else float(np.diff(self.frequency).max())
 
-    def at(self, keep: np.ndarray) -> "Lines":
+    def at(self, keep: np.ndarray) -> "MeasuredLines":
         """Return the lines of the indices `keep`."""
         slow = None if self.slow is None else self.slow[:, keep]
         return self._replace(
             frequency=self.frequency[keep], data=self.data[keep], inputs=self.inputs[:, keep], slow=slow
         )
 
-    def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "Lines":
+    def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "MeasuredLines":
         """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
         away = np.abs(detuning(self.frequency, hz, q))
         inside = away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1]))
@@ -187,7 +187,7 @@ class _Solved(NamedTuple):
     complex `residual` (n,). `caps` (n, c) are the transforms of the caps on clipped crests, where there are any.
     """
 
-    lines: Lines
+    lines: MeasuredLines
     theta: np.ndarray
     factors: np.ndarray
     basis: np.ndarray
@@ -234,7 +234,7 @@ def fit_spectrum(
     phased = np.iscomplexobj(given)
     noise = point_noise(given)
     data = given if phased else _with_phase(frequency, given)
-    lines = Lines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
+    lines = MeasuredLines(frequency, np.asarray(data, complex), np.ones((1, len(data))), noise=noise)
     peaks = _peaks(lines, power or 0)
     n = _recognised(lines, peaks, near_hz, power)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, alone=not phased)
@@ -377,7 +377,7 @@ def fit_decay(
     further = [k for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart]
     parts = [lines, *(_record_lines(rate_hz, whole[k : k + len(y)]) for k in further)]
     inputs = np.repeat(np.eye(len(parts)), len(lines.data), 1) * np.concatenate([part.inputs[0] for part in parts])
-    joined = Lines(
+    joined = MeasuredLines(
         np.tile(lines.frequency, len(parts)),
         np.concatenate([part.data for part in parts]),
         inputs,  # one for each decay, so that each has factors of its own
@@ -438,7 +438,7 @@ def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, i
 # Records
 
 
-def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Lines:
+def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> MeasuredLines:
     """Return the lines of a record, without its mean."""
     level = y - y.mean()
     time = np.linspace(-0.5, 0.5, len(y))
@@ -447,7 +447,7 @@ def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Li
     data = np.fft.rfft(level)[1:-1]
     size = np.full(len(data), np.sqrt(np.mean(np.abs(data) ** 2)) or 1.0, complex)
     inputs = [size] if x is None else [np.fft.rfft(x - x.mean())[1:-1], size]
-    return Lines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
+    return MeasuredLines(np.fft.rfftfreq(len(y), 1 / rate)[1:-1], data, np.array(inputs), len(y) / rate, slow)
 
 
 class _Cross(NamedTuple):
@@ -509,7 +509,7 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
     return kept
 
 
-def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> Lines:
+def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> MeasuredLines:
     """Return the response by the beginning of the impulse response, at `lag`, for some eight time constants."""
     impulse = cross.impulse
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
@@ -520,10 +520,10 @@ def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> Lines:
     inside = np.flatnonzero((frequency >= cross.low_hz / 1.1) & (frequency <= 1.1 * cross.high_hz) & (frequency > 0))
     away = np.roll(impulse, len(impulse) // 2 - lag)[: len(impulse) // 4]
     noise = float(np.sqrt(np.mean(np.abs(away) ** 2) * len(kept)))
-    return Lines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside)
+    return MeasuredLines(frequency, data, np.ones((1, len(data))), noise=noise).at(inside)
 
 
-def _recognised(lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
+def _recognised(lines: MeasuredLines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
     """Return the power of the frequency by which a response differs from that of a displacement: 0, 1, 2 or None.
 
     It is the slope of the response over the first peak's on logarithmic axes, above and below it, where other peaks and
@@ -564,7 +564,7 @@ def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
     return np.asarray(s**power / (q * (1 - s) * (1 + s) + 1j * s))
 
 
-def _basis(lines: Lines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
+def _basis(lines: MeasuredLines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
     """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
     shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
@@ -588,7 +588,7 @@ def _parts(values: np.ndarray) -> np.ndarray:
 
 
 def _solve(
-    lines: Lines, start: np.ndarray, power: int, extra: np.ndarray | None = None, tries: int = MOST_TRIES
+    lines: MeasuredLines, start: np.ndarray, power: int, extra: np.ndarray | None = None, tries: int = MOST_TRIES
 ) -> _Solved:
     """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`, in so many `tries` at most."""
     from scipy.optimize import least_squares
@@ -702,7 +702,7 @@ def _gain(fit: _Solved) -> float:
     return taken / max(max(fit.noise, fit.lines.noise) ** 2 / 2, np.finfo(float).tiny)
 
 
-def _start(lines: Lines, rest: np.ndarray, power: int, found: list[_Peak]) -> tuple[float, float, float]:
+def _start(lines: MeasuredLines, rest: np.ndarray, power: int, found: list[_Peak]) -> tuple[float, float, float]:
     """Return frequency in Hz, Q, and explained power of the mode that explains most of `rest` (n,)."""
     from scipy.ndimage import uniform_filter1d
 
@@ -736,7 +736,7 @@ def _shown(fit: _Solved) -> bool:
     return bool(abs(fit.factors[0]) < 1.5 * largest and _gain(fit) > LEAST_GAIN)
 
 
-def _peaks(lines: Lines, power: int) -> list[_Peak]:
+def _peaks(lines: MeasuredLines, power: int) -> list[_Peak]:
     """Return the modes in a spectrum, a gated response or the transform of a decay, most powerful first."""
     if len(lines.data) < FEWEST_LINES:
         raise SolverError("is too short to show a resonance; record longer")
@@ -808,7 +808,12 @@ def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _
 
 
 def _fit_peaks(
-    lines: Lines, peaks: list[_Peak], near_hz: float | None, power: int, exact: bool = False, alone: bool = False
+    lines: MeasuredLines,
+    peaks: list[_Peak],
+    near_hz: float | None,
+    power: int,
+    exact: bool = False,
+    alone: bool = False,
 ) -> _Solved:
     """Fit one peak; if not `alone`, together with its neighbours and others that stand out of the residual."""
     own = _chosen(peaks, near_hz, exact)
@@ -922,7 +927,7 @@ def _sines(away: np.ndarray) -> np.ndarray:
 
 
 def _result(
-    lines: Lines,
+    lines: MeasuredLines,
     fit: _Solved,
     peaks: list[_Peak],
     near_hz: float | None,
@@ -1036,7 +1041,7 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     return _Solved(turned, theta, found[count:] * most, basis, turned.data - whole, noise, fit.extra)
 
 
-def _refuse_phase(lines: Lines, fit: _Solved, power: int) -> None:
+def _refuse_phase(lines: MeasuredLines, fit: _Solved, power: int) -> None:
     """Refuse a phase that rises through the peak, or that shows no resonance."""
     if fit.noise < 0.05 * float(np.abs(lines.data).max()):
         return

@@ -26,7 +26,7 @@ from padgen.planner.layout import (
 from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts
 from padgen.planner.verdict import judged
-from padgen.spec import Spec, Suspension, load_spec, make_spec
+from padgen.spec import Spec, SuspensionTable, load_spec, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
 __all__ = ["Cure", "named_breakdown", "refusal", "varied", "with_tried_cures"]
@@ -231,7 +231,9 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     smaller = [e for e in catalogue("washer").values() if diameter(e) < spec.washer.outer_diameter_mm]
     finer = [e for e in catalogue("printer").values() if e["line_width_mm"] < spec.printer.line_width_mm]
     beams = {
-        f"suspension.{f.name}": f.default for f in fields(Suspension) if getattr(spec.suspension, f.name) != f.default
+        f"suspension.{f.name}": f.default
+        for f in fields(SuspensionTable)
+        if getattr(spec.suspension, f.name) != f.default
     }
     sides = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
     ways: list[list[Cure]] = [

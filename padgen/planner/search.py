@@ -32,7 +32,7 @@ from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, 
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
 from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, reach
 from padgen.planner.suspensions import Room, allowed
-from padgen.spec import Drive, Spec
+from padgen.spec import DriveTable, Spec
 
 __all__ = [
     "Optimum",
@@ -274,7 +274,7 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
 @lru_cache(maxsize=64)
 def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...], ...]:
     """Return beams for the first ladder that prints; with optimised spacing, for all ladders that print."""
-    undriven = replace(spec, drive=Drive())
+    undriven = replace(spec, drive=DriveTable())
     sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 

@@ -25,7 +25,7 @@ from padgen.planner.plan import level_law, scheme_for, sets_db
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread
-from padgen.spec.model import Drive, Pad, Suspension
+from padgen.spec.model import DriveTable, PadTable, SuspensionTable
 
 __all__ = [
     "DRAWN_SHARE",
@@ -263,10 +263,10 @@ def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
         band_hz=(1.0, 2.0),
         q_min=1.0,
         resonances_hz=None,
-        pad=Pad(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm),
-        drive=Drive(),
+        pad=PadTable(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm),
+        drive=DriveTable(),
         material=replace(spec.material, youngs_modulus_gpa=1.0),
-        suspension=replace(spec.suspension, topology=Suspension().topology, tune=Suspension().tune),
+        suspension=replace(spec.suspension, topology=SuspensionTable().topology, tune=SuspensionTable().tune),
     )
     found = _reach(beams_only, topology, room, SUSPENSIONS.changes)
     # Resonances are exactly proportional to the root of the modulus.

@@ -19,8 +19,8 @@ from padgen.physics.modes import (
     FLOOR,
     BeamPlacement,
     Modes,
-    Plate,
     RigidBody,
+    RigidPlate,
     bending_stress,
     box,
     combine,
@@ -324,7 +324,7 @@ class TaxelModel:
         modulus, poisson, _ = self.elastic
         length, width, thickness = (side * MM for side in self.plate)
         roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)
-        plate = Plate(length, width, roof)
+        plate = RigidPlate(length, width, roof)
         energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)
         floor = FLOOR if self.is_straight else BENT
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)

@@ -22,9 +22,9 @@ from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
 from padgen.solid.taxel import Tile, kept_solid
 
 __all__ = [
+    "PadSample",
     "PadSolid",
     "Places",
-    "Sample",
     "Tile",
     "assembled",
     "border_mesh",
@@ -191,7 +191,7 @@ class Places(NamedTuple):
         return x_mm + self.column_shifts_mm[column], y_mm + self.row_shifts_mm[row]
 
 
-class Sample(NamedTuple):
+class PadSample(NamedTuple):
     """A pad of few coils that has every kind of tile of a larger pad, beside every neighbour that it has there."""
 
     plan: Plan
@@ -238,7 +238,7 @@ def _of_tiles(
     return PadSolid(assembled(plan, tiles, border, grid), volume, tiles, border, grid)
 
 
-def sampled(plan: Plan, pad: PadSolid) -> Sample:
+def sampled(plan: Plan, pad: PadSolid) -> PadSample:
     """Return the pad without the rows and columns of coils that only repeat their neighbours.
 
     Every dimension that can be measured on the pad can be measured on this sample.
@@ -249,7 +249,7 @@ def sampled(plan: Plan, pad: PadSolid) -> Sample:
     rows = _unrepeated([part.tobytes() for part in kinds.reshape(coils.rows, -1)])
     columns = _unrepeated([part.tobytes() for part in np.ascontiguousarray(kinds.T).reshape(coils.columns, -1)])
     if len(rows) * len(columns) == coils.rows * coils.columns:
-        return Sample(plan, pad, Places())
+        return PadSample(plan, pad, Places())
     wide = len(columns) * coils.pitch_x_mm
     deep = len(rows) * coils.pitch_y_mm
     shift_x = [(k - j) * coils.pitch_x_mm + (wide - spec.pad.width_mm) / 2 for j, k in enumerate(columns)]
@@ -272,7 +272,7 @@ def sampled(plan: Plan, pad: PadSolid) -> Sample:
         tuple(i * coils.pitch_y_mm - deep / 2 for i in range(1, len(rows))),
         tuple(shift_y),
     )
-    return Sample(fewer, _of_tiles(fewer, pad.tiles, CHORD_MM, ANGLE_RAD), places)
+    return PadSample(fewer, _of_tiles(fewer, pad.tiles, CHORD_MM, ANGLE_RAD), places)
 
 
 def _unrepeated(kinds: Sequence[bytes]) -> list[int]:

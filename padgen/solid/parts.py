@@ -51,7 +51,7 @@ from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, sound_mesh, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.taxel import box, only_solid
-from padgen.spec import Pad, Spec
+from padgen.spec import PadTable, Spec
 
 __all__ = [
     "TraySolid",
@@ -90,7 +90,7 @@ def build_tray(plan: Plan) -> TraySolid:
     return tray_solid(plan_tray(plan), plan.spec.pad)
 
 
-def tray_solid(tray: Tray, pad: Pad) -> TraySolid:
+def tray_solid(tray: Tray, pad: PadTable) -> TraySolid:
     """Build the solid of a `tray` with the outline of `pad`."""
     b = build123d()
     with kernel_errors("the coil tray"):

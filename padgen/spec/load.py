@@ -25,17 +25,17 @@ from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
     Amplifier,
     Coil,
-    Drive,
-    Limits,
+    DriveTable,
+    LimitsTable,
     Material,
     Model,
-    Pad,
+    PadTable,
     Printer,
     SoundCard,
     Spec,
     Spread,
-    Suspension,
-    Taxel,
+    SuspensionTable,
+    TaxelTable,
     Washer,
 )
 
@@ -364,7 +364,7 @@ LARGEST_CURVE = 1 << 20
 """Most bytes of a file with a curve."""
 
 
-def with_threshold(drive: Drive, folder: Path) -> Drive:
+def with_threshold(drive: DriveTable, folder: Path) -> DriveTable:
     """Return `drive` with the curve of its `threshold_file` in place of the file's name.
 
     Raises
@@ -393,7 +393,7 @@ def with_threshold(drive: Drive, folder: Path) -> Drive:
         raise FileError(f"is not CSV: byte {error.start} is not UTF-8 text", where) from error
     hz, um = zip(*_points(text, name), strict=True)
     lists = {"threshold_hz": list(hz), "threshold_um": list(um)}
-    return build(Drive, lists, "drive", asdict(replace(drive, threshold_file=None)))
+    return build(DriveTable, lists, "drive", asdict(replace(drive, threshold_file=None)))
 
 
 def _points(text: str, where: str) -> list[tuple[float, float]]:
@@ -493,7 +493,14 @@ WINDING = ("turns", "resistance_ohm", "inductance_mh")
 DEFAULT_GAP_MM = 1.0
 DEFAULT_MATERIALS = {"fdm": "pla", "resin": "tough-resin"}
 DEFAULT_PRINTERS = {"fdm": "fdm-0.4", "resin": "resin-0.05"}
-PLAIN_TABLES = {"pad": Pad, "taxel": Taxel, "suspension": Suspension, "drive": Drive, "model": Model, "limits": Limits}
+PLAIN_TABLES = {
+    "pad": PadTable,
+    "taxel": TaxelTable,
+    "suspension": SuspensionTable,
+    "drive": DriveTable,
+    "model": Model,
+    "limits": LimitsTable,
+}
 
 
 SHORTHANDS = {"drive": "scheme", "model": "structure"}

@@ -14,17 +14,17 @@ from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, q
 __all__ = [
     "Amplifier",
     "Coil",
-    "Drive",
-    "Limits",
+    "DriveTable",
+    "LimitsTable",
     "Material",
     "Model",
-    "Pad",
+    "PadTable",
     "Printer",
     "SoundCard",
     "Spec",
     "Spread",
-    "Suspension",
-    "Taxel",
+    "SuspensionTable",
+    "TaxelTable",
     "Washer",
 ]
 
@@ -34,7 +34,7 @@ LAYER_SHARE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Pad:
+class PadTable:
     """The printed pad: an active area divided into cells, and a border around it."""
 
     width_mm: float = quantity(50.0, unit="mm", low=5, high=500, doc="active area along x")
@@ -48,7 +48,7 @@ class Pad:
 
 
 @dataclass(frozen=True, slots=True)
-class Taxel:
+class TaxelTable:
     """The moving part: a plate with a boss above and a washer recess below."""
 
     plate_thickness_mm: float = quantity(4.0, unit="mm", low=0.4, high=20, doc="thickness of the plate")
@@ -278,7 +278,7 @@ class SoundCard:
 
 
 @dataclass(frozen=True, slots=True)
-class Suspension:
+class SuspensionTable:
     """The kind of suspension, and the dimensions of its beams that may be tuned."""
 
     topology: str = choice(
@@ -299,7 +299,7 @@ class Suspension:
 
 
 @dataclass(frozen=True, slots=True)
-class Drive:
+class DriveTable:
     """The drive of the coils, the levels of the taxels, and the amplifier."""
 
     scheme: str = choice(
@@ -369,7 +369,7 @@ class Model:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class LimitsTable:
     """Limits of the pad as a whole."""
 
     power_w: float | None = quantity(
@@ -419,8 +419,8 @@ class Spec:
         high=1e6,
         doc="explicit resonances, one per channel, lowest first (with alternate sets: one from each in turn)",
     )
-    pad: Pad = field(default_factory=Pad)
-    taxel: Taxel = field(default_factory=Taxel)
+    pad: PadTable = field(default_factory=PadTable)
+    taxel: TaxelTable = field(default_factory=TaxelTable)
     material: Material = field(kw_only=True)
     printer: Printer = field(kw_only=True)
     spread: Spread = field(kw_only=True)
@@ -428,10 +428,10 @@ class Spec:
     coil: Coil = field(kw_only=True)
     amplifier: Amplifier | None = None
     sound_card: SoundCard | None = None
-    suspension: Suspension = field(default_factory=Suspension)
-    drive: Drive = field(default_factory=Drive)
+    suspension: SuspensionTable = field(default_factory=SuspensionTable)
+    drive: DriveTable = field(default_factory=DriveTable)
     model: Model = field(default_factory=Model)
-    limits: Limits = field(default_factory=Limits)
+    limits: LimitsTable = field(default_factory=LimitsTable)
 
     @property
     def leaves_layout_free(self) -> bool:

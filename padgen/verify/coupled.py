@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from padgen.core.errors import SolverError, number
-from padgen.physics.propagation import Tones, signal
+from padgen.physics.propagation import DecayingTones, signal
 
 __all__ = [
     "Collocation",
@@ -152,7 +152,7 @@ def make_system(
     return CoupledSystem(own, quality, mass, pull, power, gap, resistance_ohm, inductance_h)
 
 
-def from_tones(kind: Literal["voltage", "current"], wave: Tones) -> Source:
+def from_tones(kind: Literal["voltage", "current"], wave: DecayingTones) -> Source:
     """Make a source that is a sum of tones."""
     return Source(kind, lambda time_s: signal(wave, time_s))
 

@@ -589,7 +589,7 @@ def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]
     return found
 
 
-class Setting(NamedTuple):
+class FineSetting(NamedTuple):
     """Order of the elements, levels of layers, and their largest size (`Fineness.per_face`)."""
 
     order: int
@@ -597,7 +597,7 @@ class Setting(NamedTuple):
     per_face: float = 1.0
 
 
-SETTINGS = (Setting(3, 2), Setting(3, 2, 0.5), Setting(4, 2, 0.5), Setting(4, 3, 0.35))
+SETTINGS = (FineSetting(3, 2), FineSetting(3, 2, 0.5), FineSetting(4, 2, 0.5), FineSetting(4, 3, 0.35))
 """Cheapest first."""
 ADDED = {3: 0.15, 4: 0.7}
 """Share of the last order's change that all higher orders and finer meshes together still make: 0.03 … 0.24 at order 3,
@@ -667,7 +667,7 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
     SolverError
         The STEP file does not hold a taxel, cannot be meshed, or the solver does not converge.
     """
-    setting, (shape, layered) = Setting(order, levels), _drafted(taxel)
+    setting, (shape, layered) = FineSetting(order, levels), _drafted(taxel)
     return _result(_answered(taxel, shape, _layered(taxel, shape, layered, setting), order, modes), setting)
 
 
@@ -755,7 +755,7 @@ def _drafted(taxel: SolidTaxel) -> tuple[Any, set[str]]:
     return shape, {edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst}
 
 
-def _layered(taxel: SolidTaxel, shape: Any, layered: set[str], setting: Setting) -> Any:
+def _layered(taxel: SolidTaxel, shape: Any, layered: set[str], setting: FineSetting) -> Any:
     return meshed(shape, Fineness(levels=setting.levels, per_face=setting.per_face), taxel.where, layered)
 
 
@@ -778,7 +778,7 @@ def _answered(
     raise SolverError("stiff and soft parts lie too far apart for double precision", taxel.where)
 
 
-def _result(answer: tuple[System, np.ndarray, np.ndarray, Eigen], setting: Setting) -> SolidModes:
+def _result(answer: tuple[System, np.ndarray, np.ndarray, Eigen], setting: FineSetting) -> SolidModes:
     system, loads, answers, eigen = answer
     motion = eigen.shape.T @ loads
     modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)

@@ -25,7 +25,7 @@ __all__ = [
     "AxisymmetricForce",
     "BodyWrench",
     "PlacedWasher",
-    "Pull",
+    "PullQuestion",
     "ScalarField",
     "SolidForce",
     "Steel",
@@ -538,7 +538,7 @@ def _tube(foot: tuple[float, float, float], inner: float, outer: float, height: 
 
 
 @dataclass(frozen=True)
-class Pull:
+class PullQuestion:
     """One question to the ladder: a coil at `current_a` pulls a washer `offset_m` off its axis over `gap_m`.
 
     A steel of None is linear, with the part's permeability.
@@ -553,7 +553,7 @@ class Pull:
     washer_steel: BHCurve | None = None
 
 
-def solid_pull(pull: Pull, order: int = 3, levels: int = 1) -> SolidForce:
+def solid_pull(pull: PullQuestion, order: int = 3, levels: int = 1) -> SolidForce:
     """Solve the field in space; return the whole wrench.
 
     Raises

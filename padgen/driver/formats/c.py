@@ -18,7 +18,7 @@ import numpy as np
 
 from padgen.core.errors import Finding, SpecError, number
 from padgen.core.files import OutputFolder
-from padgen.driver.excitation import SweepTable, sweep_table
+from padgen.driver.excitation import FirmwareSweep, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.loads import group_channels, heat_s, judge_limits, least_constants
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
@@ -311,7 +311,7 @@ def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
     yield _rows(f"float padgen_least_a2[PADGEN_KINDS][PADGEN_GROUPS][{1 << size}]", rows)
 
 
-def _sweep(table: SweepTable, rate_hz: int) -> Iterable[str]:
+def _sweep(table: FirmwareSweep, rate_hz: int) -> Iterable[str]:
     """Yield the sweep that measures a coil's taxels: frequencies and amplitudes in even steps of time."""
     yield f"#define PADGEN_SWEEP_SAMPLES {ceil(table.seconds * rate_hz)}u\n#define PADGEN_SWEEP_ROWS {len(table.hz)}\n"
     rows = [f"{{{_float(hz)}, {_float(volts)}}}," for hz, volts in zip(table.hz, table.volts, strict=True)]

@@ -150,7 +150,7 @@ MADE_OF = "frames"
 FILE = "drive_syntacts.py"
 
 
-class _Stretch(NamedTuple):
+class _TimedStretch(NamedTuple):
     """Samples between two keyframes, `key` and the next; t counts from `start_s` on.
 
     The share of the way from one to the other is ``clamp(0, offset + speed t, 1)``; `turn` is what a line of
@@ -211,7 +211,7 @@ def _figure(value: float) -> str:
     return repr(float(f"{value:.12g}"))
 
 
-def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
+def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_TimedStretch]:
     """Yield the stretches between the keyframes, cut at the same samples as the written wave."""
     rate = drive.rate_hz
     edge = edges(drive, timeline)
@@ -223,12 +223,12 @@ def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_Stretch]:
         begin_s = float(timeline.time_s[key])
         speed = 1 / float(timeline.time_s[key + 1] - timeline.time_s[key])
         start_s = half / (2 * rate)
-        yield _Stretch(key, start_s, (end - half) / (2 * rate), (start_s - begin_s) * speed, speed, half)
+        yield _TimedStretch(key, start_s, (end - half) / (2 * rate), (start_s - begin_s) * speed, speed, half)
 
 
 def _parts(
-    drive: PadDrive, timeline: Timeline, coil: CoilDrive, stretches: list[_Stretch], scale_v: float
-) -> Iterator[tuple[_Stretch, str]]:
+    drive: PadDrive, timeline: Timeline, coil: CoilDrive, stretches: list[_TimedStretch], scale_v: float
+) -> Iterator[tuple[_TimedStretch, str]]:
     """Yield the expressions of one coil's stretches, in shares of `scale_v`; none for silence."""
     if not len(coil.taxels):
         return
@@ -245,7 +245,9 @@ def _parts(
             yield stretch, text
 
 
-def _lines(drive: PadDrive, stretch: _Stretch, harmonic: np.ndarray, weight: np.ndarray) -> list[tuple[complex, float]]:
+def _lines(
+    drive: PadDrive, stretch: _TimedStretch, harmonic: np.ndarray, weight: np.ndarray
+) -> list[tuple[complex, float]]:
     """Return complex amplitudes of the current when t is 0, with their rates in rad/s."""
     turned = harmonic * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
     rates = 2 * np.pi * harmonic / drive.period_s
@@ -268,7 +270,7 @@ STEP = f"x * x * x * x * x * {REST}"
 STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
-def _step_text(stretch: _Stretch) -> str:
+def _step_text(stretch: _TimedStretch) -> str:
     """Write the smooth step b of a stretch, its slope d, and q, what is left to 1.
 
     1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
@@ -286,7 +288,7 @@ def _mixed(before: float, after: float) -> str:
 
 
 def _tones_text(
-    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: np.ndarray, fed: tuple[bool, bool], scale_v: float
+    drive: PadDrive, coil: CoilDrive, stretch: _TimedStretch, levels: np.ndarray, fed: tuple[bool, bool], scale_v: float
 ) -> str:
     """Return the volts of a sum of tones, each with its level or the root of it, and of a constant; '' for silence."""
     harmonic, amplitude = coil_lines(drive, coil)
@@ -330,7 +332,7 @@ def _tones_text(
 
 
 def _root_text(
-    drive: PadDrive, coil: CoilDrive, stretch: _Stretch, levels: np.ndarray, constant: np.ndarray, scale_v: float
+    drive: PadDrive, coil: CoilDrive, stretch: _TimedStretch, levels: np.ndarray, constant: np.ndarray, scale_v: float
 ) -> str:
     """Return the volts of √F, with F from one keyframe's force to the next's; '' for silence.
 
