@@ -233,7 +233,7 @@ def test_crossbar_and_neck_give_as_much_as_the_condensed_model_says():
         (lambda f: f._replace(clamped=()), "mechanism"),
         (lambda f: f._replace(bodies=(AttachedBody(point(1.0, (0, 0, 0)), ()),)), "part of it is not held"),
         (lambda f: f._replace(nodes=np.zeros((3, 3))), "no length"),
-        (lambda f: f._replace(bodies=(AttachedBody(point(1.0, (0, 0, 0)), (0,)),)), "fast to a body"),
+        (lambda f: f._replace(bodies=(AttachedBody(point(1.0, (0, 0, 0)), (0,)),)), "fixed to a rigid body"),
         (lambda f: f._replace(elements=tuple(e._replace(density=0.0) for e in f.elements)), "fewer than 6 modes"),
     ],
 )

@@ -223,7 +223,7 @@ def test_constraints_do_not_rename_variants():
         ("(lambda: 1)()", "calls"),
         ("q_min << 3", "whose operator is not known"),
         ("q_min in band_hz", "whose operator is not known"),
-        ("-" * 5000 + "q_min", "is no condition|nested too deeply"),
+        ("-" * 5000 + "q_min", "write several conditions|nested too deeply"),
     ],
 )
 def test_what_is_no_constraint(paper_spec, text, sentence):

@@ -505,12 +505,14 @@ def _table_row(row: JudgedRung, holds: Sequence[float]) -> tuple[str, ...]:
     if own.values is None:
         return (model, "", "", "not run" if own is NOT_RUN else "no answer", "", "", "")
     value = f"{own.values.ravel()[0]:.7g}" if own.values.size == 1 else f"{own.values.size} values"
-    error = f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3)
+    error = "?"
+    if not isnan(row.error):
+        error = f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3)
     return (
         model,
         str(own.unknowns or ""),
         value,
-        "?" if isnan(row.error) else error,
+        error,
         seconds_text(own.seconds),
         f"{own.memory_mb:.1f}",
         # A rung that is the quickest for two errors is so for those in between.

@@ -573,7 +573,7 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
     top = 0.0
     for _, layer in zip(range(FIRST_LAYERS), layers, strict=False):
         step = float(layer.height_mm[0])
-        if step <= 0:
+        if not step > 0:  # nor where the file states no height, which is no number
             step = layer.top_mm - top if layer.top_mm > top else layer.top_mm
         top = layer.top_mm
         wide = float(np.ptp(layer.start, axis=0).max())

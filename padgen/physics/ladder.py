@@ -279,6 +279,6 @@ def descend(
             here, (values, slope) = there, trial
         if kept > 0.75:
             reach *= 2
-        elif kept <= 0.25:
+        elif not kept > 0.25:  # nor where the step predicts no gain, and the ratio is no number
             reach *= 0.3
     return Descent(here, float(values.max()), reach)
