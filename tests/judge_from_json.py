@@ -1,6 +1,6 @@
 """Judge a pad from its plan.json alone; this program imports nothing of padgen."""
 
-from math import log10
+from math import log10, pi, sqrt
 from typing import Any
 
 STRENGTH_OVER_FATIGUE = 4.0
@@ -8,6 +8,19 @@ STRENGTH_OVER_FATIGUE = 4.0
 LARGEST_BEND = 0.25
 """Deflection over a beam's length up to which linear beams hold."""
 BAND_SLACK = 1e-3
+HAND_M_PER_S2 = 5.0
+"""Directive 2002/44/EC, eight hours a day, weighted as ISO 5349-1:2001, annex A, has it."""
+
+
+def at_a_finger_m_per_s2(hz: float, amplitude_m: float) -> float:
+    """Return the weighted root mean square of the acceleration of a sine: the filters of ISO 5349-1, table A.1."""
+    s = 2j * pi * hz
+    low = 2 * pi * 6.310
+    high = 2 * pi * 1258.9
+    turn = 2 * pi * 15.915
+    band = s**2 * high**2 / ((s**2 + low * s / 0.71 + low**2) * (s**2 + high * s / 0.71 + high**2))
+    slope = (s + turn) * turn / (s**2 + turn * s / 0.64 + turn**2)
+    return abs(band * slope) * abs(s) ** 2 * amplitude_m / sqrt(2)
 
 
 def broken_limits(plan: dict[str, Any]) -> set[str]:
@@ -46,6 +59,8 @@ def broken_limits(plan: dict[str, Any]) -> set[str]:
             broken.add("strength")
         if moved_um > LARGEST_BEND * channel["beam"]["length_mm"] * 1e3:
             broken.add("bend")
+        if at_a_finger_m_per_s2(hz, channel["level_um"] * 1e-6) > HAND_M_PER_S2:
+            broken.add("hand")
         if not low_hz * (1 - BAND_SLACK) <= hz <= high_hz * (1 + BAND_SLACK):
             broken.add("band")
     return broken
