@@ -111,7 +111,7 @@ def test_the_key_holds_all_that_the_modes_depend_on(solved):
 def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monkeypatch, tmp_path):
     _, plan = solved
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "empty"))
-    others = loop.Solved(TaxelModes(np.full(6, 80.0), np.ones((6, 6)), np.eye(6)), 1e-4)
+    others = loop.SolvedTaxel(TaxelModes(np.full(6, 80.0), np.ones((6, 6)), np.eye(6)), 1e-4)
     asked = []
 
     @contextmanager
@@ -123,7 +123,7 @@ def test_what_another_process_solved_meanwhile_is_not_solved_again(solved, monke
 
     def computed(self, plan, tasks):
         asked.extend(tasks)
-        return [loop.Solved(TaxelModes(np.full(6, 120.0), np.ones((6, 6)), np.eye(6)), 1e-4)] * len(tasks)
+        return [loop.SolvedTaxel(TaxelModes(np.full(6, 120.0), np.ones((6, 6)), np.eye(6)), 1e-4)] * len(tasks)
 
     monkeypatch.setattr(cache, "claimed", waited)
     monkeypatch.setattr(loop.TaxelSolver, "_computed", computed)
@@ -159,7 +159,7 @@ def planned_with(monkeypatch, error):
 
     def solve(self, plan, asked):
         settings.append(asked)
-        return [loop.Solved(TaxelModes(np.arange(80.0, 86.0), np.eye(6), np.eye(6)), error, 2) for _ in asked]
+        return [loop.SolvedTaxel(TaxelModes(np.arange(80.0, 86.0), np.eye(6), np.eye(6)), error, 2) for _ in asked]
 
     settings = []
     monkeypatch.setattr(loop.TaxelSolver, "solve", solve)
@@ -269,7 +269,7 @@ def test_a_damaged_entry_counts_as_absent(entry):
 
 def test_an_entry_comes_back_as_it_was(solved):
     solver = loop.TaxelSolver(SOLVED, lambda step: None)
-    found = loop.Solved(TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3, 2)
+    found = loop.SolvedTaxel(TaxelModes(np.arange(1.0, 7.0), np.eye(6), np.ones((6, 6))), 1e-3, 2)
     again = loop._from_plain(json.loads(json.dumps(loop._to_plain(found))))
     assert all(np.array_equal(a, b) for a, b in zip(again.modes, found.modes, strict=True))
     assert (again.error, again.setting) == (found.error, found.setting)
