@@ -146,7 +146,7 @@ def test_frames_arrive_in_order_and_it_ends_in_silence(pad: Host):
     frames = numbered(12)
     heard = []
     with relayed(pad) as line:
-        played = play_frames(line.port, pad.plan, frames, FRAME_S, reply_s=1.0, told=heard.append)
+        played = play_frames(line.port, pad.plan, frames, FRAME_S, reply_s=1.0, on_shown=heard.append)
         log = line.finish()
     assert (played.frames, played.resent) == (12, 0)
     assert played.seconds >= 12 * FRAME_S
@@ -160,7 +160,7 @@ def test_a_frame_that_lasts_longer_than_one_is_held_is_sent_again(pad: Host, mon
     frames = numbered(2)
     heard = []
     with relayed(pad) as line:
-        play_frames(line.port, pad.plan, frames, 0.4, reply_s=1.0, told=heard.append)
+        play_frames(line.port, pad.plan, frames, 0.4, reply_s=1.0, on_shown=heard.append)
         log = line.finish()
     assert shown(log) == np.repeat(np.rint(frames * 255).astype(int), 3, axis=0).tolist()
     assert (heard[0], heard[-1]) == (1, 2)
@@ -247,7 +247,7 @@ def test_an_interrupt_is_told_to_the_device(pad: Host):
 
     with relayed(pad) as line:
         with pytest.raises(KeyboardInterrupt):
-            play_frames(line.port, pad.plan, numbered(20), FRAME_S, reply_s=1.0, told=stop)
+            play_frames(line.port, pad.plan, numbered(20), FRAME_S, reply_s=1.0, on_shown=stop)
         time.sleep(0.1)
         log = line.finish()
     assert len(shown(log)) in (2, 3)  # silence goes before a frame that waits
@@ -441,7 +441,7 @@ def wave(path: Path, channels: int = 4, seconds: float = 0.6, rate_hz: int = 480
 def test_a_file_sounds_as_it_is(card: Card, tmp_path: Path):
     path = wave(tmp_path / "a.wav", silent_ends=False)
     chosen = []
-    played = play_wave(path, told=chosen.append)
+    played = play_wave(path, on_chosen=chosen.append)
     sounded = np.concatenate(card.blocks)
     samples = read_wav(path).read()
     fade = round(0.05 * 48000)

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 MODULES = sorted((Path(__file__).parents[1] / "padgen").rglob("*.py"))
+EMPTY_NAMES = {"own", "told", "found"}
 
 
 def is_packed(node: ast.AST) -> bool:
@@ -42,3 +43,15 @@ def test_code_says_one_thing_a_line(kind, most):
         f"{path.name}:{node.lineno}" for path in MODULES for node in ast.walk(ast.parse(path.read_text())) if kind(node)
     ]
     assert len(found) <= most, found
+
+
+def test_locals_say_what_they_hold():
+    """``own``, ``told`` and ``found`` say nothing of their values, and stood in 350 functions."""
+    empty = [
+        f"{path.name}:{node.lineno}"
+        for path in MODULES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if (isinstance(node, ast.arg) and node.arg in EMPTY_NAMES)
+        or (isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) and node.id in EMPTY_NAMES)
+    ]
+    assert not empty

@@ -336,13 +336,20 @@ def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any]
         except SpecError as error:
             raise SpecError(f"is no spec by itself: {error}", f"base {settings.base!r}") from error
         sample = _checked_sample(sample_table)
-        found = _axes(axes, linked, sample)
+        read_axes = _axes(axes, linked, sample)
         if not isinstance(constraints, list) or not all(isinstance(entry, str) for entry in constraints):
             raise SpecError(f"must be a list of conditions as text, got {shown(constraints)}", "constraints")
         names_in(settings.formats, PAD_FORMATS.names(), "formats")
         conditions = tuple(parse_expression(entry, spec) for entry in constraints)
         return Sweep(
-            settings, base, spec, folder.absolute(), found, conditions, sample, build(VariantLimits, limits, "limits")
+            settings,
+            base,
+            spec,
+            folder.absolute(),
+            read_axes,
+            conditions,
+            sample,
+            build(VariantLimits, limits, "limits"),
         )
     except RecursionError as error:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error

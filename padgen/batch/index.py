@@ -147,8 +147,8 @@ def front_mask(scores: np.ndarray) -> np.ndarray:
 def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Count for each of `rows` how many of `others` lose no more in any objective."""
     good = np.ones((len(rows), len(others)), dtype=bool)
-    for own, other in zip(rows.T, others.T, strict=True):
-        good &= other[None, :] <= own[:, None]
+    for values, other in zip(rows.T, others.T, strict=True):
+        good &= other[None, :] <= values[:, None]
     return np.asarray(good.sum(axis=1))
 
 
@@ -195,12 +195,12 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tu
     left = iter(pairs)
     while chunk := list(islice(left, CHUNK)):
         counts.update(record.status for record, _ in chunk)
-        told = [(row[header.index("name")], record.sentence) for record, row in chunk if record.status == "refused"]
-        refused += told[: MOST_REFUSED - len(refused)]
+        refusals = [(row[header.index("name")], record.sentence) for record, row in chunk if record.status == "refused"]
+        refused += refusals[: MOST_REFUSED - len(refused)]
         made = [(_kind(pair[0]), pair) for pair in chunk if pair[0].status == "done"]
         judged.update(kind for kind, _ in made)
         for kind, pool in pools.items():
-            pool.add([pair for own, pair in made if own == kind])
+            pool.add([pair for made_kind, pair in made if made_kind == kind])
     front_of = next((kind for kind in KINDS if pools[kind].rows), KINDS[0])
     front = pools[front_of]
     nothing = np.empty((0, len(names)))
@@ -241,7 +241,7 @@ def pareto_csv(overview: Overview) -> str:
     columns = [i for i, name in enumerate(overview.header) if name not in LEFT_OUT]
     best = overview.best()
     best_in = [" ".join(name for name, which in best.items() if which == k) for k in range(len(overview.rows))]
-    rows = [[*(row[i] for i in columns), told] for row, told in zip(overview.rows, best_in, strict=True)]
+    rows = [[*(row[i] for i in columns), names] for row, names in zip(overview.rows, best_in, strict=True)]
     return table_csv([*(overview.header[i] for i in columns), "best_in"], rows)
 
 
@@ -375,8 +375,8 @@ def _is_wide(overview: Overview, objective: int) -> bool:
 
 def _title(overview: Overview, name: str) -> str:
     front = "1 is" if len(overview.rows) == 1 else f"{len(overview.rows)} are"
-    told = {"short": "fall short", "faulty": "do not work"}
-    others = [f"{overview.judged[kind]} {words}" for kind, words in told.items() if overview.judged[kind]]
+    phrases = {"short": "fall short", "faulty": "do not work"}
+    others = [f"{overview.judged[kind]} {words}" for kind, words in phrases.items() if overview.judged[kind]]
     rest = f" ({', '.join(others)})" if others else ""
     count = overview.counts.get("done", 0)
     made = "1 variant" if count == 1 else f"{count} variants"
@@ -430,10 +430,10 @@ class Journal:
             self._file = FileIO(open_plain(self.path, os.O_RDWR | os.O_APPEND), "a")
             self._reader = self.path.open("rb")
             for line in self._reader:
-                found = _parsed(line)
-                number = found.number if isinstance(found, VariantRecord) else found
+                parsed = _parsed(line)
+                number = parsed.number if isinstance(parsed, VariantRecord) else parsed
                 if number is not None and 0 <= number < len(self._places):
-                    self._places[number] = place if isinstance(found, VariantRecord) else NOWHERE
+                    self._places[number] = place if isinstance(parsed, VariantRecord) else NOWHERE
                 place += len(line)
             if not line.endswith(b"\n"):
                 self._file.write(b"\n")
@@ -515,8 +515,8 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
     def rows(writer: Any) -> Iterator[tuple[VariantRecord, tuple[str, ...]]]:
         writer.writerow(header)
         for record in journal.records():
-            own = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
-            before, after = ([own.get(name, getattr(record, name, "")) for name in names] for names in COLUMNS)
+            named = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
+            before, after = ([named.get(name, getattr(record, name, "")) for name in names] for names in COLUMNS)
             varied = map(record.values.get, axes)
             reached = map(record.figures.get, figures)
             row = tuple(map(csv_cell, (*before, *varied, *reached, *after)))
@@ -524,15 +524,15 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
             yield record, row
 
     with OutputFolder(folder) as out:
-        found: list[Overview] = []
+        overviews: list[Overview] = []
 
         def write(path: Path) -> None:
             with path.open("w", encoding="utf-8", newline="") as file:
-                found.append(overview_of(header, rows(csv.writer(file, lineterminator="\n"))))
+                overviews.append(overview_of(header, rows(csv.writer(file, lineterminator="\n"))))
 
         out.write_by(INDEX, write)
         out.commit(remove=PARETO_FILES)
-    return found[0]
+    return overviews[0]
 
 
 def _parsed(line: bytes) -> VariantRecord | int | None:

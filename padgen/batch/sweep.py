@@ -347,15 +347,15 @@ def run_sweep(
     if not (sum(1 for _ in variants(sweep)) if sweep.constraints else numbers):
         raise SpecError(f"leave none of {numbers} variants; loosen one", "constraints")
     processes = Runner(count, IMPORTS) if executor is None else nullcontext()
-    with sole_sweep(folder), Journal(folder, numbers) as journal, processes as own:
+    with sole_sweep(folder), Journal(folder, numbers) as journal, processes as pool:
         run = _Run(sweep, folder, journal, on_event)
-        if own:
-            window = Window(own.threads, AHEAD * count, partial(make_variants, own), work, sweep.limits)
+        if pool:
+            window = Window(pool.threads, AHEAD * count, partial(make_variants, pool), work, sweep.limits)
         else:
             window = Window(executor, FOREIGN_AHEAD, run_tasks, work, sweep.limits)
         run.survey(resume, retry)
-        if own:
-            own.prepare(min(count, run.todo.count(TO_RUN) + run.todo.count(TO_REPLACE)))
+        if pool:
+            pool.prepare(min(count, run.todo.count(TO_RUN) + run.todo.count(TO_REPLACE)))
         if TO_REPLACE in run.todo:
             # So that a killed run leaves no index of what is not there any more.
             write_index(journal, sweep, folder)
@@ -382,8 +382,8 @@ def run_sweep(
                             for record in records_of(*taken):
                                 run.keep(record)
                 finally:
-                    if own:
-                        own.close()
+                    if pool:
+                        pool.close()
                     try:
                         journal.refuse_removed()
                         overview = write_index(journal, sweep, folder)
@@ -508,10 +508,10 @@ class _Run:
 
     def tell(self, kind: str, record: VariantRecord | None = None, reused: bool = False) -> None:
         """Report an event to the caller; the time left is estimated from the variants made so far."""
-        told = self.told
-        made = self.total - self.kept - told["left"]
-        eta_s = told["left"] * told["seconds"] / made if made else None
-        self.on_event(Event(**told, kind=kind, eta_s=eta_s, record=record, reused=reused))
+        notify = self.told
+        made = self.total - self.kept - notify["left"]
+        eta_s = notify["left"] * notify["seconds"] / made if made else None
+        self.on_event(Event(**notify, kind=kind, eta_s=eta_s, record=record, reused=reused))
 
     @property
     def told(self) -> dict[str, Any]:

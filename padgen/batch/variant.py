@@ -132,9 +132,9 @@ def run_task(task: Task) -> VariantRecord:
     except PadgenError as error:
         status = "refused" if error.code in ("spec", "infeasible") else "failed"
         sentence = str(error)
-    told = tuple(sorted({f.code for f in findings if f.level != "note"}))
+    codes = tuple(sorted({f.code for f in findings if f.level != "note"}))
     errors, warnings = (sum(f.level == level for f in findings) for level in ("error", "warning"))
-    return VariantRecord(task.number, task.key, status, sentence, task.values, figures, errors, warnings, told)
+    return VariantRecord(task.number, task.key, status, sentence, task.values, figures, errors, warnings, codes)
 
 
 def _made(task: Task) -> "tuple[dict[str, Any], tuple[Finding, ...]]":

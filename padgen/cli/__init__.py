@@ -95,9 +95,9 @@ def run(arguments: list[str]) -> int:
     except Exception as error:
         if DEBUG in os.environ:
             raise
-        told = "please report it with the command and its files"
+        request = "please report it with the command and its files"
         code = "internal"
-        sentence = f"internal error ({type(error).__name__}: {error}); {told} ({DEBUG}=1 shows where it is)"
+        sentence = f"internal error ({type(error).__name__}: {error}); {request} ({DEBUG}=1 shows where it is)"
     sentence = plain(sentence, LONGEST)
     if "--json" in arguments:
         with suppress(OSError):

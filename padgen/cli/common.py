@@ -56,9 +56,9 @@ def add_model(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_verbose(parser: argparse.ArgumentParser, told: str = "all tables and notes") -> None:
-    """Declare the option ``--verbose``, with `told` as its help."""
-    parser.add_argument("--verbose", action="store_true", help=told)
+def add_verbose(parser: argparse.ArgumentParser, shown: str = "all tables and notes") -> None:
+    """Declare the option ``--verbose``, with `shown` as its help."""
+    parser.add_argument("--verbose", action="store_true", help=shown)
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:

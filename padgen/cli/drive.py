@@ -284,10 +284,10 @@ def _serial(options: argparse.Namespace) -> int:
             options.seconds,
             tuning=tuning_of(options.tuning, plan),
             baud=options.baud,
-            told=lambda shown: progress(f"frame {shown} of {len(repeated)}"),
+            on_shown=lambda shown: progress(f"frame {shown} of {len(repeated)}"),
         )
     count = "1 frame" if played.frames == 1 else f"{played.frames} frames"
-    told = (
+    summary = (
         f"showed {count} in {played.seconds:.1f} s on {plain(options.port)}",
         f"{played.resent} messages were lost on the line and sent again" if played.resent else "",
         f"coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
@@ -295,7 +295,7 @@ def _serial(options: argparse.Namespace) -> int:
         else "",
     )
     figures = {name: getattr(played, name) for name in ("frames", "resent", "seconds", "given")}
-    answer(options, {"port": options.port, **figures, "notes": notes}, "; ".join(filter(None, told)), *notes)
+    answer(options, {"port": options.port, **figures, "notes": notes}, "; ".join(filter(None, summary)), *notes)
     return DONE
 
 
@@ -303,8 +303,8 @@ def _audio(options: argparse.Namespace) -> int:
     from padgen.driver.sound_card import play_wave
 
     for name in (*SHOWN, "seconds", "tuning"):
-        told = f"plays a WAV file of padgen drive as it is; --{name} goes with padgen drive"
-        refuse((getattr(options, name) is not None, "--audio", told))
+        reason_why = f"plays a WAV file of padgen drive as it is; --{name} goes with padgen drive"
+        refuse((getattr(options, name) is not None, "--audio", reason_why))
     with progress_line() as progress:
         played = play_wave(
             Path(options.spec),

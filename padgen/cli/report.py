@@ -57,8 +57,8 @@ def _report(options: argparse.Namespace) -> int:
     written = f"written: {plain(file)}, {count / 1e6:.2f} MB, with {shown}"
     table = {"verdict": plan.verdict, "file": file, "built": pad is not None, "bytes": count}
     errors = [finding for finding in findings if finding.level == "error"]
-    told = [findings_text(errors)] if errors else []
-    answer(options, table, verdict_text(plan.verdict), *told, written)
+    sections = [findings_text(errors)] if errors else []
+    answer(options, table, verdict_text(plan.verdict), *sections, written)
     return code_of(findings)
 
 

@@ -179,8 +179,8 @@ def _bench(options: argparse.Namespace) -> int:
             _measure(options, session, name)
     except (KeyboardInterrupt, EOFError) as error:
         kept = sum(map(session.is_kept, names))
-        told = f"stopped with {kept} of {len(names)} recorded; the same command goes on with the others"
-        raise FileError(told, str(folder)) from error
+        summary = f"stopped with {kept} of {len(names)} recorded; the same command goes on with the others"
+        raise FileError(summary, str(folder)) from error
     if not any(map(session.is_kept, names)):
         raise FileError("has no recording that shows a resonance; nothing is re-tuned", str(folder / RECORDED))
     with progress_line() as progress:
@@ -276,17 +276,17 @@ def _calibrate(options: argparse.Namespace) -> int:
     with progress_line() as progress:
         plan = plan_of(options, progress, recorded=False)
         progress("fitting")
-        found = calibrate(plan, options.measured)
+        calibration = calibrate(plan, options.measured)
     with OutputFolder(path.parent) as out:
-        out.write(path.name, printer_toml(plan.spec, found, path.stem))
+        out.write(path.name, printer_toml(plan.spec, calibration, path.stem))
         out.commit()
-    told = (
-        f"beams print {found.z_offset_mm:.4f} ± {found.z_offset_error_mm:.4f} mm thicker and"
-        f" {found.width_offset_mm:.4f} ± {found.width_offset_error_mm:.4f} mm wider than drawn, of"
-        f" {found.modulus_gpa:.3f} ± {found.modulus_error_gpa:.3f} GPa"
-        f" ({found.prints} print{plural(found.prints)}, {found.taxels} taxels, chi-square"
-        f" {found.chi_square:.1f} of {found.freedom})"
+    summary = (
+        f"beams print {calibration.z_offset_mm:.4f} ± {calibration.z_offset_error_mm:.4f} mm thicker and"
+        f" {calibration.width_offset_mm:.4f} ± {calibration.width_offset_error_mm:.4f} mm wider than drawn, of"
+        f" {calibration.modulus_gpa:.3f} ± {calibration.modulus_error_gpa:.3f} GPa"
+        f" ({calibration.prints} print{plural(calibration.prints)}, {calibration.taxels} taxels, chi-square"
+        f" {calibration.chi_square:.1f} of {calibration.freedom})"
     )
     use = f'written: {plain(str(path))}; printer = "{plain(path.name)}" in a spec beside it plans for this printer'
-    answer(options, found, told, use)
+    answer(options, calibration, summary, use)
     return DONE

@@ -25,8 +25,8 @@ def add(commands: Any) -> None:
         " in a folder, at most PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
     )
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
-    for name, told in (("info", "where it is, and how much it holds"), ("clear", "drop everything in it")):
-        action = actions.add_parser(name, help=told, description=told)
+    for name, help_text in (("info", "where it is, and how much it holds"), ("clear", "drop everything in it")):
+        action = actions.add_parser(name, help=help_text, description=help_text)
         add_cache(action)
         action.add_argument("--json", action="store_true", help="one JSON object on standard output")
         action.set_defaults(command=_cache, action=name)
@@ -69,8 +69,8 @@ def _restore(options: argparse.Namespace) -> int:
     if not folder.is_dir():
         raise FileError("is not a folder" if folder.exists() else "there is no such folder", options.folder)
     is_restored = recover(folder)
-    told = "is as it was before the run that was killed" if is_restored else "is whole; nothing was changed"
-    answer(options, {"folder": options.folder, "restored": is_restored}, f"{plain(options.folder)} {told}")
+    outcome = "is as it was before the run that was killed" if is_restored else "is whole; nothing was changed"
+    answer(options, {"folder": options.folder, "restored": is_restored}, f"{plain(options.folder)} {outcome}")
     return DONE
 
 

@@ -50,7 +50,7 @@ def add_study(commands: Any) -> None:
 
 def _study(options: argparse.Namespace) -> int:
     limit_s = LONGEST_S if options.time_limit is None else options.time_limit
-    own = any(value is not None for value in (options.spec, options.only, options.tolerance))
+    is_of_a_spec = any(value is not None for value in (options.spec, options.only, options.tolerance))
     refuse(
         (
             not 0 < limit_s <= LONGEST_S,
@@ -62,7 +62,7 @@ def _study(options: argparse.Namespace) -> int:
             "SPEC",
             "is missing; name a TOML file or a template, or ask for --extreme",
         ),
-        (options.extreme and own, "--extreme", "has its own cases and takes no SPEC, --only or --tolerance"),
+        (options.extreme and is_of_a_spec, "--extreme", "has its own cases and takes no SPEC, --only or --tolerance"),
     )
     _end_as_by_ctrl_c()
     timer = Timer(limit_s, interrupt_main)
@@ -158,12 +158,12 @@ def _sweep(options: argparse.Namespace) -> int:
         result = run_sweep(sweep, folder, executor, options.jobs, options.resume, options.retry, tell)
     with uninterrupted() if result.interrupted else nullcontext():
         files, note = write_pareto(folder, sweep.settings.name, result.overview)
-        told = sweep, replace(result, folder=folder), files
+        shown_parts = sweep, replace(result, folder=folder), files
         if options.json:
-            _line({**sweep_table(*told), "notes": [note] * bool(note)})
+            _line({**sweep_table(*shown_parts), "notes": [note] * bool(note)})
         else:
             again = "the same command with --retry makes the failed ones once more" if result.failed else ""
-            answer(options, None, sweep_text(*told), f"note: {note}" if note else "", again)
+            answer(options, None, sweep_text(*shown_parts), f"note: {note}" if note else "", again)
     if result.stopped:
         # Printed after the summary, since finished variants are kept.
         without = "" if options.resume else " without --no-resume"

@@ -165,12 +165,12 @@ def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T
     `find` returns the result, or None where there is none; `make` computes and keeps it. Where the folder has no locks,
     several processes may compute it.
     """
-    found = find()
-    if found is not None:
-        return found
+    made = find()
+    if made is not None:
+        return made
     with claimed(kind, [key]):
-        found = find()
-        return make() if found is None else found
+        made = find()
+        return make() if made is None else made
 
 
 @contextmanager

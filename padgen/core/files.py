@@ -113,8 +113,8 @@ def open_plain(path: Path, flags: int) -> int:
     with suppress(FileNotFoundError):
         kind = path.lstat().st_mode
         if not stat.S_ISREG(kind):
-            told = "it is a link" if stat.S_ISLNK(kind) else "it is no ordinary file"
-            raise OSError(EPERM, told, str(path))
+            cause = "it is a link" if stat.S_ISLNK(kind) else "it is no ordinary file"
+            raise OSError(EPERM, cause, str(path))
     file = os.open(path, flags | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0), 0o644)
     if os.fstat(file).st_nlink > 1:
         os.close(file)
@@ -427,15 +427,15 @@ def settle(folder: Path, name: str) -> None:
         is_going_on = is_own and _runs(folder / moves.aside)
         if time.monotonic() - start > (PATIENCE_S if is_going_on else GLANCE_S):
             if is_going_on:
-                told = "another process is writing it; try again when that has ended"
+                cause = "another process is writing it; try again when that has ended"
             elif is_own:
-                told = f"a killed run left its folder half-written; padgen restore {quote(str(folder))} puts that back"
+                cause = f"a killed run left its folder half-written; padgen restore {quote(str(folder))} puts that back"
             else:
-                told = (
+                cause = (
                     f"its folder is half-written, as {JOURNAL} says, which this user's padgen did not write there;"
                     f" remove {JOURNAL} to read the folder as it is"
                 )
-            raise FileError(told, str(folder / name))
+            raise FileError(cause, str(folder / name))
         time.sleep(LOOK_S)
 
 
@@ -453,13 +453,13 @@ def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
         settle(folder, name)
         before = _state(folder)
         try:
-            found = read()
+            content = read()
         except FileError:
             if _state(folder) == before:
                 raise
         else:
             if _state(folder) == before:
-                return found
+                return content
     raise FileError("other processes write into it faster than it can be read; try again", str(folder))
 
 
@@ -569,8 +569,8 @@ def write_synced(path: Path, data: bytes | bytearray) -> None:
 
 def _process(aside: str) -> int:
     """Return the process number in the name of a folder aside, 0 where it has none."""
-    found = ASIDE.fullmatch(aside)
-    return int(found[1]) if found else 0
+    match = ASIDE.fullmatch(aside)
+    return int(match[1]) if match else 0
 
 
 def _runs(aside: Path) -> bool:
@@ -767,9 +767,9 @@ class OutputFolder:
             text = json_text(manifest).encode()
             write_synced(self._aside / MANIFEST, text)
             new = {**self._hashes, MANIFEST: file_hash(text)}
-            for name, own in new.items():
+            for name, digest in new.items():
                 path = self.path / name
-                hashes = {own, known.get(name)}
+                hashes = {digest, known.get(name)}
                 ours = before if name == MANIFEST else any(_has_hash(path, each) for each in hashes if each)
                 if ours:
                     away.append(name)
@@ -871,13 +871,13 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
 
 def _read_once(path: Path, most_bytes: int, what: str) -> bytes:
     try:
-        found = path.stat()
-        if stat.S_ISDIR(found.st_mode):
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
             raise FileError("cannot be read (Is a directory)", str(path))
-        if stat.S_ISCHR(found.st_mode) or stat.S_ISBLK(found.st_mode):
+        if stat.S_ISCHR(status.st_mode) or stat.S_ISBLK(status.st_mode):
             raise FileError("cannot be read (it is a device)", str(path))
-        if stat.S_ISREG(found.st_mode):
-            data = b"" if found.st_size > most_bytes else _read_at_most(path, most_bytes + 1, found.st_size + 1)
+        if stat.S_ISREG(status.st_mode):
+            data = b"" if status.st_size > most_bytes else _read_at_most(path, most_bytes + 1, status.st_size + 1)
         else:
             try:
                 # In a thread, since even opening a pipe waits for its writer.
@@ -886,9 +886,9 @@ def _read_once(path: Path, most_bytes: int, what: str) -> bytes:
                 advice = f"it did not end within {LONGEST_PIPE_S:g} s; write it to a file first"
                 raise FileError(f"cannot be read ({advice})", str(path)) from error
     except (OSError, ValueError) as error:  # the latter where the name is impossible for a file
-        told = reason(error) if isinstance(error, OSError) else error
-        raise FileError(f"cannot be read ({told})", str(path)) from error
-    size = max(found.st_size, len(data))
+        cause = reason(error) if isinstance(error, OSError) else error
+        raise FileError(f"cannot be read ({cause})", str(path)) from error
+    size = max(status.st_size, len(data))
     if size > most_bytes:
         raise FileError(f"is too large for {what}: at most {most_bytes} bytes, has {size} or more", str(path))
     return data

@@ -137,15 +137,15 @@ def _files(package: str) -> dict[str, tuple[str, int]]:
     files with an underscore are private. A file that ends with several numbers, ``NAME_3_5.py``, is the family
     ``NAME-3`` and ``NAME-5``: its function `member` makes them.
     """
-    found: dict[str, tuple[str, int]] = {}
+    defined_in: dict[str, tuple[str, int]] = {}
     for path in Path(__file__).parents[1].joinpath(*package.split(".")[1:]).glob("*.py"):
         stem = re.sub(r"^_(?=\d)", "", path.stem)
         family, *numbers = re.split(r"_(?=\d)", stem)
         if len(numbers) > 1:
-            found |= {f"{family}-{number}": (path.stem, int(number)) for number in numbers}
+            defined_in |= {f"{family}-{number}": (path.stem, int(number)) for number in numbers}
         elif stem[0] != "_":
-            found[stem.replace("_", "-")] = path.stem, 0
-    return dict(sorted(found.items()))
+            defined_in[stem.replace("_", "-")] = path.stem, 0
+    return dict(sorted(defined_in.items()))
 
 
 def plugin_code() -> str:

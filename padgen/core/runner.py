@@ -260,8 +260,8 @@ class _Worker:
             try:
                 # Output printed by libraries, whose last line may tell why the process ended.
                 self._log = ends.enter_context(TemporaryFile(buffering=0))
-                life, own = os.pipe()
-                ends.callback(os.close, own)
+                life, child_end = os.pipe()
+                ends.callback(os.close, child_end)
                 try:
                     self._process = subprocess.Popen(
                         [sys.executable, "-P", "-c", START, json.dumps([path, imports, life, idle_s])],
@@ -482,20 +482,20 @@ def _family(pid: int) -> list[Any]:
     """Return a process (`psutil.Process`) and all its descendants; an empty list where it has ended."""
     import psutil
 
-    found: list[Any] = []
+    members: list[Any] = []
     with suppress(psutil.Error):
-        found.append(psutil.Process(pid))
-    for process in found:  # which grows by the children of each
+        members.append(psutil.Process(pid))
+    for process in members:  # which grows by the children of each
         with suppress(psutil.Error, OSError):
             if sys.platform != "linux":
-                found += process.children()
+                members += process.children()
                 continue
             # Called often, and psutil would read the parent of every process of the machine.
             for thread in Path(f"/proc/{process.pid}/task").iterdir():
                 for child in (thread / "children").read_text().split():
                     with suppress(psutil.Error):
-                        found.append(psutil.Process(int(child)))
-    return found
+                        members.append(psutil.Process(int(child)))
+    return members
 
 
 def _end_family(pid: int) -> None:

@@ -64,9 +64,9 @@ def _read(path: Path) -> bytes:
     """Return the secret; a file that others may read or have made is refused."""
     file = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     try:
-        found = os.fstat(file)
-        is_own = not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o077)
-        secret = os.read(file, SECRET_BYTES + 1) if stat.S_ISREG(found.st_mode) and is_own else b""
+        status = os.fstat(file)
+        is_own = not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o077)
+        secret = os.read(file, SECRET_BYTES + 1) if stat.S_ISREG(status.st_mode) and is_own else b""
     finally:
         os.close(file)
     if len(secret) != SECRET_BYTES:

@@ -144,8 +144,8 @@ def _format(data: bytes, where: str) -> tuple[int, int, str, int, int]:
         raise FileError(f"{SPOILT} has a format of {len(data)} bytes, at least 16 are needed", where)
     code, channels, rate_hz, _, frame, bits = struct.unpack("<HHIIHH", data[:16])
     if code == EXTENSIBLE and len(data) >= 40:
-        own, *subformat = struct.unpack("<IHH8s", data[24:40])
-        code = own if tuple(subformat) == SUBFORMAT else code
+        sub_code, *subformat = struct.unpack("<IHH8s", data[24:40])
+        code = sub_code if tuple(subformat) == SUBFORMAT else code
     if bits not in {PCM: range(1, 33), FLOAT: (32, 64)}.get(code, ()):
         raise FileError(
             f"has samples of format {code:#06x} and {bits} bits; PCM of 1 … 32 bits and floats of 32 or 64 are read",

@@ -224,8 +224,8 @@ def hear(
         since_s = np.where(switched, span.start_s, since_s)
         settled[h] = span.in_turns | (span.window_s - since_s >= SETTLED_TAUS * tau_s * (1 - 1e-6))
         risen = (course_m >= RISEN * level_m[h]) & (at_s > span.begin_s)[:, None]
-        found = risen.any(0) & (level_m[h] > 0) & (span.levels > 0) & (before <= 0)
-        rise_s[h, found] = at_s[risen[:, found].argmax(0)] - span.begin_s
+        is_risen = risen.any(0) & (level_m[h] > 0) & (span.levels > 0) & (before <= 0)
+        rise_s[h, is_risen] = at_s[risen[:, is_risen].argmax(0)] - span.begin_s
         before = span.levels
     frame_s = sidecar.get("frame_s")
     frames = np.zeros((0, len(tau_s)))
@@ -426,9 +426,9 @@ class _Alike:
             q = tuned.q
         self.slowest_s = q / (np.pi * float(hz.min()))
         rate_hz = sidecar["rate_hz"]
-        own = [sidecar["taxels"][i] for i in which]
+        alike = [sidecar["taxels"][i] for i in which]
         self.which = which
-        self.coil = [taxel["wav_channel"] for taxel in own]
+        self.coil = [taxel["wav_channel"] for taxel in alike]
         self.spans = spans
         self.gain = gain.T
         self.filters = [mode_filter(float(each), q, rate_hz) for each in hz[:-1]]
@@ -439,7 +439,7 @@ class _Alike:
         edges = [(span.begin_s, span.window_s - span.stop_s, span.stop_s) for span in spans]
         self.edges = np.rint(np.array(edges) * rate_hz).astype(int)
         self.edges[:, 1] += self.edges[:, 2]
-        self.turns = 2j * np.pi * np.array([[taxel["force_hz"]] for taxel in own]) / rate_hz
+        self.turns = 2j * np.pi * np.array([[taxel["force_hz"]] for taxel in alike]) / rate_hz
         self.mean, self.square = np.zeros((2, len(spans), 3, len(which)))
         self.tone, self.peak_m = np.zeros(self.mean.shape, complex), np.zeros((len(spans), len(which)))
         self.step, at = step, (np.arange(2 * step) + 0.5) / (2 * step) - 0.5

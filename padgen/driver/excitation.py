@@ -137,7 +137,9 @@ def excitation(
     between = cos(pi * band[1] / (2 if kind == "chirp" else 1) / rate_hz)
     square = float((current[:swept] ** 2).mean())
     headroom = plan.spec.drive.headroom
-    planned = max(mean_square_a2(plan.scheme, np.array([c.line_a2 for c in own]), headroom) for own in plan.sets)
+    planned = max(
+        mean_square_a2(plan.scheme, np.array([c.line_a2 for c in channel_set]), headroom) for channel_set in plan.sets
+    )
     share = min(
         1.0,
         (min(VOLTAGE_SHARE, between) * plan.spec.drive.voltage_limit_v / float(np.abs(volts).max())) ** 2,

@@ -77,8 +77,8 @@ def _images(path: Path, check: Check) -> Iterator[np.ndarray]:
                 row, column = bad[0].tolist()
                 value = float(image[row, column])
                 near = "" if np.isnan(value) else f"; {0 if value < 0 else 1} would do"
-                told = f"must be a level in 0 … 1, got {number(value)}{near}"
-                raise FileError(f"{_place(frames, row, column)} {told}", str(path))
+                sentence = f"must be a level in 0 … 1, got {number(value)}{near}"
+                raise FileError(f"{_place(frames, row, column)} {sentence}", str(path))
             yield image
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
@@ -325,22 +325,24 @@ def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
             raise FileError(f"must name a file, got {text!r}", "frames")
         try:
             if path.is_file():
-                found = [path]
+                frame_files = [path]
                 lacks = ""
             elif path.is_dir():
-                found = [entry for entry in path.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()]
+                frame_files = [
+                    entry for entry in path.iterdir() if entry.suffix.lower() in SUFFIXES and entry.is_file()
+                ]
                 lacks = f"holds no frames; {', '.join(SUFFIXES)} files are read"
             elif any(sign in str(path) for sign in "*?["):
-                found = [Path(name) for name in glob(str(path)) if Path(name).is_file()]  # noqa: PTH207
+                frame_files = [Path(name) for name in glob(str(path)) if Path(name).is_file()]  # noqa: PTH207
                 lacks = "no file has such a name"
             else:
-                found = []
+                frame_files = []
                 lacks = "is not a file" if path.exists() else "there is no such file"
         except OSError as error:
             raise FileError(f"cannot be read ({reason(error)})", text) from error
-        if not found:
+        if not frame_files:
             raise FileError(lacks, str(path))
-        yield from sorted(found, key=_by_value)
+        yield from sorted(frame_files, key=_by_value)
 
 
 def _by_value(path: Path) -> tuple[list[tuple[bool, int, str]], str]:
@@ -376,7 +378,7 @@ def state_frame(plan: Plan, text: str) -> np.ndarray:
         if len(words) * len(plan.taxels) > MOST_LEVELS:
             raise SpecError(f"must be at most {MOST_LEVELS // len(plan.taxels)} states, got {len(words)}", where)
         states = np.array([_state(word, count, where) for word in words])
-    place = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
+    place = {channel.index: k for channel_set in plan.sets for k, channel in enumerate(channel_set)}
     return np.asarray(states[:, [place[taxel.channel] for taxel in plan.taxels]])
 
 
@@ -580,34 +582,34 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
         for name in filter(None, (played, got)):
             if name not in taxels:
                 raise FileError(unknown_name(name, list(taxels), "taxel", "").message, f"{path}, row {row}")
-        own = taxels[played].coil
-        felt.setdefault(own, []).append(taxels[got].coil if got else None)
-        if got and got != played and taxels[got].coil == own:
-            told = (
+        played_coil = taxels[played].coil
+        felt.setdefault(played_coil, []).append(taxels[got].coil if got else None)
+        if got and got != played and taxels[got].coil == played_coil:
+            sentence = (
                 f"was felt as {got} of the same coil: the two resonances are exchanged, or {played} is far off its own;"
                 " measure the print (padgen retune)"
             )
-            findings.append(Finding("warning", "wiring.taxel", played, told))
+            findings.append(Finding("warning", "wiring.taxel", played, sentence))
     moved: dict[Coil, Coil] = {}
-    silent = [_coil(own) for own, places in felt.items() if not any(places)]
+    silent = [_coil(played_coil) for played_coil, places in felt.items() if not any(places)]
     if heard and len(silent) == 2 < len(felt):
-        told = "are the only silent ones: if both are connected, their plugs are exchanged"
-        findings.append(Finding("error", "wiring.swapped", " and ".join(silent), told))
-    for own, places in felt.items():
+        sentence = "are the only silent ones: if both are connected, their plugs are exchanged"
+        findings.append(Finding("error", "wiring.swapped", " and ".join(silent), sentence))
+    for played_coil, places in felt.items():
         at = sorted({place for place in places if place})
         sense = "heard" if heard else "felt"
         if not at:
-            told = f"nothing was {sense} when it was played: look at its wire, its plug and its amplifier channel"
-            findings.append(Finding("error", "wiring.silent", _coil(own), told))
+            sentence = f"nothing was {sense} when it was played: look at its wire, its plug and its amplifier channel"
+            findings.append(Finding("error", "wiring.silent", _coil(played_coil), sentence))
         elif len(at) > 1:
-            told = f"was felt at {' and '.join(map(_coil, at))}: play its taxels again"
-            findings.append(Finding("error", "wiring.mixed", _coil(own), told))
+            sentence = f"was felt at {' and '.join(map(_coil, at))}: play its taxels again"
+            findings.append(Finding("error", "wiring.mixed", _coil(played_coil), sentence))
         elif None in places:
             count = f"{places.count(None)} of its {len(places)} taxels"
-            told = f"{count} were not felt: are their washers glued in, and free?"
-            findings.append(Finding("warning", "wiring.silent", _coil(own), told))
-        if len(at) == 1 and own != at[0]:
-            moved[own] = at[0]
+            sentence = f"{count} were not felt: are their washers glued in, and free?"
+            findings.append(Finding("warning", "wiring.silent", _coil(played_coil), sentence))
+        if len(at) == 1 and played_coil != at[0]:
+            moved[played_coil] = at[0]
     findings += _moved_findings(plan, moved, set(felt))
     if untried := plan.coils.rows * plan.coils.columns - len(felt):
         findings.append(Finding("note", "wiring.untried", "coils", f"{untried} of them are not in the table"))
@@ -627,9 +629,9 @@ def _heard_rows(plan: Plan, path: Path) -> Rows:
         raise FileError("must hold the current of a coil and the motion of its taxel in every recording", str(path))
     channel = {taxel.id: taxel.channel for taxel in plan.taxels}
     size = {c.id: 0.0 if c.cause else float(np.abs(c.seen.data).max()) for c in fitted(measured, plan)[1]}
-    for row, (name, own) in enumerate(size.items(), start=1):
+    for row, (name, heard_sizes) in enumerate(size.items(), start=1):
         usual = np.median([other for at, other in size.items() if other and channel[at] == channel[name]] or [0.0])
-        yield row, (name, name if own > LEAST_HEARD * usual else "")
+        yield row, (name, name if heard_sizes > LEAST_HEARD * usual else "")
 
 
 def _felt_rows(plan: Plan, path: Path) -> Rows:
@@ -657,16 +659,16 @@ def _moved_findings(plan: Plan, moved: dict[Coil, Coil], tried: set[Coil]) -> It
         "with the first row of coils at the top, where it belongs at the bottom": lambda r, c: (rows - 1 - r, c),
         "column by column, where they belong row by row": lambda r, c: divmod(c * rows + r, columns),
     }
-    for told, place in whole.items():
+    for wording, place in whole.items():
         if len(moved) > 2 and all(moved.get(coil, coil) == place(*coil) for coil in tried):
-            yield Finding("error", "wiring.order", "coils", f"are all connected {told}")
+            yield Finding("error", "wiring.order", "coils", f"are all connected {wording}")
             return
-    for own, at in moved.items():
-        if moved.get(at) != own:
-            told = f"its amplifier channel is connected to {_coil(at)}"
-            yield Finding("error", "wiring.swapped", _coil(own), told)
-        elif own < at:
-            pair = f"{_coil(own)} and {_coil(at)}"
+    for planned_coil, at in moved.items():
+        if moved.get(at) != planned_coil:
+            wording = f"its amplifier channel is connected to {_coil(at)}"
+            yield Finding("error", "wiring.swapped", _coil(planned_coil), wording)
+        elif planned_coil < at:
+            pair = f"{_coil(planned_coil)} and {_coil(at)}"
             yield Finding("error", "wiring.swapped", pair, "are swapped: exchange their plugs")
 
 

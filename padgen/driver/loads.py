@@ -153,7 +153,7 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     ramp = ramp_s(plan) if shown is None else min(ramp_s(plan), _shortest_s(shown))
     if shown is None:
         asked = [_any(drive, coil) for coil in drive.coils]
-        warm = np.array([own.square_a2 for own in asked])
+        warm = np.array([asked_set.square_a2 for asked_set in asked])
         level = np.ones(len(plan.taxels))
         total_a2 = sum(warm.tolist())
     else:
@@ -164,14 +164,14 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
         pairs = zip(drive.coils, squares.max(1).tolist(), strict=True)
         asked = [_Asked(level[coil.taxels], square_a2) for coil, square_a2 in pairs]
     each = list(zip(drive.coils, asked, strict=True))
-    peak_v = max(_bound_v(drive, coil, own, ramp) for coil, own in each)
+    peak_v = max(_bound_v(drive, coil, asked_set, ramp) for coil, asked_set in each)
     if peak_v > drive.voltage_limit_v:
         peak_v = _shown_peak(drive, shown, "voltage") if shown is not None else _any_v(drive, ramp)
-    peak_a = max(_bound_a(drive, coil, own) for coil, own in each)
+    peak_a = max(_bound_a(drive, coil, asked_set) for coil, asked_set in each)
     if shown is not None and peak_a > _limit_a(plan):
         # What is written for a sound card's high-pass is not what flows.
         peak_a = _shown_peak(replace(drive, corner_hz=0.0), shown, "current")
-    return Load(peak_v, peak_a, np.array([own.square_a2 for own in asked]), total_a2, level, warm)
+    return Load(peak_v, peak_a, np.array([asked_set.square_a2 for asked_set in asked]), total_a2, level, warm)
 
 
 def _shortest_s(shown: Timeline) -> float:
@@ -406,18 +406,18 @@ def judge_limits(
     `shown` None: by the worst of all levels and changes that the firmware may be sent.
     """
     load = load_of(plan, drive, shown)
-    found = tuple(judge_load(where, plan, load, tuning))
-    cure = _level_text(plan, drive, shown, tuning, load) if found else ""
-    return tuple(replace(finding, message=finding.message + cure) for finding in found)
+    findings = tuple(judge_load(where, plan, load, tuning))
+    cure = _level_text(plan, drive, shown, tuning, load) if findings else ""
+    return tuple(replace(finding, message=finding.message + cure) for finding in findings)
 
 
 def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) -> None:
     """Raise if frames (k, taxels) that the firmware is to show are beyond a limit: what harms a coil is not played."""
     drive = replace(drive_at(plan, CONTROLLER_RATES_HZ, tuning=tuning), corner_hz=0.0)
     if any(judge_load("", plan, load_of(plan, drive), tuning)):
-        found = judge_limits("", plan, drive, timeline(plan, np.unique(frames, axis=0)), tuning)
-        if found:
-            raise SpecError(f"is not played: {found[0].message}", plan.name)
+        findings = judge_limits("", plan, drive, timeline(plan, np.unique(frames, axis=0)), tuning)
+        if findings:
+            raise SpecError(f"is not played: {findings[0].message}", plan.name)
 
 
 def judge_load(where: str, plan: Plan, load: Load, tuning: Tuning | None = None) -> Iterator[Finding]:

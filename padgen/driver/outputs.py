@@ -54,9 +54,9 @@ def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) ->
     whole = inf
     states = 0
     for coil in alike.values():
-        own = [taxels[index] for index in coil.taxels]
-        resonance, q = np.array([(taxel.resonance_hz, taxel.q) for taxel in own]).T
-        for on in _states(len(own)):
+        coil_taxels = [taxels[index] for index in coil.taxels]
+        resonance, q = np.array([(taxel.resonance_hz, taxel.q) for taxel in coil_taxels]).T
+        for on in _states(len(coil_taxels)):
             states += 1
             level_db, kept_db = _left(drive, coil, on, resonance, q, COMMON_CORNER_HZ)
             levels_db += level_db[on].tolist()
@@ -101,7 +101,7 @@ def _left(
     current = np.fft.irfft(np.fft.rfft(np.sqrt(np.maximum(square, 0.0))) * passed, points)
     lines = np.abs(np.fft.rfft(current**2))[1:] * (2 / points)
     felt = np.array(
-        [(lines**2 * relative_energy(hz[1:], f, own)).sum() for f, own in zip(resonance_hz, q, strict=True)]
+        [(lines**2 * relative_energy(hz[1:], f, taxel_q)).sum() for f, taxel_q in zip(resonance_hz, q, strict=True)]
     )
     felt /= coil.line_a2**2 * relative_energy(coil.force_hz, resonance_hz, q)
     level_db = 20 * np.log10(lines[coil.harmonic - 1] / coil.line_a2)

@@ -169,8 +169,8 @@ class Refusal(NamedTuple):
 
 def plan_hash(plan: Plan, tuning: Tuning | None = None) -> bytes:
     """Return the SHA-256 of plan and tuning, cut short: computer and device know by it that they mean one pad."""
-    told = plan_to_json(plan) + ("" if tuning is None else tuning_to_json(tuning))
-    return sha256(told.encode()).digest()[:HASH_BYTES]
+    text = plan_to_json(plan) + ("" if tuning is None else tuning_to_json(tuning))
+    return sha256(text.encode()).digest()[:HASH_BYTES]
 
 
 def encode(message: Message) -> bytes:
@@ -267,12 +267,12 @@ def play_frames(
     baud: int = BAUD,
     reply_s: float | None = None,
     greet_s: float = GREET_S,
-    told: Callable[[int], None] = lambda shown: None,
+    on_shown: Callable[[int], None] = lambda shown: None,
 ) -> Played:
     """Show frames (k, taxels) of levels in 0 … 1, each for `frame_s` (None: the device's), then silence.
 
-    The device must hold the firmware of this plan and `tuning`. `told` hears how many are shown. An answer is waited
-    for `reply_s` (None: by what the line needs).
+    The device must hold the firmware of this plan and `tuning`. `on_shown` hears how many are shown. An answer is
+    waited for `reply_s` (None: by what the line needs).
 
     Raises
     ------
@@ -298,7 +298,7 @@ def play_frames(
                 "frames",
             )
         began = time.monotonic()
-        link.show_all(frames, each, told)
+        link.show_all(frames, each, on_shown)
         with link.closing_in("the last frame"):  # which is reached before all falls silent
             link.wait_for([State.SILENT, State.HOLDING])
             link.ask(Kind.SILENCE)
@@ -387,14 +387,14 @@ class _Link:
                 self._port,
             )
         if self.device.faults:
-            found = ", ".join(str(fault.name).lower() for fault in Fault if fault & self.device.faults)
+            faults = ", ".join(str(fault.name).lower() for fault in Fault if fault & self.device.faults)
             raise FileError(
-                f"found its {found or 'self'} wrong when it tested itself, and stays silent; {cure}", self._port
+                f"found its {faults or 'self'} wrong when it tested itself, and stays silent; {cure}", self._port
             )
         seconds = round((self.device.watchdog_ms + self.device.silence_ms) * 1e-3, 2)
         self._what_then = f"the device falls silent by itself within {number(seconds)} s"
 
-    def show_all(self, frames: np.ndarray, each_s: float, told: Callable[[int], None]) -> None:
+    def show_all(self, frames: np.ndarray, each_s: float, on_shown: Callable[[int], None]) -> None:
         """Show every frame at its time; those that a late one would crowd come later, so that none is too short.
 
         A frame that is to last longer than the device holds one is sent again meanwhile, which no taxel feels.
@@ -408,7 +408,7 @@ class _Link:
                 for _ in range(parts):
                     self._show(frame_message(frame, sequence % SEQUENCES))
                     sequence += 1
-                    told(k + 1)
+                    on_shown(k + 1)
                     due = max(due + each_s / parts, time.monotonic() + least_s)
                     self._wait(due)
 

@@ -65,16 +65,16 @@ def worst_contrast(levels: np.ndarray, energy: np.ndarray, coil_of: np.ndarray) 
     """
     worst = None
     for coil in np.unique(coil_of).tolist():
-        own = coil_of == coil
-        played = levels[:, own]
-        on = np.where(played > 0, energy[:, own] / np.maximum(played, 1e-9) ** 2, np.inf).min(1)
-        off = np.where(played > 0, 0.0, energy[:, own]).max(1)
+        is_in_coil = coil_of == coil
+        played = levels[:, is_in_coil]
+        on = np.where(played > 0, energy[:, is_in_coil] / np.maximum(played, 1e-9) ** 2, np.inf).min(1)
+        off = np.where(played > 0, 0.0, energy[:, is_in_coil]).max(1)
         both = np.flatnonzero(np.isfinite(on) & (off > 0))
         if len(both):
-            found = 10 * np.log10(np.maximum(on[both], 1e-30) / off[both])
-            least = int(found.argmin())
-            if worst is None or found[least] < worst[0]:
-                worst = float(found[least]), int(both[least]), coil
+            contrast_db = 10 * np.log10(np.maximum(on[both], 1e-30) / off[both])
+            least = int(contrast_db.argmin())
+            if worst is None or contrast_db[least] < worst[0]:
+                worst = float(contrast_db[least]), int(both[least]), coil
     return worst
 
 
@@ -164,7 +164,7 @@ def _beats(
     levels = shown.levels[:, coil.taxels]
     size = np.abs(shown.levels[:, coil.taxels])
     count = int(slot.max())
-    found = np.zeros((count, len(line)))
+    motion = np.zeros((count, len(line)))
     for k in range(count):
         key = int(np.flatnonzero(slot == k)[0])
         before = levels[key]
@@ -174,21 +174,21 @@ def _beats(
             continue
         begin_s = shown.time_s[key]
         seconds = shown.time_s[key + 1] - shown.time_s[key]
-        own = np.einsum("atn,an->tn", course(tau_s, seconds), np.stack([begun, before, after]))
+        decaying = np.einsum("atn,an->tn", course(tau_s, seconds), np.stack([begun, before, after]))
         level = np.sqrt((1 - share) * size[key] + share * size[key + 1])
         weight = np.full(STEPS + 1, seconds / STEPS)
         weight[[0, -1]] /= 2
         time_s = begin_s + np.arange(STEPS + 1) * (seconds / STEPS)
         turn = np.exp(1j * (apart * time_s[:, None, None] + turned))
-        product = own[:, :, None] * (level[:, first] * level[:, second])[:, None, :] * turn
+        product = decaying[:, :, None] * (level[:, first] * level[:, second])[:, None, :] * turn
         total = np.einsum("t,tnx->nx", weight, product)
         # Then what was switched rings on, while the others are held.
         rest_s = shown.time_s[key + 2] - shown.time_s[key + 1] if slot[key + 1] == k else 0.0
         rate = 1 / tau_s[:, None] - 1j * apart
-        rings = (own[-1] - after)[:, None] * (1 - np.exp(-rate * rest_s)) / rate
+        rings = (decaying[-1] - after)[:, None] * (1 - np.exp(-rate * rest_s)) / rate
         total += rings * np.sqrt(size[key + 1][first] * size[key + 1][second]) * turn[-1]
-        found[k] = 2 * (heard * total).real.sum(1)
-    return found
+        motion[k] = 2 * (heard * total).real.sum(1)
+    return motion
 
 
 class _Heard(NamedTuple):
@@ -204,12 +204,12 @@ class _Heard(NamedTuple):
 
 def _heard(plan: Plan, drive: PadDrive, coil: CoilDrive, tuning: Tuning | None) -> _Heard:
     taxels = [(tuning or planned_tuning(plan)).taxels[k] for k in coil.taxels]
-    own = [plan.channels[plan.taxels[k].channel] for k in coil.taxels]
+    channels = [plan.channels[plan.taxels[k].channel] for k in coil.taxels]
     which = Channels(np.array([t.resonance_hz for t in taxels]), np.array([t.q for t in taxels]), coil.line_a2)
-    modes = coil_modes(plan.spec, own) if tuning is None else None
+    modes = coil_modes(plan.spec, channels) if tuning is None else None
     heard = np.concatenate([line_energy(which, part, modes) for part in own_lines(which, drive.scheme)], 2)
-    heard[:, 0][np.diag_indices(len(own))] = 0.0
-    if not drive.scheme.has_pair_spurs or len(own) > MOST_WITH_SPURS:
+    heard[:, 0][np.diag_indices(len(channels))] = 0.0
+    if not drive.scheme.has_pair_spurs or len(channels) > MOST_WITH_SPURS:
         return _Heard(heard.sum(1), None, ())
     pairs = pair_lines(which, drive.scheme)
     return _Heard(heard.sum(1), line_energy(which, pairs, modes).sum(1), pairs.makers)
@@ -223,8 +223,8 @@ def slot_findings(
     Asked is `drive.delta_y`, and no more than `SLOT_DB`.
     """
     asked_db = min(plan.selectivity.asked_db, SLOT_DB)
-    found = frame_contrast(plan, drive, shown, tuning)
-    if found is None or found.slot_db >= asked_db:
+    contrast = frame_contrast(plan, drive, shown, tuning)
+    if contrast is None or contrast.slot_db >= asked_db:
         return ()
 
     def kept_db(seconds: float, braked: bool) -> float:
@@ -237,7 +237,7 @@ def slot_findings(
     for braked in (brake,) if brake or plan.scheme.takes_turns else (False, True):
         # The plan's rate is for the worst that frames can show.
         planned = rate.braked_frames_per_s if braked else rate.kept_frames_per_s
-        least = max(found.frame_s, braked_s(plan, tuning) if braked else 0.0)
+        least = max(contrast.frame_s, braked_s(plan, tuning) if braked else 0.0)
         seconds = max(least, 1 / planned if planned else 0.0)
         while seconds <= LONGEST_S:
             text = at_least(seconds)
@@ -252,7 +252,7 @@ def slot_findings(
             "warning",
             "frames.slot",
             WHERE,
-            f"averaged over its {number(found.frame_s)} s, frame {found.frame + 1} keeps {found.slot_db:.1f} dB"
-            f" of ON over OFF on the coil {found.coil}; asked: {asked_db:.1f} dB{cure}",
+            f"averaged over its {number(contrast.frame_s)} s, frame {contrast.frame + 1} keeps"
+            f" {contrast.slot_db:.1f} dB of ON over OFF on the coil {contrast.coil}; asked: {asked_db:.1f} dB{cure}",
         ),
     )

@@ -89,11 +89,11 @@ def play_wave(
     path: Path,
     device: int | str | None = None,
     loops: int = 1,
-    told: Callable[[AudioDevice], None] = lambda chosen: None,
+    on_chosen: Callable[[AudioDevice], None] = lambda chosen: None,
 ) -> Sounded:
     """Play the WAV `path`, `loops` times without a pause, through a device (None: the computer's first choice).
 
-    `told` hears which device it is before it sounds. An interrupt fades out, and is raised again.
+    `on_chosen` hears which device it is before it sounds. An interrupt fades out, and is raised again.
 
     Raises
     ------
@@ -131,7 +131,7 @@ def play_wave(
             f" {chosen.rate_hz:g} Hz, for which padgen drive --rate writes",
             "--audio",
         ) from error
-    told(chosen)
+    on_chosen(chosen)
     try:
         with sound.OutputStream(
             samplerate=wave.rate_hz, device=chosen.index, channels=wave.channels, dtype="float32"
@@ -211,13 +211,13 @@ def recorded(
     outputs: int = 1,
     channel: int = 0,
     begin: Callable[[], None] | None = None,
-    told: Callable[[float], None] = lambda seconds: None,
+    on_progress: Callable[[float], None] = lambda seconds: None,
 ) -> np.ndarray:
     """Record the first channel of an input for some seconds, as (n,), while `played` (k,) sounds on a `sink`.
 
     It sounds on one `channel` of `outputs`, the others are silent. Where there is `begin`, it is called once the input
-    runs, and the seconds count from its end. `told` hears how many are recorded. An interrupt fades out what is played,
-    and is raised again.
+    runs, and the seconds count from its end. `on_progress` hears how many are recorded. An interrupt fades out
+    what is played, and is raised again.
 
     Raises
     ------
@@ -266,7 +266,7 @@ def recorded(
                 for _ in range(int(LATE * seconds / LOOK_S) + FEWEST_LOOKS):
                     if over.wait(LOOK_S):
                         break
-                    told(done / rate_hz)
+                    on_progress(done / rate_hz)
             except BaseException:
                 stopped.set()
                 over.wait(1.0)
@@ -342,7 +342,7 @@ class Bench:
         """Return whether a recording of this taxel or coil is there already."""
         return (self.folder / RECORDED / f"{name}.wav").exists()
 
-    def take(self, name: str, attempt: int, nearest: bool, told: Told) -> tuple[TaxelFit, ...]:
+    def take(self, name: str, attempt: int, nearest: bool, notify: Told) -> tuple[TaxelFit, ...]:
         """Record a taxel or a coil, fit it, and keep the file; `attempt` counts repetitions, whose sweeps are longer.
 
         Raises
@@ -376,7 +376,7 @@ class Bench:
             played = chirp.voltage_v / plan.spec.drive.voltage_limit_v
 
         def by_firmware() -> None:
-            told(f"{name}: the firmware plays its sweep")
+            notify(f"{name}: the firmware plays its sweep")
             excite(self.port, plan, coil, tuning=self.tuning, baud=self.baud)
 
         heard = recorded(
@@ -388,9 +388,9 @@ class Bench:
             outputs,
             min(coil, outputs - 1),
             by_firmware if sink is None else None,
-            lambda done: told(f"{name}: {done:.1f} s of {max(done, seconds):.1f} s"),
+            lambda done: notify(f"{name}: {done:.1f} s of {max(done, seconds):.1f} s"),
         )
-        told(f"{name}: fitting")
+        notify(f"{name}: fitting")
         path = self.folder / RECORDED / TRIED / f"{name}.wav"
         for each in (path.parents[1], path.parent, path.parents[1] / path.name):
             if each.is_symlink():

@@ -461,7 +461,7 @@ def timeline(
 
 
 def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Timeline:
-    order = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
+    order = {channel.index: k for channel_set in plan.sets for k, channel in enumerate(channel_set)}
     turn = np.array([order[taxel.channel] for taxel in plan.taxels])
     slots = len(plan.sets[0])
     slot = (seconds_each or frame_s(plan)) / slots
@@ -565,17 +565,17 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
         if len(coil.taxels):
             alike.setdefault(tuple(coil.harmonic.tolist()), []).append(index)
     for members in alike.values():
-        own = [drive.coils[index] for index in members]
-        lines = [coil_lines(drive, c) for c in own]
+        coils = [drive.coils[index] for index in members]
+        lines = [coil_lines(drive, c) for c in coils]
         k = lines[0][0]
         weight = gain * np.stack([amplitude for _, amplitude in lines])
-        bias = np.array([c.bias_a for c in own])
-        taxels = np.stack([c.taxels for c in own])
-        constant = np.zeros((0, len(own)))
+        bias = np.array([c.bias_a for c in coils])
+        taxels = np.stack([c.taxels for c in coils])
+        constant = np.zeros((0, len(coils)))
         if drive.scheme.is_root:
             weight = gain * weight
             levels = timeline.levels[:, taxels]
-            constant = gain**2 * np.stack([constant_a2(c, levels[:, m]) for m, c in enumerate(own)], 1)
+            constant = gain**2 * np.stack([constant_a2(c, levels[:, m]) for m, c in enumerate(coils)], 1)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
         table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
         omega = 2 * np.pi * k / drive.period_s
@@ -647,9 +647,9 @@ def _blended(
     falling, rising, steepness = _ramp(drive, timeline, where)
     value = np.zeros((1, 1))
     slope = np.zeros((1, 1))
-    for levels, own, share, sign in ((before, constant[0], falling, -1), (after, constant[1], rising, 1)):
-        if levels.any() or np.any(own):
-            part, part_slope = _sums(drive, group, where, levels * group.weight, own)
+    for levels, settled, share, sign in ((before, constant[0], falling, -1), (after, constant[1], rising, 1)):
+        if levels.any() or np.any(settled):
+            part, part_slope = _sums(drive, group, where, levels * group.weight, settled)
             slope = slope + (part_slope * share + part * (sign * group.tau_s * steepness))
             value = value + part * share
     return value, slope

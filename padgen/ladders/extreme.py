@@ -169,14 +169,14 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> n
     The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
     its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
     """
-    found = []
+    roots = []
     equation = partial(_frequency_equation, beam)
     with mpmath.workdps(DIGITS):
         for guess in frame_answer(beam).values if guess_hz is None else guess_hz:
             start = 2 * mpmath.pi * mpmath.mpf(float(guess))
             root = mpmath.findroot(equation, (start * (1 - NEAR), start * (1 + NEAR)), tol=1e-25, verify=False)
-            found.append(float(root / (2 * mpmath.pi)))
-    return np.array(found)
+            roots.append(float(root / (2 * mpmath.pi)))
+    return np.array(roots)
 
 
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
@@ -356,10 +356,10 @@ def solid_answer(taxel: BlockTaxel, finer: bool = False, scale: float = 1.0) -> 
     """
     with TemporaryDirectory() as folder:
         solid = taxel.written(Path(folder))
-        found = solve_modes(solid, *FINER_ELEMENTS) if finer else converged_modes(solid, TOLERANCE)
-    working = found.modes.working
-    error = FINER_ERROR if finer else float(found.error[working])
-    return Solved(scale * found.modes.frequency_hz[[working]], error, found.residual)
+        modes = solve_modes(solid, *FINER_ELEMENTS) if finer else converged_modes(solid, TOLERANCE)
+    working = modes.modes.working
+    error = FINER_ERROR if finer else float(modes.error[working])
+    return Solved(scale * modes.modes.frequency_hz[[working]], error, modes.residual)
 
 
 def solid_cases() -> Iterator[ExtremeCase]:
@@ -582,8 +582,8 @@ def _propagated(name: str, hz: np.ndarray, q: Any, mass: Any, force: DecayingTon
         return Solved(_over_largest(propagate(hz, q, mass, force, times)), 10 * STATED_ERROR)
 
     def exact() -> np.ndarray:
-        own = zip(*np.broadcast_arrays(hz, q, mass), strict=True)
-        return _over_largest(np.array([[exact_displacement(f, d, m, force, t) for t in times] for f, d, m in own]))
+        taxels = zip(*np.broadcast_arrays(hz, q, mass), strict=True)
+        return _over_largest(np.array([[exact_displacement(f, d, m, force, t) for t in times] for f, d, m in taxels]))
 
     return ExtremeCase(name, "dynamics", "exponential", solve, exact, MANY_DIGITS)
 
@@ -595,9 +595,9 @@ def _phasor_near_resonance() -> ExtremeCase:
 
     def exact() -> np.ndarray:
         with mpmath.workdps(DIGITS):
-            own = mpmath.mpf(hz)
+            resonance_hz = mpmath.mpf(hz)
             at = mpmath.mpf(float(force.frequency_hz[0]))
-            bracket = mpmath.mpc(own**2 - at**2, at * own / mpmath.mpf(q))
+            bracket = mpmath.mpc(resonance_hz**2 - at**2, at * resonance_hz / mpmath.mpf(q))
             moved = complex(mpmath.mpf(1e-5) / (4 * mpmath.pi**2 * mpmath.mpf(MASS_KG) * bracket))
         return np.array([moved.real, moved.imag])
 
@@ -759,15 +759,15 @@ def spec_cases() -> Iterator[ExtremeCase]:
     yield ExtremeCase(f"taxel of random {SOLIDS[1]}", "specs", "elements", converged, finer, source)
     for name, fields_ in IMPOSSIBLE.items():
         table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}
-        told = partial(np.array, [1.0])
+        outcome_of = partial(np.array, [1.0])
         source = "an error or a refusal, since no pad can be so"
-        yield ExtremeCase(name, "specs", "plan", partial(_refused, table), told, source)
+        yield ExtremeCase(name, "specs", "plan", partial(_refused, table), outcome_of, source)
 
 
 def _group(first: int) -> Solved:
     """Count how many of a group's specs are answered wrongly; raise with the first of them."""
-    found = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
-    wrong = [f"random {number}: {fault}" for number, fault in found.items() if fault]
+    outcomes = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
+    wrong = [f"random {number}: {fault}" for number, fault in outcomes.items() if fault]
     if wrong:
         raise ValueError(f"{len(wrong)} of {IN_GROUP} are wrong: {'; '.join(wrong[:3])}")
     return Solved(np.array([0.0]), 0.0)
@@ -796,10 +796,10 @@ def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Solved
         step = Path(folder) / "taxel.step"
         write_taxel_step(plan, plan.channels[0], step)
         taxel = solid_taxel(plan, plan.channels[0], step)
-        found = solve_modes(taxel, *setting) if setting else converged_modes(taxel, SOLID_TOLERANCE)
-    working = found.modes.working
-    stated = error if setting else float(found.error[working])
-    return Solved(found.modes.frequency_hz[[working]], stated, found.residual)
+        modes = solve_modes(taxel, *setting) if setting else converged_modes(taxel, SOLID_TOLERANCE)
+    working = modes.modes.working
+    stated = error if setting else float(modes.error[working])
+    return Solved(modes.modes.frequency_hz[[working]], stated, modes.residual)
 
 
 def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
@@ -879,12 +879,12 @@ def odd_table(number: int) -> dict[str, Any]:
 @cache
 def _corners() -> list[tuple[str, "Field[Any]", Any]]:
     """Return every field of `ODD` with each of its corners or words."""
-    found: list[tuple[str, Field[Any], Any]] = []
+    corners: list[tuple[str, Field[Any], Any]] = []
     for name, item in ODD:
         meta = item.metadata
         ends = choices(meta) or (meta["low"], meta["high"])
-        found += [(name, item, [end] * (meta["count"] or 1) if "count" in meta else end) for end in ends]
-    return found
+        corners += [(name, item, [end] * (meta["count"] or 1) if "count" in meta else end) for end in ends]
+    return corners
 
 
 def _odd_base(number: int) -> dict[str, Any]:
@@ -986,8 +986,8 @@ def _energy(name: str, band_hz: tuple[float, float], count: int, q: float, schem
         return float(off_energy(_even_channels(band_hz, count, q), Scheme(scheme))[off])
 
     def exact() -> Any:
-        own = _even_channels(band_hz, count, q)
-        hz, line = ([mpmath.mpf(float(v)) for v in part] for part in (own.resonance_hz, own.line))
+        channels = _even_channels(band_hz, count, q)
+        hz, line = ([mpmath.mpf(float(v)) for v in part] for part in (channels.resonance_hz, channels.line))
         return _summed(hz, line, mpmath.mpf(q), Scheme(scheme), off)
 
     return _selectivity_case(name, scheme, value, (PER_LINE + float(np.log2(count))) * ROUNDING, exact)

@@ -76,8 +76,8 @@ class Scene(NamedTuple):
 
 def distinct_channels(plan: Plan) -> tuple[Channel, ...]:
     """Return channels whose taxels differ in their beams, the first of each kind."""
-    found = {channel.beam: channel for channel in reversed(plan.channels)}
-    return tuple(sorted(found.values(), key=lambda channel: channel.index))
+    by_beam = {channel.beam: channel for channel in reversed(plan.channels)}
+    return tuple(sorted(by_beam.values(), key=lambda channel: channel.index))
 
 
 def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
@@ -274,25 +274,27 @@ def judged(ladder: Ladder, measured: Sequence[RungFigures]) -> Judged:
         row = JudgedRung(rung, figures, error, error + uncertainty, error <= uncertainty)
         rows.append(row if isfinite(error) else JudgedRung(rung, figures))
     names = dict.fromkeys(row.rung.series for row in rows if row.rung.series and not isnan(row.rung.step))
-    found = []
+    verdicts = []
     for name in names:
-        own = [
+        rows_of_case = [
             row
             for row in rows
             if row.rung.series == name and not isnan(row.rung.step) and row.measured.values is not None
         ]
         # Those whose error the reference's own does not blur.
-        clear = [row for row in own if row.error > CLEAR * uncertainty]
+        clear = [row for row in rows_of_case if row.error > CLEAR * uncertainty]
         theory = ladder.theory.get(name)
         order = None
         if not (theory and theory.same_limit):
-            gaps = [_distance(ladder, a.measured, b.measured, own[-1].measured) for a, b in pairwise(own)]
-            order = observed_order([row.rung.step for row in own], gaps)
+            gaps = [
+                _distance(ladder, a.measured, b.measured, rows_of_case[-1].measured) for a, b in pairwise(rows_of_case)
+            ]
+            order = observed_order([row.rung.step for row in rows_of_case], gaps)
         elif len(clear) > 1:
             a, b = clear[-2:]
             order = log(a.error / b.error) / log(a.rung.step / b.rung.step)
-        found.append(Order(name, order, theory))
-    return Judged(ladder, tuple(rows), reference, uncertainty, converged, why, tuple(found))
+        verdicts.append(Order(name, order, theory))
+    return Judged(ladder, tuple(rows), reference, uncertainty, converged, why, tuple(verdicts))
 
 
 def _uncertainty(ladder: Ladder, measured: Sequence[RungFigures], solved: Sequence[int]) -> tuple[float, bool, str]:
@@ -371,10 +373,10 @@ def _holds(row: JudgedRung, tolerance: float) -> bool:
 
 def by_ladder(results: Iterable[Judged]) -> dict[str, list[Judged]]:
     """Return the results of each ladder's subjects by the ladder's name."""
-    found: dict[str, list[Judged]] = {}
+    grouped: dict[str, list[Judged]] = {}
     for result in results:
-        found.setdefault(result.ladder.name, []).append(result)
-    return found
+        grouped.setdefault(result.ladder.name, []).append(result)
+    return grouped
 
 
 def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
@@ -382,7 +384,7 @@ def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -
 
     A ladder and tolerance for which none is known has a `Pick` without a model.
     """
-    return tuple(_pick(name, own, tol) for name, own in by_ladder(results).items() for tol in tolerances)
+    return tuple(_pick(name, rows, tol) for name, rows in by_ladder(results).items() for tol in tolerances)
 
 
 def _pick(name: str, results: Sequence[Judged], tolerance: float) -> Pick:
@@ -460,11 +462,11 @@ def measured(rung: Rung) -> RungFigures:
     answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
     if answer.kind != "value":
         return RungFigures(note=("refused: " if answer.kind == "refused" else "") + answer.sentence)
-    found: Timed = answer.value
-    solved: Solved = found.value
+    answer_timed: Timed = answer.value
+    solved: Solved = answer_timed.value
     values = np.atleast_1d(np.asarray(solved.values, float))
     known, note = (values, "") if np.isfinite(values).all() else (None, "its answer is not a number")
-    return RungFigures(known, int(solved.unknowns), float(solved.residual), *found[1:], note)
+    return RungFigures(known, int(solved.unknowns), float(solved.residual), *answer_timed[1:], note)
 
 
 def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:

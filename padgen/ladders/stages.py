@@ -154,23 +154,25 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
     SolverError
         `after_s` is negative, or the coil pulls none of its washers.
     """
-    own = plan.sets[coil_set]
+    channel_set = plan.sets[coil_set]
     coil = plan.spec.coil
     scheme = plan.scheme
     state = plan.selectivity.worst_state
-    on = np.array([bit == "1" for bit in state] if len(state) == len(own) and "1" in state else [True] * len(own))
-    line_a2 = np.array([c.line_a2 for c in own])
-    frequency = np.array([c.resonance_hz for c in own])
-    q = np.array([c.q for c in own])
+    on = np.array(
+        [bit == "1" for bit in state] if len(state) == len(channel_set) and "1" in state else [True] * len(channel_set)
+    )
+    line_a2 = np.array([c.line_a2 for c in channel_set])
+    frequency = np.array([c.resonance_hz for c in channel_set])
+    q = np.array([c.q for c in channel_set])
     start = RING_UPS * float((q / (np.pi * frequency)).max()) if after_s is None else after_s
     if start < 0 or not line_a2[on].any():
         raise SolverError(f"needs a time of at least 0 s and a washer that is pulled, got {number(start)} s")
     system = make_system(
         frequency,
         q,
-        [c.effective_mass_g * GRAM for c in own],
-        [max(c.force_constant_n_per_a2, 0.0) for c in own],
-        [max(c.pull_exponent, 0.0) for c in own],
+        [c.effective_mass_g * GRAM for c in channel_set],
+        [max(c.force_constant_n_per_a2, 0.0) for c in channel_set],
+        [max(c.pull_exponent, 0.0) for c in channel_set],
         coil.gap_mm * MM,
         coil.resistance_ohm,
         coil.inductance_mh * MH,
@@ -381,9 +383,9 @@ def exact_volumes(tolerance: float, solids: list[Any]) -> Solved:
     volumes = []
     with kernel_errors("a volume"):
         for solid in solids:
-            found = GProp_GProps()
-            BRepGProp.VolumeProperties_s(solid.wrapped, found, tolerance)
-            volumes.append(float(found.Mass()))
+            properties = GProp_GProps()
+            BRepGProp.VolumeProperties_s(solid.wrapped, properties, tolerance)
+            volumes.append(float(properties.Mass()))
     return Solved(np.array(volumes), unknowns=sum(len(solid.faces()) for solid in solids))
 
 
@@ -439,8 +441,8 @@ def paper_pull(pull: PullQuestion) -> Solved:
 
 def charges_pull(pull: PullQuestion) -> Solved:
     """Return the pull by surface charges on core and washer, which know no saturation: the plan's own."""
-    found = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
-    return Solved(found.pull, float(found.error[0]))
+    pulls = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
+    return Solved(pulls.pull, float(pulls.error[0]))
 
 
 def axisymmetric_pull(pull: PullQuestion, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
@@ -449,17 +451,17 @@ def axisymmetric_pull(pull: PullQuestion, order: int = 5, levels: int = 4, scala
     With `scalar`, what the scalar potential says alone.
     """
     steels = pull.core_steel, pull.washer_steel
-    found = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, *steels, order=order, levels=levels)
-    force_n = found.scalar_n if scalar else found.force_n
+    force = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, *steels, order=order, levels=levels)
+    force_n = force.scalar_n if scalar else force.force_n
     answer = np.array([-force_n / pull.current_a**2])
-    return Solved(answer, found.error, found.residual, unknowns=found.unknowns)
+    return Solved(answer, force.error, force.residual, unknowns=force.unknowns)
 
 
 def three_d_pull(pull: PullQuestion, order: int = 3, levels: int = 1) -> Solved:
     """Return the pull by elements of `order` in space."""
-    found = solid_pull(pull, order, levels)
-    answer = np.array([-float(found.wrench[0, 2]) / pull.current_a**2])
-    return Solved(answer, found.error, found.residual, unknowns=found.unknowns)
+    force = solid_pull(pull, order, levels)
+    answer = np.array([-float(force.wrench[0, 2]) / pull.current_a**2])
+    return Solved(answer, force.error, force.residual, unknowns=force.unknowns)
 
 
 GRADED = ((2, 0), (2, 1), (3, 1), (3, 2), (4, 3), (5, 4))
@@ -547,9 +549,9 @@ def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int)
     from padgen.make.solid_tuning import solid_taxel
     from padgen.verify.elasticity import solve_modes
 
-    found = solve_modes(solid_taxel(plan, channel, step), order, levels)
+    modes = solve_modes(solid_taxel(plan, channel, step), order, levels)
     return Solved(
-        np.array([found.modes.frequency_hz[found.modes.working]]), residual=found.residual, unknowns=found.unknowns
+        np.array([modes.modes.frequency_hz[modes.modes.working]]), residual=modes.residual, unknowns=modes.unknowns
     )
 
 

@@ -144,13 +144,13 @@ def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S
     answer = timed(partial(_asked, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":
         return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
-    found: Solved = answer.value.value
-    stated, *figures = (float(figure) for figure in found[1:4])
+    solved: Solved = answer.value.value
+    stated, *figures = (float(figure) for figure in solved[1:4])
     say = partial(say, stated_error=stated, seconds=answer.value.seconds, residual=figures[0], condition=figures[1])
     truth = apart(_asked, cases, place, "reference", limit_s=limit_s)
     if truth.kind != "value":
         return say(verdict=UNCHECKED, note=f"no reference: {truth.sentence}")
-    error = relative_error(found.values, truth.value.values)
+    error = relative_error(solved.values, truth.value.values)
     verdict, note = judged_error(error, stated, float(truth.value.stated_error))
     return say(error=error, verdict=verdict, note=note)
 
@@ -213,8 +213,8 @@ class Study:
         with plot_style():
             panels = by_ladder(self.ladders)
             figure, axes = _figure(max(len(panels), 1))
-            for axis, (ladder, own) in zip(axes, panels.items(), strict=False):
-                _panel(axis, ladder, own, self.tolerances)
+            for axis, (ladder, rows) in zip(axes, panels.items(), strict=False):
+                _panel(axis, ladder, rows, self.tolerances)
             title = f"{self.name}: error against run time\nringed: the quickest rung for a tolerance"
             figure.suptitle(title, fontsize=10)
         return figure
@@ -231,12 +231,12 @@ class ExtremeStudy:
     @property
     def holds(self) -> bool:
         """True where no case is wrong."""
-        return all(found.verdict != WRONG for found in self.verdicts)
+        return all(verdict.verdict != WRONG for verdict in self.verdicts)
 
     @property
     def missing(self) -> tuple[str, ...]:
         """Cases that were not run since the study was stopped."""
-        return tuple(f"{found.domain}, {found.case}" for found in self.verdicts if found.verdict == MISSING)
+        return tuple(f"{verdict.domain}, {verdict.case}" for verdict in self.verdicts if verdict.verdict == MISSING)
 
 
 def parse_only(text: str | None) -> tuple[str, ...]:
@@ -309,23 +309,23 @@ def run_study(
 
 def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
     """Run all rungs of some ladders, one at a time, and judge them; after Ctrl-C, what was measured until then."""
-    found: list[list[RungFigures]] = [[] for _ in ladders]
+    figures: list[list[RungFigures]] = [[] for _ in ladders]
     total = sum(len(ladder.rungs) for ladder in ladders)
     done = 0
     with suppress(KeyboardInterrupt):
-        for ladder, own in zip(ladders, found, strict=True):
+        for ladder, rows in zip(ladders, figures, strict=True):
             if ladder.before:
                 progress(f"rung {done + 1} of {total}: {ladder.name}, modelling")
                 ladder.before()
             for rung in ladder.rungs:
                 done += 1
                 progress(f"rung {done} of {total}: {ladder.name}, {ladder.subject}: {rung.model}, {rung.resolution}")
-                own.append(measured(rung))
-    if total and not any(found):
+                rows.append(measured(rung))
+    if total and not any(figures):
         raise KeyboardInterrupt
     return [
-        judged(ladder, own + [NOT_RUN] * (len(ladder.rungs) - len(own)))
-        for ladder, own in zip(ladders, found, strict=True)
+        judged(ladder, rows + [NOT_RUN] * (len(ladder.rungs) - len(rows)))
+        for ladder, rows in zip(ladders, figures, strict=True)
     ]
 
 
@@ -354,7 +354,7 @@ def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequ
         with uninterrupted():
             progress("drawing")
             table = {**_about(), "stopped": bool(study.missing), "cases": verdicts}
-            text = table_csv(EXTREME_COLUMNS, [list(map(csv_cell, astuple(found))) for found in verdicts])
+            text = table_csv(EXTREME_COLUMNS, [list(map(csv_cell, astuple(verdict))) for verdict in verdicts])
             _commit(out, EXTREME_FILES, (text, json_text(table), extreme_picture(verdicts)))
     return study
 
@@ -409,13 +409,13 @@ def study_csv(study: Study) -> str:
 
 def study_json(study: Study) -> str:
     """Write all that was measured, with what was studied, and by which versions, ahead of it."""
-    told = {
+    record = {
         "stopped": bool(study.missing),
         "missing": study.missing,
         "recommended": [pick._asdict() for pick in study.picks],
         "ladders": [_ladder(result) for result in study.ladders],
     }
-    return json_text(study.about | told)
+    return json_text(study.about | record)
 
 
 def _ladder(result: Judged) -> dict[str, Any]:
@@ -439,16 +439,16 @@ def _ladder(result: Judged) -> dict[str, Any]:
 
 def _rung(row: JudgedRung) -> dict[str, Any]:
     rung = row.rung
-    own = row.measured
+    measured_rung = row.measured
     return {
         **{name: getattr(rung, name) for name in ("model", "resolution", "series", "offered", "step")},
-        "unknowns": own.unknowns,
+        "unknowns": measured_rung.unknowns,
         "error": row.error,
         "error_at_most": row.at_most,
         "is_bound": row.is_bound,
-        **{name: getattr(own, name) for name in ("seconds", "cpu_seconds", "runs", "memory_mb", "residual")},
-        "values": None if own.values is None else own.values.tolist(),
-        "note": own.note,
+        **{name: getattr(measured_rung, name) for name in ("seconds", "cpu_seconds", "runs", "memory_mb", "residual")},
+        "values": None if measured_rung.values is None else measured_rung.values.tolist(),
+        "note": measured_rung.note,
     }
 
 
@@ -498,23 +498,27 @@ def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
 
 
 def _table_row(row: JudgedRung, holds: Sequence[float]) -> tuple[str, ...]:
-    own = row.measured
+    measured_rung = row.measured
     model = f"{row.rung.model}, {row.rung.resolution}"
     if len(model) > WIDEST_MODEL:
         model = model.replace(", ", ",\n  ", 1)
-    if own.values is None:
-        return (model, "", "", "not run" if own is NOT_RUN else "no answer", "", "", "")
-    value = f"{own.values.ravel()[0]:.7g}" if own.values.size == 1 else f"{own.values.size} values"
+    if measured_rung.values is None:
+        return (model, "", "", "not run" if measured_rung is NOT_RUN else "no answer", "", "", "")
+    value = (
+        f"{measured_rung.values.ravel()[0]:.7g}"
+        if measured_rung.values.size == 1
+        else f"{measured_rung.values.size} values"
+    )
     error = "?"
     if not isnan(row.error):
         error = f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3)
     return (
         model,
-        str(own.unknowns or ""),
+        str(measured_rung.unknowns or ""),
         value,
         error,
-        seconds_text(own.seconds),
-        f"{own.memory_mb:.1f}",
+        seconds_text(measured_rung.seconds),
+        f"{measured_rung.memory_mb:.1f}",
         # A rung that is the quickest for two errors is so for those in between.
         " … ".join(dict.fromkeys(percent(end, 3) for end in (holds[0], holds[-1]))) if holds else "",
     )
@@ -533,16 +537,27 @@ def picks_text(picks: Iterable[Pick]) -> str:
 def extreme_text(study: ExtremeStudy) -> str:
     """Write the table of cases, then what is refused or wrong, sentence by sentence."""
     rows = []
-    for found in study.verdicts:
-        figures = found.error, found.stated_error, found.residual, found.condition
+    for case_verdict in study.verdicts:
+        figures = case_verdict.error, case_verdict.stated_error, case_verdict.residual, case_verdict.condition
         error, stated, *rest = (f"{figure:.2g}" if isfinite(figure) else "" for figure in figures)
-        head = found.domain, found.case, found.model, error, stated, seconds_text(found.seconds)
-        rows.append((*head, *rest, found.verdict))
+        head = (
+            case_verdict.domain,
+            case_verdict.case,
+            case_verdict.model,
+            error,
+            stated,
+            seconds_text(case_verdict.seconds),
+        )
+        rows.append((*head, *rest, case_verdict.verdict))
     lines = [table(EXTREME_HEADINGS, rows, left=3)]
-    lines += [f"{found.verdict}: {found.domain}, {found.case}: {found.note}" for found in study.verdicts if found.note]
-    counts = Counter(found.verdict for found in study.verdicts)
-    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
-    return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {told}"])
+    lines += [
+        f"{case_verdict.verdict}: {case_verdict.domain}, {case_verdict.case}: {case_verdict.note}"
+        for case_verdict in study.verdicts
+        if case_verdict.note
+    ]
+    counts = Counter(case_verdict.verdict for case_verdict in study.verdicts)
+    counted_verdicts = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {counted_verdicts}"])
 
 
 MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
@@ -557,12 +572,12 @@ def extreme_picture(verdicts: Sequence[CaseVerdict]) -> bytes:
     with plot_style():
         figure, (axis,) = _figure(1)
         axis.plot([LEAST, 10], [LEAST, 10], color=PALE, linewidth=1)
-        marks = dict(zip(dict.fromkeys(found.domain for found in verdicts), cycle(MARKS), strict=False))
-        for found in verdicts:
-            if isfinite(found.error) and isfinite(found.stated_error):
-                place = (max(found.stated_error, LEAST), max(found.error, LEAST))
-                colour = VERDICT_COLOURS[found.verdict]
-                axis.plot(*place, marks[found.domain], color=colour, markersize=5, linestyle="none")
+        marks = dict(zip(dict.fromkeys(verdict.domain for verdict in verdicts), cycle(MARKS), strict=False))
+        for verdict in verdicts:
+            if isfinite(verdict.error) and isfinite(verdict.stated_error):
+                place = (max(verdict.stated_error, LEAST), max(verdict.error, LEAST))
+                colour = VERDICT_COLOURS[verdict.verdict]
+                axis.plot(*place, marks[verdict.domain], color=colour, markersize=5, linestyle="none")
         for domain, mark in marks.items():
             axis.plot([], [], mark, color=INK, linestyle="none", label=domain)
         axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")

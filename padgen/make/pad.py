@@ -232,11 +232,13 @@ class Pad:
             work = [(PAD_FORMATS.get(name), job) for name in formats for job in jobs]
             written = [writer.submit(maker.write, out, job) for maker, job in work]
             report = self.check()
-            of_parts = {"parts": {name: own.figures for name, own in reports.items()}} if reports else {}
+            of_parts = (
+                {"parts": {name: part_report.figures for name, part_report in reports.items()}} if reports else {}
+            )
             figures = report.figures | of_parts
             findings = [*plan.findings, *report.findings]
-            for name, own in reports.items():
-                findings += [replace(each, where=f"{name}: {each.where}") for each in own.findings]
+            for name, part_report in reports.items():
+                findings += [replace(each, where=f"{name}: {each.where}") for each in part_report.findings]
             for name, text in (
                 ("plan.json", plan_to_json(plan)),
                 ("drive.csv", drive_csv(plan)),

@@ -235,12 +235,12 @@ def _modes_of(answer: "Answer", channel: Channel) -> SolvedTaxel:
     error = answer.error
     if isinstance(error, SolverError) and not isinstance(error, EngineMissingError):
         lost = f'the finite elements have no answer: {error.message}; model = "beam" plans without them'
-        told = lost if answer.kind == "failed" else error.message
-        raise SolverError(told, f"channel {channel.index}") from error
+        cause = lost if answer.kind == "failed" else error.message
+        raise SolverError(cause, f"channel {channel.index}") from error
     if error:
         raise error
-    found: SolvedTaxel = answer.value
-    return found
+    solved: SolvedTaxel = answer.value
+    return solved
 
 
 def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
@@ -267,8 +267,8 @@ def solve_step(taxel: Any, tolerance: float, setting: int) -> SolvedTaxel:
     """Return the modes of one STEP file; called in a process of its own."""
     from padgen.verify.elasticity import converged_modes
 
-    found = converged_modes(taxel, tolerance, MODES, setting)
-    return SolvedTaxel(found.modes, found.working_error, found.setting)
+    modes = converged_modes(taxel, tolerance, MODES, setting)
+    return SolvedTaxel(modes.modes, modes.working_error, modes.setting)
 
 
 def _to_plain(solved: SolvedTaxel) -> dict[str, Any]:

@@ -176,19 +176,20 @@ def _heard(part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool) -
     planned = sorted((channel[taxel].resonance_hz, taxel) for taxel in part.shared)
     first = _fit(part, channel[planned[0][1]], planned[0][0])
     peaks = [(first.resonance_hz, first.peak), *first.others]
-    found = sorted(hz for hz, size in peaks if size > SHARED_PEAK * max(p[1] for p in peaks))
-    count = min(len(found), len(planned))
+    peaks_hz = sorted(hz for hz, size in peaks if size > SHARED_PEAK * max(p[1] for p in peaks))
+    count = min(len(peaks_hz), len(planned))
     ways: list[tuple[float, list[tuple[str, float | None]]]] = []
-    for own in combinations(found, count):
+    for chosen_hz in combinations(peaks_hz, count):
         for taxels in combinations(planned, count):
-            off = np.log(np.array(own) / [hz for hz, _ in taxels])
+            off = np.log(np.array(chosen_hz) / [hz for hz, _ in taxels])
             common = float(off.mean()) / channel[taxels[0][1]].print_spread
             likely = common**2 + float(((off - off.mean()) ** 2).sum()) / ALONE_SPREAD**2
-            ways.append((likely, [(taxel, hz) for hz, (_, taxel) in zip(own, taxels, strict=True)]))
+            ways.append((likely, [(taxel, hz) for hz, (_, taxel) in zip(chosen_hz, taxels, strict=True)]))
     ways.sort(key=lambda way: way[0])
-    if len(ways) > 1 and ways[1][0] - ways[0][0] < CLEAR and len(found) < len(planned):
+    if len(ways) > 1 and ways[1][0] - ways[0][0] < CLEAR and len(peaks_hz) < len(planned):
+        listed = ", ".join(f"{number(hz)} Hz" for hz in peaks_hz)
         raise SolverError(
-            f"shows {len(found)} resonances ({', '.join(f'{number(hz)} Hz' for hz in found)}) of {len(planned)} taxels,"
+            f"shows {len(peaks_hz)} resonances ({listed}) of {len(planned)} taxels,"
             " and it is not clear which are missing; record these alone, each in a file of its name"
         )
     return ways[0][1]
@@ -214,7 +215,7 @@ def _from_row(row: TaxelRow, channel: Channel) -> TaxelFit:
 
 
 def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord) -> TaxelFit:
-    own = MethodFit("least squares", fit.resonance_hz, fit.resonance_error_hz, fit.q, fit.q_error)
+    by_least_squares = MethodFit("least squares", fit.resonance_hz, fit.resonance_error_hz, fit.q, fit.q_error)
     unit = (2 * np.pi * fit.resonance_hz) ** (fit.power or 0)
     return TaxelFit(
         taxel,
@@ -227,7 +228,7 @@ def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord) -> Ta
         True,
         fit.agree,
         float(20 * np.log10(fit.peak / fit.noise)) if fit.noise > 0 else None,
-        (own, MethodFit("circle", *fit.check)) if fit.check else (own,),
+        (by_least_squares, MethodFit("circle", *fit.check)) if fit.check else (by_least_squares,),
         "" if fit.power is None else SENSORS[fit.power],
     )
 

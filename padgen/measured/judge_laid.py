@@ -150,10 +150,10 @@ def _of(plan: Plan, channel: Channel) -> np.ndarray:
 
 
 def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
-    own = laid.beams[channel.index][index]
+    laid_beam = laid.beams[channel.index][index]
     beam = channel.beam
     steps = laid.steps_mm
-    area = laid.areas_mm2[:, _of(plan, channel), own]
+    area = laid.areas_mm2[:, _of(plan, channel), laid_beam]
     at = np.linspace(0, beam.length_mm, area.shape[2])
     end = min(beam.fillet_mm + plan.spec.printer.line_width_mm, beam.length_mm / 4)
     between = (at >= end - 1e-9) & (at <= beam.length_mm - end + 1e-9)
@@ -192,14 +192,14 @@ def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> n
     """Return the resonance in Hz of each taxel as laid, nan where a beam is broken."""
     result = np.full(len(plan.taxels), np.nan)
     plate = plate_shape(plan.spec)
-    for channel, own in zip(plan.channels, beams, strict=True):
+    for channel, channel_beams in zip(plan.channels, beams, strict=True):
         taxels = _of(plan, channel)
-        whole = np.logical_and.reduce([b.is_laid.any(0) & np.isnan(b.broken_mm) for b in own])
+        whole = np.logical_and.reduce([b.is_laid.any(0) & np.isnan(b.broken_mm) for b in channel_beams])
         if not whole.any():
             continue
         drawn = BeamShape(channel.beam.width_mm, channel.beam.thickness_mm, channel.beam.length_mm)
         shape = BeamShape(*(np.full(whole.sum(), side) for side in drawn))
-        sections = tuple((b.section_mm[0][whole], b.section_mm[1][whole]) for b in own)
+        sections = tuple((b.section_mm[0][whole], b.section_mm[1][whole]) for b in channel_beams)
         model = _LaidModel(plan.spec, channel.beam.topology, plate, shape, sections, plastic[taxels[whole]])
         planned = TaxelModel(plan.spec, channel.beam.topology, plate, drawn)
         result[taxels[whole]] = channel.resonance_hz * model.resonance_hz / planned.resonance_hz
@@ -208,14 +208,14 @@ def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> n
 
 def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """Return the settings that differ from those that the plan counts on."""
-    found = {}
+    wrong = {}
     for name in SETTINGS:
         if name not in needs or name not in has or _plain(has[name]) == _plain(needs[name]):
             continue
         unit = " mm" if needs[name].endswith("mm") and "mm" not in has[name] else ""
         shown = {"0": "off", "1": "on"}.get(has[name], has[name]) if needs[name] in ("on", "off") else has[name]
-        found[name] = {"name": name.replace("_", " "), "has": f"{shown}{unit}", "needs": needs[name]}
-    return found
+        wrong[name] = {"name": name.replace("_", " "), "has": f"{shown}{unit}", "needs": needs[name]}
+    return wrong
 
 
 def _plain(text: str) -> Any:
@@ -235,7 +235,7 @@ def _numeric(text: str) -> float | None:
 
 
 def _told(
-    level: str, code: str, names: Iterable[str], of: str, told: str, wrong: Wrong, *causes: str
+    level: str, code: str, names: Iterable[str], of: str, sentence: str, wrong: Wrong, *causes: str
 ) -> Iterator[Finding]:
     """Yield one finding that names the first few of `names`, or none where there are no names.
 
@@ -245,8 +245,8 @@ def _told(
     if names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         cause = "; ".join("{name} is {has}, must be {needs}".format(**wrong[name]) for name in causes if name in wrong)
-        told = f"{told} ({', '.join(names[:NAMED])}{more}){': ' if cause else ''}{cause}"
-        yield Finding(level, code, f"{len(names)} of {of}", told)
+        sentence = f"{sentence} ({', '.join(names[:NAMED])}{more}){': ' if cause else ''}{cause}"
+        yield Finding(level, code, f"{len(names)} of {of}", sentence)
 
 
 def _range(values: np.ndarray) -> str:
@@ -257,9 +257,9 @@ def _range(values: np.ndarray) -> str:
 def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[Finding]:
     """Find faults of beams: missing beams, pieces and layers, wrong thickness and widths."""
     each = [
-        (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' if len(own) > 1 else ''}", beam, at)
-        for channel, own in zip(plan.channels, beams, strict=True)
-        for k, beam in enumerate(own)
+        (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' if len(channel_beams) > 1 else ''}", beam, at)
+        for channel, channel_beams in zip(plan.channels, beams, strict=True)
+        for k, beam in enumerate(channel_beams)
         for at, taxel in enumerate(_of(plan, channel))
     ]
     of = f"{len(each)} beams"
@@ -268,13 +268,13 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
     walls = ("wall_generator", "elephant_foot_compensation", "nozzle")
     lost = [name for _, name, b, i in each if not b.is_laid[:, i].any()]
     yield from _told("error", "laid.beam", lost, of, "are not laid at all", wrong, *walls)
-    for items, attribute, told in (
+    for items, attribute, sentence in (
         (laid, "broken_mm", "are laid with a piece missing, so far from the root"),
         (whole, "thin_mm", "have a layer with a piece missing, so far from the root"),
     ):
         places = [(name, float(getattr(b, attribute)[i])) for _, name, b, i in items]
         names = [f"{name} at {number(round(at, 2))} mm" for name, at in places if at >= 0]
-        yield from _told("error", "laid.beam", names, of, told, wrong, *walls)
+        yield from _told("error", "laid.beam", names, of, sentence, wrong, *walls)
     off: dict[tuple[float, int, float, int], list[str]] = {}
     for beam, name, b, i in laid:
         thick = round(float(b.thickness_mm[i]), 4)
@@ -282,20 +282,20 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
             key = (beam.thickness_mm, beam.layers, thick, int(b.is_laid[:, i].sum()))
             off.setdefault(key, []).append(name)
     for (planned, layers, thick, count), names in sorted(off.items()):
-        told = (
+        sentence = (
             f"are laid {number(thick)} mm thick in {count} layer{plural(count)}, planned are {number(planned)} mm"
             f" in {layers}"
         )
-        yield from _told("error", "laid.layers", names, of, told, wrong, "layer_height", "first_layer_height")
+        yield from _told("error", "laid.layers", names, of, sentence, wrong, "layer_height", "first_layer_height")
     for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
         misses = [((b.width_mm[part, i] - beam.width_mm)[b.is_laid[part, i]], name) for beam, name, b, i in whole]
         for sign, word in ((-1, "narrower"), (1, "wider")):
             names = [name for miss, name in misses if (sign * miss > WIDTH_MM).any()]
             most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
             foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
-            told = f"in the {what} are laid {most} mm {word} than planned"
+            sentence = f"in the {what} are laid {most} mm {word} than planned"
             sides = "xy_size_compensation", "wall_generator", "nozzle"
-            yield from _told("warning", "laid.width", names, of, told, wrong, *foot, *sides)
+            yield from _told("warning", "laid.width", names, of, sentence, wrong, *foot, *sides)
 
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:
@@ -309,34 +309,36 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     narrow = ~closed & (laid.gap_mm < NARROW_SHARE * plate.gap_mm)
     beside = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
     for which, level, word in ((closed, "error", "closed"), (narrow, "warning", "narrow")):
-        told = (
+        sentence = (
             f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads,"
             f" planned are {number(plate.gap_mm)} mm"
         )
-        yield from _told(level, "laid.gap", ids[which], of, told, wrong, *beside)
+        yield from _told(level, "laid.gap", ids[which], of, sentence, wrong, *beside)
     hangs = laid.recess_mm < depth - DEPTH_MM
     deep = laid.recess_mm > depth + DEPTH_MM
-    told = (
+    sentence = (
         f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
         f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
         f" {number(washer.thickness_mm)} mm"
     )
     level = "warning" if laid.recess_mm.min() >= washer.thickness_mm - 1e-6 else "error"
     roof = "thick_bridges", "layer_height", "first_layer_height"
-    yield from _told(level, "laid.recess", ids[hangs], of, told, wrong, *roof)
-    told = f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
-    yield from _told("warning", "laid.recess", ids[deep], of, told, wrong, *roof)
+    yield from _told(level, "laid.recess", ids[hangs], of, sentence, wrong, *roof)
+    sentence = f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
+    yield from _told("warning", "laid.recess", ids[deep], of, sentence, wrong, *roof)
     tight = laid.room_mm < washer.outer_diameter_mm
-    told = (
+    sentence = (
         f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the washer {washer.name} has"
         f" {number(washer.outer_diameter_mm)} mm"
     )
     sides = "xy_size_compensation", "wall_generator", "layer_height"
-    yield from _told("error", "laid.washer", ids[tight], of, told, wrong, *sides)
+    yield from _told("error", "laid.washer", ids[tight], of, sentence, wrong, *sides)
     off = np.abs(plastic - 1) > MASS_SHARE
-    told = f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
+    sentence = (
+        f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
+    )
     fills = "infill", "infill_overlap", "thick_bridges"
-    yield from _told("warning", "laid.mass", ids[off], of, told, wrong, *fills)
+    yield from _told("warning", "laid.mass", ids[off], of, sentence, wrong, *fills)
 
 
 def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
@@ -348,10 +350,10 @@ def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
         off = np.abs(hz / channel.resonance_hz - 1).max(initial=0.0)
         if not loose and off <= plan.spec.model.tolerance:
             continue
-        told = [f"{loose} would not hang by all of their beams"] if loose else []
+        sentences = [f"{loose} would not hang by all of their beams"] if loose else []
         if len(hz):
             share = 100 * (hz / channel.resonance_hz - 1).round(3)
-            told.append(
+            sentences.append(
                 f"as laid {len(hz)} would resonate at {_range(hz.round(1))} Hz ({_range(share)} %), planned are"
                 f" {number(round(channel.resonance_hz, 1))} Hz"
             )
@@ -359,7 +361,7 @@ def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
             "error" if loose or off > slot else "warning",
             "laid.resonance",
             f"channel {channel.index}",
-            f"of its {len(hz) + loose} taxels {', '.join(told)}"
+            f"of its {len(hz) + loose} taxels {', '.join(sentences)}"
             + ("" if off <= slot or loose else f"; its slot ends {slot:.1%} away"),
         )
 
@@ -370,7 +372,7 @@ def _taxel_figures(
     """Return what was measured of each taxel as plain data."""
     gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / MG
     taxels: list[Any] = [None] * len(plan.taxels)
-    for channel, own in zip(plan.channels, beams, strict=True):
+    for channel, channel_beams in zip(plan.channels, beams, strict=True):
         planned = _plate_mm3(plan, channel) * gram
         for at, index in enumerate(_of(plan, channel)):
             taxels[index] = {
@@ -389,7 +391,7 @@ def _taxel_figures(
                         "broken_at_mm": _number(b.broken_mm[at]),
                         "thin_at_mm": _number(b.thin_mm[at]),
                     }
-                    for b in own
+                    for b in channel_beams
                 ],
                 "plate_mg": round(float(plastic[index]) * planned, 3),
                 "planned_plate_mg": round(planned, 3),

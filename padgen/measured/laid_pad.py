@@ -101,19 +101,19 @@ def read_settings(path: Path) -> dict[str, str]:
             file.seek(max(size - END_BYTES, len(begin)))
             end = file.read(END_BYTES)
     except (OSError, ValueError) as error:
-        told = reason(error) if isinstance(error, OSError) else error
-        raise FileError(f"cannot be read ({told})", str(path)) from error
+        cause = reason(error) if isinstance(error, OSError) else error
+        raise FileError(f"cannot be read ({cause})", str(path)) from error
     if not begin.strip():
         raise FileError("is empty", str(path))
-    for magic, told in OTHER_FILES:
+    for magic, cause in OTHER_FILES:
         if begin.startswith(magic):
-            raise FileError(told, str(path))
+            raise FileError(cause, str(path))
     if b"\0" in begin:
         stl = size == 84 + 50 * int.from_bytes(begin[80:84], "little")
         raise FileError(OTHER_FILES[4][1] if stl else "is binary, not G-code as text", str(path))
-    found = {key.decode(): value.decode(errors="replace") for key, value in SETTING.findall(begin + b"\n" + end)}
+    settings = {key.decode(): value.decode(errors="replace") for key, value in SETTING.findall(begin + b"\n" + end)}
     slicer = SLICER.search(begin)
-    return found | ({"slicer": slicer[1].decode(errors="replace")} if slicer else {})
+    return settings | ({"slicer": slicer[1].decode(errors="replace")} if slicer else {})
 
 
 def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
@@ -274,12 +274,12 @@ class TaxelMap:
             points = np.bincount(pixel, minlength=frame.size).reshape(self.shape)
             run_sum = np.bincount(pixel, run, frame.size).reshape(self.shape)
             near, at = distance(points == 0, self.pixel_mm, return_indices=True)
-            own = (run_sum / np.maximum(points, 1))[at[0], at[1]]
+            mean_place = (run_sum / np.maximum(points, 1))[at[0], at[1]]
             fillet = channel.beam.fillet_mm * (not path.segments[0].turn_rad)
-            flare = fillet - np.sqrt(np.maximum(fillet**2 - np.maximum(fillet - own, 0) ** 2, 0))
+            flare = fillet - np.sqrt(np.maximum(fillet**2 - np.maximum(fillet - mean_place, 0) ** 2, 0))
             bodies.append((near < float(path.width_mm) / 2 + flare) & rest)
             steps = min(max(round(long_mm / NODE_MM), 4), MOST_NODES - 1)
-            along.append(count + own / long_mm * steps)
+            along.append(count + mean_place / long_mm * steps)
             self.beams.append(slice(count, count + steps + 1))
             weights += [share * long_mm / steps for share in (0.5, *[1.0] * (steps - 1), 0.5)]
             count += steps + 1
@@ -393,12 +393,12 @@ class PadMaps:
         rows, columns = self.places.shape
         taxel = np.where(inside, self.places[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)
         (x, y), (cosine, sine), corner = (points - self.axis[taxel]).T, self.ways[taxel].T, self.corner[taxel].T
-        own = np.stack([cosine * x + sine * y, cosine * y - sine * x], -1)
+        along = np.stack([cosine * x + sine * y, cosine * y - sine * x], -1)
         channel = self.channel[taxel]
         pixel = self.pixel_mm[channel]
         shape = self.shape[channel].T
-        at = [((own[:, k] - corner[k]) / pixel).astype(np.int32).clip(0, shape[k] - 1) for k in (0, 1)]
-        return taxel, own, self.first[channel] + at[0] * shape[1] + at[1]
+        at = [((along[:, k] - corner[k]) / pixel).astype(np.int32).clip(0, shape[k] - 1) for k in (0, 1)]
+        return taxel, along, self.first[channel] + at[0] * shape[1] + at[1]
 
     def solid_at(self, points: np.ndarray) -> np.ndarray:
         """Return where, among points (n, 2) in mm, the plan has plastic in its lowest layer."""
@@ -512,8 +512,8 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     maps = PadMaps(plan)
     reading = read_layers(path, filament_mm or FILAMENTS_MM[0])
     placing, layer, step, full = _placed(maps, reading, where)
-    found = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
-    share = 1.0 if filament_mm else (found / FILAMENTS_MM[0]) ** 2
+    diameter_mm = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
+    share = 1.0 if filament_mm else (diameter_mm / FILAMENTS_MM[0]) ** 2
     bottom = layer.top_mm - step
     top = 0.0
     last = step
@@ -551,7 +551,7 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     return LaidPad(
         placing,
         bottom,
-        found,
+        diameter_mm,
         areas[:beam_layers],
         steps[:beam_layers],
         tuple(tuple(m.beams) for m in maps.maps),
@@ -644,21 +644,21 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
     # The pad may lie beyond what is laid, by its own size, on the coarse grid.
     plan = fine = planned(coarse)
     laid = image(points, low, np.ceil((high - low) / coarse).astype(np.int64) + 1, coarse)
-    found = []
+    matches = []
     for quarters in range(4):
         kernel = np.rot90(plan - plan.mean(), quarters)
         score = correlate(laid, kernel, method="fft")
         shift = np.array(np.unravel_index(int(score.argmax()), score.shape)) + 1 - kernel.shape
-        found.append((float(score.max()), quarters, low + (shift + np.array(kernel.shape) / 2) * coarse))
+        matches.append((float(score.max()), quarters, low + (shift + np.array(kernel.shape) / 2) * coarse))
     if coarse > IMAGE_MM:
         fine = planned(IMAGE_MM)
     middles = [(np.arange(n) + 0.5) * IMAGE_MM - n * IMAGE_MM / 2 for n in fine.shape]
     best = Placing(0.0, 0.0, 0, 0.0, 1.0)
-    for _, quarters, centre in sorted(sorted(found, key=lambda item: -item[0])[:2], key=lambda item: item[1]):
+    for _, quarters, centre in sorted(sorted(matches, key=lambda item: -item[0])[:2], key=lambda item: item[1]):
         start, stop = (turned(end - centre, -quarters) for end in (layer.start, layer.stop))
-        own = turned(points - centre, -quarters)
+        turned_points = turned(points - centre, -quarters)
         moved = _off_centre(start, stop, size / 2)
-        shown = image(own - moved, -np.array(fine.shape) * IMAGE_MM / 2, fine.shape, IMAGE_MM)
+        shown = image(turned_points - moved, -np.array(fine.shape) * IMAGE_MM / 2, fine.shape, IMAGE_MM)
         match = float(np.corrcoef(shown.ravel(), fine.ravel())[0, 1]) if shown.any() else 0.0
         if match > best.match + ALIKE:
             x, y = (centre + turned(moved[None], quarters)[0]).tolist()
@@ -714,7 +714,7 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
     is_fine = below_mm < max(_beams_top_mm(plan), plan.plate.recess_depth_mm + 0.3)
     radius = plan.plate.recess_diameter_mm / 2
     post = plan.plate.post_diameter_mm / 2
-    for volume, width, height, taxel, own, pixel in _pieces(
+    for volume, width, height, taxel, along, pixel in _pieces(
         maps, placing, layer, step_mm, FINE_MM if is_fine else COARSE_MM
     ):
         plate += np.bincount(taxel, volume * (maps.owner[pixel] == PLATE), count)
@@ -729,15 +729,15 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
         on = station >= 0
         free = maps.aside_mm[pixel] - width / 2
         np.minimum.at(sides, ((taxel * stations + station) * 2 + maps.side[pixel])[on], free[on])
-        near = np.abs(own).max(1) < radius + 1
-        volume, width, height, taxel, own = (part[near] for part in (volume, width, height, taxel, own))
-        away = np.hypot(*own.T)
+        near = np.abs(along).max(1) < radius + 1
+        volume, width, height, taxel, along = (part[near] for part in (volume, width, height, taxel, along))
+        away = np.hypot(*along.T)
         beside = away > post + WITHIN_RECESS_MM if post else np.ones(len(away), bool)
         above = beside & (away < radius - WITHIN_RECESS_MM)
         roof += np.bincount(taxel[above], volume[above], count)
         strands += np.bincount(taxel[above], (volume * height)[above], count)
         for k, shift in enumerate(SHIFTS_MM):
-            free = 2 * np.hypot(*(own - shift).T) - width
+            free = 2 * np.hypot(*(along - shift).T) - width
             np.minimum.at(room[k], taxel[beside], free[beside])
     areas = shared[:-1].reshape(count, nodes)
     for k, channel in enumerate(maps.channel):
@@ -767,6 +767,13 @@ def _pieces(
         points, line = cut(part, piece_mm)
         points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
         volume = layer.volume_mm3[first:last] / np.bincount(line, minlength=last - first)
-        taxel, own, pixel = maps.found(points)
+        taxel, along, pixel = maps.found(points)
         on = taxel >= 0
-        yield volume[line[on]], width[first:last][line[on]], height[first:last][line[on]], taxel[on], own[on], pixel[on]
+        yield (
+            volume[line[on]],
+            width[first:last][line[on]],
+            height[first:last][line[on]],
+            taxel[on],
+            along[on],
+            pixel[on],
+        )

@@ -148,13 +148,13 @@ def _scatter(
 
     The spread of prints correlates taxels of one print, the model's own error taxels of one channel.
     """
-    own = covariance(design_of(plan, None), spreads_of(plan.spec))
+    planned_covariance = covariance(design_of(plan, None), spreads_of(plan.spec))
     model = np.array([c.model_error for c in plan.channels])[channel]
     total = np.where(channel[:, None] == channel, np.outer(model, model), 0.0)
     first = 0
     for part, fits in zip(index, prints, strict=True):
         here = slice(first, first + len(part))
-        total[here, here] += own[np.ix_(part, part)]
+        total[here, here] += planned_covariance[np.ix_(part, part)]
         total[here, here] += np.diag([(fit.resonance_error_hz / fit.resonance_hz) ** 2 for fit in fits])
         first += len(part)
     return total
@@ -194,24 +194,27 @@ def _refuse_far(spec: Spec, change: np.ndarray, sigma: np.ndarray) -> None:
             )
 
 
-def printer_toml(spec: Spec, found: Calibration, name: str) -> str:
+def printer_toml(spec: Spec, calibration: Calibration, name: str) -> str:
     """Return the TOML file of a calibrated printer, which a spec names as ``printer = "my-printer.toml"``."""
-    told = f"padgen calibrate: {found.prints} prints, {found.taxels} taxels, chi-square {number(found.chi_square)}"
+    comment = (
+        f"padgen calibrate: {calibration.prints} prints, {calibration.taxels} taxels,"
+        f" chi-square {number(calibration.chi_square)}"
+    )
     printer = replace(
         spec.printer,
         name=name,
-        z_offset_mm=round(found.z_offset_mm, 6),
-        width_offset_mm=round(found.width_offset_mm, 6),
-        source=f"{spec.printer.name}; {told} of {found.freedom}",
+        z_offset_mm=round(calibration.z_offset_mm, 6),
+        width_offset_mm=round(calibration.width_offset_mm, 6),
+        source=f"{spec.printer.name}; {comment} of {calibration.freedom}",
     )
     spread = replace(
         spec.spread,
         name=name,
-        z_bias_mm=round(found.z_offset_error_mm, 6),
-        modulus_bias=round(found.modulus_error_gpa / found.modulus_gpa, 6),
-        source=f"{spec.spread.name}; biases {told}",
+        z_bias_mm=round(calibration.z_offset_error_mm, 6),
+        modulus_bias=round(calibration.modulus_error_gpa / calibration.modulus_gpa, 6),
+        source=f"{spec.spread.name}; biases {comment}",
     )
-    material = replace(spec.material, youngs_modulus_gpa=round(found.modulus_gpa, 6), source=told)
+    material = replace(spec.material, youngs_modulus_gpa=round(calibration.modulus_gpa, 6), source=comment)
     lines = []
     for table, part in (("printer", printer), ("spread", spread), ("material", material)):
         # JSON's words for what a spec has are TOML's too.

@@ -143,14 +143,14 @@ def read_measured(
     alone = paths[0]
     where = str(alone.parent if len(paths) > 1 else alone)
     if len(paths) > 1 or files != paths or _taxels_of(alone, plan):
-        found, stated = _read_named(files, plan, excitation, where)
+        parts, stated = _read_named(files, plan, excitation, where)
     else:
         data = read_bounded(alone, LARGEST_FILE, "a measurement")
-        found, stated = _read(data, alone, tuple(taxel.id for taxel in plan.taxels), plan, excitation, False)
+        parts, stated = _read(data, alone, tuple(taxel.id for taxel in plan.taxels), plan, excitation, False)
     if sensor is not None:
         power = SENSORS.index(sensor)
-        found = [p if isinstance(p, TaxelRow) or p.power is not None else replace(p, power=power) for p in found]
-    return _ordered(found, stated, where, plan)
+        parts = [p if isinstance(p, TaxelRow) or p.power is not None else replace(p, power=power) for p in parts]
+    return _ordered(parts, stated, where, plan)
 
 
 def _sorted(folder: Path) -> list[Path]:
@@ -159,8 +159,8 @@ def _sorted(folder: Path) -> list[Path]:
 
 def read_measured_text(text: str, plan: Plan, where: str = "measured.csv") -> Measured:
     """Read a measurement from the text of a CSV file; see `read_measured`."""
-    found, stated = _csv(text, where, tuple(taxel.id for taxel in plan.taxels), plan, False)
-    return _ordered(found, stated, where, plan)
+    parts, stated = _csv(text, where, tuple(taxel.id for taxel in plan.taxels), plan, False)
+    return _ordered(parts, stated, where, plan)
 
 
 def _read(data: bytes, path: Path, ids: tuple[str, ...], plan: Plan, excitation: str, named: bool) -> Found:
@@ -182,35 +182,35 @@ def _taxels_of(path: Path, plan: Plan) -> tuple[str, ...]:
 def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) -> Found:
     """Read files that are named after taxels or coils."""
     ids = tuple(taxel.id for taxel in plan.taxels)
-    found: dict[str, Part] = {}
+    named: dict[str, Part] = {}
     stated = []
     left = LARGEST_FILE
     for path in files:
-        own = _taxels_of(path, plan)
-        if not own:
+        taxel_ids = _taxels_of(path, plan)
+        if not taxel_ids:
             raise FileError(
                 f"must be named after a taxel of {plan.name!r}, {path.stem!r} is none{_nearest(path.stem, ids)}",
                 str(path),
             )
         data = read_bounded(path, left, "a measurement" if len(files) == 1 else "a folder of measurements")
         left -= len(data)
-        parts, told = _read(data, path, own, plan, excitation, True)
+        parts, is_stated = _read(data, path, taxel_ids, plan, excitation, True)
         for part in parts:
             if isinstance(part, TaxelRow):
                 raise FileError(
                     "is a table, which has all taxels in one file; give that file, not the folder", str(path)
                 )
-            if part.id in found:
-                raise FileError(f"is a second file of {part.id}, beside {found[part.id].where}; keep one", str(path))
-            found[part.id] = replace(part, where=str(path)) if len(own) == 1 else part
-        stated.append(told)
-    if not found:
+            if part.id in named:
+                raise FileError(f"is a second file of {part.id}, beside {named[part.id].where}; keep one", str(path))
+            named[part.id] = replace(part, where=str(path)) if len(taxel_ids) == 1 else part
+        stated.append(is_stated)
+    if not named:
         raise FileError(f"holds no CSV or WAV file named after a taxel, such as {ids[0]}.csv", where)
-    return list(found.values()), all(stated)
+    return list(named.values()), all(stated)
 
 
-def _ordered(found: list[Part], stated: bool, where: str, plan: Plan) -> Measured:
-    by_id = {part.id: part for part in found}
+def _ordered(parts: list[Part], stated: bool, where: str, plan: Plan) -> Measured:
+    by_id = {part.id: part for part in parts}
     taxels = tuple(by_id[taxel.id] for taxel in plan.taxels if taxel.id in by_id)
     return Measured(where, taxels, stated)
 
@@ -582,7 +582,7 @@ def _positive(sheet: _Sheet, line: int, name: str, cell: str) -> float:
 
 def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     columns = _taxel_columns(sheet, ids, plan, ("frequency_hz",))
-    told = _unit(sheet, "frequency_hz")
+    unit = _unit(sheet, "frequency_hz")
     values = sheet.numbers()
     axis = sheet.names.index("frequency_hz")
     skip = 0
@@ -590,7 +590,7 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         values = values[1:]
         skip = 1
     _refuse_not_rising(sheet, values, skip, axis, "Hz")
-    found: list[Part] = []
+    spectra: list[Part] = []
     for taxel, at in columns.items():
         parts = {part: values[:, k] for part, k in at.items()}
         if "re" in parts:
@@ -607,27 +607,30 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
                 )
             if "deg" in parts:
                 response = response * np.exp(1j * np.radians(parts["deg"]))
-        found.append(Spectrum(taxel, f"{sheet.where}, {taxel}", sheet.factor * values[:, axis], response, *told))
-    return found
+        spectra.append(Spectrum(taxel, f"{sheet.where}, {taxel}", sheet.factor * values[:, axis], response, *unit))
+    return spectra
 
 
-def _taxel_columns(sheet: _Sheet, ids: tuple[str, ...], plan: Plan, own: tuple[str, ...]) -> dict[str, dict[str, int]]:
-    """Return the numbers of each taxel's columns, by their suffix; `own` are the names of the other columns."""
-    found: dict[str, dict[str, int]] = {}
-    forms = SUFFIXES[own[0]]
+def _taxel_columns(
+    sheet: _Sheet, ids: tuple[str, ...], plan: Plan, quantities: tuple[str, ...]
+) -> dict[str, dict[str, int]]:
+    """Return the numbers of each taxel's columns, by their suffix; `quantities` names the other columns."""
+    columns_of: dict[str, dict[str, int]] = {}
+    forms = SUFFIXES[quantities[0]]
     for at, name in enumerate(sheet.names):
         taxel, _, suffix = name.partition("_")
-        if name in own:
+        if name in quantities:
             continue
         if taxel not in ids or (suffix or "mag") not in set().union(*forms) or name.endswith("_"):
             raise FileError(
-                f"column {name!r} is no taxel of {plan.name!r} and none of {', '.join(own)}{_nearest(taxel, ids)}",
+                f"column {name!r} is no taxel of {plan.name!r} and none of"
+                f" {', '.join(quantities)}{_nearest(taxel, ids)}",
                 sheet.where,
             )
-        found.setdefault(taxel, {})[suffix or "mag"] = at
-    if not found:
+        columns_of.setdefault(taxel, {})[suffix or "mag"] = at
+    if not columns_of:
         raise FileError(f"has no taxel's column, such as {ids[0]!r}", sheet.where)
-    for taxel, parts in found.items():
+    for taxel, parts in columns_of.items():
         if set(parts) not in forms:
             got = ", ".join(sheet.names[at] for at in parts.values())
             raise FileError(
@@ -635,7 +638,7 @@ def _taxel_columns(sheet: _Sheet, ids: tuple[str, ...], plan: Plan, own: tuple[s
                 f" or {taxel}_re and {taxel}_im; it has {got}",
                 sheet.where,
             )
-    return found
+    return columns_of
 
 
 def _refuse_not_rising(sheet: _Sheet, values: np.ndarray, skip: int, axis: int, unit: str) -> None:
@@ -661,7 +664,7 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     drives = [name for name in ("current_a", "voltage_v") if name in sheet.names]
     if len(drives) > 1:
         raise FileError("has both 'current_a' and 'voltage_v'; leave one out, best the voltage", sheet.where)
-    told = _unit(sheet, "time_s")
+    unit = _unit(sheet, "time_s")
     values = sheet.numbers()
     squared = None
     if len(values) < 2:
@@ -688,6 +691,6 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         kind = name.partition("_")[0]
         squared = _squared_current(column, rate, plan, kind, f"column {name!r}", sheet.where)
     return [
-        TaxelRecord(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *told)
+        TaxelRecord(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *unit)
         for taxel, parts in columns.items()
     ]

@@ -203,8 +203,8 @@ def retuned(
         trims=trims(plan, tuning, after),
         findings=(),
     )
-    found = judge_print(plan, tuning, fits, after, loads, result.schemes_db, result.trims)
-    return replace(result, findings=tuple(sorted(found, key=lambda f: -LEVELS.index(f.level))))
+    findings = judge_print(plan, tuning, fits, after, loads, result.schemes_db, result.trims)
+    return replace(result, findings=tuple(sorted(findings, key=lambda f: -LEVELS.index(f.level))))
 
 
 def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
@@ -236,8 +236,8 @@ def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[fl
         truth = Channels(hz[index], q[index], wanted[index, None] / response[index])
         drive = Channels(tones.hz[index, None], q[index], tones.line_a2[index, None])
         off = off_energy(truth, scheme, drivers=drive).max(0)
-        own = relative_energy(tones.hz[index, None], hz[index], q[index])
-        db = 10 * np.log10((own * (drive.line / truth.line) ** 2).min(0) / off)
+        energy = relative_energy(tones.hz[index, None], hz[index], q[index])
+        db = 10 * np.log10((energy * (drive.line / truth.line) ** 2).min(0) / off)
         # The draws count the taxels' working modes only. Their loss in dB is taken off the figure with all modes.
         result.append(figures.all_states_db - float(db[0] - np.quantile(db, LOW_QUANTILE)))
     return result
@@ -281,13 +281,13 @@ def estimated(
     spread = np.sqrt(np.maximum(spread_of_prints[rest, rest] - (gain * across).sum(1), 0.0))
     taxels = list(tuning.taxels)
     for i, shift, sigma in zip(rest, mean, spread, strict=True):
-        own = taxels[i]
+        tuned_taxel = taxels[i]
         channel = plan.channels[plan.taxels[i].channel]
         hz = channel.resonance_hz * float(np.exp(shift))
         response = planned_response_um_per_a2(channel, hz)
-        share = own.response_error / own.response_um_per_a2 if own.response_um_per_a2 else 0.0
+        share = tuned_taxel.response_error / tuned_taxel.response_um_per_a2 if tuned_taxel.response_um_per_a2 else 0.0
         taxels[i] = replace(
-            own,
+            tuned_taxel,
             resonance_hz=hz,
             resonance_error_hz=hz * float(sigma),
             response_um_per_a2=response,
@@ -371,15 +371,15 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
     trimmed = replace(tuning, taxels=tuple(taxels))
     figures = {(c.row, c.column): c for c in predicted(plan, trimmed, tones_at(plan, trimmed))}
     sensitivity = sensitivities(plan)
-    found = []
+    trim_rows = []
     for place, share in lowered.items():
         index = coils_of(plan)[place]
         db = figures[place].all_states_db
         before = short[place].all_states_db
         if share.any() and db is not None and before is not None and db > before:
             steps = tuple(_step(plan, tuning, i, float(y), sensitivity) for i, y in zip(index, share, strict=True) if y)
-            found.append(Trim(*place, before, db, need, steps))
-    return tuple(found)
+            trim_rows.append(Trim(*place, before, db, need, steps))
+    return tuple(trim_rows)
 
 
 def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
@@ -460,8 +460,8 @@ def judge_print(
     drive scheme would keep; `trimmed` is the trim advice.
     """
     if lost := [taxel.id for taxel in tuning.taxels if taxel.response_um_per_a2 <= 0]:
-        told = "not moved by any current of the coil: the tables cannot drive it"
-        yield Finding("error", "retune.pull", _named(lost), told)
+        sentence = "not moved by any current of the coil: the tables cannot drive it"
+        yield Finding("error", "retune.pull", _named(lost), sentence)
     yield from _close(plan, tuning, after, schemes_db, trimmed)
     yield from _level(plan, after, loads)
     yield from _of_taxels(plan, tuning)
@@ -596,23 +596,23 @@ def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
 
 def _of_fits(fits: Sequence[TaxelFit]) -> Iterator[Finding]:
     if split := [fit for fit in fits if not fit.agree]:
-        told = ", ".join(f"{m.method} {number(m.resonance_hz)} Hz" for m in split[0].methods)
+        wording = ", ".join(f"{m.method} {number(m.resonance_hz)} Hz" for m in split[0].methods)
         yield Finding(
             "warning",
             "retune.fit",
             _named([fit.id for fit in split]),
-            f"the methods differ by more than their errors ({split[0].id}: {told}): a second resonance, a nonlinear"
+            f"the methods differ by more than their errors ({split[0].id}: {wording}): a second resonance, a nonlinear"
             " one, a disturbed record, or a voltage taken for a current (--excitation voltage); look at its data",
         )
     for sensor in ("velocity", "acceleration"):
-        if own := [fit.id for fit in fits if fit.sensor == sensor]:
-            told = f"the data are taken to be of {sensor}, as stated or by their slope over frequency"
-            yield Finding("note", "retune.sensor", _named(own), told)
+        if fitted := [fit.id for fit in fits if fit.sensor == sensor]:
+            wording = f"the data are taken to be of {sensor}, as stated or by their slope over frequency"
+            yield Finding("note", "retune.sensor", _named(fitted), wording)
 
 
 def _unmeasured(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
     pairs = zip(tuning.taxels, plan.taxels, strict=True)
-    if missing := [(taxel, plan.channels[own.channel]) for taxel, own in pairs if not taxel.measured]:
+    if missing := [(taxel, plan.channels[taxel_plan.channel]) for taxel, taxel_plan in pairs if not taxel.measured]:
         moved = any(taxel.resonance_hz != channel.resonance_hz for taxel, channel in missing)
         error = max(taxel.resonance_error_hz / taxel.resonance_hz for taxel, _ in missing)
         what = "get the tones that the measured ones make likely" if moved else "keep the plan's tones"
@@ -682,10 +682,10 @@ def write_retuned(
                 "is not of a simulated print, and --simulate would take its place; name another folder with -o",
                 str(folder / MEASURED),
             )
-        found = read_measured_text(simulated[1], plan)
+        recordings = read_measured_text(simulated[1], plan)
     else:
-        found = read_measured([Path(each) for each in measured], plan, excitation, sensor)
-    fits, curves, refused = fitted(found, plan, nearest)
+        recordings = read_measured([Path(each) for each in measured], plan, excitation, sensor)
+    fits, curves, refused = fitted(recordings, plan, nearest)
     drawn = {PICTURE: tuning_picture(curves)} if curves else {}
     if refused is not None:
         with OutputFolder(folder) as out:
@@ -744,10 +744,10 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[tuple[str, DriveRow], ...]:
     rows: dict[int, DriveRow] = {}
     constant = []
     for (row, column), index in sorted(coils_of(plan).items()):
-        own = [channels[i] for i in index]
-        rows |= zip(index, coil_rows(spec, scheme, own, carrier), strict=True)
+        channel_set = [channels[i] for i in index]
+        rows |= zip(index, coil_rows(spec, scheme, channel_set, carrier), strict=True)
         if scheme.has_constant and carrier is None:
-            constant.append((f"r{row}c{column}", bias_row(spec, scheme, own)))
+            constant.append((f"r{row}c{column}", bias_row(spec, scheme, channel_set)))
     return (*((taxel.id, rows[i]) for i, taxel in enumerate(plan.taxels)), *constant)
 
 

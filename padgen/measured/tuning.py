@@ -324,8 +324,8 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
             )
         )
     for index in coils_of(plan).values():
-        own = driven(spec, [moved[i] for i in index], plan.scheme)
-        for i, channel in zip(index, own, strict=True):
+        driven_set = driven(spec, [moved[i] for i in index], plan.scheme)
+        for i, channel in zip(index, driven_set, strict=True):
             moved[i] = channel
     return tuple(moved)
 
@@ -337,11 +337,11 @@ def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels 
     ``tones.line`` is played at ``tones.resonance_hz``.
     """
     (made,) = own_lines(tones, scheme)
-    own = line_energy(truth, made, modes)
-    on = own[:, 0].diagonal().copy()
-    own = own.sum(1)
-    np.fill_diagonal(own, 0.0)
-    return TaxelEnergies(on, off_energy(truth, scheme, modes, tones), own.max(1), own.argmax(1))
+    energy = line_energy(truth, made, modes)
+    on = energy[:, 0].diagonal().copy()
+    energy = energy.sum(1)
+    np.fill_diagonal(energy, 0.0)
+    return TaxelEnergies(on, off_energy(truth, scheme, modes, tones), energy.max(1), energy.argmax(1))
 
 
 def predicted(
@@ -359,17 +359,17 @@ def predicted(
     response = _of(tuning, "response_um_per_a2")
     wanted = levels_um(plan, hz) if wanted_um is None else wanted_um
     truth = Channels(hz, _of(tuning, "q"), wanted / np.maximum(response, UNPULLED * (response.max() or 1.0)))
-    found = []
+    levels = []
     for place, index in sorted(coils_of(plan).items()):
-        own = np.array(index)
-        which = Channels(*(part[own] for part in truth))
+        members = np.array(index)
+        which = Channels(*(part[members] for part in truth))
         modes = coil_modes(spec, [channels[i] for i in index])
-        result = played(which, Channels(tones.hz[own], which.q, tones.line_a2[own]), scheme, modes)
+        result = played(which, Channels(tones.hz[members], which.q, tones.line_a2[members]), scheme, modes)
         weakest = int(result.on.argmin())
         worst = int(result.off.argmax())
-        lone = len(own) < 2
+        lone = len(members) < 2
         smallest = float(result.on[weakest])
-        found.append(
+        levels.append(
             CoilFigures(
                 *place,
                 None if lone else _db(smallest, float(result.alone.max())),
@@ -380,7 +380,7 @@ def predicted(
                 plan.taxels[index[weakest]].id,
             )
         )
-    return tuple(found)
+    return tuple(levels)
 
 
 def worst_db(coils: Sequence[CoilFigures]) -> float | None:
@@ -466,8 +466,8 @@ def _responses(plan: Plan, truth: Tuning) -> Response:
         working = int(np.argmax(channel.mode_shares))
         total = np.zeros(frequency_hz.shape, complex)
         for k, (mode_hz, share) in enumerate(zip(channel.modes_hz, channel.pulled_shares, strict=True)):
-            own = tuned.resonance_hz if k == working else mode_hz
-            s = frequency_hz / own
+            resonance_hz = tuned.resonance_hz if k == working else mode_hz
+            s = frequency_hz / resonance_hz
             total += share / channel.pulled_shares[working] / ((1 - s) * (1 + s) + 1j * s / tuned.q)
         return total * (tuned.response_um_per_a2 / tuned.q)
 

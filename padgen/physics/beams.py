@@ -102,8 +102,8 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
             part[...] = value
         return whole
 
-    found = [places(0.0, 0.0, 0.0, width + 2 * fillet, *_NO_PIECE)]
-    x, y, heading = found[0][:3]
+    slices = [places(0.0, 0.0, 0.0, width + 2 * fillet, *_NO_PIECE)]
+    x, y, heading = slices[0][:3]
     counts = []
     for length, turn, flare in pieces:
         counts.append(4 + int(np.ceil(2 * np.abs(turn).max())))
@@ -114,10 +114,10 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
         flared = 2 * (flare - np.sqrt(np.maximum(flare**2 - np.maximum(flare - length * at, 0) ** 2, 0)))
         across = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
         whole = places(*across, heading + turn * at, width + flared, *piece, count=len(at))
-        found.append(whole[..., :-1])
+        slices.append(whole[..., :-1])
         x, y, heading = whole[:3, ..., -1:]
-    found.append(places(x, y, heading, width, *_NO_PIECE))
-    x, y, heading, wide, share, curved, straight = np.concatenate(found, -1)
+    slices.append(places(x, y, heading, width, *_NO_PIECE))
+    x, y, heading, wide, share, curved, straight = np.concatenate(slices, -1)
     # Turn from the root's axes to the tip's.
     turned = heading[..., -1:]
     x = x - x[..., -1:]
@@ -188,9 +188,9 @@ def _running(counts: tuple[int, ...]) -> np.ndarray:
     matrix = np.zeros((size, size))
     for count in counts:
         _, integrals = _gauss(count)
-        own = slice(first, first + count)
-        matrix[own, own] = integrals[:-1]
-        matrix[first + count :, own] = integrals[-1]
+        run = slice(first, first + count)
+        matrix[run, run] = integrals[:-1]
+        matrix[first + count :, run] = integrals[-1]
         first += count
     return matrix
 
@@ -396,8 +396,8 @@ def largest_inverse_square(section: BeamSection, modulus: Array, poisson: Array,
     for plane in _planes(section, modulus, poisson):
         stiffness = np.linalg.inv(plane.flexibility)[..., None, :, :]
         held = plane.running - plane.running @ stiffness @ plane.running
-        own = np.diagonal(plane.back @ held @ np.swapaxes(plane.back, -1, -2), axis1=-2, axis2=-1)
-        slowness.append(density * (own * plane.inertia).sum((-2, -1)))
+        diagonal = np.diagonal(plane.back @ held @ np.swapaxes(plane.back, -1, -2), axis1=-2, axis2=-1)
+        slowness.append(density * (diagonal * plane.inertia).sum((-2, -1)))
     return np.maximum(*slowness)
 
 
@@ -459,12 +459,12 @@ def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Arra
     def moments(flared_inertia: Array, uniform_inertia: Array) -> list[Array]:
         terms = weight / flared_inertia
         run = straight / uniform_inertia
-        found = []
+        moment_rows = []
         for power in (1, 2, 3):
-            found.append(terms.sum(-1) + run / power)
+            moment_rows.append(terms.sum(-1) + run / power)
             terms = terms * arm
             run = run * straight
-        return found
+        return moment_rows
 
     return (
         moments(flared * t**3 / 12, width * thickness**3 / 12),

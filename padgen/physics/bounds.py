@@ -227,7 +227,7 @@ def core_polarisation(coil: CoilSource) -> tuple[float, float]:
     if charged is None:
         return 0.0, inf
     core, charge = charged
-    rise = charge + core.response[0] @ (core.own @ charge)
+    rise = charge + core.response[0] @ (core.uniform @ charge)
     order = np.argsort(-core.height, kind="stable")
     flux, more = (np.cumsum((core.area * each)[order]) for each in (charge, rise))
     at = int(np.abs(flux).argmax())

@@ -270,9 +270,9 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
         samples = np.arange(start, min(start + CHUNK, last + 1))
         off = np.zeros(len(samples))
         limit = max(least, MOST_OFF)
-        for slope, own in zip(steps_per_sample, quality, strict=True):
+        for slope, taxel_q in zip(steps_per_sample, quality, strict=True):
             steps = samples * slope
-            off = np.maximum(off, np.abs(np.rint(steps) / steps - 1) * (2 * own))
+            off = np.maximum(off, np.abs(np.rint(steps) / steps - 1) * (2 * taxel_q))
             near = off <= limit
             samples = samples[near]
             off = off[near]

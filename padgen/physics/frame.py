@@ -348,12 +348,12 @@ def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
     rows = [_placed(frame, k, element_mass_root) @ free for k in range(len(frame.elements))]
     for k, attached in enumerate(frame.bodies):
         body = attached.body
-        own: Any = np.zeros((6, 6))
-        own[:3, :3] = np.eye(3) * body.mass
-        own[3:, 3:] = body.inertia
-        scale = np.sqrt(np.maximum(own.diagonal(), 0))
+        root_mass: Any = np.zeros((6, 6))
+        root_mass[:3, :3] = np.eye(3) * body.mass
+        root_mass[3:, 3:] = body.inertia
+        scale = np.sqrt(np.maximum(root_mass.diagonal(), 0))
         unit = np.where(scale > 0, scale, 1)
-        values, vectors = np.linalg.eigh(own / np.outer(unit, unit))
+        values, vectors = np.linalg.eigh(root_mass / np.outer(unit, unit))
         start = 6 * (len(frame.nodes) + k)
         rows.append((np.sqrt(np.maximum(values, 0))[:, None] * vectors.T * scale) @ free[start : start + 6])
     return np.concatenate(rows)
@@ -370,11 +370,11 @@ def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.n
     z = np.asarray(element.up, float) - x * (x @ np.asarray(element.up, float))
     z = z / np.linalg.norm(z)
     axes = np.kron(np.eye(2), np.stack([x, np.cross(z, x), z]))
-    own = root(element, length, frame.bubbles)
-    inner = own.shape[1] - 12
+    element_root = root(element, length, frame.bubbles)
+    inner = element_root.shape[1] - 12
     first = _outer(frame) + index * inner
-    placed = np.zeros((len(own), _outer(frame) + inner * len(frame.elements)))
+    placed = np.zeros((len(element_root), _outer(frame) + inner * len(frame.elements)))
     for k, node in enumerate((element.start, element.end)):
-        placed[:, 6 * node : 6 * node + 6] = own[:, 6 * k : 6 * k + 6] @ axes
-    placed[:, first : first + inner] = own[:, 12:]
+        placed[:, 6 * node : 6 * node + 6] = element_root[:, 6 * k : 6 * k + 6] @ axes
+    placed[:, first : first + inner] = element_root[:, 12:]
     return placed

@@ -168,8 +168,8 @@ def optimal_ladder(
         ends = low + np.array(PARTS[:1] if count > MANY else PARTS) * (high - low)
         starts = np.linspace(ends[:, 0], ends[:, 1], count, axis=1)
     # The logarithm's rounding must not push an end out of the band.
-    found = [np.clip(np.exp(_descend(case, start, round(effort * PROGRAMS))), low_hz, high_hz) for start in starts]
-    return max([even, *found], key=lambda hz: all_states(channels(hz, q, law(hz)), scheme).db)
+    optima = [np.clip(np.exp(_descend(case, start, round(effort * PROGRAMS))), low_hz, high_hz) for start in starts]
+    return max([even, *optima], key=lambda hz: all_states(channels(hz, q, law(hz)), scheme).db)
 
 
 def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
@@ -196,9 +196,9 @@ def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
         for k in range(fixed, count):
             tried = np.repeat(sets[:, None], PLACES + 1, 1)
             tried[:, 1:, k] = case.low + width / PLACES * (np.arange(PLACES) + random.random((len(sets), PLACES)))
-            found = badness(tried)
-            sets = tried[np.arange(len(sets)), found.argmin(1)]
-        sets = sets[np.argsort(found.min(1), kind="stable")]
+            tried_badness = badness(tried)
+            sets = tried[np.arange(len(sets)), tried_badness.argmin(1)]
+        sets = sets[np.argsort(tried_badness.min(1), kind="stable")]
         if len(sets) <= LAST_SETS:
             return np.sort(sets, 1)
         sets = sets[: max(len(sets) // 2, LAST_SETS)]

@@ -194,8 +194,8 @@ def ring_factor(ring: SteelRing) -> float:
     """
     radius = (ring.outer_diameter + ring.inner_diameter) / 4
     width = (ring.outer_diameter - ring.inner_diameter) / 2
-    own = np.log(8 * radius / (0.2235 * (width + ring.thickness))) - 2
-    return float(width * ring.thickness / (2 * np.pi * radius**2) * max(own, 0.0))
+    self_term = np.log(8 * radius / (0.2235 * (width + ring.thickness))) - 2
+    return float(width * ring.thickness / (2 * np.pi * radius**2) * max(self_term, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -421,7 +421,7 @@ class SteelBody(NamedTuple):
 
     t runs from 0 to 1 along each side of the body's outline. `area` (n,) in m is 2πr times the node's weight in dt: the
     sum of area times charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the
-    charge per dt in A at the nodes for a potential in A there. `own` (n, n) gives the potential at the nodes of a
+    charge per dt in A at the nodes for a potential in A there. `uniform` (n, n) gives the potential at the nodes of a
     charge that is the same all round.
     """
 
@@ -430,7 +430,7 @@ class SteelBody(NamedTuple):
     height: np.ndarray
     area: np.ndarray
     response: np.ndarray
-    own: np.ndarray
+    uniform: np.ndarray
 
 
 def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
@@ -468,8 +468,8 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
     single, double = np.zeros((2, most + 1, count, count))
     at = 0
     for side, (node, _) in zip(sides, nodes, strict=True):
-        own = slice(at, at + side.nodes)
-        single[..., own], double[..., own] = _layers(side, node, radius, height, own, most)
+        part = slice(at, at + side.nodes)
+        single[..., part], double[..., part] = _layers(side, node, radius, height, part, most)
         at += side.nodes
     # A constant potential makes no field, so the rows of K must add to −½ in the lowest order. Their error is taken off
     # the diagonals of all orders, which share it.
@@ -483,7 +483,7 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
 
 
 def _layers(
-    side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, own: slice, most: int
+    side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, part: slice, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the potentials (m, n, nodes) of single and double layers on a side, for each of its polynomials.
 
@@ -494,7 +494,7 @@ def _layers(
     share = np.clip(((radius - start[0]) * along[0] + (height - start[1]) * along[1]) / side.length**2, 0, 1)
     fine = np.linspace(0, 1, 2001)
     nearest = np.interp(share, side.part(fine)[0], fine)
-    nearest[own] = node
+    nearest[part] = node
     t, weight = crowded(nearest, eights(side.nodes + POINTS_ABOVE))
     ring_radius, ring_height = side.at(t)
     of = ring_potential(radius[:, None], height[:, None], ring_radius, ring_height, most, at_ring=True)
@@ -522,10 +522,10 @@ def eights(count: float) -> int:
 
 def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return the polynomials (…, n) at `t` (…) that are 1 at one of the nodes (n,) and 0 at the others."""
-    own = 1 / np.prod(node[:, None] - node + np.eye(len(node)), axis=1)
+    weight = 1 / np.prod(node[:, None] - node + np.eye(len(node)), axis=1)
     away = t[..., None] - node
     hit = np.abs(away) < 1e-14
-    share = own / np.where(hit, 1.0, away)
+    share = weight / np.where(hit, 1.0, away)
     share /= share.sum(-1, keepdims=True)
     return np.asarray(np.where(hit.any(-1, keepdims=True), hit, share))
 

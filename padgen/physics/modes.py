@@ -382,8 +382,8 @@ def relative_error(
     at = np.asarray(working)[..., None]
     ratio = frequency_hz / np.take_along_axis(frequency_hz, at, -1)
     others = np.hypot(OTHERS * moved, np.maximum(OTHERS_FLOOR + OTHERS_RISE * ratio, floor))
-    own = 1 / np.sqrt(1 - np.minimum(2 * moved, MOST_SOFTER)) - 1
-    return np.asarray(np.where(np.arange(6) == at, np.hypot(own, floor), others))
+    softened = 1 / np.sqrt(1 - np.minimum(2 * moved, MOST_SOFTER)) - 1
+    return np.asarray(np.where(np.arange(6) == at, np.hypot(softened, floor), others))
 
 
 def _beside_modes(value: Array) -> np.ndarray:

@@ -147,12 +147,12 @@ def steady_lines(
     SolverError
         A tone decays, or sits on a resonance without damping.
     """
-    own = np.atleast_1d(np.asarray(frequency_hz, float))[:, None]
+    resonance_hz = np.atleast_1d(np.asarray(frequency_hz, float))[:, None]
     tone = force.frequency_hz
-    offset = (own - tone) - force.rest_hz
+    offset = (resonance_hz - tone) - force.rest_hz
     quality, mass = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (q, mass_kg))
-    loss = tone * own / quality
-    bracket = offset * (own + tone) + 1j * loss
+    loss = tone * resonance_hz / quality
+    bracket = offset * (resonance_hz + tone) + 1j * loss
     if force.decay_per_s.any() or (bracket == 0).any():
         raise SolverError("there is no steady state under a decaying tone, nor under one on an undamped resonance")
     return np.asarray(1 / (4 * np.pi**2 * mass * bracket) * force.amplitude * np.exp(1j * force.phase_rad))
@@ -204,9 +204,11 @@ def propagate(
     `force` is in N; its amplitudes are (m,), the same for all, or (n, m). Q may be any number above 0 or infinity.
     Memory O(nk + nm); O(nmk) multiplications, in matrix products.
     """
-    own, quality, mass = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (frequency_hz, q, mass_kg)))
+    resonance_hz, quality, mass = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(v, float)) for v in (frequency_hz, q, mass_kg))
+    )
     time = np.atleast_1d(np.asarray(time_s, float))
-    poles = _poles(own, quality)
+    poles = _poles(resonance_hz, quality)
     order = np.argsort(time, kind="stable")
     # The exponents a − s₁ and a − s₂ (n, m); frequencies are subtracted first, which keeps their digits.
     hz = poles.hz[:, None]
@@ -217,7 +219,7 @@ def propagate(
         for rate, part in zip((poles.slow, poles.fast), turning, strict=True)
     )
     phasor = force.amplitude / mass[:, None] * np.exp(1j * force.phase_rad)
-    moved = np.empty((len(own), len(time)))
+    moved = np.empty((len(resonance_hz), len(time)))
     for part in _blocks(time[order], max(phasor.shape)):
         moved[:, order[part]] = _move(poles, (first, second), phasor, force, time[order[part]])
     return moved
@@ -231,10 +233,10 @@ def _blocks(time: np.ndarray, width: int) -> list[np.ndarray]:
     return [group[k : k + most] for group in groups for k in range(0, len(group), most)]
 
 
-def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
+def _poles(resonance_hz: np.ndarray, q: np.ndarray) -> _Poles:
     """Return the poles without cancellation: ``α² − ω² = ω² (1 − 2Q)(1 + 2Q)/4Q²``."""
-    omega = 2 * np.pi * own
-    alpha = np.pi * own / q
+    omega = 2 * np.pi * resonance_hz
+    alpha = np.pi * resonance_hz / q
     half = 1 / (2 * q)
     finite = np.where(np.isfinite(q), q, 1.0)
     square = omega**2 * np.where(np.isfinite(q), (1 - 2 * finite) * half * ((1 + 2 * finite) * half), -1.0)
@@ -243,8 +245,8 @@ def _poles(own: np.ndarray, q: np.ndarray) -> _Poles:
     exact = q >= EXACT_Q
     fast = np.where(over, alpha + root, alpha)
     share = np.minimum(half, 1.0) ** 2
-    shortfall = own * share / (1 + np.sqrt(1 - share))
-    hz = np.where(over, 0.0, np.where(exact, own, root / (2 * np.pi)))
+    shortfall = resonance_hz * share / (1 + np.sqrt(1 - share))
+    hz = np.where(over, 0.0, np.where(exact, resonance_hz, root / (2 * np.pi)))
     slow = np.divide(omega**2, fast, out=alpha.copy(), where=over)
     return _Poles(alpha, square, root, over, hz, np.where(exact, -shortfall, 0.0), slow, fast)
 

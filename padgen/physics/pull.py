@@ -140,10 +140,10 @@ def _pull_with_nodes(fine: tuple[int, ...], coil: CoilSource, washer: SteelRing,
     if core is None:
         drawn = (body.response @ (project @ potential.T)[..., None])[..., 0]
     else:
-        steel, own = core
+        steel, core_nodes = core
         radius, height, shares = fine_rings(steel, max(STEP * near, finest))
         of = ring_potential(rho[..., None], z[..., None], radius, height, core_orders, at_ring=False)
-        charge = shares @ own
+        charge = shares @ core_nodes
         potential, along_r, along_z = (
             a + part[0] @ charge for a, part in zip((potential, along_r, along_z), of, strict=True)
         )
@@ -463,12 +463,12 @@ def leakage(
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
     points = place[:, None, None] + body.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     height = (body.height + gap)[:, None]
-    own = _coil_potential(coil_rings(coil, COARSE_STEP * gap), points[:, None], height)
+    coil_potential = _coil_potential(coil_rings(coil, COARSE_STEP * gap), points[:, None], height)
     near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)
     # Fields of far coils change linearly over the washer.
     flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
     (field, change), up = (v[..., None] for v in flux), body.height - washer.thickness / 2
-    parts = _fourier_parts(np.concatenate([own, near], 2), angle)
+    parts = _fourier_parts(np.concatenate([coil_potential, near], 2), angle)
     beyond = np.zeros((2, len(place), len(far), *parts.shape[3:]))
     beyond[0, :, :, 0], beyond[1, :, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
     beyond[:, :, :, 1:3] = -np.stack([field, change])[:, :, :, :2] * body.radius

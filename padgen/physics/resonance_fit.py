@@ -313,8 +313,8 @@ def fit_driven(
     n = _recognised(gated, peaks, near_hz, power)
     lines = _record_lines(rate_hz, y, x)
     if held.any():
-        own = _chosen(peaks, near_hz, exact)
-        first = _solve(lines.around(own.hz, own.q), np.log([own.hz, own.q]), n or 0)
+        chosen = _chosen(peaks, near_hz, exact)
+        first = _solve(lines.around(chosen.hz, chosen.q), np.log([chosen.hz, chosen.q]), n or 0)
         lines = _record_lines(rate_hz, _filled(first, rate_hz, y, held, n or 0)[1], x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
     if held.any():
@@ -531,19 +531,19 @@ def _recognised(lines: MeasuredLines, peaks: list[_Peak], near_hz: float | None,
     """
     if power is not None:
         return power
-    own, *others = sorted(peaks, key=lambda p: p is not _chosen(peaks, near_hz))
-    s = lines.frequency / own.hz
-    alone = own.size * np.abs(_mode(lines.frequency, own.hz, own.q, 0))
+    chosen, *others = sorted(peaks, key=lambda p: p is not _chosen(peaks, near_hz))
+    s = lines.frequency / chosen.hz
+    alone = chosen.size * np.abs(_mode(lines.frequency, chosen.hz, chosen.q, 0))
     good = (np.abs(lines.data) > SEEN * lines.noise) & (s > 1 / 3) & (s < 3)
     for other in others:
         good &= other.size * np.abs(_mode(lines.frequency, other.hz, other.q, 0)) < 0.3 * alone
-    found: set[int | None] = set()
+    recognised: set[int | None] = set()
     for side in (s < 1, s > 1):
         log = np.log(s[good & side])
         over = np.log((np.abs(lines.data) / alone)[good & side])
         slope = float(np.polyfit(log, over, 1)[0]) if len(log) > 3 and np.ptp(log) > WIDE else np.nan
-        found |= {n for n in range(3) if abs(slope - n) < 0.4} or {None}
-    return found.pop() if len(found) == 1 else None
+        recognised |= {n for n in range(3) if abs(slope - n) < 0.4} or {None}
+    return recognised.pop() if len(recognised) == 1 else None
 
 
 def _refuse_short(seconds: float, hz: float) -> None:
@@ -618,7 +618,7 @@ def _solve(
         fit = at(*v)
         return -_parts(_projected(fit.basis, _slopes(fit, power) * scale)) / size
 
-    found = least_squares(
+    solution = least_squares(
         lambda v: _parts(at(*v).residual) / size,
         np.zeros(len(first)),
         slopes,
@@ -627,7 +627,7 @@ def _solve(
         xtol=1e-9,
         max_nfev=tries,
     )
-    return at(*found.x)
+    return at(*solution.x)
 
 
 def _slopes(fit: _Solved, power: int) -> np.ndarray:
@@ -637,9 +637,9 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
     each = (len(fit.factors) - fit.extra.shape[1]) // len(lines.inputs)
     for k, (hz, q) in enumerate(fit.modes):
         s = lines.frequency / hz
-        own = _mode(lines.frequency, hz, q, 0)
-        whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * own
-        slopes += [whole * ((1j - 2 * q * s) * s * own - power), -whole * own * q * (1 - s) * (1 + s)]
+        mode = _mode(lines.frequency, hz, q, 0)
+        whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * mode
+        slopes += [whole * ((1j - 2 * q * s) * s * mode - power), -whole * mode * q * (1 - s) * (1 + s)]
     return np.stack(slopes, 1)
 
 
@@ -702,13 +702,13 @@ def _gain(fit: _Solved) -> float:
     return taken / max(max(fit.noise, fit.lines.noise) ** 2 / 2, np.finfo(float).tiny)
 
 
-def _start(lines: MeasuredLines, rest: np.ndarray, power: int, found: list[_Peak]) -> tuple[float, float, float]:
+def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak]) -> tuple[float, float, float]:
     """Return frequency in Hz, Q, and explained power of the mode that explains most of `rest` (n,)."""
     from scipy.ndimage import uniform_filter1d
 
     tried = []
     free = np.ones(len(rest), bool)
-    for hz, q, _ in found:
+    for hz, q, _ in peaks:
         free &= np.abs(detuning(lines.frequency, hz, q)) > 2
     part = lines._replace(data=rest).at(np.flatnonzero(free))
     if len(part.data) < FEWEST_LINES:
@@ -742,7 +742,7 @@ def _peaks(lines: MeasuredLines, power: int) -> list[_Peak]:
         raise SolverError("is too short to show a resonance; record longer")
     rest = lines.data.copy()
     step = float(np.diff(lines.frequency).min())
-    found = list[_Peak]()
+    peaks = list[_Peak]()
     passed = list[_Peak]()
     for _ in range(MOST_MODES):
         hz, q, taken = _start(lines, rest, power, passed)
@@ -753,12 +753,12 @@ def _peaks(lines: MeasuredLines, power: int) -> list[_Peak]:
             hz, q = fit.modes[0]
         passed.append(_Peak(float(hz), float(q), float(abs(fit.factors[0] * fit.lines.inputs[0].mean()))))
         inside = lines.frequency[0] < hz < lines.frequency[-1] and hz / q > 1.5 * step and q > FURTHER_Q
-        if not found or (inside and _shown(fit) and passed[-1].size > LEAST_SHARE * found[0].size):
-            found.append(passed[-1])
+        if not peaks or (inside and _shown(fit) and passed[-1].size > LEAST_SHARE * peaks[0].size):
+            peaks.append(passed[-1])
             rest = rest - fit.factors[0] * lines.inputs[0] * _mode(lines.frequency, hz, q, power)
-    if not found:
+    if not peaks:
         raise SolverError("shows no resonance; excite more, or leave this taxel out")
-    return found
+    return peaks
 
 
 def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: int) -> tuple[_Solved, np.ndarray]:
@@ -773,14 +773,14 @@ def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: i
     crests = np.split(at, np.flatnonzero(other) + 1)
     shapes = np.zeros(len(y))
     count = min(len(crests), MOST_CAPS)
-    own = np.zeros(len(y), int)
+    label = np.zeros(len(y), int)
     caps = np.zeros((len(places), count), complex)
     for k, crest in enumerate(crests):
         middle = (crest[0] + crest[-1]) / 2
         half = (crest[-1] - crest[0] + 2) / 2
         shapes[crest] = np.abs(y).max() * np.sign(y[crest].sum()) * (1 - ((crest - middle) / half) ** 2)
-        own[crest] = k * count // len(crests)
-        caps[:, own[crest[0]]] -= np.exp(turn * middle) * (np.exp(np.outer(turn, crest - middle)) @ shapes[crest])
+        label[crest] = k * count // len(crests)
+        caps[:, label[crest[0]]] -= np.exp(turn * middle) * (np.exp(np.outer(turn, crest - middle)) @ shapes[crest])
     heights = np.zeros(count)
     for _ in range(FILLED):
         columns, prior = _real_columns(fit._replace(caps=caps), power, True)
@@ -790,7 +790,7 @@ def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: i
         square = (columns.conj().T @ columns).real + np.diag(prior)
         step = np.linalg.lstsq(square / np.outer(norm, norm), seen / norm, rcond=1e-13)[0] / norm
         heights = heights + step[-count:]
-        there = y + heights[own] * shapes
+        there = y + heights[label] * shapes
         lines = fit.lines._replace(data=np.fft.rfft(there)[places])
         fit = _solve(lines, fit.theta, power, fit.extra)
         if not _are_resolved(fit):  # a further mode was one of the clipped crests
@@ -816,10 +816,10 @@ def _fit_peaks(
     alone: bool = False,
 ) -> _Solved:
     """Fit one peak; if not `alone`, together with its neighbours and others that stand out of the residual."""
-    own = _chosen(peaks, near_hz, exact)
-    start = np.log([own.hz, own.q])
-    others = [peak for peak in peaks if peak is not own]
-    far = [p for p in others if abs(detuning(np.array(p.hz), own.hz, own.q)) >= REACH]
+    chosen = _chosen(peaks, near_hz, exact)
+    start = np.log([chosen.hz, chosen.q])
+    others = [peak for peak in peaks if peak is not chosen]
+    far = [p for p in others if abs(detuning(np.array(p.hz), chosen.hz, chosen.q)) >= REACH]
     close = [] if alone else [p for p in others if p not in far]
     for _ in range(3):
         hz, q = np.exp(start[:2])
@@ -887,8 +887,8 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     more = _solve(fit.lines, theta, power, extra)
     size = np.abs(more.factors[: len(more.modes)]) / np.abs(fit.factors[0])
     same = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / more.modes[0, 1] and 0.5 < size[0] < 2
-    own = same and (size[1:] < 2).all() and _are_resolved(more)
-    return more if own and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
+    is_clearer = same and (size[1:] < 2).all() and _are_resolved(more)
+    return more if is_clearer and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
 
 
 def _are_resolved(fit: _Solved) -> bool:
@@ -1026,19 +1026,21 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
         return np.asarray(basis @ (v[count:] * most))
 
     # Far modes are without damping: all factors are real, up to one phase.
-    found = np.concatenate([np.zeros(count), (fit.factors * np.exp(-1j * np.angle(fit.factors[0]))).real / most])
+    polished = np.concatenate([np.zeros(count), (fit.factors * np.exp(-1j * np.angle(fit.factors[0]))).real / most])
     noise = 0.0
     data = size
     for _ in range(2):
-        data = size - noise**2 / (4 * np.maximum(np.abs(model(found)), noise or 1.0))
-        found = least_squares(lambda v, d=data: (np.abs(model(v)) - d) / most, found, method="lm", max_nfev=1000).x
-        left = max(len(size) - len(found), 1)
-        noise = float(np.sqrt(2 * np.sum((np.abs(model(found)) - data) ** 2) / left))
-    theta = fit.theta + scale * np.clip(found[:count], -9, 9)
-    whole = model(found)
+        data = size - noise**2 / (4 * np.maximum(np.abs(model(polished)), noise or 1.0))
+        polished = least_squares(
+            lambda v, d=data: (np.abs(model(v)) - d) / most, polished, method="lm", max_nfev=1000
+        ).x
+        left = max(len(size) - len(polished), 1)
+        noise = float(np.sqrt(2 * np.sum((np.abs(model(polished)) - data) ** 2) / left))
+    theta = fit.theta + scale * np.clip(polished[:count], -9, 9)
+    whole = model(polished)
     turned = lines._replace(data=data * np.exp(1j * np.angle(whole)))
     basis = _basis(lines, theta, power, fit.extra)
-    return _Solved(turned, theta, found[count:] * most, basis, turned.data - whole, noise, fit.extra)
+    return _Solved(turned, theta, polished[count:] * most, basis, turned.data - whole, noise, fit.extra)
 
 
 def _refuse_phase(lines: MeasuredLines, fit: _Solved, power: int) -> None:
@@ -1058,8 +1060,8 @@ def _refuse_phase(lines: MeasuredLines, fit: _Solved, power: int) -> None:
         ),
     ):
         other = lines._replace(data=data)
-        found = _fit_peaks(other, _peaks(other, power), None, power)
-        hz = found.modes[0, 0]
+        other_fit = _fit_peaks(other, _peaks(other, power), None, power)
+        hz = other_fit.modes[0, 0]
         inside = lines.frequency[[0, -1]]
-        if max(found.noise, lines.noise) < 0.5 * fit.noise and inside[0] < hz < inside[1]:
+        if max(other_fit.noise, lines.noise) < 0.5 * fit.noise and inside[0] < hz < inside[1]:
             raise SolverError(what.format(f"{number(float(hz))} Hz"))

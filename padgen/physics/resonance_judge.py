@@ -128,21 +128,21 @@ def _fit_angle(frequency: np.ndarray, points: np.ndarray, hz: float, q: float, s
         return np.asarray(np.angle(np.exp(1j * (angle - theta[0] + 2 * np.arctan(x)))) / sigma)
 
     start = np.array([angle[np.abs(frequency - hz).argmin()], 0.0, 0.0])
-    found = least_squares(off, start, bounds=([-np.inf, -1 / width, -3], [np.inf, 1 / width, 3]), x_scale="jac")
-    inverse = np.linalg.pinv(found.jac)
+    solution = least_squares(off, start, bounds=([-np.inf, -1 / width, -3], [np.inf, 1 / width, 3]), x_scale="jac")
+    inverse = np.linalg.pinv(solution.jac)
     # Noise along the circle turns a point directly. Noise across it moves the centre: a centre that is off by d turns
     # a point by −t·d over the radius, t being the tangent there.
     radial = (np.abs(arm) - radius) / sigma
-    along = radius * found.fun
+    along = radius * solution.fun
     variance = float(radial @ radial + along @ along) / max(2 * len(arm) - 6, 1)
     unit = arm / np.abs(arm)
     across = np.stack([unit.real, unit.imag, np.ones(len(arm))], axis=1) / sigma[:, None]
     turn = np.stack([unit.imag, -unit.real, np.zeros(len(arm))], axis=1) / sigma[:, None]
     moved = inverse @ turn @ np.linalg.pinv(across)
     error = np.sqrt(variance * ((inverse**2).sum(1) + (moved**2).sum(1))) / radius
-    if not (error[1:] < VAGUE).all() or abs(found.x[1]) > 0.99 / width or abs(found.x[2]) > 2.99:
+    if not (error[1:] < VAGUE).all() or abs(solution.x[1]) > 0.99 / width or abs(solution.x[2]) > 2.99:
         return None
-    hz, q = float(hz * np.exp(found.x[1] * width)), float(q * np.exp(found.x[2]))
+    hz, q = float(hz * np.exp(solution.x[1] * width)), float(q * np.exp(solution.x[2]))
     return CircleFit(hz, float(hz * error[1] * width), q, float(q * error[2]))
 
 
@@ -213,12 +213,12 @@ class ResonanceFit(NamedTuple):
     power: int | None
 
 
-def agree(own: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
+def agree(fit: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
     """Return whether a fit, whose sigmas are of noise alone, agrees with that of the second method, if there is one.
 
     Refuses a resonance that noise leaves less known than `needed`, and one that the second method finds elsewhere.
     """
-    hz, hz_error, q, q_error = own
+    hz, hz_error, q, q_error = fit
     needs = [
         (hz_error, needed[0] * hz / (2 * q), "it", 1.0, "Hz"),
         (q_error, needed[1] * q, f"its Q of {number(q)}", 100 / q, "%"),

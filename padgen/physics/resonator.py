@@ -165,10 +165,10 @@ def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_
         A taxel is not moved by its own tone at all.
     """
     bare = ModalTaxels(frequency_hz, np.asarray(q, float), gain, np.zeros(len(gain)))
-    own = felt_energy(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
-    if not (own > 0).all():
+    working_energy = felt_energy(bare, slice(None), own_hz[:, None], 0.0)[:, 0]
+    if not (working_energy > 0).all():
         raise ValueError("a taxel must be moved by its own tone")
-    return bare._replace(gain=gain / np.sqrt(own)[:, None, None])
+    return bare._replace(gain=gain / np.sqrt(working_energy)[:, None, None])
 
 
 def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:

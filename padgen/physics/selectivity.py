@@ -176,14 +176,14 @@ def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]
     """
     each = np.arange(len(of.line))
     for start in range(0, len(each), most):
-        own = slice(start, start + most)
-        hz = of.resonance_hz[None, own]
-        line = of.line[None, own]
+        block = slice(start, start + most)
+        hz = of.resonance_hz[None, block]
+        line = of.line[None, block]
         square = line**2
         if scheme.is_biased:
             hz = np.concatenate([hz, 2 * hz])
             square = np.concatenate([square, scheme.pair_square(line, line, of.line.max(0)) / 4])
-        yield Lines(hz, np.zeros(1), square, (each[own],))
+        yield Lines(hz, np.zeros(1), square, (each[block],))
 
 
 def scheme_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
@@ -247,15 +247,15 @@ def off_energy(
     for part in parts(drivers, scheme, max(BLOCK // each, 1)):
         rows = max(BLOCK // (each * part.hz.shape[0] * part.hz.shape[1]), 1)
         for start in range(0, len(result), rows):
-            own = slice(start, start + rows)
-            heard = _line_response(which, part, modes, own).sum(1)
+            block = slice(start, start + rows)
+            heard = _line_response(which, part, modes, block).sum(1)
             # A taxel's own lines are left out before adding; subtracting them later would leave rounding errors.
             for maker in part.makers:
                 there = np.flatnonzero((maker >= start) & (maker < start + rows))
                 heard[maker[there] - start, there] = 0.0
             # In a fixed order, so that one coil's result does not depend on the number of other coils.
-            heard[:, 0] = join(heard[:, 0], result[own])
-            result[own] = join.reduce(heard, 1)
+            heard[:, 0] = join(heard[:, 0], result[block])
+            result[block] = join.reduce(heard, 1)
     return result / which.line**2
 
 
@@ -288,7 +288,7 @@ def loudest_line(
     The kind is 'tone', 'harmonic', 'sum' or 'difference'.
     """
     loudest = -1.0
-    found = (tuple[int, ...]((off,)), "tone")
+    loudest_of = (tuple[int, ...]((off,)), "tone")
     for part in scheme_lines(which, scheme):
         heard = _line_response(which, part, modes, slice(off, off + 1))[0]
         heard[:, np.any([maker == off for maker in part.makers], axis=0)] = -1.0
@@ -296,8 +296,8 @@ def loudest_line(
         if heard[kind, at] > loudest:
             loudest = heard[kind, at]
             kinds = ("tone", "harmonic") if len(part.makers) == 1 else ("sum", "difference")
-            found = tuple(int(maker[at]) for maker in part.makers), kinds[kind]
-    return found
+            loudest_of = tuple(int(maker[at]) for maker in part.makers), kinds[kind]
+    return loudest_of
 
 
 def print_share(

@@ -59,9 +59,9 @@ class Brake(NamedTuple):
         countered = 0.0
         for _, share in self.shares:
             _, after = passage(tau_s, self.blend_s)
-            own, first, last = after.T
-            kept = own * kept + first * before
-            braked = own * braked + first * countered + last * share
+            counter_level, first, last = after.T
+            kept = counter_level * kept + first * before
+            braked = counter_level * braked + first * countered + last * share
             before = np.zeros(len(kept))
             countered = share
         return np.clip(kept / braked, 0.0, 1.0)
@@ -96,8 +96,8 @@ def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
     # Exact where the level is straight from step to step.
     for k in range(STEPS):
         risen[k + 1] = keep * risen[k] + (passed - keep) * level[k] + (1 - passed) * level[k + 1]
-    own = np.exp(-np.arange(STEPS + 1)[:, None] * step / tau)
-    return np.stack([own, 1 - own - risen, risen])
+    decay = np.exp(-np.arange(STEPS + 1)[:, None] * step / tau)
+    return np.stack([decay, 1 - decay - risen, risen])
 
 
 @lru_cache(maxsize=256)

@@ -107,7 +107,12 @@ def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarr
     Vertical pulls act at the washer's axis.
     """
     pairs = zip(modes, wrenches, strict=True)
-    return np.array([own.compliances(wrench)[own.working] / own.compliances()[own.working] for own, wrench in pairs])
+    return np.array(
+        [
+            taxel_modes.compliances(wrench)[taxel_modes.working] / taxel_modes.compliances()[taxel_modes.working]
+            for taxel_modes, wrench in pairs
+        ]
+    )
 
 
 def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: float) -> float:
@@ -374,7 +379,9 @@ def hanging_gap_um(spec: Spec, sag_um: np.ndarray | float) -> np.ndarray:
 def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Channel, ...]:
     """Return `channels` with the frequencies of the current and the effects of the mean pull under `scheme`."""
     sets = channel_sets(channels, spec.coil.sets)
-    squares_a2 = [mean_square_a2(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom) for own in sets]
+    squares_a2 = [
+        mean_square_a2(scheme, np.array([c.line_a2 for c in channel_set]), spec.drive.headroom) for channel_set in sets
+    ]
     result = []
     for channel in channels:
         gap_um = float(hanging_gap_um(spec, channel.sag_um))
@@ -406,8 +413,8 @@ def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> 
     models = [item.model for item in sized]
     deep = [i for i, m in enumerate(models) if m.beam_error is None and depth[i] >= m.spec.pad.rib_mm / 2 * USUAL_DEPTH]
     for topology in {models[i].topology for i in deep}:
-        own = [i for i in deep if models[i].topology == topology]
-        beam = BeamShape(*np.array([models[i].beam for i in own], float).T)
-        true = replace(models[own[0]], beam=beam, frame_depth_mm=depth[own], member_of=None)
-        error[own] = 2 * np.abs(true.resonance_hz / [models[i].resonance_hz for i in own] - 1)
+        same_kind = [i for i in deep if models[i].topology == topology]
+        beam = BeamShape(*np.array([models[i].beam for i in same_kind], float).T)
+        true = replace(models[same_kind[0]], beam=beam, frame_depth_mm=depth[same_kind], member_of=None)
+        error[same_kind] = 2 * np.abs(true.resonance_hz / [models[i].resonance_hz for i in same_kind] - 1)
     return error

@@ -48,11 +48,11 @@ def varied(spec: Spec, cure: Cure) -> Spec:
     table = without_none(asdict(spec))
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
-    own = spec.amplifier
+    amplifier = spec.amplifier
     # What the file leaves to amplifier and sound card is left to the other ones.
     drive = table["drive"]
     others = [name.split(".")[0] for name in cure]
-    if own and "amplifier" in others and drive["voltage_limit_v"] == own.voltage_v:
+    if amplifier and "amplifier" in others and drive["voltage_limit_v"] == amplifier.voltage_v:
         del drive["voltage_limit_v"]
     if spec.blocked_by and {"amplifier", "sound_card"} & {*others} and drive["headroom"] == CARRIED_HEADROOM:
         del drive["headroom"]
@@ -148,10 +148,10 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
     limit = channel_limit(spec)
-    found: list[Cure] = []
+    tried: list[Cure] = []
     # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     for cure in _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit):
-        if any(set(cure) == set(other) for other in found):
+        if any(set(cure) == set(other) for other in tried):
             continue
         try:
             plan = planned(cure)
@@ -161,8 +161,8 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
         kept_db = plan.selectivity.kept_db if plan.spec.feeds else None
         enough = kept_db is None or kept_db >= plan.selectivity.asked_db
         if enough and all(f.level != "error" for f in plan.findings):
-            found.append(cure)
-        if len(found) == MOST_NAMED:
+            tried.append(cure)
+        if len(tried) == MOST_NAMED:
             break
     best = sorted(candidates(spec, limit), key=lambda layout: -layout.margin_mm)
     if not best:
@@ -175,9 +175,9 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     if spec.feeds and best:
         word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
         reasons.append(f"the {word} {device.name} has {device.channels} channels, one for each coil")
-    nothing = "" if found else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
+    nothing = "" if tried else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
     wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
-    return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", "resolution", found)
+    return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", "resolution", tried)
 
 
 def _too_many(spec: Spec, limit: int) -> str:
@@ -196,21 +196,21 @@ def _too_many(spec: Spec, limit: int) -> str:
 
 def _unreached(spec: Spec, layout: Layout) -> str:
     space = room(spec, layout)
-    found = reachable_hz(spec, space)
+    reachable = reachable_hz(spec, space)
     wanted = ladders(spec, layout.channels, space)
     cell = f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
     grid = f"the {layout.rows} x {layout.columns} grid"
-    if not found:  # no beam at all fits a sub-cell that has room for the plate
+    if not reachable:  # no beam at all fits a sub-cell that has room for the plate
         length_mm = spec.suspension.length_mm
         such = f"beam of suspension.length_mm = {number(length_mm)}" if length_mm else "beam that prints"
         return f"{cell} of {grid} holds the plate, but no {such}"
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
-    if wanted and found[0] <= wanted[0][0] and wanted[0][-1] <= found[1]:
+    if wanted and reachable[0] <= wanted[0][0] and wanted[0][-1] <= reachable[1]:
         reach = number(coil_reach_mm(spec))
-        told = f"beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
+        sentence = f"beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
     else:
-        told = f"{cell} can be printed for {number(found[0])} … {number(found[1])} Hz, asked are {asked} Hz"
-    return f"{layout.channels} channels per coil on {grid}: {told}"
+        sentence = f"{cell} can be printed for {number(reachable[0])} … {number(reachable[1])} Hz, asked are {asked} Hz"
+    return f"{layout.channels} channels per coil on {grid}: {sentence}"
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
@@ -218,8 +218,8 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
 
     Of the cures of a kind it is the first with room.
     """
-    if spec.coil.grid and (found := _best_layout(spec, limit, {"coil.grid": None})):
-        yield {"coil.grid": [found.rows, found.columns]}
+    if spec.coil.grid and (best_layout := _best_layout(spec, limit, {"coil.grid": None})):
+        yield {"coil.grid": [best_layout.rows, best_layout.columns]}
     if spec.feeds:
         free = replace(spec, amplifier=None, sound_card=None)
         sized = next(sized_layouts(free, candidates(free, limit)), None)
@@ -264,5 +264,5 @@ def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
     # Another coil's table leaves gap and reuse to the search, which has decided them in `spec`.
     coil = replace(other.coil, gap_mm=other.coil.gap_mm or spec.coil.gap_mm, reuse=spec.coil.reuse)
     other = replace(other, coil=coil)
-    found = next(sized_layouts(other, candidates(other, limit)), None)
-    return found[0] if found else None
+    layout = next(sized_layouts(other, candidates(other, limit)), None)
+    return layout[0] if layout else None

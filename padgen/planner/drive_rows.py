@@ -44,15 +44,17 @@ class DriveRow:
 COLUMNS = tuple(f.name for f in fields(DriveRow))
 
 
-def coil_rows(spec: Spec, scheme: Scheme, own: Sequence[Channel], carrier_hz: float | None = None) -> list[DriveRow]:
+def coil_rows(
+    spec: Spec, scheme: Scheme, channel_set: Sequence[Channel], carrier_hz: float | None = None
+) -> list[DriveRow]:
     """Return a row for each channel of one coil.
 
     A plain tone of amplitude I at f pulls with c I²/2 at 2f. With a constant current B, a tone of amplitude b at r
     pulls with 2 c B b at r. For a spur-free drive a row has the current's peak with this channel alone on, on its
     carrier if there is one. For a washer that the coil does not pull the current is infinite.
     """
-    current = current_lines_a(scheme, np.array([c.line_a2 for c in own]), spec.drive.headroom)
-    return [_row(spec, scheme, channel, float(i), carrier_hz) for channel, i in zip(own, current, strict=True)]
+    current = current_lines_a(scheme, np.array([c.line_a2 for c in channel_set]), spec.drive.headroom)
+    return [_row(spec, scheme, channel, float(i), carrier_hz) for channel, i in zip(channel_set, current, strict=True)]
 
 
 def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float, carrier_hz: float | None) -> DriveRow:
@@ -80,13 +82,13 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float, carrier
     )
 
 
-def bias_row(spec: Spec, scheme: Scheme, own: Sequence[Channel], name: str = BIAS) -> DriveRow:
-    """Return the row of the constant part of the current of a coil with the channels `own`."""
-    lines = np.array([c.line_a2 for c in own])
+def bias_row(spec: Spec, scheme: Scheme, channel_set: Sequence[Channel], name: str = BIAS) -> DriveRow:
+    """Return the row of the constant part of the current of a coil with the channels `channel_set`."""
+    lines = np.array([c.line_a2 for c in channel_set])
     resistance = spec.coil.resistance_ohm
     square = mean_square_a2(scheme, lines, spec.drive.headroom)
     constant = bias_a(scheme, lines) if scheme.is_biased else sqrt(square)
-    static_mn = square * own[0].force_constant_n_per_a2 / MN
+    static_mn = square * channel_set[0].force_constant_n_per_a2 / MN
     return DriveRow(name, 0.0, 0.0, static_mn, constant / MA, constant * resistance, resistance, 0.0, 0.0)
 
 

@@ -87,9 +87,9 @@ def switch_ms(channels: Sequence[Channel], sets: int = 1) -> float:
     The force is blended over it by a step that is flat to the fourth derivative at both ends. Two resonances of a coil
     within a half-power bandwidth act as one and do not beat.
     """
-    resonances = [np.array([c.resonance_hz for c in own]) for own in channel_sets(channels, sets)]
+    resonances = [np.array([c.resonance_hz for c in channel_set]) for channel_set in channel_sets(channels, sets)]
     beats = [np.diff(np.sort(hz)).min(initial=np.inf) for hz in resonances]
-    widths = [min(c.resonance_hz / c.q for c in own) for own in channel_sets(channels, sets)]
+    widths = [min(c.resonance_hz / c.q for c in channel_set) for channel_set in channel_sets(channels, sets)]
     beat_hz = min(max(float(beat), width) for beat, width in zip(beats, widths, strict=True))
     return max(SWITCH_PERIODS / min(channel.resonance_hz for channel in channels), SWITCH_BEATS / beat_hz) / MS
 
@@ -149,10 +149,10 @@ class _Switched(NamedTuple):
         else:
             time_s, levels = keyframes(frames, seconds, self.ramp_s, self.brake, self.tau_s)
         amplitude, energy = follow(time_s, levels, self.tau_s)
-        own = time_s[1:] <= seconds * (1 + 1e-9)
-        on = energy[own].sum(0) / seconds
-        off = energy[~own].sum(0) / seconds
-        last_on = amplitude[:-1][own][-1]
+        is_shown = time_s[1:] <= seconds * (1 + 1e-9)
+        on = energy[is_shown].sum(0) / seconds
+        off = energy[~is_shown].sum(0) / seconds
+        last_on = amplitude[:-1][is_shown][-1]
         last_off = np.zeros(count)
         if not self.takes_turns:
             if self.brake is not None:
@@ -196,17 +196,17 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
     reached = {figures.scheme: figures.reached_db for figures in selectivity.schemes}
     ramp_s = switch_ms(channels, sets) * MS
     kept_db = min(selectivity.asked_db, SLOT_DB)
-    own = [np.array([channel.ring_up_ms * MS for channel in each]) for each in channel_sets(channels, sets)]
-    alone = len(own[0]) < 2
-    found = []
+    channel_set = [np.array([channel.ring_up_ms * MS for channel in each]) for each in channel_sets(channels, sets)]
+    alone = len(channel_set[0]) < 2
+    contrasts = []
     for rate in frame_rates(channels, sets):
         if not alone and reached.get(rate.scheme, -inf) == -inf:
-            found.append(rate)
+            contrasts.append(rate)
             continue
         scheme = Scheme(rate.scheme)
         steady = 0.0 if alone else 10 ** (-reached[rate.scheme] / 10)
-        coils = [_Switched(tau_s, ramp_s, steady, scheme.takes_turns, None) for tau_s in own]
-        least_s = ramp_s * (2 * len(own[0]) if scheme.takes_turns else 1)
+        coils = [_Switched(tau_s, ramp_s, steady, scheme.takes_turns, None) for tau_s in channel_set]
+        least_s = ramp_s * (2 * len(channel_set[0]) if scheme.takes_turns else 1)
         at_rate = np.min([coil.contrasts_db(1 / rate.frames_per_s) for coil in coils], axis=0).tolist()
         figures = {
             "slot_db": at_rate[0],
@@ -217,15 +217,15 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
         if is_chosen:
             figures["kept_frames_per_s"] = _slowest([coil.longest_rate(kept_db, least_s) for coil in coils])
         if is_chosen and not scheme.takes_turns:
-            brake = switch_brake(np.concatenate(own), ramp_s, scheme)
+            brake = switch_brake(np.concatenate(channel_set), ramp_s, scheme)
             braked = [coil._replace(brake=brake) for coil in coils]
             least_s = ramp_s + brake.blend_s + brake.seconds
             figures["braked_frames_per_s"] = _slowest([coil.longest_rate(kept_db, least_s) for coil in braked])
             if figures["braked_frames_per_s"] and not alone:
                 seconds = 1 / figures["braked_frames_per_s"]
                 figures["braked_db"] = min(coil.contrasts_db(seconds)[0] for coil in braked)
-        found.append(replace(rate, **figures))
-    return tuple(found)
+        contrasts.append(replace(rate, **figures))
+    return tuple(contrasts)
 
 
 def _slowest(rates: Sequence[float | None]) -> float | None:
@@ -239,7 +239,7 @@ def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLo
     With two sets of channels, the figures are of the coil that allows the lower level.
     """
     carrier = carrier_hz(spec, scheme, max(c.resonance_hz for c in channels))
-    loads = (_load(spec, own, scheme, carrier) for own in channel_sets(channels, spec.coil.sets))
+    loads = (_load(spec, channel_set, scheme, carrier) for channel_set in channel_sets(channels, spec.coil.sets))
     return min(loads, key=lambda load: load.reachable_level_um)
 
 
@@ -379,8 +379,10 @@ class _CoilSets(NamedTuple):
 @lru_cache(maxsize=256)
 def _coil_sets(spec: Spec, planned: tuple[Channel, ...]) -> _CoilSets:
     sets = channel_sets(planned, spec.coil.sets)
-    alike, placed, asked = ([_resonators(spec, own, kind) for own in sets] for kind in ("alike", "placed", "asked"))
-    modes = [heard_modes(spec, own, taxels.line) for own, taxels in zip(sets, placed, strict=True)]
+    alike, placed, asked = (
+        [_resonators(spec, channel_set, kind) for channel_set in sets] for kind in ("alike", "placed", "asked")
+    )
+    modes = [heard_modes(spec, channel_set, taxels.line) for channel_set, taxels in zip(sets, placed, strict=True)]
     return _CoilSets(alike, placed, asked, modes)
 
 
@@ -424,7 +426,7 @@ def _selectivity(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> Se
         paper_db=None if alone else _paper_db(spec, channel_sets(planned, spec.coil.sets)),
         snapping_db=None if alone else _worst_db(sets.asked, scheme) - states.db,
         modes_cost_db=None if alone else _worst_db(sets.placed, scheme) - placed_db,
-        modes_left_out=max(float(own.left_out.max()) for own in sets.modes),
+        modes_left_out=max(float(modes.left_out.max()) for modes in sets.modes),
         optimum_db=None,
         matrix_db=tuple(tuple(map(tuple, table.tolist())) for table in below),
         schemes=(),
@@ -433,7 +435,7 @@ def _selectivity(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> Se
 
 def _worst_db(sets: Sequence[Channels], scheme: Scheme, modes: Iterable[ModalTaxels | None] = repeat(None)) -> float:
     """Return the all-state selectivity in dB of the worst set of channels; with `modes`, all of these are counted."""
-    return min(all_states(taxels, scheme, own).db for taxels, own in zip(sets, modes, strict=False))
+    return min(all_states(taxels, scheme, set_modes).db for taxels, set_modes in zip(sets, modes, strict=False))
 
 
 def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
@@ -506,7 +508,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
 
 def _paper_db(spec: Spec, sets: Sequence[Sequence[Channel]]) -> float:
     """Return the selectivity in dB that the paper's Eq. 12 gives for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
-    ratio = min(b.resonance_hz / a.resonance_hz for own in sets for a, b in pairwise(own))
+    ratio = min(b.resonance_hz / a.resonance_hz for channel_set in sets for a, b in pairwise(channel_set))
     return decibel(4 * spec.q_min * (ratio - 1) / (ratio + 1))
 
 
@@ -621,31 +623,33 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
         taxel = Channels(*(part[[i]] for part in taxels))
         other = slice((i + steps) % sets, None, sets)
         played = Channels(*(part[other] for part in taxels))
-        own = [k for k in range(i % sets, len(channels), sets) if k != i]
+        others = [k for k in range(i % sets, len(channels), sets) if k != i]
         tones[i] = tone_energy(taxel, played).sum()
         if scheme.has_pair_spurs:
             spurs[i] = _line_energy(taxel, *pair_lines(played, scheme)[:3])
-        beats[i] = _beat_energy(taxel, Channels(*(part[own] for part in taxels)), played, scheme, spec.drive.headroom)
+        beats[i] = _beat_energy(
+            taxel, Channels(*(part[others] for part in taxels)), played, scheme, spec.drive.headroom
+        )
     return tones, spurs, beats
 
 
-def _beat_energy(taxel: Channels, own: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
+def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
     """Return the largest energy by twice the product of the currents of the own coil and another.
 
     With tones or biased currents every two channels make a line at their sum and one at their difference; the caller
     counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
     the other coil plays one channel alone, whose root has harmonics of ``4√2/(π(4n² − 1)) √a``.
     """
-    if not len(own.line) or scheme.takes_turns:
+    if not len(channel_set.line) or scheme.takes_turns:
         return 0.0
     if scheme.has_pair_spurs:
         # If both coils play the same two channels, these make the same line twice, at worst in step.
-        twice = 1.0 if set(own.resonance_hz.tolist()).isdisjoint(other.resonance_hz.tolist()) else 2.0
-        both = Channels(*(np.concatenate(parts) for parts in zip(own, other, strict=True)))
-        a, b = np.indices((len(own.line), len(other.line))).reshape(2, -1)
-        made = pair_lines(both, scheme, (a, b + len(own.line)), other.line.max())
+        twice = 1.0 if set(channel_set.resonance_hz.tolist()).isdisjoint(other.resonance_hz.tolist()) else 2.0
+        both = Channels(*(np.concatenate(parts) for parts in zip(channel_set, other, strict=True)))
+        a, b = np.indices((len(channel_set.line), len(other.line))).reshape(2, -1)
+        made = pair_lines(both, scheme, (a, b + len(channel_set.line)), other.line.max())
         return twice * _line_energy(taxel, *made[:3])
-    mean = (1 + headroom) * own.line.sum()
+    mean = (1 + headroom) * channel_set.line.sum()
     harmonic = np.arange(1, 4)[:, None]
     amplitude = 8 * 2**0.5 / (np.pi * (4 * harmonic**2 - 1)) * np.sqrt(mean * other.line)
     return _line_energy(taxel, harmonic * other.resonance_hz, np.zeros(1), amplitude**2)

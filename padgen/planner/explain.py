@@ -250,13 +250,13 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
         yield f"nothing up to {MOST_TRIED} channels per coil, beyond which none were tried"
         return
     band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
-    found = _figures(spec, grid, more)
-    if found is not None and found.kept_db is not None and found.kept_db < found.asked_db:
+    figures = _figures(spec, grid, more)
+    if figures is not None and figures.kept_db is not None and figures.kept_db < figures.asked_db:
         listed = more * spec.coil.sets == len(spec.resonances_hz or ())
         where = "at the listed resonances" if listed else f"with {spec.spacing!r} spacing"
         yield (
-            f"selectivity: {more} channels per coil {where}, driven {found.drive}, keep {found.kept_db:.1f} dB in"
-            f" all states, asked are {found.asked_db:.1f} dB"
+            f"selectivity: {more} channels per coil {where}, driven {figures.drive}, keep {figures.kept_db:.1f} dB in"
+            f" all states, asked are {figures.asked_db:.1f} dB"
         )
     capacity = coil_capacity(spec, scheme_named(spec, "spur-free" if drive == "auto" else drive), "")
     if more > capacity.paper:
@@ -290,12 +290,12 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
     """Return the changes to try, each with its cost (index into `COSTS`)."""
     spec = plan.spec
     weakest = max(plan.channels, key=lambda channel: channel.print_spread)
-    (low, high), own, printer = spec.band_hz, spec.suspension, spec.printer
+    (low, high), suspension, printer = spec.band_hz, spec.suspension, spec.printer
     bands = (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1)
     sizes = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
     finer = [p for p in catalogue("printer").values() if p["line_width_mm"] < printer.line_width_mm]
     smaller = [w for w in catalogue("washer").values() if w["outer_diameter_mm"] < spec.washer.outer_diameter_mm]
-    topologies = [name for name in SUSPENSIONS.names() if name not in (own.topology, weakest.beam.topology)]
+    topologies = [name for name in SUSPENSIONS.names() if name not in (suspension.topology, weakest.beam.topology)]
     laws = () if spec.drive.threshold_hz else (0.0, 1.0, 2.0)
     free = {"topology": "auto", "tune": "width+thickness+length"}
     kinds: list[tuple[int, Iterable[Cure]]] = [
@@ -305,7 +305,7 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
         (0, ({"drive.level_law": law} for law in laws if law != spec.drive.level_law)),
         (0, [{"delta_y": float(number(spec.delta_y * 0.7))}]),
         (1, ({"q_min": round(spec.q_min * factor, 1)} for factor in (1.25, 1.5, 2.0))),
-        (0, ({f"suspension.{key}": value} for key, value in free.items() if getattr(own, key) != value)),
+        (0, ({f"suspension.{key}": value} for key, value in free.items() if getattr(suspension, key) != value)),
         (0, ({"suspension.topology": name} for name in topologies)),
         (0, [{"suspension.thickness_mm": round(weakest.beam.thickness_mm + printer.layer_mm, 6)}]),
         (1, () if spec.spread.bed_meshed else [{"spread.bed_meshed": True}]),

@@ -66,8 +66,8 @@ def coupon_plan(plan: Plan) -> Plan:
     step = (0, 1) if plan.coils.columns > 1 else (1, 0)
     taxels = tuple(
         placed_taxel(coils, (index * step[0], index * step[1]), k, channel)
-        for index, own in enumerate(plan.sets)
-        for k, channel in enumerate(own)
+        for index, channel_set in enumerate(plan.sets)
+        for k, channel in enumerate(channel_set)
     )
     name = plan.name[: LONGEST_NAME - len(SUFFIX)] + SUFFIX
     # The border is as narrow as walls of two lines beside the holes and room for the screws' heads allow.
@@ -276,10 +276,10 @@ def washer_underside_mm(plan: Plan) -> float:
 def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     """Return findings about a tray: a gap changed by rounding to layers, plates that touch coils, heads on plates."""
     spec = plan.spec
-    found = []
+    findings = []
     off = tray.gap_mm - spec.coil.gap_mm
     if abs(off) > 1e-6:
-        found.append(
+        findings.append(
             Finding(
                 "warning" if abs(off) > GAP_SHARE * spec.coil.gap_mm else "note",
                 "tray.gap",
@@ -291,7 +291,7 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     lowest = max(plan.channels, key=lambda c: c.level_um + c.sag_um + c.static_um)
     travel = (lowest.level_um + lowest.sag_um + lowest.static_um) * UM / MM
     if travel >= tray.clear_mm:
-        found.append(
+        findings.append(
             Finding(
                 "error",
                 "tray.clear",
@@ -304,7 +304,7 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
     pad = spec.pad
     screw = tray.screw
     if screw is not None and screw.head_mm > pad.border_mm + pad.rib_mm + 1e-9:  # heads lie on moving plates
-        found.append(
+        findings.append(
             Finding(
                 "warning",
                 "tray.screw",
@@ -314,7 +314,7 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
                 f" {number(screw.head_mm - pad.rib_mm)} mm would do, or smaller holes",
             )
         )
-    return tuple(found)
+    return tuple(findings)
 
 
 def _refuse(plan: Plan, clear_mm: float) -> None:

@@ -178,8 +178,8 @@ def _softening(plan: Plan) -> Iterator[Finding]:
 def _beats(plan: Plan) -> Iterator[Finding]:
     """Warn of spurs of two channels that fall on one of the two: spur and tone beat, and the level is not steady."""
     scheme = plan.scheme
-    for own in plan.sets if scheme.has_pair_spurs else ():
-        for low, high in combinations(own, 2):
+    for channel_set in plan.sets if scheme.has_pair_spurs else ():
+        for low, high in combinations(channel_set, 2):
             spurs = high.resonance_hz + low.resonance_hz, high.resonance_hz - low.resonance_hz
             for hz in (spur * scheme.pair_scale for spur in spurs):
                 for hit in (low, high):
@@ -237,10 +237,10 @@ def _limits(plan: Plan) -> Iterator[Finding]:
     """Find errors where all taxels on ask for more than is borne, as `padgen.driver.loads` does of a drive."""
     spec = plan.spec
     moved = []
-    for own in plan.sets:
-        lines = np.array([channel.line_a2 for channel in own])
+    for channel_set in plan.sets:
+        lines = np.array([channel.line_a2 for channel in channel_set])
         square_a2 = mean_square_a2(plan.scheme, lines, spec.drive.headroom)
-        moved += [Moved(channel, square_a2, 1.0) for channel in own]
+        moved += [Moved(channel, square_a2, 1.0) for channel in channel_set]
     demand = coil_demand(plan.load, plan.coils.rows * plan.coils.columns, tuple(moved))
     for one in exceeded(spec, demand):
         limit = one.limit
@@ -284,9 +284,9 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         judge_touch,
         judge_pushes,
     )
-    found = _one_of_each(plan, [finding for rule in rules for finding in rule(plan)])
-    found += judge_left_out(plan.spec, plan.left_out)
-    return tuple(sorted(found, key=lambda f: -LEVELS.index(f.level)))
+    findings = _one_of_each(plan, [finding for rule in rules for finding in rule(plan)])
+    findings += judge_left_out(plan.spec, plan.left_out)
+    return tuple(sorted(findings, key=lambda f: -LEVELS.index(f.level)))
 
 
 WORST: dict[str, Callable[[Channel], float]] = {
@@ -299,14 +299,14 @@ WORST: dict[str, Callable[[Channel], float]] = {
 """By code of findings that each channel may have: the figure of a channel by which it is the worst."""
 
 
-def _one_of_each(plan: Plan, found: Sequence[Finding]) -> list[Finding]:
+def _one_of_each(plan: Plan, findings: Sequence[Finding]) -> list[Finding]:
     """Make one finding of those of one code and level that several channels have: the worst channel's, naming all."""
     alike: dict[tuple[str, str], list[Finding]] = {}
-    for finding in found:
+    for finding in findings:
         if finding.code in WORST:
             alike.setdefault((finding.level, finding.code), []).append(finding)
     joined: list[Finding] = []
-    for finding in found:
+    for finding in findings:
         group = alike.pop((finding.level, finding.code), None) if finding.code in WORST else [finding]
         if group is None:
             continue
@@ -323,7 +323,7 @@ def _one_of_each(plan: Plan, found: Sequence[Finding]) -> list[Finding]:
 
 def _spacing(plan: Plan) -> Iterator[Finding]:
     bound = ladder_ratio(plan.spec.q_min, plan.spec.delta_y)
-    for lower, upper in (pair for own in plan.sets for pair in pairwise(own)):
+    for lower, upper in (pair for channel_set in plan.sets for pair in pairwise(channel_set)):
         ratio = upper.resonance_hz / lower.resonance_hz
         if ratio < 1 + (bound - 1) * (1 - SPACING_SHARE):
             yield Finding(
@@ -475,8 +475,8 @@ def _model_doubt(spec: Spec, channel: Channel) -> str:
             f"it is planned by the beam model, which may be off by {error:.2%} of its resonance, since finite elements"
             f" know it no better; asked is {tuned:.2%}"
         )
-    own = f"the beam model may be off by {error:.1%} of its resonance, model.tolerance is {asked:.1%}"
-    return f"{own}; --model solid computes it by finite elements and tunes its beams" if error > asked else ""
+    doubt = f"the beam model may be off by {error:.1%} of its resonance, model.tolerance is {asked:.1%}"
+    return f"{doubt}; --model solid computes it by finite elements and tunes its beams" if error > asked else ""
 
 
 def _stretching(spec: Spec, channel: Channel) -> Finding:
@@ -577,7 +577,7 @@ def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crow
     amplitude, and modes that cost more than `MODES_DB`.
     """
     coils = channel_sets(channels, spec.coil.sets) if len(channels) > spec.coil.sets else ()
-    return [crowd for own in coils for crowd in _coil_crowds(spec, own, scheme)]
+    return [crowd for channel_set in coils for crowd in _coil_crowds(spec, channel_set, scheme)]
 
 
 def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
@@ -589,36 +589,36 @@ def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
     return _Lines(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _coil_crowds(spec: Spec, own: Sequence[Channel], scheme: Scheme) -> Iterable[Crowd]:
+def _coil_crowds(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme) -> Iterable[Crowd]:
     """Return the crowds of one coil: all modes near a line, and modes of its worst OFF taxel that cost it much."""
-    taxels = placed_channels(spec, own)
-    modes = coil_modes(spec, own)
-    found = dict[tuple[int, int], Crowd]()
+    taxels = placed_channels(spec, channel_set)
+    modes = coil_modes(spec, channel_set)
+    crowd_at = dict[tuple[int, int], Crowd]()
     lines = _lines(taxels, scheme)
     half = slot_half_width(spec.q_min, spec.delta_y)
     order = np.argsort(lines.hz)
-    for i, channel in enumerate(own):
+    for i, channel in enumerate(channel_set):
         for k in _others(channel):
             hz = channel.modes_hz[k]
             ends = (hz / (1 + half), hz / (1 - half) if half < 1 else inf)
             some = order[slice(*np.searchsorted(lines.hz, ends, sorter=order))]
             some = some[(lines.first[some] != i) & (lines.second[some] != i)]
             if len(some):
-                crowd = _crowd(own, taxels, modes, lines, (i, k, int(some[lines.amplitude[some].argmax()])))
+                crowd = _crowd(channel_set, taxels, modes, lines, (i, k, int(some[lines.amplitude[some].argmax()])))
                 if crowd.at_peak > 1 / spec.delta_y:
-                    found[i, k] = crowd
+                    crowd_at[i, k] = crowd
     kept = all_states(taxels, scheme, modes)
     costly = all_states(taxels, scheme).db - kept.db > MODES_DB
-    for k in _others(own[kept.off]) if costly else ():
+    for k in _others(channel_set[kept.off]) if costly else ():
         gain = modes.gain.copy()
         gain[kept.off, k] = 0.0
         costs_db = all_states(taxels, scheme, modes._replace(gain=gain)).db - kept.db
         if costs_db > MODES_DB:
             heard = felt_energy(_single_mode(modes, kept.off, k), slice(None), lines.hz)[0] * lines.amplitude**2
             heard *= (lines.first != kept.off) & (lines.second != kept.off)
-            crowd = _crowd(own, taxels, modes, lines, (kept.off, k, int(heard.argmax())))
-            found[kept.off, k] = crowd._replace(costs_db=costs_db)
-    return found.values()
+            crowd = _crowd(channel_set, taxels, modes, lines, (kept.off, k, int(heard.argmax())))
+            crowd_at[kept.off, k] = crowd._replace(costs_db=costs_db)
+    return crowd_at.values()
 
 
 def _others(channel: Channel) -> list[int]:
@@ -631,16 +631,16 @@ def _single_mode(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
 
 
 def _crowd(
-    own: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
+    channel_set: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
 ) -> Crowd:
     """Return the `Crowd` for the indices `at` of taxel, mode and line."""
     i, k, line = at
     ratio = float(lines.amplitude[line] / taxels.line[i])
-    hz = own[i].modes_hz[k]
+    hz = channel_set[i].modes_hz[k]
     line_hz = float(lines.hz[line])
-    makers = own[lines.first[line]].index, own[lines.second[line]].index
+    makers = channel_set[lines.first[line]].index, channel_set[lines.second[line]].index
     return Crowd(
-        own[i].index,
+        channel_set[i].index,
         k,
         hz,
         line_hz,
@@ -654,10 +654,10 @@ def _crowd(
 def judge_modes(plan: Plan) -> Iterator[Finding]:
     """Yield findings about modes close to lines of the drive, and about the selectivity that all modes cost."""
     spec = plan.spec
-    found = crowds(spec, plan.channels, plan.scheme)
-    cures = tuple(_changes(plan, found)) if found else ()
-    yield from _unexcited(plan, found)
-    for crowd in found:
+    all_crowds = crowds(spec, plan.channels, plan.scheme)
+    cures = tuple(_changes(plan, all_crowds)) if all_crowds else ()
+    yield from _unexcited(plan, all_crowds)
+    for crowd in all_crowds:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
         cost = f", and costs {crowd.costs_db:.1f} dB, at most {number(MODES_DB)}" if crowd.costs_db else ""
         yield Finding(
@@ -671,7 +671,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
         )
     figures = plan.selectivity
     if (figures.modes_cost_db or 0.0) > MODES_DB and figures.placed_all_states_db is not None:
-        worst = max(found, key=lambda crowd: crowd.costs_db, default=None)
+        worst = max(all_crowds, key=lambda crowd: crowd.costs_db, default=None)
         most = ""
         if worst and worst.costs_db:
             name = mode_names(spec, plan.channels[worst.channel])[worst.mode]
@@ -687,14 +687,14 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
+def _unexcited(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Finding]:
     """Tell of second modes in the slots of other channels that a pull at the washer's axis does not excite."""
-    loud = {(crowd.channel, crowd.hz) for crowd in found}
+    loud = {(crowd.channel, crowd.hz) for crowd in all_crowds}
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     silent = [
         (channel, other)
-        for own in plan.sets
-        for channel, other in permutations(own, 2)
+        for channel_set in plan.sets
+        for channel, other in permutations(channel_set, 2)
         if channel.second_mode_share < QUIET_SHARE
         and abs(channel.second_mode_hz / other.resonance_hz - 1) < half
         and (channel.index, channel.second_mode_hz) not in loud
@@ -712,16 +712,16 @@ def _unexcited(plan: Plan, found: Sequence[Crowd]) -> Iterator[Finding]:
         )
 
 
-def _changes(plan: Plan, found: Sequence[Crowd]) -> Iterator[Cure]:
+def _changes(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Cure]:
     """Yield changes of the spec that move modes or lines, the smallest changes first."""
     spec = plan.spec
     channels = plan.channels
-    if any(crowd.is_spur for crowd in found):
+    if any(crowd.is_spur for crowd in all_crowds):
         others = [name for name in reversed(simplest_first()) if name != plan.selectivity.drive]
         yield from ({"drive.scheme": name} for name in others if not Scheme(name).takes_turns)
-    if len({crowd.channel for crowd in found}) == 1:
+    if len({crowd.channel for crowd in all_crowds}) == 1:
         for factor in MOVES:
-            moved = [c.target_hz * (factor if c.index == found[0].channel else 1) for c in channels]
+            moved = [c.target_hz * (factor if c.index == all_crowds[0].channel else 1) for c in channels]
             yield {"resonances_hz": [float(f"{hz:.4g}") for hz in moved]}
     if spec.spacing == "optimised" and not spec.resonances_hz:
         return  # other suspensions would each need a new, slow search for the optimum

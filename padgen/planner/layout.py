@@ -137,7 +137,7 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     parts = _parts(spec)
     work = 0
     for taxels, alike in groupby(sorted(grids, key=prod, reverse=True), key=prod):
-        found = []
+        fitting = []
         for layout in (each for grid in alike for each in _divisions(spec, *grid, taxels)):
             size = layout.sub_width_mm, layout.sub_depth_mm
             # Many layouts share a size of sub-cell; that their pitch holds the coil is known.
@@ -146,8 +146,8 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
             work += 1
             if spare[size] >= -SLACK_MM:
                 work += layout.channels
-                found.append(replace(layout, slacks=_slacks(spec, parts, layout)))
-        yield from sorted((f for f in found if f.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
+                fitting.append(replace(layout, slacks=_slacks(spec, parts, layout)))
+        yield from sorted((f for f in fitting if f.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
         if work > MOST_WORK:
             return
 
@@ -348,7 +348,7 @@ def explain(spec: Spec, layout: Layout) -> str:
     plate = plate_shape(spec)
     washer = spec.washer
     reach_mm = coil_reach_mm(spec)
-    told = {
+    sentences = {
         "coil": f"the coil ({number(spec.coil.outer_diameter_mm)} mm) exceeds the pitch of {number(pitch)} mm",
         "reach": f"the farthest washer lies {number(reach_mm - slack)} mm off the coil axis,"
         f" beyond the coil's reach of {number(reach_mm)} mm",
@@ -358,7 +358,7 @@ def explain(spec: Spec, layout: Layout) -> str:
         "length": f"in the {sub} the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
         f" ({number(-slack)} mm short)",
     }
-    return f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: {told[kind]}"
+    return f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: {sentences[kind]}"
 
 
 def taxel_places(plan: Plan) -> np.ndarray:

@@ -227,7 +227,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     """
     # The pad is screwed down at its corners or, without holes, glued down.
     frame = flexibility_bounds(plan, "corners" if plan.spec.pad.hole_diameter_mm else "bottom")
-    found = [
+    entries = [
         _inertia(plan),
         *_bending(plan),
         *_air(plan),
@@ -236,14 +236,14 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
         *_magnetic(plan),
     ]
     if plan.reuse.leak_db is not None:
-        found.append(LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True))
-    found.sort(key=lambda entry: -_size(entry))
+        entries.append(LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True))
+    entries.sort(key=lambda entry: -_size(entry))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
     free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]
     tight = [channel for channel in plan.channels if channel.hardening_per_mm2 > 0]
     if tight:
         free.insert(0, LeftOut(STRESSES, None, "1", f"resonance of channel {tight[0].index}", False, "unbounded"))
-    return (*found, *free, *whole)
+    return (*entries, *free, *whole)
 
 
 def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
@@ -269,7 +269,7 @@ def _told(entry: LeftOut) -> str:
 
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
     """Yield a note of the effects left out above `model.tolerance`, and a warning of unbounded stresses."""
-    told = [f"{_told(e)} ({RUNGS[e.term][1]})" for e in _ignored(entries) if _size(e) > spec.model.tolerance]
+    sentences = [f"{_told(e)} ({RUNGS[e.term][1]})" for e in _ignored(entries) if _size(e) > spec.model.tolerance]
     if any(entry.term == STRESSES for entry in entries):
         yield Finding(
             "warning",
@@ -279,13 +279,13 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
             " amount: print a coupon and measure it",
             ({"suspension.topology": "folded"}, {"suspension.topology": "cantilever"}),
         )
-    if told:
+    if sentences:
         yield Finding(
             "note",
             "model.left_out",
             "plan",
             f"ignored effects above {percent(spec.model.tolerance)} (model.tolerance), and how to include or avoid"
-            f" them: {'; '.join(told)}",
+            f" them: {'; '.join(sentences)}",
         )
 
 
@@ -309,13 +309,14 @@ def _inertia(plan: Plan) -> LeftOut:
     elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
     beams = [k for k, channel in enumerate(channels) if channel.model == "beam"]
     for topology in dict.fromkeys(channels[k].beam.topology for k in beams):
-        own = [k for k in beams if channels[k].beam.topology == topology]
-        sizes = [(b.width_mm, b.thickness_mm, b.length_mm) for b in (channels[k].beam for k in own)]
+        same_kind = [k for k in beams if channels[k].beam.topology == topology]
+        sizes = [(b.width_mm, b.thickness_mm, b.length_mm) for b in (channels[k].beam for k in same_kind)]
         model = TaxelModel(plan.spec, topology, plate, BeamShape(*np.array(sizes).T))
         motion, hz, shares = (
-            np.array([getattr(channels[k], name) for k in own]) for name in ("mode_motions", "modes_hz", "mode_shares")
+            np.array([getattr(channels[k], name) for k in same_kind])
+            for name in ("mode_motions", "modes_hz", "mode_shares")
         )
-        bound[own] = beam_inertia(model.placements, motion, model.washer_point_m, hz, shares.argmax(1), *elastic)
+        bound[same_kind] = beam_inertia(model.placements, motion, model.washer_point_m, hz, shares.argmax(1), *elastic)
     return replace(_worst_channel("beam inertia", "resonance", channels, bound), computed=not beams)
 
 
@@ -394,18 +395,18 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
     for b in arrangement.blocks:
         (x0, x1), (y0, y1) = (b.low_x_mm, b.high_x_mm), (b.low_y_mm, b.high_y_mm)
         corners = [moves(x, y) for x in (x0, x1) for y in (y0, y1)]
-        own = float((x1 - x0) * (y1 - y0))
+        area_mm2 = float((x1 - x0) * (y1 - y0))
         # The mean square of a linear function over a rectangle, from its middle and its corners.
-        square += own * float(2 * np.mean(corners) ** 2 + np.mean(np.square(corners))) / 3
-        area = area + own
+        square += area_mm2 * float(2 * np.mean(corners) ** 2 + np.mean(np.square(corners))) / 3
+        area = area + area_mm2
         most = max(most, *map(abs, corners))
     blocks = area
     for path in arrangement.beams:
-        own = float(path.width_mm * path.length_mm)
+        area_mm2 = float(path.width_mm * path.length_mm)
         tip = path.corners[-1]
         # The mean square of a beam guided at its tip is 13/35 of the square at the tip.
-        square += own * 13 / 35 * moves(float(tip.x_mm), float(tip.y_mm)) ** 2
-        area += own
+        square += area_mm2 * 13 / 35 * moves(float(tip.x_mm), float(tip.y_mm)) ** 2
+        area += area_mm2
     return area * MM**2, blocks * MM**2, square / area, most, float(np.hypot(*arrangement.window_mm)) * MM
 
 
@@ -417,11 +418,11 @@ def _far_modes(plan: Plan) -> Iterator[LeftOut]:
     if not plan.selectivity.modes_left_out:
         return
     bounds = []
-    for own in plan.sets:
-        line = placed_channels(plan.spec, own).line
-        hz = np.array([channel.resonance_hz for channel in own])
-        every = coil_modes(plan.spec, own)
-        heard = heard_modes(plan.spec, own, line)
+    for channel_set in plan.sets:
+        line = placed_channels(plan.spec, channel_set).line
+        hz = np.array([channel.resonance_hz for channel in channel_set])
+        every = coil_modes(plan.spec, channel_set)
+        heard = heard_modes(plan.spec, channel_set, line)
         kept = np.where(heard.gain.any(-1), heard.frequency_hz, 0.0)
         dropped = every.gain * ~(every.frequency_hz[..., None] == kept[:, None]).any(-1)[..., None]
         weight = (line / line[:, None]) ** 2 * ~np.eye(len(line), dtype=bool)
@@ -433,7 +434,7 @@ def _far_modes(plan: Plan) -> Iterator[LeftOut]:
             amplitude = amplitude + known
             more = more + 2 * np.sqrt(known * missed) + missed
         bounds.append(np.divide(more, 2 * amplitude, out=np.zeros(len(line)), where=amplitude > 0))
-    channels = [channel for own in plan.sets for channel in own]
+    channels = [channel for channel_set in plan.sets for channel in channel_set]
     yield _worst_channel("far modes", "OFF amplitude", channels, np.concatenate(bounds))
 
 
@@ -458,10 +459,12 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     yield _worst_channel("eddy currents", "force", channels, np.array(eddies))
     shielded = np.zeros(len(channels))
     middle = (washer.outer_diameter + washer.inner_diameter) / 4
-    for own in _sets(channels, spec):
-        place = np.array([channels[k].site.washer_mm for k in own]) * MM
+    for members in _sets(channels, spec):
+        place = np.array([channels[k].site.washer_mm for k in members]) * MM
         echo = core_echo(coil, spec.coil.gap_mm * MM, place)
-        shielded[own] = mutual_shielding(dipole[own], made.field[own], made.share[:, own], place, middle, echo)
+        shielded[members] = mutual_shielding(
+            dipole[members], made.field[members], made.share[:, members], place, middle, echo
+        )
     if shielded.any():
         yield _worst_channel("shielding", "force", channels, shielded)
     yield from _motion_effects(plan, channels)
@@ -470,7 +473,7 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
 def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
     """Return the indices of `channels` over one coil, for each set of channels."""
     kinds = [channel.index % spec.coil.sets for channel in channels]
-    return [own for kind in range(spec.coil.sets) if (own := [k for k, of in enumerate(kinds) if of == kind])]
+    return [members for kind in range(spec.coil.sets) if (members := [k for k, of in enumerate(kinds) if of == kind])]
 
 
 def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
@@ -488,11 +491,11 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
     # The constant part of the current over the channel's own tone in it.
     scheme = plan.scheme
     bias = np.zeros(len(channels))
-    for own in _sets(channels, spec):
+    for members in _sets(channels, spec):
         if scheme.is_biased:
-            bias[own] = scheme.bias_ratio * line[own].max() / line[own]
+            bias[members] = scheme.bias_ratio * line[members].max() / line[members]
         elif scheme.is_root:
-            bias[own] = 2 * (1 + spec.drive.headroom) * line[own].sum() / line[own]
+            bias[members] = 2 * (1 + spec.drive.headroom) * line[members].sum() / line[members]
     ohm = spec.coil.resistance_ohm
     henry = spec.coil.inductance_mh * MH
     moved = motional_voltage(pull, level * UM, resonance, drive, bias, partial(impedance, ohm, henry))
@@ -561,7 +564,7 @@ def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Ite
     """
     for name, skin in SKINS.items():
         hz, q, _ = _touched(spec, skin, channels)
-        kept_db = [_kept_db(spec, own, scheme, skin) for own in channel_sets(channels, spec.coil.sets)]
+        kept_db = [_kept_db(spec, channel_set, scheme, skin) for channel_set in channel_sets(channels, spec.coil.sets)]
         yield Touched(
             skin=name,
             skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
@@ -626,15 +629,15 @@ def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.nd
     return touched(skin, spec.taxel.boss_diameter_mm / 2 * MM, stiffness, mass_g * GRAM, q)
 
 
-def _kept_db(spec: Spec, own: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
+def _kept_db(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
     """Return the smallest ON over the largest OFF level in dB of a touched coil in all states.
 
     None for a single channel, or for more than `MOST_CHANNELS`.
     """
-    if not 2 <= len(own) <= MOST_CHANNELS:
+    if not 2 <= len(channel_set) <= MOST_CHANNELS:
         return None
-    planned, (hz, q, stiffer) = placed_channels(spec, own), _touched(spec, skin, own)
-    stiffness = np.array([c.stiffness_n_per_m for c in own])
+    planned, (hz, q, stiffer) = placed_channels(spec, channel_set), _touched(spec, skin, channel_set)
+    stiffness = np.array([c.stiffness_n_per_m for c in channel_set])
     taxels = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
     (made,) = own_lines(planned, scheme)
     on = line_energy(taxels, made)[:, 0].diagonal()

@@ -185,7 +185,7 @@ def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
 
     A channel is judged by that of its taxels that asks for most.
     """
-    told: dict[str, set[int]] = {}
+    sentences: dict[str, set[int]] = {}
     for limit in limits():
         bound = limit.bound(spec)
         if limit.asked is not None:
@@ -197,9 +197,9 @@ def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
         for one in demand.moved:
             value = _of_each(limit, spec, one)
             most[one.channel.index] = max(value, most.get(one.channel.index, value))
-        known = set[int]().union(*(told.get(code, ()) for code in limit.implied_by))
+        known = set[int]().union(*(sentences.get(code, ()) for code in limit.implied_by))
         broken = [index for index in most if most[index] > bound * NEAR and index not in known]
-        told[limit.code] = {*broken}
+        sentences[limit.code] = {*broken}
         if broken:
             broken.sort(key=lambda index: (-most[index], index))
             yield Exceeded(limit, most[broken[0]], bound, tuple(broken))

@@ -104,10 +104,10 @@ def numbers_hold() -> Iterator[None]:
         try:
             yield
         except BROKEN_DOWN as error:
-            own = [frame for frame in extract_tb(error.__traceback__) if ROOT in Path(frame.filename).parents]
+            our_frames = [frame for frame in extract_tb(error.__traceback__) if ROOT in Path(frame.filename).parents]
             raise SolverError(
-                f"leaves the range in which it can be computed ({error} in {own[-1].name} of"
-                f" {Path(own[-1].filename).relative_to(ROOT)})",
+                f"leaves the range in which it can be computed ({error} in {our_frames[-1].name} of"
+                f" {Path(our_frames[-1].filename).relative_to(ROOT)})",
                 "the spec",
             ) from error
 
@@ -146,10 +146,10 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """
     if choice and set(cure) == {"drive.level_um"}:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
-    found = _searched(varied(spec, cure), quick=choice is None, most=MOST_FOR_CURE)
-    if found is None:
+    searched = _searched(varied(spec, cure), quick=choice is None, most=MOST_FOR_CURE)
+    if searched is None:
         raise InfeasibleError("no layout holds", "resolution")
-    return finish(found, quick=True)
+    return finish(searched, quick=True)
 
 
 @numbers_hold()
@@ -174,16 +174,16 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
             some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
             known[key] = islice(some, None if spec.leaves_layout_free and not quick else 1)
         known[key], sized = tee(known[key])
-        own = starmap(partial(Choice, decided), sized)
-        if quick and (first := next(own, None)):
+        choices = starmap(partial(Choice, decided), sized)
+        if quick and (first := next(choices, None)):
             return first
-        ranked.append(own)
+        ranked.append(choices)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
-    found = islice(merge(*ranked, key=_coils_key), most)
-    some_found = list(islice(found, 2))
+    merged = islice(merge(*ranked, key=_coils_key), most)
+    some_found = list(islice(merged, 2))
     if not some_found:
         return None
-    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, found))
+    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, merged))
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     pulls = force_constants(spec, channels, sites)
@@ -408,9 +408,9 @@ def _taxels(layout: Layout, coils: CoilGrid, channels: tuple[Channel, ...], turn
     taxels = []
     for index in range(layout.coils):
         coil = row, column = divmod(index, layout.columns)
-        own = sets[(row + column) % len(sets)][: layout.channels - (index >= full)]
+        coil_set = sets[(row + column) % len(sets)][: layout.channels - (index >= full)]
         around = cell_is_turned(turned, row, column)
-        taxels += [placed_taxel(coils, coil, k, channel, around) for k, channel in enumerate(own)]
+        taxels += [placed_taxel(coils, coil, k, channel, around) for k, channel in enumerate(coil_set)]
     return tuple(taxels)
 
 

@@ -176,15 +176,15 @@ class Simulated(NamedTuple):
 
 def spreads_of(spec: Spec) -> Spreads:
     """Return the spreads of a spec's prints."""
-    own = spec.spread
+    spread = spec.spread
     taxel = spec.taxel
     return Spreads(
-        modulus=own.common_modulus,
-        common_z_mm=own.common_z_mm,
-        field_z_mm=own.bed_field_mm,
-        width_mm=own.width_mm,
-        thickness_mm=own.thickness_mm,
-        length_mm=own.length_mm,
+        modulus=spread.common_modulus,
+        common_z_mm=spread.common_z_mm,
+        field_z_mm=spread.bed_field_mm,
+        width_mm=spread.width_mm,
+        thickness_mm=spread.thickness_mm,
+        length_mm=spread.length_mm,
         glue_mg=taxel.glue_spread_mg,
         washer_mm=0.0 if taxel.centre_post else taxel.washer_clearance_mm / 4,
     )
@@ -257,7 +257,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         channel=channel,
         place_mm=np.array([(t.x_mm, t.y_mm) for t in plan.taxels] if places_mm is None else places_mm, float),
         field_length_mm=spec.spread.field_length_mm,
-        coils=tuple(Coils(np.array(own), np.array(alike[own]).T) for own in sorted(alike)),
+        coils=tuple(Coils(np.array(members), np.array(alike[members]).T) for members in sorted(alike)),
     )
 
 
@@ -278,13 +278,13 @@ def _added_off_energy(plan: Plan) -> np.ndarray:
     total = np.zeros((2, len(plan.channels)))
     for row, leaks_db in zip(total, (plan.reuse.leaks_db, plan.reuse.retuned_leaks_db), strict=True):
         row += [0.0 if db is None else 10 ** (-db / 10) for db in leaks_db]
-    for own in plan.sets:
-        if len(own) < 2:
+    for channel_set in plan.sets:
+        if len(channel_set) < 2:
             continue
-        taxels = placed_channels(plan.spec, own)
-        modes = heard_modes(plan.spec, own, taxels.line)
+        taxels = placed_channels(plan.spec, channel_set)
+        modes = heard_modes(plan.spec, channel_set, taxels.line)
         more = off_energy(taxels, plan.scheme, modes) - off_energy(taxels, plan.scheme)
-        total[:, [c.index for c in own]] += np.maximum(more, 0.0)
+        total[:, [c.index for c in channel_set]] += np.maximum(more, 0.0)
     return total
 
 
@@ -340,8 +340,10 @@ def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: i
     field = weight[NAMES.index("field_z_mm")]
     if field.any():
         result[1:] += field[design.channel, None] * _field(design, streams[1], pads)
-    own = np.sqrt((weight[[k for k, name in enumerate(NAMES) if name not in (*OF_A_PRINT, "field_z_mm")]] ** 2).sum(0))
-    result[2] += own[design.channel, None] * streams[2].standard_normal((pads, taxels)).T
+    of_taxel = np.sqrt(
+        (weight[[k for k, name in enumerate(NAMES) if name not in (*OF_A_PRINT, "field_z_mm")]] ** 2).sum(0)
+    )
+    result[2] += of_taxel[design.channel, None] * streams[2].standard_normal((pads, taxels)).T
     return result
 
 

@@ -178,13 +178,13 @@ def other_slicers_text(plan: Plan) -> str:
         f"PrusaSlicer takes all of them from {PROFILE_FILE}. By the names of others (Cura's were tried with CuraEngine"
         " 4.13, the rest are untested):\n"
     ]
-    for slicer, own in (
+    for slicer, slicer_lines in (
         ("Cura", [each.cura for each in settings]),
         ("OrcaSlicer, Bambu Studio", [each.orca for each in settings]),
     ):
         lines = (
             f"  {name}" + (f": {each.value}" if ":" not in name else "")
-            for name, each in zip(own, settings, strict=True)
+            for name, each in zip(slicer_lines, settings, strict=True)
             if name
         )
         parts.append("\n".join((f"{slicer}:", *lines, "")))

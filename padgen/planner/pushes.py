@@ -88,7 +88,7 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
     gap_mm = spec.coil.gap_mm - soft.sag_um * UM / MM
     others = [k for k in range(len(plan.channels)) if k != at and closed[k]]
     further = f"; {number(PUSHES_MN[-1])} mN close {sum(closed)} of {len(closed)} channels" if others else ""
-    told = (
+    sentence = (
         f"a finger that pushes its taxel with {_short(pushed.closing_force_mn[at])} mN closes its gap of"
         f" {_short(gap_mm)} mm, and stops it; the washer tilts, so that its rim meets the coil at"
         f" {_short(pushed.rim_force_mn[at])} mN{further}; its boss stands {number(spec.taxel.boss_protrusion_mm)} mm"
@@ -99,7 +99,7 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
         "warning" if any(typical.contact) else "note",
         "touch.push",
         f"channel {at}",
-        told,
+        sentence,
         tuple(_cures(plan)) if any(typical.contact) else (),
     )
     if broken:

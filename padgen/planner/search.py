@@ -72,7 +72,7 @@ def slot_band_hz(spec: Spec) -> tuple[float, float]:
 
 def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
     """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
-    spans = [found.span_hz for name in allowed(spec.suspension.topology) if (found := reach(spec, name, room))]
+    spans = [reached.span_hz for name in allowed(spec.suspension.topology) if (reached := reach(spec, name, room))]
     return (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
 
 
@@ -90,8 +90,8 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     sets = spec.coil.sets
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
     spans = [(lowest, highest)]
-    if found := reachable_hz(spec, room):
-        spans.append((max(lowest, found[0] * 1.01), min(highest, found[1] / 1.01)))
+    if reachable := reachable_hz(spec, room):
+        spans.append((max(lowest, reachable[0] * 1.01), min(highest, reachable[1] / 1.01)))
     options = []
     for low, high in spans if spec.spacing != "closest" else ():
         least = low * ratio ** ((count * sets - 1) / sets)
@@ -118,9 +118,9 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
     """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
-    found = reachable_hz(spec, room) or (0.0, float("inf"))
-    low = max(spec.band_hz[0], found[0] * 1.01)
-    high = min(spec.band_hz[1], found[1] / 1.01)
+    reachable = reachable_hz(spec, room) or (0.0, float("inf"))
+    low = max(spec.band_hz[0], reachable[0] * 1.01)
+    high = min(spec.band_hz[1], reachable[1] / 1.01)
     return (low, high) if low < high else spec.band_hz
 
 

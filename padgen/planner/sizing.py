@@ -105,19 +105,19 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
 
     Thicknesses are as planned and, where they may differ, one and two layers more: fewer would print less surely.
     """
-    own, layer_mm, (shortest, longest) = item.beam, spec.printer.layer_mm, item.length_span_mm
-    near_mm = own.width_mm + spec.printer.width_step_mm * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1)
+    ideal, layer_mm, (shortest, longest) = item.beam, spec.printer.layer_mm, item.length_span_mm
+    near_mm = ideal.width_mm + spec.printer.width_step_mm * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1)
     widths = np.array(sorted(set(on_grid(spec, near_mm, item.width_span_mm[1]).tolist())))
-    thicknesses = np.array([own.thickness_mm])
-    lengths = np.array([own.length_mm])
+    thicknesses = np.array([ideal.thickness_mm])
+    lengths = np.array([ideal.length_mm])
     if "thickness" in spec.suspension.tune and spec.suspension.thickness_mm is None:
-        thicknesses = np.round(own.thickness_mm + layer_mm * np.arange(3), 6)
+        thicknesses = np.round(ideal.thickness_mm + layer_mm * np.arange(3), 6)
         thicknesses = thicknesses[thicknesses <= spec.taxel.plate_thickness_mm - layer_mm + 1e-9]
     if "length" in spec.suspension.tune and spec.suspension.length_mm is None:
-        lengths = np.round(own.length_mm + LENGTH_STEP_MM * np.arange(-LENGTHS_TRIED, LENGTHS_TRIED + 1), 6)
+        lengths = np.round(ideal.length_mm + LENGTH_STEP_MM * np.arange(-LENGTHS_TRIED, LENGTHS_TRIED + 1), 6)
         lengths = lengths[(lengths >= shortest - 1e-9) & (lengths <= longest + 1e-9)]
     beam = BeamShape(*(axis.ravel() for axis in np.meshgrid(widths, thicknesses, lengths, indexing="ij")))
-    sound = beam.length_mm >= min(STUBBY, own.length_mm / own.thickness_mm) * beam.thickness_mm - 1e-9
+    sound = beam.length_mm >= min(STUBBY, ideal.length_mm / ideal.thickness_mm) * beam.thickness_mm - 1e-9
     beam = BeamShape(*(axis[sound] for axis in beam))
     model = TaxelModel(spec, item.topology, plate_shape(spec), beam)
     miss = np.abs(np.log(model.resonance_hz / target_hz))
@@ -125,7 +125,7 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
     outside = (model.resonance_hz < low * (1 - DRAWN_SHARE)) | (model.resonance_hz > high * (1 + DRAWN_SHARE))
     if not outside.all():
         miss = np.where(outside, np.inf, miss)
-    order = np.lexsort((np.abs(beam.length_mm - own.length_mm), miss.round(9)))
+    order = np.lexsort((np.abs(beam.length_mm - ideal.length_mm), miss.round(9)))
     reach = max(slot_half_width(spec.q_min, spec.delta_y) * SLOT_SHARE, float(miss.min()) + 1e-12)
     near = order[miss[order] <= reach][:MOST_OPTIONS]
     figures = zip(*(part[near] for part in (*beam, model.resonance_hz, model.effective_mass_kg)), strict=True)
@@ -150,13 +150,13 @@ def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz:
         before = best
         if best >= enough:
             break
-        for i, own in enumerate(options):
-            for option in own:
+        for i, choices in enumerate(options):
+            for option in choices:
                 tried = [*chosen[:i], option, *chosen[i + 1 :]]
-                found = kept_db(tried)
-                if found > best + 1e-9:
+                tried_db = kept_db(tried)
+                if tried_db > best + 1e-9:
                     chosen = tried
-                    best = found
+                    best = tried_db
         if best <= before + 1e-6:
             break
     return chosen
@@ -183,8 +183,8 @@ def frequency_spread(beam: BeamShape, spread: Spread, exponents: Exponents = STR
     """Return the relative sigma of f by a calibrated printer, for ``f ∝ w^a t^b l^c`` with `exponents` (a, b, c)."""
     sigmas = spread.width_mm, hypot(spread.common_z_mm, spread.bed_field_mm, spread.thickness_mm), spread.length_mm
     terms = zip(exponents, sigmas, beam, strict=True)
-    own = sum((power * sigma / np.asarray(size)) ** 2 for power, sigma, size in terms)
-    return np.asarray((own + (0.5 * spread.common_modulus) ** 2) ** 0.5)
+    square = sum((power * sigma / np.asarray(size)) ** 2 for power, sigma, size in terms)
+    return np.asarray((square + (0.5 * spread.common_modulus) ** 2) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -217,8 +217,8 @@ class Reach:
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (target - low) / (high - low)
         between = width[..., :-1] + share * np.diff(width, axis=-1)
-        found = np.where((target >= low - 1e-9) & (target <= high + 1e-9), between, -np.inf).max(-1)
-        return np.where(np.isfinite(found), np.exp(found), np.nan)
+        widths = np.where((target >= low - 1e-9) & (target <= high + 1e-9), between, -np.inf).max(-1)
+        return np.where(np.isfinite(widths), np.exp(widths), np.nan)
 
     def spread(self, width_mm: np.ndarray, spec: Spec) -> np.ndarray:
         """Return the relative spread of prints (n, T, L) at widths (n, T, L) in mm, inf where the width is nan.
@@ -232,12 +232,12 @@ class Reach:
             at = np.log(self.resonance_hz)
             grid = np.log(self.width_mm)
             steps = np.diff(at, axis=-1) / np.diff(grid, axis=-1)
-            found = [np.concatenate([steps[..., :1], steps], -1)]
+            spreads = [np.concatenate([steps[..., :1], steps], -1)]
             for axis, (size, rule) in enumerate(((self.thickness_mm, STRAIGHT[1]), (self.length_mm, STRAIGHT[2]))):
                 slope = np.gradient(at, np.log(size), axis=axis) if len(size) > 1 else np.full(at.shape, rule)
-                found.append(np.where(np.isnan(slope), rule, slope))
+                spreads.append(np.where(np.isnan(slope), rule, slope))
             nearest = np.abs(grid - np.log(width_mm)[..., None]).argmin(-1)[..., None]
-            here = [np.take_along_axis(part[None], nearest, -1)[..., 0] for part in (*found, self.apart)]
+            here = [np.take_along_axis(part[None], nearest, -1)[..., 0] for part in (*spreads, self.apart)]
             spread = frequency_spread(beam, spec.spread, (here[0], here[1], here[2])) + (here[3] < 1 / spec.q_min)
         return np.where(np.isnan(width_mm), np.inf, spread)
 
@@ -268,9 +268,9 @@ def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
         material=replace(spec.material, youngs_modulus_gpa=1.0),
         suspension=replace(spec.suspension, topology=SuspensionTable().topology, tune=SuspensionTable().tune),
     )
-    found = _reach(beams_only, topology, room, SUSPENSIONS.changes)
+    reached = _reach(beams_only, topology, room, SUSPENSIONS.changes)
     # Resonances are exactly proportional to the root of the modulus.
-    return found and replace(found, resonance_hz=found.resonance_hz * sqrt(spec.material.youngs_modulus_gpa))
+    return reached and replace(reached, resonance_hz=reached.resonance_hz * sqrt(spec.material.youngs_modulus_gpa))
 
 
 @lru_cache(maxsize=256)
@@ -366,7 +366,7 @@ def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> li
             break
         part = spread[:, *(slice(None) if axis in free else slice(at, at + 1) for axis, at in enumerate(frozen, 1))]
         t, v = np.unravel_index(part.reshape(len(part), -1).argmin(1), part.shape[1:])
-        t, v = (own if axis in free else own + at for axis, own, at in zip((1, 2), (t, v), frozen, strict=True))
+        t, v = (size if axis in free else size + at for axis, size, at in zip((1, 2), (t, v), frozen, strict=True))
         picks = [(item, int(ti), int(vi), float(width[i, ti, vi])) for i, (ti, vi) in enumerate(zip(t, v, strict=True))]
         options.append((float(worst[frozen]), picks))
     return options
@@ -400,11 +400,13 @@ def _solved(
     some = list(islice(new, 1))
     while some:
         ideal = _ideal_beams(spec, some, targets)
-        beams = [beam for own in ideal if own for beam in printable_beams(spec, own, targets)]
-        models = iter(_models(spec, [item.topology for own in ideal for item in own], beams))
-        for own in ideal:
-            found = zip(targets[: len(own)].tolist(), models, strict=False)
-            channels = tuple(SizedChannel(hz, model.topology, model.beam, model) for hz, model in found)
+        beams = [
+            beam for channel_beams in ideal if channel_beams for beam in printable_beams(spec, channel_beams, targets)
+        ]
+        models = iter(_models(spec, [item.topology for channel_beams in ideal for item in channel_beams], beams))
+        for channel_beams in ideal:
+            solved = zip(targets[: len(channel_beams)].tolist(), models, strict=False)
+            channels = tuple(SizedChannel(hz, model.topology, model.beam, model) for hz, model in solved)
             # With steps too coarse for the ladder, two targets may get the same beam.
             apart = all(a.model.resonance_hz < b.model.resonance_hz for a, b in pairwise(channels))
             yield channels if channels and (apart or spec.resonances_hz) else None
@@ -420,16 +422,18 @@ def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> 
     count = len(targets)
     ideal: list[IdealBeam | None] = [None] * len(every)
     for name in dict.fromkeys(reach.topology for reach, *_ in every):
-        own = [k for k, pick in enumerate(every) if pick[0].topology == name]
-        group, index = np.divmod(own, count)
-        sizes = [(width, reach.thickness_mm[t], reach.length_mm[v]) for reach, t, v, width in (every[k] for k in own)]
-        spans = np.array([reach.width_mm[t, v, [0, -1]] for reach, t, v, _ in (every[k] for k in own)]).T
-        beam, found = _solve_widths(spec, name, BeamShape(*np.array(sizes).T), spans, targets[index], group)
-        for at in np.flatnonzero(np.abs(found / targets[index] - 1) <= RESONANCE_TOLERANCE):
-            lengths_mm = every[own[at]][0].length_mm
+        same_kind = [k for k, pick in enumerate(every) if pick[0].topology == name]
+        group, index = np.divmod(same_kind, count)
+        sizes = [
+            (width, reach.thickness_mm[t], reach.length_mm[v]) for reach, t, v, width in (every[k] for k in same_kind)
+        ]
+        spans = np.array([reach.width_mm[t, v, [0, -1]] for reach, t, v, _ in (every[k] for k in same_kind)]).T
+        beam, solved_hz = _solve_widths(spec, name, BeamShape(*np.array(sizes).T), spans, targets[index], group)
+        for at in np.flatnonzero(np.abs(solved_hz / targets[index] - 1) <= RESONANCE_TOLERANCE):
+            lengths_mm = every[same_kind[at]][0].length_mm
             shape = BeamShape(*(float(side[at]) for side in beam))
             ends_mm = float(lengths_mm[0]), float(lengths_mm[-1])
-            ideal[own[at]] = IdealBeam(name, shape, (float(spans[0, at]), float(spans[1, at])), ends_mm)
+            ideal[same_kind[at]] = IdealBeam(name, shape, (float(spans[0, at]), float(spans[1, at])), ends_mm)
     solved = [[beam for beam in ideal[k : k + count] if beam] for k in range(0, len(ideal), count)]
     return [beams if len(beams) == count else [] for beams in solved]
 
@@ -439,9 +443,9 @@ def _models(spec: Spec, names: Sequence[str], beams: Sequence[BeamShape]) -> lis
     plate = plate_shape(spec)
     models: dict[int, TaxelModel] = {}
     for name in dict.fromkeys(names):
-        own = [i for i, topology in enumerate(names) if topology == name]
-        array = TaxelModel(spec, name, plate, BeamShape(*np.array([beams[i] for i in own], float).T))
-        models |= {i: TaxelModel(spec, name, plate, beams[i], member_of=(array, k)) for k, i in enumerate(own)}
+        same_kind = [i for i, topology in enumerate(names) if topology == name]
+        array = TaxelModel(spec, name, plate, BeamShape(*np.array([beams[i] for i in same_kind], float).T))
+        models |= {i: TaxelModel(spec, name, plate, beams[i], member_of=(array, k)) for k, i in enumerate(same_kind)}
     return [models[i] for i in range(len(names))]
 
 
@@ -464,20 +468,20 @@ def _solve_widths(
     """
     plate = plate_shape(spec)
     slope = np.full(len(targets), 0.5)
-    found = TaxelModel(spec, topology, plate, beam).resonance_hz
+    solved_hz = TaxelModel(spec, topology, plate, beam).resonance_hz
     for _ in range(5):
-        miss = np.log(targets / found)
+        miss = np.log(targets / solved_hz)
         is_open = np.isin(group, group[np.abs(miss) >= 1e-5])
         if not is_open.any():
             break
         width = np.where(is_open, np.clip(beam.width_mm * np.exp(miss / slope), *bounds), beam.width_mm)
         step = np.log(width / beam.width_mm)
-        before = found
+        before = solved_hz
         beam = beam._replace(width_mm=width)
-        found = TaxelModel(spec, topology, plate, beam).resonance_hz
-        secant = np.divide(np.log(found / before), step, out=slope.copy(), where=np.abs(step) > 1e-9)
+        solved_hz = TaxelModel(spec, topology, plate, beam).resonance_hz
+        secant = np.divide(np.log(solved_hz / before), step, out=slope.copy(), where=np.abs(step) > 1e-9)
         slope = np.clip(secant, 0.1, 3)
-    return beam, found
+    return beam, solved_hz
 
 
 def _has_doubled_mode(spec: Spec, model: TaxelModel) -> bool:

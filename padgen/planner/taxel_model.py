@@ -92,7 +92,7 @@ def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
     """
     first = [path.segments[0] for path in arrangement.beams]
     room = (np.minimum(s.length_mm / 3, s.length_mm - spec.printer.shortest_beam_mm) for s in first)
-    straight = (np.where(s.turn_rad, 0.0, own) for s, own in zip(first, room, strict=True))
+    straight = (np.where(s.turn_rad, 0.0, straight_mm) for s, straight_mm in zip(first, room, strict=True))
     short = np.minimum.reduce(np.broadcast_arrays(*straight))
     return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 

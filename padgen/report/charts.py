@@ -68,10 +68,10 @@ def ladder(axis: Any, plan: Plan) -> None:
     several = len(plan.sets) > 1
     low = [c.resonance_hz * max(1 - max(half, c.print_spread), 0.05) for c in plan.channels]
     high = [c.resonance_hz * (1 + max(half, c.print_spread)) for c in plan.channels]
-    for own, colour, name in zip(plan.sets, COLOURS, ("even", "odd"), strict=False):
+    for channel_set, colour, name in zip(plan.sets, COLOURS, ("even", "odd"), strict=False):
         words = f"\n(coils of {name} row + column)" if several else ""
         index, hz, spread = (
-            np.array([getattr(c, key) for c in own]) for key in ("index", "resonance_hz", "print_spread")
+            np.array([getattr(c, key) for c in channel_set]) for key in ("index", "resonance_hz", "print_spread")
         )
         left = hz * max(1 - half, 0.0)
         axis.barh(
@@ -105,34 +105,34 @@ def draw_responses(plan: Plan) -> Any:
     Above, a curve is a taxel's motion, in dB of its ON level, if the line that drives it moved in frequency. A mark is
     what the loudest OFF taxel hears of a tone or a spur that others make. Below are the lines' own strengths.
     """
-    own = plan.sets[0]
+    channel_set = plan.sets[0]
     scheme = plan.scheme
-    which = placed_channels(plan.spec, own)
-    modes = coil_modes(plan.spec, own)
-    colours = colours_of(plan)[[channel.index for channel in own]]
+    which = placed_channels(plan.spec, channel_set)
+    modes = coil_modes(plan.spec, channel_set)
+    colours = colours_of(plan)[[channel.index for channel in channel_set]]
     parts = list(own_lines(which, scheme))
-    if scheme.has_pair_spurs and 1 < len(own) <= MOST_WITH_SPURS:
+    if scheme.has_pair_spurs and 1 < len(channel_set) <= MOST_WITH_SPURS:
         parts.append(pair_lines(which, scheme))
-    found = np.concatenate([_heard(which, part, modes) for part in parts], axis=1)
+    heard_db = np.concatenate([_heard(which, part, modes) for part in parts], axis=1)
     hz = which.resonance_hz
-    found = found[:, found[0] >= hz[0] / 8]
-    low = 0.9 * min(hz[0] / 2, found[0].min())
-    high = 1.1 * max(2 * hz[-1], found[0].max())
+    heard_db = heard_db[:, heard_db[0] >= hz[0] / 8]
+    low = 0.9 * min(hz[0] / 2, heard_db[0].min())
+    high = 1.1 * max(2 * hz[-1], heard_db[0].max())
     figure = new_figure(plan, "how the taxels of one coil answer, and what its current asks of them", 9.0, 5.6)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     grid = np.unique(np.concatenate([np.geomspace(low, high, 1200), hz]))
-    named = range(len(own)) if len(own) <= MOST_NAMED else (0, len(own) - 1)
+    named = range(len(channel_set)) if len(channel_set) <= MOST_NAMED else (0, len(channel_set) - 1)
     for k, curve in enumerate(10 * np.log10(felt_energy(modes, slice(None), grid))):
-        label = f"channel {own[k].index}, {hz[k]:.1f} Hz" if k in named else None
+        label = f"channel {channel_set[k].index}, {hz[k]:.1f} Hz" if k in named else None
         top.plot(grid, curve, color=colours[k], label=label, linewidth=1.5)
     asked = plan.selectivity.asked_db
     top.axhline(-asked, color=PALE, linestyle="--", label=f"asked of OFF taxels: {asked:.0f} dB below")
     strongest = which.line.max()
-    told = (
+    legend = (
         "{} of others, as the loudest OFF\ntaxel hears it: off its curve by how much\nweaker or stronger it is played"
     )
     for is_spur, mark, colour, name in ((0, "o", INK, "tone"), (1, "X", COLOURS[1], "spur")):
-        of_kind = found[:, found[4] == is_spur]
+        of_kind = heard_db[:, heard_db[4] == is_spur]
         if not of_kind.size:
             continue
         level = 10 * np.log10(np.maximum(of_kind[1], 1e-30)) - 20 * np.log10(strongest)
@@ -142,7 +142,7 @@ def draw_responses(plan: Plan) -> Any:
             size = 10 * np.log10(heard[2])
             colour = colours[heard[3].astype(int)]
             top.scatter(heard[0], size, 45, colour, marker=mark, edgecolors="white", linewidths=0.8, zorder=5)
-            top.plot([], [], mark, color=PALE, markeredgecolor="white", markersize=8, label=told.format(name))
+            top.plot([], [], mark, color=PALE, markeredgecolor="white", markersize=8, label=legend.format(name))
     top.set(ylim=(FLOOR_DB, 8), ylabel="motion, dB of the ON level")
     bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")
     hz_axis(bottom, low, high)
@@ -176,28 +176,28 @@ def draw_selectivity(plan: Plan) -> Any:
 
     figures = plan.selectivity
     # Of many channels the plan has no table.
-    many = [placed_channels(plan.spec, own) for own in plan.sets if not figures.matrix_db]
+    many = [placed_channels(plan.spec, channel_set) for channel_set in plan.sets if not figures.matrix_db]
     tables = [np.array(table) for table in figures.matrix_db] or [-10 * np.log10(tone_energy(c, c)) for c in many]
     side = min(max(0.42 * len(tables[0]), 2.6), 7.5)
     words = "how much quieter an OFF taxel is than ON, at the tone of another"
     figure = new_figure(plan, words, max(len(tables) * (side + 0.9) + 1.5, 6.2), side + 1.5)
     axes = figure.subplots(1, len(tables), squeeze=False)[0]
     largest = max([2 * figures.asked_db, *(float(t.max()) for t in tables)])
-    for axis, own, db in zip(axes, plan.sets, tables, strict=True):
-        shown = np.ma.masked_array(db, np.eye(len(own), dtype=bool))
+    for axis, channel_set, db in zip(axes, plan.sets, tables, strict=True):
+        shown = np.ma.masked_array(db, np.eye(len(channel_set), dtype=bool))
         image = axis.imshow(shown, cmap="cividis", vmin=0.0, vmax=min(largest, 60.0))
         for (row, column), value in np.ndenumerate(db):
-            if len(own) <= MOST_WRITTEN:
+            if len(channel_set) <= MOST_WRITTEN:
                 dark = row != column and image.norm(value) < 0.55
-                digits = 0 if len(own) > 4 else 1
+                digits = 0 if len(channel_set) > 4 else 1
                 words = "ON" if row == column else f"{value:.{digits}f}"
                 axis.text(column, row, words, ha="center", va="center", fontsize=8, color="white" if dark else INK)
             if row != column and value < figures.asked_db:
                 corner = column - 0.46, row - 0.46
                 axis.add_patch(Rectangle(corner, 0.92, 0.92, fill=False, edgecolor=COLOURS[1], linewidth=2))
-        every = slice(None, None, -(-len(own) // MOST_TICKS))
-        names = [str(c.index) for c in own]
-        at = range(len(own))
+        every = slice(None, None, -(-len(channel_set) // MOST_TICKS))
+        names = [str(c.index) for c in channel_set]
+        at = range(len(channel_set))
         axis.set_xticks(at[every], names[every])
         axis.set_yticks(at[every], names[every])
         axis.set(xlabel="tone of channel", ylabel="OFF taxel of channel")

@@ -185,7 +185,7 @@ def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
 
 def all_shapes(plan: Plan, names: Sequence[str]) -> dict[str, list[Points]]:
     """Return the outlines of these parts of all taxels, in the pad's axes."""
-    own = [
+    shapes_of = [
         {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
         for channel in plan.channels
     ]
@@ -193,7 +193,7 @@ def all_shapes(plan: Plan, names: Sequence[str]) -> dict[str, list[Points]]:
         name: [
             coil_axis_mm(plan.coils, *taxel.coil) + (-shape if taxel.turned else shape)
             for taxel in plan.taxels
-            for shape in own[taxel.channel][name]
+            for shape in shapes_of[taxel.channel][name]
         ]
         for name in names
     }
@@ -249,11 +249,11 @@ def draw_pad(plan: Plan) -> Any:
     sheet.dimension((-x, x), -y - 2 * step, -y, number(2 * x))
     sheet.dimension((-y, y), -x - step, -x, number(2 * y), tall=True)
     holes = f", holes {number(pad.hole_diameter_mm)}" if pad.hole_diameter_mm else ""
-    told = (
+    note = (
         f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes}; washers"
         f" {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
     )
-    sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), told, ha="left", va="top")
+    sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), note, ha="left", va="top")
     return sheet.figure
 
 
@@ -269,7 +269,7 @@ def draw_section(plan: Plan) -> Any:
     washer = plan.spec.washer
     coil = spec.coil
     thick = spec.pad.frame_thickness_mm
-    own = outline(plan, channel)
+    outline_points = outline(plan, channel)
     arrangement = plan.arrangement(channel)
     shapes = taxel_shapes(plan, channel)
     beam = arrangement.beams[0]
@@ -287,12 +287,12 @@ def draw_section(plan: Plan) -> Any:
     (cosine, sine), (ahead, aside) = TURNS[channel.site.along], channel.site.origin_mm
     coil_x = -cosine * ahead - sine * aside
     coil_y = sine * ahead - cosine * aside
-    left = min(own.x0, coil_x - reach)
-    right = max(own.x1, coil_x + reach)
+    left = min(outline_points.x0, coil_x - reach)
+    right = max(outline_points.x1, coil_x + reach)
     # Room for a line of words and a dimension between both views, at whichever scale comes out.
-    apart = max(0.13 * (right - left), 0.08 * (peak - bottom + own.y1 - own.y0))
-    lift = peak + apart - own.y0
-    above = peak + apart + own.y1 - own.y0
+    apart = max(0.13 * (right - left), 0.08 * (peak - bottom + outline_points.y1 - outline_points.y0))
+    lift = peak + apart - outline_points.y0
+    above = peak + apart + outline_points.y1 - outline_points.y0
     up = np.array([0.0, lift])
     title = (
         f"one taxel from the touch side and, below, cut along its beam (mm; channel 0, {channel.resonance_hz:.4g} Hz)"
@@ -300,15 +300,27 @@ def draw_section(plan: Plan) -> Any:
     sheet = Sheet(title_of(plan, title), Outline(left, right, bottom, above), (2.3, 2.75, 0.35, 0.95))
 
     for name in ("frame", "window", "beam", "plate", "boss"):
-        drawn = [rectangle(*own)] if name == "frame" else shapes[name]
+        drawn = [rectangle(*outline_points)] if name == "frame" else shapes[name]
         sheet.part(f"{name} from above", [shape + up for shape in drawn], facecolor=FILLS[name])
     below = (("washer", shapes["washer"][0]), ("coil", circle(coil_x, coil_y, 2 * reach)))
     for name, shape in below:
         dashed = {"facecolor": "none", "edgecolor": FILLS[name], "linestyle": (0, (4, 2))}
         sheet.part(f"{name} from above", [shape + up], **dashed).set_clip_path(sheet.axis.patches[0])
-    sheet.axis.plot([own.x0, own.x1], [lift, lift], color=INK, linewidth=0.7, linestyle=(0, (8, 2, 1, 2)), zorder=8)
-    sheet.words((own.x1 + 0.05 * sheet.mm, lift), "cut", ha="left")
-    sheet.words((own.x0, own.y0 + lift - 0.05 * sheet.mm), "dashed: washer and coil below", ha="left", va="top")
+    sheet.axis.plot(
+        [outline_points.x0, outline_points.x1],
+        [lift, lift],
+        color=INK,
+        linewidth=0.7,
+        linestyle=(0, (8, 2, 1, 2)),
+        zorder=8,
+    )
+    sheet.words((outline_points.x1 + 0.05 * sheet.mm, lift), "cut", ha="left")
+    sheet.words(
+        (outline_points.x0, outline_points.y0 + lift - 0.05 * sheet.mm),
+        "dashed: washer and coil below",
+        ha="left",
+        va="top",
+    )
 
     cuts = beam_cuts(shapes["beam"])
     along = np.concatenate(shapes["beam"])[:, 0]
@@ -323,7 +335,7 @@ def draw_section(plan: Plan) -> Any:
     parts = {
         "behind": [rectangle(0, length, 0, thick)],
         "beam behind": [side],
-        "frame": [rectangle(own.x0, 0, 0, thick), rectangle(length, own.x1, 0, thick)],
+        "frame": [rectangle(outline_points.x0, 0, 0, thick), rectangle(length, outline_points.x1, 0, thick)],
         "beam": [rectangle(*ends, 0, thin) for ends in cuts] or [side],
         "plate": [rectangle(block[0], block[1], 0, block[4]) for block in blocks],
         "recess": [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)],
@@ -339,7 +351,7 @@ def draw_section(plan: Plan) -> Any:
     size = f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
     spring = sum(cuts[0]) / 2 if cuts else (float(along.min()) + blocks[0][0]) / 2
     wall = max((x + hollow + blocks[0][1]) / 2, x + half)
-    rib = (length + own.x1) / 2
+    rib = (length + outline_points.x1) / 2
     winding = f"copper, {number(2 * reach)} across: the frequency\nof its current chooses among taxels"
     notes = [
         Note("boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
@@ -362,7 +374,7 @@ def draw_section(plan: Plan) -> Any:
     at_y = lift + float(beam.root_mm[1])
     for text, place, low_end, high_end, start in (
         ("boss {:.3g} high", 1, plate.thickness_mm, peak, x - half),
-        ("frame {:.3g} high", 1, 0.0, thick, own.x0),
+        ("frame {:.3g} high", 1, 0.0, thick, outline_points.x0),
         ("beam {:.3g} thick", 2, 0.0, thin, 0.0),
         ("gap {:.3g}", 1, top, low, coil_x - reach),
         ("coil {:.3g} high", 1, bottom, top, coil_x - reach),
@@ -529,11 +541,11 @@ def draw_wiring(plan: Plan) -> Any:
             sheet.words(place, f"{index + 1}", fontsize=size, weight="bold")
             if roomy:
                 sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
-    told = (
+    note = (
         "bold: amplifier output, and channel of the WAV file counted from 1; row by row from the corner with the groove"
         + ("\nr1c2: row 1, column 2, as in the names of taxels" if roomy else "")
     )
-    sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), told, ha="left", va="top")
+    sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), note, ha="left", va="top")
     return sheet.figure
 
 

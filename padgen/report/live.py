@@ -144,8 +144,8 @@ class Live:
 def _page(spec: Spec, fields: Mapping[str, Any], data: dict[str, Any] | None, error: PadgenError | None) -> str:
     """Return the page with a form of `spec`, in which `fields` are changed, and its plan's `data` or the `error`."""
     here = Path(__file__).parent / "page"
-    told = error and _told(error)
-    form = json.dumps({"schema": spec_schema(), "values": asdict(spec), "changed": dict(fields), "error": told})
+    message = error and _told(error)
+    form = json.dumps({"schema": spec_schema(), "values": asdict(spec), "changed": dict(fields), "error": message})
     # "<" is escaped, as a name might end the script.
     escaped = form.replace("<", "\\u003c")
     script = f"window.padgenForm = {escaped};\n{(here / 'explore.js').read_text(encoding='utf-8')}"
@@ -177,8 +177,8 @@ def _fields(body: bytes) -> Any:
 def _worked_out(live: Live, name: str, body: bytes) -> str:
     """Call this method of `live` with the fields in a request's body, and return its page, or else JSON."""
     gc.set_threshold(MOST_OBJECTS)
-    told = getattr(live, name)(_fields(body))
-    return told if isinstance(told, str) else json_line(told)
+    answer = getattr(live, name)(_fields(body))
+    return answer if isinstance(answer, str) else json_line(answer)
 
 
 def _bare_page(live: Live, body: bytes, error: PadgenError) -> str:
@@ -336,10 +336,10 @@ def application(work: Work, token: str, port: int) -> Any:
         """Refuse a request that does not come from this page."""
         host = request.headers.get("host", "")
         origin = request.headers.get("origin")
-        told = request.headers.get(TOKEN_HEADER) or request.query_params.get("token", "")
+        given = request.headers.get(TOKEN_HEADER) or request.query_params.get("token", "")
         if host not in hosts or (origin is not None and origin.removeprefix("http://") not in hosts):
             raise HTTPException(403, "this address is served to its own page only", HEADERS)
-        if not secrets.compare_digest(told.encode(errors="replace"), token.encode()):
+        if not secrets.compare_digest(given.encode(errors="replace"), token.encode()):
             raise HTTPException(403, "the token is wrong; open the address that padgen explore printed", HEADERS)
 
     async def body_of(request: Request) -> bytes:

@@ -135,7 +135,10 @@ def page_data(
         "palette": COLOURS,
         "taxels": _taxels(plan),
         "motion": _motion(plan),
-        "selectivity": {**asdict(plan.selectivity), "sets": [[c.index for c in own] for own in plan.sets]},
+        "selectivity": {
+            **asdict(plan.selectivity),
+            "sets": [[c.index for c in channel_set] for channel_set in plan.sets],
+        },
         "ladder": [slot_hz(plan, channel.resonance_hz) for channel in plan.channels],
         "prints": _prints(plan, live),
         "drive": {"columns": COLUMNS, "rows": [astuple(row) for row in drive_rows(plan)]},
@@ -316,15 +319,15 @@ def _motion(plan: Plan) -> dict[str, Any]:
     spec = plan.spec
     scheme = plan.scheme
     sets = []
-    for own in plan.sets:
-        placed = placed_channels(spec, own)
-        modes = heard_modes(spec, own, placed.line)
+    for channel_set in plan.sets:
+        placed = placed_channels(spec, channel_set)
+        modes = heard_modes(spec, channel_set, placed.line)
         line = placed.line / placed.line.max()
-        paired = scheme.has_pair_spurs and len(own) <= MOST_PAIRED
+        paired = scheme.has_pair_spurs and len(channel_set) <= MOST_PAIRED
         pairs = np.sqrt(scheme.pair_square(line[:, None], line[None], line.max())) if paired else np.zeros((0, 0))
         sets.append(
             {
-                "channels": [c.index for c in own],
+                "channels": [c.index for c in channel_set],
                 "line": line.tolist(),
                 "pairs": [[float(f"{v:.6g}") for v in row] for row in pairs],
                 "modes_hz": modes.frequency_hz.tolist(),
@@ -351,7 +354,7 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
     """
     prints = plan.prints
     asked_db = plan.selectivity.asked_db
-    told: dict[str, Any] = {
+    record: dict[str, Any] = {
         "pads": prints.pads,
         "asked_db": asked_db,
         "share": plan.spec.print_share,
@@ -362,7 +365,7 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
         "counts": [],
     }
     if live or prints.print_db is None or not prints.pads:
-        return told
+        return record
     stages = STAGES[0], STAGES[-1]
     ratio = printed(design_of(plan, None), spreads_of(plan.spec), prints.pads, 0, stages).ratio
     kept = np.clip(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)), -MOST_DB, MOST_DB)
@@ -370,7 +373,7 @@ def _prints(plan: Plan, live: bool) -> dict[str, Any]:
     high = np.ceil(max(kept.max(), asked_db))
     edges = np.linspace(low, max(high, low + 1), BINS + 1)
     counts = [np.histogram(row, edges)[0].tolist() for row in kept]
-    return {**told, "edges_db": edges.tolist(), "counts": counts, "counted": [STAGE_WORDS[0], STAGE_WORDS[-1]]}
+    return {**record, "edges_db": edges.tolist(), "counts": counts, "counted": [STAGE_WORDS[0], STAGE_WORDS[-1]]}
 
 
 def _manual(plan: Plan) -> dict[str, Any]:
@@ -436,7 +439,7 @@ def page_html(
         "data": json_line(data).replace("<", "\\u003c"),
         "scripts": "".join(f"<script>{text}</script>" for text in scripts),
     }
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: filled[found[1]], _text("page.html"))
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: filled[match[1]], _text("page.html"))
 
 
 def _text(name: str) -> str:

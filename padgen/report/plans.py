@@ -133,9 +133,9 @@ def _power_lines(plan: "Plan") -> list[str]:
     ]
     if prints.print_db is not None:
         stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
-        told = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)
+        stages_text = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)
         lines.append(
-            f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {told}"
+            f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {stages_text}"
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
         )
@@ -206,8 +206,8 @@ def _pushes_table(plan: "Plan") -> str:
 def _settings_line(printing: dict[str, str]) -> str:
     settings = {key.replace("_", " "): value for key, value in printing.items()}
     printer, material, layers = (settings.pop(key) for key in ("printer", "material", "beam layers"))
-    told = ", ".join(f"{key} {value}" for key, value in settings.items())
-    return f"print with: {told}; on the printer {printer}, in {material}; the beams have {layers} layers"
+    settings_text = ", ".join(f"{key} {value}" for key, value in settings.items())
+    return f"print with: {settings_text}; on the printer {printer}, in {material}; the beams have {layers} layers"
 
 
 def _count_text(count: int, searched_to: int) -> str:
@@ -291,8 +291,8 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     cost = f" (of which the modes cost {figures.modes_cost_db:.1f} dB)" if dear else ""
     tables: list[str] = []
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
-        for own, matrix in zip(plan.sets, figures.matrix_db, strict=True):
-            names = [str(channel.index) for channel in own]
+        for channel_set, matrix in zip(plan.sets, figures.matrix_db, strict=True):
+            names = [str(channel.index) for channel in channel_set]
             rows = [
                 (name, *("" if k == name else f"{value:.1f}" for k, value in zip(names, row, strict=True)))
                 for name, row in zip(names, matrix, strict=True)
@@ -362,8 +362,8 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
         (len(parts), "further warning", " on what prints keep"),
         (len(ordered) - len(serious), "note", ""),
     )
-    if told := [f"{count} {word}{plural(count)}{about}" for count, word, about in more if count]:
-        lines.append(f"--verbose shows {', '.join(told)}, and all details.")
+    if counts := [f"{count} {word}{plural(count)}{about}" for count, word, about in more if count]:
+        lines.append(f"--verbose shows {', '.join(counts)}, and all details.")
     return "\n".join(lines)
 
 
@@ -401,8 +401,8 @@ def explanation_text(explanation: "Explanation") -> str:
     for row in explanation.capacities:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
-    told = "most channels in the band by level law: with one channel on, in all on/off states:"
-    return "\n".join([*lines, "", told, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
+    heading = "most channels in the band by level law: with one channel on, in all on/off states:"
+    return "\n".join([*lines, "", heading, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 EXPLAINED = (
@@ -436,10 +436,15 @@ def yield_text(result: "PrintYield") -> str:
     rows = [
         (
             name,
-            *(f"{100 * s.share:.2f} % ({100 * s.low:.2f} … {100 * s.high:.2f})" for s in (own.taxels, own.pads)),
-            *map(_decibels, (own.q05_db, own.median_db, own.q95_db, own.reached_by_90_percent_db)),
+            *(
+                f"{100 * s.share:.2f} % ({100 * s.low:.2f} … {100 * s.high:.2f})"
+                for s in (result_of.taxels, result_of.pads)
+            ),
+            *map(
+                _decibels, (result_of.q05_db, result_of.median_db, result_of.q95_db, result_of.reached_by_90_percent_db)
+            ),
         )
-        for name, own in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned))
+        for name, result_of in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned))
     ]
     gains = "% good gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB"
     costs = [
@@ -458,8 +463,8 @@ def yield_text(result: "PrintYield") -> str:
         "",
         table(gains, costs),
     ]
-    told = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
-    if named := [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in told if spread != "none"]:
+    costliest = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
+    if named := [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in costliest if spread != "none"]:
         lines.append(f"costliest spread, {', '.join(named)}")
     if result.nominal_db is not None and result.nominal_db < result.asked_db:
         lines.append(
@@ -506,13 +511,13 @@ def figures_text(figures: dict[str, Any]) -> str:
         if value is not None:
             text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
             parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
-    for key, told in (
+    for key, template in (
         ("part", "taken as the {}"),
         ("compared_with", "compared with {}"),
         ("limits_of", "limits of printer {} (--spec takes those of a spec)"),
     ):
         if key in figures and (key, figures[key]) != ("part", "pad"):
-            parts.append(told.format(figures[key]))
+            parts.append(template.format(figures[key]))
     return ", ".join(parts)
 
 

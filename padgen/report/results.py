@@ -65,14 +65,15 @@ def driven_text(
         # Dark frames at the beginning show nothing.
         first = next((k for k, frame in enumerate(frames) if frame.any()), 0)
         shown = frames[first : first + (MOST_PICTURES if verbose else 1)]
-        told = counted(len(frames), "frame")
+        frame_count = counted(len(frames), "frame")
         if len(shown) < len(frames):
-            told = (
-                f"{told}, here from frame {first + 1} on" if len(shown) > 1 else f"frame {first + 1} of {len(frames)}"
+            frame_count = (
+                f"{frame_count}, here from frame {first + 1} on"
+                if len(shown) > 1
+                else f"frame {first + 1} of {len(frames)}"
             )
-        picture = (
-            f"{told}, seen from the touch side (# ON, + between, . OFF, blank: no taxel):\n{frames_text(plan, shown)}"
-        )
+        key = "seen from the touch side (# ON, + between, . OFF, blank: no taxel)"
+        picture = f"{frame_count}, {key}:\n{frames_text(plan, shown)}"
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
         picture = f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
     errors = [finding for finding in plan.findings if finding.level == "error"]
@@ -130,19 +131,19 @@ def _wave_text(report: "WaveReport") -> str:
 
     unit = "V" if report.signal == "voltage" else "A"
     depth = "24 bit" if report.depth == "24" else "32-bit float"
-    told = [
+    lines = [
         f"drive.wav: {report.seconds:.3g} s of {len(report.rms_current_a)} channels (coils row by row) at"
         f" {report.rate_hz} Hz, {depth}, driven {report.scheme}; a sample of 1 stands for"
         f" {number(report.full_scale)} {unit}, the largest is {report.peak:.3g} {unit}",
         f"each coil takes at most {1e3 * max(report.rms_current_a):.3g} mA rms and {max(report.copper_loss_w):.3g} W",
     ]
     if report.loss_over_tones is not None and Scheme(report.scheme).has_constant:
-        told[-1] += f"; copper loss {report.loss_over_tones:.3g} times that of plain tones with the same force"
+        lines[-1] += f"; copper loss {report.loss_over_tones:.3g} times that of plain tones with the same force"
     if report.loops:
-        told.append("it repeats without a seam")
+        lines.append("it repeats without a seam")
     if report.carrier_hz is not None:
-        told[-1] += f"; on a carrier of {number(report.carrier_hz)} Hz"
-    return "\n".join(told)
+        lines[-1] += f"; on a carrier of {number(report.carrier_hz)} Hz"
+    return "\n".join(lines)
 
 
 def _contrast_text(contrast: "FrameContrast") -> str:
@@ -354,9 +355,13 @@ def _front_text(sweep: "Sweep", overview: "Overview") -> str:
     varied = [overview.header.index(name) for name in ("number", *axes)]
     reached = [overview.header.index(name) for name in objectives]
     cells = [
-        [*(_cell(overview.rows[row][i]) for i in varied), *(_cell(overview.rows[row][i] or "-") for i in reached), told]
+        [
+            *(_cell(overview.rows[row][i]) for i in varied),
+            *(_cell(overview.rows[row][i] or "-") for i in reached),
+            names,
+        ]
         for row in sorted(best)
-        for told in (", ".join(best[row]),)
+        for names in (", ".join(best[row]),)
     ]
     # Dotted names are shortened to their last parts where these differ.
     last = [name.rsplit(".", 1)[-1] for name in axes]

@@ -90,8 +90,8 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
     """
     state = topology(pad.mesh)
     figures, findings = _whole(pad.mesh, state, plan.spec.printer, plan.spec.material.density_g_per_cm3)
-    own_figures, own = _of_tiles(pad, plan, state.closed)
-    findings += [*volume_findings(state.volume_mm3, pad.volume_mm3), *own]
+    own_figures, tile_findings = _of_tiles(pad, plan, state.closed)
+    findings += [*volume_findings(state.volume_mm3, pad.volume_mm3), *tile_findings]
     if state.closed and own_figures["measured_taxels"] < len(plan.taxels):
         placed = assembled(plan, pad.tiles, pad.border, pad.grid)
         if not all(np.array_equal(a, b) for a, b in zip(placed, pad.mesh, strict=True)):
@@ -147,7 +147,7 @@ def _whole(
         (state.shells != 1, "mesh.bodies", f"it has {state.shells} separate bodies, must be 1"),
         (not small_enough, "print.bed", f"it measures {measures} mm, the bed of {printer.name} is {room} mm"),
     )
-    return figures, [Finding("error", code, "mesh", told) for wrong, code, told in cases if wrong]
+    return figures, [Finding("error", code, "mesh", sentence) for wrong, code, sentence in cases if wrong]
 
 
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
@@ -168,7 +168,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     solid, refused = _manifold(mesh)
     if solid is None:
         return figures, [*findings, *refused]
-    print_figures, found = _kept_printable(
+    print_figures, printable_findings = _kept_printable(
         mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
     )
     taxels = sample.plan.taxels
@@ -182,7 +182,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     off = [d for d, far_mm in zip(dimensions, off_mm, strict=True) if not far_mm <= BUILT_MM + d.facets_mm]
     return figures, [
         *findings,
-        *found,
+        *printable_findings,
         *few(told(off, [], None)),
         *few(_washers_enter(plan.spec, washer_rooms(sample.plan, solid, taxels))),
         *few(_as_printed(plan.spec, dimensions)),
@@ -207,9 +207,9 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     taxels = [taxel for taxel in plan.taxels if f"taxel {taxel.id}" in names]
     within_mm = [BUILT_MM, BUILT_MM + SMALLEST_MM]
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
-    found = differences(one, other)
+    differing = differences(one, other)
     rooms = washer_rooms(plan, one, taxels)
-    return False, [*few(told(off, found, cells)), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
+    return False, [*few(told(off, differing, cells)), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
 
 
 def as_built(size_mm: float) -> str:
@@ -221,14 +221,14 @@ def as_built(size_mm: float) -> str:
     return f"{number(size_mm)} mm" if isfinite(size_mm) else "missing"
 
 
-def told(off: list[Dimension], found: list[Difference], cells: Cells | None) -> Iterator[Finding]:
+def told(off: list[Dimension], differing: list[Difference], cells: Cells | None) -> Iterator[Finding]:
     """Yield one finding per group of taxels (or other parts of the pad) that differ in the same way."""
     dimensions: dict[str, list[str]] = {}
     for d in off:
         text = f"{d.name} is {as_built(d.built_mm)}, planned are {number(d.planned_mm)} mm"
         dimensions.setdefault(d.where, []).append(text)
     largest: dict[str, Difference] = {}
-    for each in found:
+    for each in differing:
         largest.setdefault(cells.named(*each.place_mm[:2]) if cells else "mesh", each)
     alike: dict[str, list[str]] = {}
     for where in dict.fromkeys([*largest, *dimensions]):
@@ -302,9 +302,9 @@ def _as_printed(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding
                 f"not a whole number of layers; {number(printer.height_mm(whole))} mm would be",
             ),
         )
-        for wrong, code, told in cases:
+        for wrong, code, sentence in cases:
             if wrong:
-                yield Finding("error", code, d.where, f"{d.name} is {number(d.built_mm)} mm, {told}")
+                yield Finding("error", code, d.where, f"{d.name} is {number(d.built_mm)} mm, {sentence}")
 
 
 def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
@@ -370,13 +370,13 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     }
     wrong = [*_too_narrow(cuts, False, printer), *_too_narrow(cuts, True, printer), *_overhangs(mesh, printer)]
     for thin in thin_skins(solid, mesh, printer.layer_mm):
-        told = f"{number(thin.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm"
-        wrong.append(("print.skin", thin, told))
+        sentence = f"{number(thin.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm"
+        wrong.append(("print.skin", thin, sentence))
     if place and span > limit:
         hangs = f"a face hangs free over {'at least ' if span > limit + 0.99 else ''}{number(span)} mm"
         wrong.append(("print.bridge", place, f"{hangs}, {printer.name} bridges {number(limit)} mm"))
     spots = [_spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm) for _, at, _ in wrong]
-    findings = (Finding("error", code, spot, told) for spot, (code, _, told) in zip(spots, wrong, strict=True))
+    findings = (Finding("error", code, spot, sentence) for spot, (code, _, sentence) in zip(spots, wrong, strict=True))
     return figures, list(few(findings))
 
 
@@ -390,12 +390,12 @@ def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> 
             continue
         seen.add(near)
         if gaps:
-            told = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
-            yield "print.gap", place, told
+            sentence = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
+            yield "print.gap", place, sentence
         else:
             least = f"at this height down to {number(smallest(cut, False, limit))} mm"
-            told = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays ({least})"
-            yield "print.wall", place, told
+            sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays ({least})"
+            yield "print.wall", place, sentence
 
 
 def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Wrong]:
@@ -410,9 +410,9 @@ def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Wrong]:
     if area > printer.line_width_mm**2:
         worst = np.flatnonzero(steep)[angle[steep].argmax()]
         leans = f"{number(area)} mm² lean out by up to {number(float(angle[worst]))}°"
-        told = f"{leans}, {printer.name} prints {number(printer.steepest_overhang_deg)}° without supports"
+        sentence = f"{leans}, {printer.name} prints {number(printer.steepest_overhang_deg)}° without supports"
         x, y, z = corners[worst].mean(0).tolist()
-        yield "print.overhang", Narrow(x, y, z, area), told
+        yield "print.overhang", Narrow(x, y, z, area), sentence
 
 
 def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:

@@ -82,16 +82,16 @@ class Pose(NamedTuple):
             (self.flipped, "upside down: turn it over, bosses up"),
             (self.scale != 1, size),
         )
-        if faults := [told for holds, told in wrong if holds]:
+        if faults := [wording for holds, wording in wrong if holds]:
             said = " and ".join([turned] * bool(self.turned_deg) + faults)
             yield Finding("error", "built.pose", "mesh", f"it is {said}; all else is compared as planned")
         elif self.turned_deg:
-            told = "its coils' rows and columns turn with it; nothing else is to be done"
-            yield Finding("note", "built.pose", "mesh", f"it is {turned}, {told}")
+            wording = "its coils' rows and columns turn with it; nothing else is to be done"
+            yield Finding("note", "built.pose", "mesh", f"it is {turned}, {wording}")
         elif (np.abs(self.shift_mm) > SAME_MM).any():
             moved = ", ".join(number(round(float(-v), 4)) for v in self.shift_mm)
-            told = "slicers place it anew anyway; nothing is to be done"
-            yield Finding("note", "built.pose", "mesh", f"it was moved by ({moved}) mm, {told}")
+            wording = "slicers place it anew anyway; nothing is to be done"
+            yield Finding("note", "built.pose", "mesh", f"it was moved by ({moved}) mm, {wording}")
 
 
 class Cells(NamedTuple):
@@ -192,12 +192,12 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
         rows = rows * scale
         shift = (low + high - there.min(0) - there.max(0)) / 2
         shift[2] = low[2] - there[:, 2].min()
-        found = share(rows, shift)
-        if found > best.share + 1e-9:
+        shared = share(rows, shift)
+        if shared > best.share + 1e-9:
             turned = (np.degrees(-angle) + 180) % 360 - 180
             if abs(turned) < 1e-3:
                 turned = 0.0
-            best = Pose(rows, shift, found, turned, flipped, mirrored, scale)
+            best = Pose(rows, shift, shared, turned, flipped, mirrored, scale)
     return best
 
 
@@ -249,11 +249,11 @@ def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
     seen = np.flatnonzero(np.abs(normals[:, 2]) > STEEP)
     _, plane = np.unique(np.round(planes[seen] / SAME_MM), axis=0, return_inverse=True)
     order = np.argsort(plane, kind="stable")
-    for own in np.split(seen[order], np.flatnonzero(np.diff(plane[order])) + 1):
+    for members in np.split(seen[order], np.flatnonzero(np.diff(plane[order])) + 1):
         # They come in their order, those of the plan last.
         one, other = (
             CrossSection(list(corners[part, :, :2]), FillRule.NonZero)
-            for part in np.split(own, [np.searchsorted(own, len(triangles_mm))])
+            for part in np.split(members, [np.searchsorted(members, len(triangles_mm))])
         )
         apart = (one - other) + (other - one)
         large = apart.area() > STRIP_MM**2 / 2
@@ -268,7 +268,7 @@ def differences(one: Any, other: Any) -> list[Difference]:
 
     See `SMALLEST_MM` for how small a piece is found.
     """
-    found = []
+    differing = []
     for more, part in ((True, one - other), (False, other - one)):
         core = part
         # What is left are places of a cube's lowest corner: all eight corners lie in the part.
@@ -281,5 +281,5 @@ def differences(one: Any, other: Any) -> list[Difference]:
             box = type(part).cube(tuple(high - low)).translate(tuple(low))
             middle = tuple(((low + high) / 2).tolist())
             extent = tuple((high - low).tolist())
-            found.append(Difference(more, float((part ^ box).volume()), middle, extent))
-    return sorted(found, key=lambda each: -each.volume_mm3)
+            differing.append(Difference(more, float((part ^ box).volume()), middle, extent))
+    return sorted(differing, key=lambda each: -each.volume_mm3)

@@ -292,12 +292,12 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
 
 def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[Narrow]:
     """Return the parts of horizontal faces that look up and have less than `limit_mm` of material beneath them."""
-    found = []
+    skins = []
     for z in _flat_heights_mm(mesh, up=True):
         surface = solid.slice(z - STEP_MM) - solid.slice(z + STEP_MM)
         thin = surface - solid.slice(z - limit_mm + 2 * STEP_MM)
-        found += [_where(piece, z) for piece in thin.decompose() if piece.area() > limit_mm**2]
-    return found
+        skins += [_where(piece, z) for piece in thin.decompose() if piece.area() > limit_mm**2]
+    return skins
 
 
 def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:

@@ -250,12 +250,12 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
     corners = mesh.corners_mm
     low = corners.min(1)
     high = corners.max(1)
-    found: list[np.ndarray] = []
+    crossing: list[np.ndarray] = []
     for pairs in _overlapping(low, high):
-        found.append(pairs[_pierce(mesh, *pairs.T)])
-        if sum(len(pairs) for pairs in found) > MOST_FOUND:
+        crossing.append(pairs[_pierce(mesh, *pairs.T)])
+        if sum(len(pairs) for pairs in crossing) > MOST_FOUND:
             break
-    pairs = np.concatenate(found) if found else np.empty((0, 2), dtype=np.int64)
+    pairs = np.concatenate(crossing) if crossing else np.empty((0, 2), dtype=np.int64)
     return np.unique(pairs, axis=0)
 
 

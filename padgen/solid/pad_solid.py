@@ -333,9 +333,9 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
         triangles.append(number[:, faces].reshape(-1, 3))
         offset += len(r) * len(place)
     on_lattice, faces = _open_border(border.mesh, x, y, z)
-    own = on_lattice < 0
-    number = np.where(own, offset + np.cumsum(own) - 1, on_lattice)
-    vertices.append(border.mesh.vertices_mm[own])
+    is_off_lattice = on_lattice < 0
+    number = np.where(is_off_lattice, offset + np.cumsum(is_off_lattice) - 1, on_lattice)
+    vertices.append(border.mesh.vertices_mm[is_off_lattice])
     triangles.append(number[faces])
     whole = Mesh(np.concatenate(vertices), np.concatenate(triangles))
     used = np.zeros(len(whole.vertices_mm), dtype=bool)

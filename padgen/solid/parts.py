@@ -275,14 +275,16 @@ def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
     if blocked:
         box_mm = np.reshape(blocked[0].bounding_box(), (2, 3))
         where = f"({', '.join(map(number, box_mm.mean(0)))}) mm"
-        told = f"material lies where a coil stands; {len(blocked)} such places, must be 0"
-        yield Finding("error", "tray.coil", where, told)
+        sentence = f"material lies where a coil stands; {len(blocked)} such places, must be 0"
+        yield Finding("error", "tray.coil", where, sentence)
     x, y, z = mesh.vertices_mm.T
     inside = (np.abs(x) < pad.width_mm / 2 - BUILT_MM) & (np.abs(y) < pad.depth_mm / 2 - BUILT_MM)
     highest = float(z[inside].max(initial=0.0))
     if highest > tray.coil_top_mm + BUILT_MM:
-        told = f"under the pad it rises to {number(highest)} mm, the coils' tops are at {number(tray.coil_top_mm)} mm"
-        yield Finding("error", "tray.room", "mesh", told)
+        sentence = (
+            f"under the pad it rises to {number(highest)} mm, the coils' tops are at {number(tray.coil_top_mm)} mm"
+        )
+        yield Finding("error", "tray.room", "mesh", sentence)
     for slot in tray.wire_slots:
         middle = np.array([slot.x0 + slot.x1, slot.y0 + slot.y1, tray.socket_top_mm + tray.height_mm]) / 2
         # A ray along the middle of a slot, from end to end, does not meet the tray.
@@ -340,12 +342,12 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     if "tray" in (parts_g or {}):
         screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm)
         screws = f"{screw.name} x {number(screw.length_mm)} mm {screws}" if screw else screws
-    own = spec.amplifier
+    amplifier = spec.amplifier
     load = plan.load
     parts = plan.parts
     some = (
-        f"{own.name}: {own.channels} channels"
-        if own
+        f"{amplifier.name}: {amplifier.channels} channels"
+        if amplifier
         else "; or ".join(f"{n} x {name}" for name, n in parts.amplifiers.items())
     )
     card = spec.sound_card
@@ -452,8 +454,8 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
     printer = spec.printer
     density = spec.material.density_g_per_cm3
     limits = {"limits_of": printer.name}
-    found = None if plan is None else _recognised(mesh, plan)
-    if plan is None or found is None:
+    recognised = None if plan is None else _recognised(mesh, plan)
+    if plan is None or recognised is None:
         report = check_mesh(mesh, printer, density)
         unknown = Finding(
             "error",
@@ -463,9 +465,13 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
             " it was built by",
         )
         return Report(report.figures | limits, (*report.findings, *([] if plan is None else [unknown])))
-    name, own, planned, pose = found
+    name, part_solid, planned, pose = recognised
     laid = pose.laid(mesh)
-    report = check_tray(planned, own, laid) if isinstance(planned, TraySolid) else check_against(laid, planned, own)
+    report = (
+        check_tray(planned, part_solid, laid)
+        if isinstance(planned, TraySolid)
+        else check_against(laid, planned, part_solid)
+    )
     return Report(report.figures | limits | {"part": name}, (*pose.findings(), *report.findings))
 
 
@@ -473,13 +479,13 @@ def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid
     """Recognise the part that a mesh shows; return its name, plan, solid and the mesh's pose, or None."""
     best = None
     most = LEAST_LIKENESS
-    for name, own, planned in _parts(plan):
+    for name, part_solid, planned in _parts(plan):
         pose = pose_of(mesh, planned.mesh)
         # All corners of a coupon are found in a pad of one coil: only the size tells the two apart.
         sizes = [np.sort(np.ptp(each.vertices_mm, axis=0)) for each in (pose.laid(mesh), planned.mesh)]
         likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 0.5)
         if likeness > most:
-            best = (name, own, planned, pose)
+            best = (name, part_solid, planned, pose)
             most = likeness
         if most > SURE_LIKENESS[name]:
             break

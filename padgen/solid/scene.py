@@ -76,7 +76,7 @@ def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
 
 
 def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> list[ScenePart]:
-    own = [taxel for taxel in plan.taxels if taxel.channel == channel.index]
+    channel_taxels = [taxel for taxel in plan.taxels if taxel.channel == channel.index]
     arrangement = plan.arrangement(channel)
     k = channel.index
     chord = 0.1 if len(plan.taxels) > MANY else 0.02
@@ -92,7 +92,10 @@ def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> lis
             placed = mesh.vertices_mm + np.array([*channel.site.centre_mm, 0.0])
             own_axes = _from_cell(placed, channel)
         heights = mode_heights(arrangement, channel, own_axes)
-        places = (Place(t.id if material == "pad" else f"washer-{t.id}", t.x_mm, t.y_mm, 0.0, t.turned) for t in own)
+        places = (
+            Place(t.id if material == "pad" else f"washer-{t.id}", t.x_mm, t.y_mm, 0.0, t.turned)
+            for t in channel_taxels
+        )
         parts.append(ScenePart(name, material, Mesh(placed - axis, mesh.triangles), tuple(places), k, heights))
     return parts
 

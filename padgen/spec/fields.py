@@ -156,5 +156,5 @@ def _refuse(kind: type, meta: Mapping[str, Any], value: Any, where: str) -> None
         unit = f" {meta['unit']}" if meta["unit"] not in ("", "1") else ""
         # No cure for a list's entry.
         cures = [] if where.endswith("]") else [{where: high if value > high else low}]
-        told = f"must be at least {number(low)} and at most {number(high)}{unit}, got {number(value)}{unit}"
-        raise SpecError(told, where, cures)
+        sentence = f"must be at least {number(low)} and at most {number(high)}{unit}, got {number(value)}{unit}"
+        raise SpecError(sentence, where, cures)

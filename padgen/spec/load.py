@@ -404,8 +404,8 @@ def _points(text: str, where: str) -> list[tuple[float, float]]:
         raw = raw.rstrip("\n")
         if not raw.strip() or raw.lstrip().startswith("#"):
             continue
-        if found := re.fullmatch(f"{plain},{plain}", raw, re.ASCII):
-            points.append((float(found[1]), float(found[2])))
+        if match := re.fullmatch(f"{plain},{plain}", raw, re.ASCII):
+            points.append((float(match[1]), float(match[2])))
         elif points or headings or raw.count(",") != 1 or any(c.isdigit() for c in raw):
             shown = raw if len(raw) <= 40 else raw[:40] + "…"
             raise FileError(f"line {line} must be a frequency in Hz and a threshold in µm, got {shown!r}", where)
@@ -675,15 +675,15 @@ def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     name = table.get("printer")
     if not isinstance(name, str) or not name.endswith(".toml"):
         return table
-    told = read_toml(folder / name, f"printer: {name}")
-    if unknown := sorted(set(told) - set(CALIBRATED)):
+    from_file = read_toml(folder / name, f"printer: {name}")
+    if unknown := sorted(set(from_file) - set(CALIBRATED)):
         raise SpecError(f"has no place in a printer's file, which has {', '.join(CALIBRATED)}", f"{name}: {unknown[0]}")
-    if "printer" not in told:
+    if "printer" not in from_file:
         raise SpecError("is missing; padgen calibrate writes it", f"{name}: printer")
     for key in ("spread", "material"):
-        if key in table and key in told and table[key] != told[key]:
+        if key in table and key in from_file and table[key] != from_file[key]:
             raise SpecError(f"is in the printer's file {name} as well; leave it out of one of the two", key)
-    return {**table, **told}
+    return {**table, **from_file}
 
 
 def answers(recorded: Spec, asked: Spec) -> bool:
@@ -691,11 +691,11 @@ def answers(recorded: Spec, asked: Spec) -> bool:
 
     The model may differ, and values that `asked` leaves to the search are taken from the plan.
     """
-    own = recorded.coil
+    recorded_coil = recorded.coil
     coil = replace(
         asked.coil,
-        gap_mm=asked.coil.gap_mm or own.gap_mm,
-        reuse=own.reuse if asked.coil.reuse == "auto" else asked.coil.reuse,
+        gap_mm=asked.coil.gap_mm or recorded_coil.gap_mm,
+        reuse=recorded_coil.reuse if asked.coil.reuse == "auto" else asked.coil.reuse,
     )
     drive = replace(asked.drive, scheme=recorded.drive.scheme) if asked.drive.scheme == "auto" else asked.drive
     return replace(recorded, model=asked.model) == replace(asked, coil=coil, drive=drive)
@@ -703,8 +703,8 @@ def answers(recorded: Spec, asked: Spec) -> bool:
 
 def spread_of(printer: Printer) -> str:
     """Return the name of the typical spread of `printer` in the catalogue, or of its process if it has none."""
-    own = f"{printer.name}-typical"
-    return own if own in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
+    typical = f"{printer.name}-typical"
+    return typical if typical in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
 
 
 def _catalogue_entry(table: str, value: Any, default: str) -> Any:

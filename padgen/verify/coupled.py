@@ -148,8 +148,10 @@ def make_system(
 ) -> CoupledSystem:
     """Make a `CoupledSystem` of arrays or numbers: frequency, Q, mass, gap, L above 0; pull, exponent, R at least 0."""
     given = (frequency_hz, q, mass_kg, pull_n_per_a2, exponent, gap_m)
-    own, quality, mass, pull, power, gap = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in given))
-    return CoupledSystem(own, quality, mass, pull, power, gap, resistance_ohm, inductance_h)
+    resonance_hz, quality, mass, pull, power, gap = np.broadcast_arrays(
+        *(np.atleast_1d(np.asarray(v, float)) for v in given)
+    )
+    return CoupledSystem(resonance_hz, quality, mass, pull, power, gap, resistance_ohm, inductance_h)
 
 
 def from_tones(kind: Literal["voltage", "current"], wave: DecayingTones) -> Source:
@@ -293,8 +295,8 @@ def scipy_motion(
     scale = np.concatenate([system.gap_m, system.gap_m * system.angular, [1e-3]])
     span = (0.0, float(time_s[-1]))
     at_rest = np.zeros(2 * n + 1)
-    found = solve_ivp(rates, span, at_rest, method, time_s, rtol=tolerance, atol=1e-3 * tolerance * scale).y
-    return np.concatenate([found[:-1], [found[-1] / system.inductance(found[:n])]])
+    motion = solve_ivp(rates, span, at_rest, method, time_s, rtol=tolerance, atol=1e-3 * tolerance * scale).y
+    return np.concatenate([motion[:-1], [motion[-1] / system.inductance(motion[:n])]])
 
 
 @lru_cache(maxsize=16)

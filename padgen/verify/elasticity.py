@@ -109,9 +109,9 @@ def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
         raise SolverError(f"cannot be read as STEP ({_first_line(error)})", where) from error
     misfit = [abs(solid.mass / washer_volume_mm3 - 1) for solid in solids]
     if len(solids) != 2 or min(misfit) > VOLUME_SHARE:
-        found = " and ".join(f"{number(solid.mass)} mm³" for solid in solids)
+        masses = " and ".join(f"{number(solid.mass)} mm³" for solid in solids)
         raise SolverError(
-            f"must hold two solids, printed part and washer of {number(washer_volume_mm3)} mm³, holds {found}", where
+            f"must hold two solids, printed part and washer of {number(washer_volume_mm3)} mm³, holds {masses}", where
         )
     washer = int(np.argmin(misfit))
     solids[washer].name = WASHER
@@ -412,16 +412,16 @@ def _thin(spaces: tuple[Any, ...], mesh: Any, order: int, rich: np.ndarray) -> N
     orders = {kind: np.ones(count, int) for kind, count in counts.items()}
     for place in [*np.flatnonzero(~rich), *np.flatnonzero(rich)]:
         element = mesh[ng.ElementId(ng.VOL, int(place))]
-        own = order if rich[place] else LEAN
-        orders[ng.EDGE][[edge.nr for edge in element.edges]] = own
-        orders[ng.FACE][[face.nr for face in element.faces]] = own
-        orders[ng.CELL][place] = own
+        element_order = order if rich[place] else LEAN
+        orders[ng.EDGE][[edge.nr for edge in element.edges]] = element_order
+        orders[ng.FACE][[face.nr for face in element.faces]] = element_order
+        orders[ng.CELL][place] = element_order
     for kind, wanted in orders.items():
         for place in np.flatnonzero(wanted != order):
             node = ng.NodeId(kind, int(place))
-            own = int(wanted[place])
+            element_order = int(wanted[place])
             for space in spaces:
-                space.SetOrder(node, own)
+                space.SetOrder(node, element_order)
     for space in spaces:
         space.UpdateDofTables()
         space.FinalizeUpdate()
@@ -580,13 +580,13 @@ def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]
     stride = int(nodes.max()) + 1
     one, other = np.triu_indices(4, 1)
     pairs = np.minimum(nodes[:, one], nodes[:, other]) * stride + np.maximum(nodes[:, one], nodes[:, other])
-    found: dict[str, float] = {}
+    share_of: dict[str, float] = {}
     for index in np.unique(segments["index"]):
-        own = ends[segments["index"] == index]
-        along = np.isin(pairs, own[:, 0] * stride + own[:, 1]).any(1)
+        segment_ends = ends[segments["index"] == index]
+        along = np.isin(pairs, segment_ends[:, 0] * stride + segment_ends[:, 1]).any(1)
         name = netgen_mesh.GetCD2Name(int(index) - 1)
-        found[name] = max(found.get(name, 0.0), float(shares[along].sum(0).max()))
-    return found
+        share_of[name] = max(share_of.get(name, 0.0), float(shares[along].sum(0).max()))
+    return share_of
 
 
 class FineSetting(NamedTuple):
@@ -695,16 +695,16 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
                 mesh = _layered(taxel, shape, layered, setting)
                 before = setting[1:]
                 lean = _answered(taxel, shape, mesh, LEAN, modes)
-                found = _result(lean, setting._replace(order=LEAN))
-                rich = _rich(mesh, energy_shares(lean[0], taxel.materials, lean[-1]), found.modes.working)
-            for order in range(found.order + 1, setting.order + 1):
-                coarser = found
-                found = _result(_answered(taxel, shape, mesh, order, modes, rich), setting._replace(order=order))
+                solved = _result(lean, setting._replace(order=LEAN))
+                rich = _rich(mesh, energy_shares(lean[0], taxel.materials, lean[-1]), solved.modes.working)
+            for order in range(solved.order + 1, setting.order + 1):
+                coarser = solved
+                solved = _result(_answered(taxel, shape, mesh, order, modes, rich), setting._replace(order=order))
         except SolverError:
             if known is None:
                 raise
             break  # the finer mesh tears: what is known stays
-        extrapolated = _extrapolated(coarser, found)._replace(setting=place)
+        extrapolated = _extrapolated(coarser, solved)._replace(setting=place)
         if known is None or extrapolated.working_error < known.working_error:
             known = extrapolated
         if known.working_error < tolerance:
@@ -728,19 +728,19 @@ def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
     touched = np.zeros(mesh.nv, bool)
     for place in np.flatnonzero(rich.any(1)):
         touched[corners[place]] = True
-    return np.array([touched[own].any() for own in corners])
+    return np.array([touched[element_corners].any() for element_corners in corners])
 
 
-def _extrapolated(coarser: SolidModes, found: SolidModes) -> SolidModes:
-    """Return `found` extrapolated to higher orders than its own, by the step from `coarser`, with its error."""
-    working = found.modes.working
+def _extrapolated(coarser: SolidModes, finer: SolidModes) -> SolidModes:
+    """Return `finer` extrapolated to higher orders than its own, by the step from `coarser`, with its error."""
+    working = finer.modes.working
     other = coarser.modes.working
-    change = coarser.modes.frequency_hz / found.modes.frequency_hz - 1
-    change[working] = coarser.modes.frequency_hz[other] / found.modes.frequency_hz[working] - 1
+    change = coarser.modes.frequency_hz / finer.modes.frequency_hz - 1
+    change[working] = coarser.modes.frequency_hz[other] / finer.modes.frequency_hz[working] - 1
     error = np.abs(change)
-    error[working] = DOUBT[found.order] * error[working] + REST
-    modes = found.modes._replace(frequency_hz=found.modes.frequency_hz * (1 - ADDED[found.order] * change))
-    return found._replace(modes=modes, error=error)
+    error[working] = DOUBT[finer.order] * error[working] + REST
+    modes = finer.modes._replace(frequency_hz=finer.modes.frequency_hz * (1 - ADDED[finer.order] * change))
+    return finer._replace(modes=modes, error=error)
 
 
 def _drafted(taxel: SolidTaxel) -> tuple[Any, set[str]]:

@@ -271,8 +271,8 @@ def axisymmetric_force(
     vector = _by_vector(mesh, coil, current_a, steels, far_mm, order)
     methods = zip(*(body_wrench(field, "washer", (0, 0, 0)) for field in (scalar, vector)), strict=True)
     residual = max(scalar.residual, vector.residual)
-    found = (AxisymmetricForce(float(a[2]), float(b[2]), scalar.unknowns, residual) for a, b in methods)
-    force = min(found, key=lambda force: force.error)
+    forces = (AxisymmetricForce(float(a[2]), float(b[2]), scalar.unknowns, residual) for a, b in methods)
+    force = min(forces, key=lambda force: force.error)
     if force.error > WIDEST:
         raise SolverError(
             f"the force of {number(abs(force.force_n))} N over a gap of {number(gap_m)} m drowns in the field's own"

@@ -198,14 +198,14 @@ def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung
     whole[frame, frame] = stiffness
     heavy[frame, frame] = mass
     for index, taxel in enumerate(taxels):
-        own = slice(len(mass) + 6 * index, len(mass) + 6 * index + 6)
-        heavy[own, own] = taxel.mass
-        pulls[index, own] = taxel.pull
+        rows = slice(len(mass) + 6 * index, len(mass) + 6 * index + 6)
+        heavy[rows, rows] = taxel.mass
+        pulls[index, rows] = taxel.pull
         for beam, root in taxel.beams:
             whole[frame, frame] += root.T @ beam @ root
-            whole[own, own] += beam
-            whole[own, frame] -= beam @ root
-            whole[frame, own] -= (beam @ root).T
+            whole[rows, rows] += beam
+            whole[rows, frame] -= beam @ root
+            whole[frame, rows] -= (beam @ root).T
     square, vectors = eigh(whole, heavy)
     return PadModes(square, pulls @ vectors)
 

@@ -74,9 +74,11 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     drive = replace(drive, corner_hz=0.0)  # a microcontroller's converters are no sound card's outputs
     job.findings += judge_limits(FILE, job.plan, drive, tuning=request.tuning)
     if not boards_in_time(drive):
-        told = f"takes up to {number(round(sample_mhz(drive)))} MHz of a Cortex-M4's clock at {drive.rate_hz} samples/s"
+        load_note = (
+            f"takes up to {number(round(sample_mhz(drive)))} MHz of a Cortex-M4's clock at {drive.rate_hz} samples/s"
+        )
         job.findings += (
-            Finding("warning", "firmware.time", FILE, f"{told}; no board of the catalogue makes them in time"),
+            Finding("warning", "firmware.time", FILE, f"{load_note}; no board of the catalogue makes them in time"),
         )
     out.write(FILE, c_header(job.plan, drive, request.tuning))
     for name, data in firmware_files().items():
@@ -86,8 +88,11 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 def sample_mhz(drive: PadDrive) -> float:
     """Return the millions of clocks a second that the samples of a drive take at most on a Cortex-M4."""
     each, coil, taxel = ROOT_CLOCKS if drive.scheme.is_root else CLOCKS
-    kinds = {own.harmonic.tobytes() + own.line_a2.tobytes() + own.phase_rad.tobytes(): own for own in drive.coils}
-    waves, taxels = (sum(len(own.taxels) for own in coils) for coils in (kinds.values(), drive.coils))
+    kinds = {
+        coil_drive.harmonic.tobytes() + coil_drive.line_a2.tobytes() + coil_drive.phase_rad.tobytes(): coil_drive
+        for coil_drive in drive.coils
+    }
+    waves, taxels = (sum(len(coil_drive.taxels) for coil_drive in coils) for coils in (kinds.values(), drive.coils))
     return (each + coil * len(drive.coils) + taxel * taxels + WAVE_CLOCKS * waves) * drive.rate_hz * MICRO
 
 
@@ -117,13 +122,13 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
     """
     if len(plan.taxels) >= NO_TAXEL:
         raise SpecError(f"a frame has at most {NO_TAXEL - 1} taxels, got {len(plan.taxels)}", plan.name)
-    slots = {channel.index: k for own in plan.sets for k, channel in enumerate(own)}
+    slots = {channel.index: k for channel_set in plan.sets for k, channel in enumerate(channel_set)}
     kinds: dict[tuple[Any, ...], CoilDrive] = {}
     keys = []
     for coil in drive.coils:
-        own = tuple(slots[plan.taxels[t].channel] for t in coil.taxels)
+        channel_set = tuple(slots[plan.taxels[t].channel] for t in coil.taxels)
         parts = (coil.harmonic, coil.line_a2, coil.phase_rad, coil.margin)
-        keys.append((own, coil.bias_a, *(part.tobytes() for part in parts)))
+        keys.append((channel_set, coil.bias_a, *(part.tobytes() for part in parts)))
         kinds.setdefault(keys[-1], coil)
     # At least 1: an empty table is no C.
     channels = max(1, *(len(coil.taxels) for coil in drive.coils))
@@ -181,7 +186,10 @@ def _defines(plan: Plan, drive: PadDrive, kinds: int, channels: int) -> str:
     frame = max(round(frame_s(plan) * rate), step * slots)
     watchdog = max(ceil(LEAST_WATCHDOG_S * rate), WATCHDOG_FRAMES * frame)
     scheme = drive.scheme
-    alike = {(own.kind.CURRENT, own.takes_turns): own.name for own in map(Scheme, SCHEME_NUMBERS)}
+    alike = {
+        (alike_scheme.kind.CURRENT, alike_scheme.takes_turns): alike_scheme.name
+        for alike_scheme in map(Scheme, SCHEME_NUMBERS)
+    }
     if (made := (scheme.kind.CURRENT, turns)) not in alike:
         raise SpecError(
             f"the firmware does not play {scheme.name!r}; its schemes are {', '.join(SCHEME_NUMBERS)}", FILE
@@ -285,13 +293,13 @@ def _kind_tables(drive: PadDrive, kinds: list[CoilDrive], slots: list[tuple[int,
     )
     for declared, empty, entries in tables:
         yield _by_kind(declared, channels, map(entries, kinds), empty)
-    yield _by_kind("uint8_t padgen_slot", channels, ([str(slot) for slot in own] for own in slots), "0")
+    yield _by_kind("uint8_t padgen_slot", channels, ([str(slot) for slot in set_slots] for set_slots in slots), "0")
     yield _table("float padgen_bias_a[PADGEN_KINDS]", [_float(kind.bias_a) for kind in kinds])
 
 
 def _by_kind(declared: str, channels: int, entries: Iterable[list[str]], empty: str) -> str:
     """Write a table with a row for each kind, filled up with `empty`."""
-    rows = [_braces([*own, *[empty] * (channels - len(own))]) + "," for own in entries]
+    rows = [_braces([*entry, *[empty] * (channels - len(entry))]) + "," for entry in entries]
     return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
 
 

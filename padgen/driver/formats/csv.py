@@ -33,10 +33,12 @@ def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     carrier = planned_carrier_hz(plan)
     rows: dict[int | str, DriveRow] = {}
     constant: list[DriveRow] = []
-    for kind, own in enumerate(plan.sets):
-        rows |= {row.channel: row for row in coil_rows(spec, scheme, own, carrier)}
+    for kind, channel_set in enumerate(plan.sets):
+        rows |= {row.channel: row for row in coil_rows(spec, scheme, channel_set, carrier)}
         if scheme.has_constant and carrier is None:
-            constant.append(bias_row(spec, scheme, own, BIAS if len(plan.sets) == 1 else f"{BIAS} of set {kind}"))
+            constant.append(
+                bias_row(spec, scheme, channel_set, BIAS if len(plan.sets) == 1 else f"{BIAS} of set {kind}")
+            )
     return (*(rows[c.index] for c in plan.channels), *constant)
 
 

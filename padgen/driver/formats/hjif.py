@@ -152,8 +152,8 @@ def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
             if gain := _gain(plan):
                 law = level_law(plan.spec)
                 drive = plan.spec.drive
-                lowest, own = law(np.array([plan.channels[0].resonance_hz, hz]))
-                known[key]["maximum_displacement"] = float(drive.level_um * own / lowest) / gain * UM / MM
+                lowest, level = law(np.array([plan.channels[0].resonance_hz, hz]))
+                known[key]["maximum_displacement"] = float(drive.level_um * level / lowest) / gain * UM / MM
         yield known[key]
 
 

@@ -42,10 +42,10 @@ def coil_states(plan: Plan) -> list[dict[str, Any]]:
     mean pull on the lowest channel's washer.
     """
     states: list[dict[str, Any]] = []
-    for number_of, own in enumerate(plan.sets if len(plan.sets[0]) <= LARGEST_TABLE else ()):
-        lines = np.array([c.line_a2 for c in own])
-        for bits in product((0, 1), repeat=len(own)):
-            on = [c for c, bit in zip(own, bits, strict=True) if bit]
+    for number_of, channel_set in enumerate(plan.sets if len(plan.sets[0]) <= LARGEST_TABLE else ()):
+        lines = np.array([c.line_a2 for c in channel_set])
+        for bits in product((0, 1), repeat=len(channel_set)):
+            on = [c for c, bit in zip(channel_set, bits, strict=True) if bit]
             square_a2 = mean_square_a2(plan.scheme, lines, plan.spec.drive.headroom, np.array(bits, dtype=bool))
             states.append(
                 {
@@ -53,18 +53,18 @@ def coil_states(plan: Plan) -> list[dict[str, Any]]:
                     "state": "".join(map(str, bits)),
                     "drive_hz": [c.drive_hz for c in on],
                     "lines": [{"channel": c.index, "force_hz": c.resonance_hz, "force_mn": c.force_mn} for c in on],
-                    "spurs": list(_spurs(plan.scheme, own, on)) if plan.scheme.has_pair_spurs else [],
-                    "static_force_mn": square_a2 * own[0].force_constant_n_per_a2 / MN,
+                    "spurs": list(_spurs(plan.scheme, channel_set, on)) if plan.scheme.has_pair_spurs else [],
+                    "static_force_mn": square_a2 * channel_set[0].force_constant_n_per_a2 / MN,
                 }
             )
     return states
 
 
-def _spurs(scheme: Scheme, own: tuple[Channel, ...], on: list[Channel]) -> Iterator[dict[str, Any]]:
-    scale = 4 * scheme.bias_ratio * max(*(c.line_a2 for c in own), SMALLEST_LINE)
+def _spurs(scheme: Scheme, channel_set: tuple[Channel, ...], on: list[Channel]) -> Iterator[dict[str, Any]]:
+    scale = 4 * scheme.bias_ratio * max(*(c.line_a2 for c in channel_set), SMALLEST_LINE)
 
     def spur(kind: str, hz: float, force_mn: float, *which: int) -> dict[str, Any]:
-        thirds = [c for c in own if c.index not in which]
+        thirds = [c for c in channel_set if c.index not in which]
         near = min(thirds, key=lambda c: abs(c.resonance_hz - hz), default=None)
         return {
             "channels": list(which),
@@ -131,11 +131,11 @@ def drive_json(plan: Plan) -> str:
 def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     """Describe the current of a coil of set `kind` by a formula and its numbers in A and A²."""
     scheme = plan.scheme
-    own = plan.sets[kind]
-    lines = np.array([c.line_a2 for c in own])
+    channel_set = plan.sets[kind]
+    lines = np.array([c.line_a2 for c in channel_set])
     headroom = plan.spec.drive.headroom
     recipe: dict[str, Any] = {
-        "channels": [c.index for c in own],
+        "channels": [c.index for c in channel_set],
         "squared_lines_a2": lines.tolist(),
         "formula": formula(scheme),
     }

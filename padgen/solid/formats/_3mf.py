@@ -210,7 +210,7 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
         raise MeshFileError("holds no triangles", str(path))
     counts = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
     vertices = np.concatenate([vertices for vertices, _ in parts])
-    triangles = np.concatenate([own + n for (_, own), n in zip(parts, counts, strict=False)])
+    triangles = np.concatenate([triangles_of + n for (_, triangles_of), n in zip(parts, counts, strict=False)])
     return sound_mesh(vertices, triangles, str(path), weld)
 
 
@@ -230,7 +230,7 @@ def _unpacked(path: Path) -> Iterator[tuple[str, bytes]]:
 
 def _read_part(name: str, part: bytes, objects: dict[Key, _Object], items: list[tuple[Key, np.ndarray]]) -> None:
     """Add the objects and build items of the XML in a part of the package; `name` is its path."""
-    own = _Object(array("d"), array("q"), [])
+    current = _Object(array("d"), array("q"), [])
     scale = 1.0
 
     def named(attributes: dict[str, str]) -> tuple[Key, np.ndarray]:
@@ -242,16 +242,16 @@ def _read_part(name: str, part: bytes, objects: dict[Key, _Object], items: list[
         return (path.lstrip("/"), attributes.get("objectid", "")), place
 
     def started(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal own, scale
+        nonlocal current, scale
         match tag[len(CORE) + 1 :] if tag.startswith(CORE) else tag:
             case "triangle":
-                own.corners.extend((int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"])))
+                current.corners.extend((int(attributes["v1"]), int(attributes["v2"]), int(attributes["v3"])))
             case "vertex":
-                own.coordinates.extend((float(attributes["x"]), float(attributes["y"]), float(attributes["z"])))
+                current.coordinates.extend((float(attributes["x"]), float(attributes["y"]), float(attributes["z"])))
             case "object":
-                own = objects[name, attributes.get("id", "")] = _Object(array("d"), array("q"), [])
+                current = objects[name, attributes.get("id", "")] = _Object(array("d"), array("q"), [])
             case "component":
-                own.components.append(named(attributes))
+                current.components.append(named(attributes))
             case "item":
                 key, place = named(attributes)
                 place[:, :3] *= scale
@@ -278,7 +278,7 @@ def _placed(
     MeshFileError
         These are more than can be checked.
     """
-    found: list[tuple[np.ndarray, np.ndarray]] = []
+    placed: list[tuple[np.ndarray, np.ndarray]] = []
     parts = triangles = 0
     waiting = [(key, place, 0) for key, place in reversed(items)]
     while waiting:
@@ -287,19 +287,19 @@ def _placed(
             raise ValueError(f"it has no object {key[1]!r}")
         if depth > DEEPEST:
             raise MeshFileError(f"has components more than {DEEPEST} deep within one another", where)
-        own = objects[key]
+        part = objects[key]
         parts = parts + 1
-        triangles = triangles + len(own.corners) // 3
+        triangles = triangles + len(part.corners) // 3
         if parts > MOST_PARTS:
             raise MeshFileError(f"places more than {MOST_PARTS} parts", where)
         if triangles > MOST_TRIANGLES:
             raise MeshFileError(f"places more than {MOST_TRIANGLES} triangles", where)
         with np.errstate(all="ignore"):  # sound_mesh refuses overflows and nan
-            if own.corners:
-                vertices = np.frombuffer(own.coordinates).reshape(-1, 3) @ place[:3, :3] + place[3, :3]
-                found.append((vertices, np.frombuffer(own.corners, np.int64).reshape(-1, 3)))
-            waiting += [(inner, at @ place, depth + 1) for inner, at in reversed(own.components)]
-    return found
+            if part.corners:
+                vertices = np.frombuffer(part.coordinates).reshape(-1, 3) @ place[:3, :3] + place[3, :3]
+                placed.append((vertices, np.frombuffer(part.corners, np.int64).reshape(-1, 3)))
+            waiting += [(inner, at @ place, depth + 1) for inner, at in reversed(part.components)]
+    return placed
 
 
 BACKGROUND = np.array([1.0, 1.0, 1.0])
