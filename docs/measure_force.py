@@ -11,7 +11,9 @@ import json
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import islice
 from math import ceil
 from pathlib import Path
 from types import SimpleNamespace
@@ -26,7 +28,7 @@ from padgen.core.errors import SolverError
 from padgen.core.units import MM
 from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, three_d_pull
 from padgen.physics.magnetics import MILD_STEEL, TEAM_STEEL, CoilSource, SteelRing, solenoid
-from padgen.physics.pull import BROUGHT, leakage, make_table, parts_key, solved_pulls
+from padgen.physics.pull import BROUGHT, PullTable, leakage, make_table, parts_key, solved_pulls
 from padgen.planner import make_plan
 from padgen.planner.channels import magnetic_parts
 from padgen.spec import Coil, Washer, load_spec
@@ -200,11 +202,14 @@ def team() -> None:
         row(current, measured, *pulls, solved.unknowns)
 
 
-LOW = 0.35 * MM
-HIGH = 6 * MM
-GAPS = 9
-STEP = 0.17 * MM
-"""Gaps of the tables that padgen brings, and how far their offsets are apart, about."""
+RANGES = 3
+"""Ranges of gaps that padgen brings, from `pull.LOW` on: up to 9.45 mm."""
+STEPS_MM = (0.07, 0.17, 0.34)
+MORE = 1.25
+MOST_OFFSETS = 600
+SMOOTH = 3e-7
+"""Distance of offsets that is tried first in each range, the factor to more of them, the most, and the share of the
+last coefficients that is small enough."""
 
 
 def brought_parts() -> Iterator[tuple[CoilSource, SteelRing]]:
@@ -219,14 +224,33 @@ def brought_parts() -> Iterator[tuple[CoilSource, SteelRing]]:
         yield magnetic_parts(load_spec(name))
 
 
+def supplied_table(parts: tuple[CoilSource, SteelRing], part: int) -> PullTable:
+    """Return the table with so many offsets that its last coefficients are small, or with the most."""
+    coil, washer = parts
+    reach = 0.6 * coil.outer_diameter + washer.outer_diameter / 2
+    offsets = ceil(reach / (STEPS_MM[part] * MM))
+    while True:
+        table = make_table(coil, washer, part, reach, offsets)
+        tail = np.abs(table.shape[:, -max(2, offsets // 16) :, 0]).max() / np.abs(table.shape[:, :, 0]).max()
+        print(parts_key(coil, washer), part, offsets, f"{tail:.1e}", flush=True)
+        if tail < SMOOTH or offsets >= MOST_OFFSETS:
+            return table
+        offsets = ceil(MORE * offsets)
+
+
 def tables() -> None:
-    places: dict[str, list[float]] = {}
+    places: dict[str, dict[str, Any]] = {}
     numbers: list[np.ndarray] = []
-    for coil, washer in dict.fromkeys(brought_parts()):
-        reach = 0.6 * coil.outer_diameter + washer.outer_diameter / 2
-        table = make_table(coil, washer, LOW, HIGH, reach, GAPS, offsets := ceil(reach / STEP))
-        places[parts_key(coil, washer)] = [sum(map(len, numbers)), LOW, HIGH, reach, GAPS, offsets, coil.turns]
-        numbers.append(np.concatenate([table.scale, table.shape.ravel()]).astype(np.float32))
+    parts = list(dict.fromkeys(brought_parts()))
+    asked = [(pair, part) for pair in parts for part in range(RANGES)]
+    with ProcessPoolExecutor() as pool:
+        made = iter(pool.map(supplied_table, *zip(*asked, strict=True)))
+    for pair in parts:
+        ranges = []
+        for table in islice(made, RANGES):
+            ranges.append([sum(map(len, numbers)), table.shape.shape[1]])
+            numbers.append(np.concatenate([table.scale, table.shape.ravel()]).astype(np.float32))
+        places[parts_key(*pair)] = {"turns": pair[0].turns, "reach_m": table.reach, "ranges": ranges}
     np.save(BROUGHT.with_suffix(".npy"), np.concatenate(numbers))
     lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(place)}" for key, place in places.items())
     BROUGHT.with_suffix(".json").write_text("{\n" + lines + "\n}\n")

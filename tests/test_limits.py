@@ -528,7 +528,8 @@ JERK = Limit(
     "m/s³",
     "what the toy bears",
     lambda spec: 10.0 * spec.drive.level_um,
-    each=lambda _, one: (2 * np.pi * one.channel.resonance_hz) ** 3 * one.level * one.channel.level_um * 1e-6,
+    lambda _, one: (2 * np.pi * one.channel.resonance_hz) ** 3 * one.level * one.channel.level_um * 1e-6,
+    of_taxels=True,
     firmware="PADGEN_JERK_LIMIT_U",
 )
 

@@ -4,7 +4,7 @@
 |---|---|---|---|
 | amplitudes and their energies | ``τ a' = g − a`` by DOP853 | 3e-4 | the blend is taken as straight in 128 steps |
 | a braked resonator | at rest | 3 % | its envelope is of first order in 1/Q |
-| contrast of files, stated and heard | an integration of the bytes | 0.5 dB | other modes, lines on a comb |
+| contrast of files, stated and heard | an integration of the bytes | 0.5 dB, braked 0.25 | lines on a comb, beats |
 | the plan's worst case | frames that swap two taxels | 0.6 dB | the taxel's hearing of the other is as if held |
 """
 
@@ -92,6 +92,7 @@ def test_a_slower_taxel_takes_a_longer_brake():
 SHOWN = [
     ("paper-32", {"text": "HI"}),
     ("pad-32", {"text": "HI"}),
+    ("triple-48", {"text": "HI"}),
     ("quad-64", {"text": "OK"}),
     ("wide-11", {"pattern": "rows"}),
 ]
@@ -105,8 +106,10 @@ def test_bytes_keep_over_their_slots_what_is_stated(name, shown, brake, tmp_path
     frames = levels_of(plan, None, **shown)
     stated = driven.contrast
     slots, _ = slot_contrast_db(plan, frames, stated.frame_s, tmp_path)
-    assert stated.slot_db == pytest.approx(np.nanmin(slots), abs=0.5)
-    assert driven.heard.slot_contrast[0] == pytest.approx(np.nanmin(slots), abs=0.5)
+    # Braked, ON and OFF lie so far apart that other modes and the comb count, but no ringing does.
+    tolerance_db = 0.25 if brake else 0.5
+    assert stated.slot_db == pytest.approx(np.nanmin(slots), abs=tolerance_db)
+    assert driven.heard.slot_contrast[0] == pytest.approx(np.nanmin(slots), abs=tolerance_db)
     table = json.loads((tmp_path / "hear.json").read_text())
     assert table["summary"]["slot_db"] == pytest.approx(driven.heard.slot_contrast[0])
     assert len(table["frames"]) == len(frames)

@@ -515,7 +515,7 @@ class _Run:
 
     @property
     def told(self) -> dict[str, Any]:
-        """How many variants there are of each kind, and seconds since the start."""
+        """The number of variants of each kind, and the seconds since the start."""
         left = self.total - sum(self.counts.values())
         seconds = time.monotonic() - self._start
         return {"total": self.total, **self.counts, "kept": self.kept, "left": left, "seconds": seconds}

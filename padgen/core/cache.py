@@ -56,7 +56,8 @@ LARGEST_ENTRY = 1 << 28
 """Largest entry in bytes that is read."""
 OWN = re.compile(r"[0-9a-f]{64}\.(entry|claim|json|[0-9]+|[0-9]+-[0-9]+\.aside)")
 """Names of padgen's files: entries, those of earlier versions, and files that killed writers left."""
-_file_numbers, _bytes_since_trim = count(), [float("inf")]
+_file_numbers = count()
+_bytes_since_trim = [float("inf")]
 """Numbers for files aside; and the bytes stored since this process last checked the size, first at its first entry."""
 
 T = TypeVar("T")

@@ -538,7 +538,8 @@ def serve(imports: list[str], life: int, idle_s: float) -> None:
     """
     global _answers
     # Under new descriptors, out of reach of libraries that print and of child processes.
-    questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    questions = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
     _answers = answers
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     os.dup2(2, 1)

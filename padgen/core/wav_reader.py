@@ -114,7 +114,8 @@ def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
         file.seek(start)
         held_of[name] = file.read(min(length, 1 << 16))
     rate_hz, channels, kind, bits, width = _format(held_of[b"fmt "], where)
-    (offset, said), frame = parts[b"data"], channels * width
+    offset, said = parts[b"data"]
+    frame = channels * width
     if said > size - offset:
         there = max(size - offset, 0) // frame
         raise FileError(

@@ -434,19 +434,23 @@ class _Alike:
         self.filters = [mode_filter(float(each), q, rate_hz) for each in hz[:-1]]
         self.memory = [np.zeros((len(which), len(THROUGH)))] * len(self.filters)
         self.gap_m = float(hanging_gap_um(plan.spec, channel.sag_um)) * UM if gap else None
-        self.exponent, self.pulled_in = max(channel.pull_exponent, 0.0), np.zeros(len(which), bool)
+        self.exponent = max(channel.pull_exponent, 0.0)
+        self.pulled_in = np.zeros(len(which), bool)
         # Samples at which a span's switching begins, its level is taken from, and it ends; a comb has whole samples.
         edges = [(span.begin_s, span.window_s - span.stop_s, span.stop_s) for span in spans]
         self.edges = np.rint(np.array(edges) * rate_hz).astype(int)
         self.edges[:, 1] += self.edges[:, 2]
         self.turns = 2j * np.pi * np.array([[taxel["force_hz"]] for taxel in alike]) / rate_hz
         self.mean, self.square = np.zeros((2, len(spans), 3, len(which)))
-        self.tone, self.peak_m = np.zeros(self.mean.shape, complex), np.zeros((len(spans), len(which)))
-        self.step, at = step, (np.arange(2 * step) + 0.5) / (2 * step) - 0.5
+        self.tone = np.zeros(self.mean.shape, complex)
+        self.peak_m = np.zeros((len(spans), len(which)))
+        self.step = step
+        at = (np.arange(2 * step) + 0.5) / (2 * step) - 0.5
         self.root = np.cos(np.pi * at) / np.sqrt((np.cos(np.pi * at) ** 2).sum())
         self.parabola = np.linalg.qr(self.root[:, None] * at[:, None] ** np.arange(3))[0]
         self.loops = sidecar["loops"]  # a loop is one state, whose course is not asked for
-        self.course_m, self.tail = [np.zeros((1, len(which)))], np.zeros((3, len(which), 0))
+        self.course_m = [np.zeros((1, len(which)))]
+        self.tail = np.zeros((3, len(which), 0))
 
     def hear(self, first: int, square_a2: np.ndarray) -> None:
         """Take in i² (coils, s) of all coils from sample `first` on."""
@@ -574,7 +578,8 @@ def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
             which = by_line[heard.coil_of[by_line] == k]
             quiet = min(((float(on[h, i]), heard.ids[i]) for i in which if span.levels[i] > 0), default=None)
             loud = max(((float(off[h, i]), heard.ids[i]) for i in which if span.levels[i] <= 0), default=None)
-            (on_db, on_taxel), (off_db, off_taxel) = quiet or (None, ""), loud or (None, "")
+            on_db, on_taxel = quiet or (None, "")
+            off_db, off_taxel = loud or (None, "")
             yield {
                 "until_s": span.stop_s,
                 "coil": heard.coils[k]["coil"],

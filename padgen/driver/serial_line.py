@@ -65,9 +65,11 @@ VERSION = 1
 HASH_BYTES = 8
 FULL_LEVEL = 255
 SEQUENCES = 1 << 16
-HEAD, TAIL = struct.Struct("<BBH"), struct.Struct("<I")
+HEAD = struct.Struct("<BBH")
+TAIL = struct.Struct("<I")
 GREETING = struct.Struct(f"<{HASH_BYTES}sHHBBHIIIII")
-REFUSAL, COIL = struct.Struct("<BBH"), struct.Struct("<H")
+REFUSAL = struct.Struct("<BBH")
+COIL = struct.Struct("<H")
 GIVEN = 4
 """Place, among the bytes of an ACK, of the share of the voltage that is given."""
 LONGEST_BLOCK = 254

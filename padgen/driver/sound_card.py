@@ -228,7 +228,10 @@ def recorded(
     SolverError
         Samples were lost.
     """
-    sound, over, stopped, lost = _sounddevice(), Event(), Event(), Event()
+    sound = _sounddevice()
+    over = Event()
+    stopped = Event()
+    lost = Event()
     sounds = np.zeros(0) if played is None else played
     heard: list[np.ndarray] = []
     wanted = round(seconds * rate_hz)

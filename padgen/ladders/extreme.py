@@ -612,7 +612,8 @@ def _phasor_near_resonance() -> ExtremeCase:
 def _many_oscillators() -> ExtremeCase:
     """Make a case of 2,048 resonators in unit of a static deflection, so that slow and fast ones weigh alike."""
     hz = np.geomspace(0.1, 1000, 2048)
-    force, seen = tones(hz[::32], 1e-5, np.arange(64)), np.linspace(0, len(hz) - 1, 16).astype(int)
+    force = tones(hz[::32], 1e-5, np.arange(64))
+    seen = np.linspace(0, len(hz) - 1, 16).astype(int)
     times = np.linspace(0, 10, 201)[1:]
     static = 1e-5 / (MASS_KG * (2 * np.pi * hz[seen]) ** 2)
 
@@ -683,7 +684,9 @@ def _against_scipy(
 
 def _pull_in() -> Iterator[ExtremeCase]:
     """Yield cases of a constant current beside the one that pulls the washer in: damped, and let go of undamped."""
-    hz, exponent, direct = 100.0, 2.0, Source("current", np.ones_like)
+    hz = 100.0
+    exponent = 2.0
+    direct = Source("current", np.ones_like)
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
     largest = stiffness * pull_in_deflection(GAP_M, exponent)[1]
 

@@ -256,7 +256,8 @@ def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
     count = len(scene.plan.sets[0])
     if count < 2:
         return
-    asked, (low, high) = (spec, drive, count), spec.band_hz
+    asked = (spec, drive, count)
+    low, high = spec.band_hz
     yield Ladder(
         "allocation",
         f"{count} channels in {low:g} … {high:g} Hz, driven {drive}",

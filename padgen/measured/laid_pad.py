@@ -379,7 +379,9 @@ class PadMaps:
 
     def cells(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the columns and rows of the sub-cells of points (…, 2) on the pad, and where there is a sub-cell."""
-        pad, cell, (rows, columns) = self.plan.spec.pad, self.plan.cell, self.places.shape
+        pad = self.plan.spec.pad
+        cell = self.plan.cell
+        rows, columns = self.places.shape
         column = np.floor((points[..., 0] + pad.width_mm / 2) / cell.width_mm).astype(np.int32)
         row = np.floor((points[..., 1] + pad.depth_mm / 2) / cell.depth_mm).astype(np.int32)
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
@@ -392,7 +394,9 @@ class PadMaps:
         column, row, inside = self.cells(points)
         rows, columns = self.places.shape
         taxel = np.where(inside, self.places[row.clip(0, rows - 1), column.clip(0, columns - 1)], -1)
-        (x, y), (cosine, sine), corner = (points - self.axis[taxel]).T, self.ways[taxel].T, self.corner[taxel].T
+        x, y = (points - self.axis[taxel]).T
+        cosine, sine = self.ways[taxel].T
+        corner = self.corner[taxel].T
         along = np.stack([cosine * x + sine * y, cosine * y - sine * x], -1)
         channel = self.channel[taxel]
         pixel = self.pixel_mm[channel]

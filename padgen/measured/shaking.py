@@ -69,7 +69,8 @@ def shaking_line_a2(plan: Plan) -> Line:
     order = order[line[order] > 0]
     if not len(order):
         raise SpecError("no washer is pulled by its coil, so that nothing can be measured", plan.name)
-    log_hz, log_line = np.log(hz[order]), np.log(line[order])
+    log_hz = np.log(hz[order])
+    log_line = np.log(line[order])
 
     def line_a2(frequency_hz: np.ndarray) -> np.ndarray:
         return np.asarray(np.exp(np.interp(np.log(frequency_hz), log_hz, log_line)))

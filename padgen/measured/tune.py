@@ -418,7 +418,8 @@ def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFig
         best = int(excesses.argmin())
         if excesses[best] >= least:
             break
-        share, least = tried[:, best], float(excesses[best])
+        share = tried[:, best]
+        least = float(excesses[best])
     return share
 
 

@@ -499,7 +499,8 @@ def _frequencies(plan: Plan, truth: Tuning) -> np.ndarray:
 
 def _band_hz(plan: Plan, truth: Tuning) -> tuple[float, float]:
     """Return the measured band in Hz, widened where the print came out far off the plan."""
-    hz, (low, high) = _of(truth, "resonance_hz").tolist(), measuring_band_hz(plan)
+    hz = _of(truth, "resonance_hz").tolist()
+    low, high = measuring_band_hz(plan)
     return min(low, min(hz) / 2), max(high, max(hz) * 2)
 
 

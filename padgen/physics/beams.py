@@ -50,6 +50,7 @@ __all__ = [
     "sharp_energies",
     "sliced",
     "tip_mass",
+    "tip_matrices",
     "tip_stiffness",
     "torsion_constant",
     "within_side",
@@ -356,7 +357,8 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     turned = side0 + root + tip
     both = side1 + root * length
     determinant = bend * turned - both**2
-    stiffness[..., 1, 1], stiffness[..., 5, 5] = turned / determinant, bend / determinant
+    stiffness[..., 1, 1] = turned / determinant
+    stiffness[..., 5, 5] = bend / determinant
     stiffness[..., 1, 5] = stiffness[..., 5, 1] = -both / determinant
     return stiffness
 
@@ -368,12 +370,7 @@ def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.n
     left out. A bent beam has the shape that a load on its tip gives it.
     """
     if section.path:
-        masses = []
-        for plane in _planes(section, 1.0, poisson):
-            stiffness = np.linalg.inv(plane.flexibility)
-            shape = np.einsum("...ki,...ij->...kj", plane.back, plane.running)
-            masses.append(density * stiffness @ _squared(shape, plane.inertia) @ stiffness)
-        return _of_planes(masses)
+        return _bent_matrices(section, 1.0, poisson, density)[1]
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
     beam = density * width * thickness * length
     polar = (width**2 + thickness**2) / 12
@@ -385,6 +382,27 @@ def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.n
         mass[..., shift, turn] = mass[..., turn, shift] = sign * beam * length * 11 / 210
         mass[..., turn, turn] = beam * length**2 / 105
     return mass
+
+
+def tip_matrices(section: BeamSection, modulus: Array, poisson: Array, density: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return `tip_stiffness` and `tip_mass` of a beam at once, which takes half the time where it is bent."""
+    if section.path:
+        return _bent_matrices(section, modulus, poisson, density)
+    return tip_stiffness(section, modulus, poisson), tip_mass(section, density, poisson)
+
+
+def _bent_matrices(
+    section: BeamSection, modulus: Array, poisson: Array, density: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the stiffness and the mass (…, 6, 6) of a bent beam reduced to its tip; the mass has no modulus in it."""
+    stiffnesses = []
+    masses = []
+    for plane in _planes(section, modulus, poisson):
+        stiffness = np.linalg.inv(plane.flexibility)
+        shape = np.einsum("...ki,...ij->...kj", plane.back, plane.running)
+        stiffnesses.append(stiffness)
+        masses.append(density * stiffness @ _squared(shape, plane.inertia) @ stiffness)
+    return _of_planes(stiffnesses), _of_planes(masses)
 
 
 def largest_inverse_square(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
@@ -506,10 +524,12 @@ class _Plane(NamedTuple):
     @property
     def running(self) -> Array:
         """Flexibility (…, k, 3, 3) of the part between root and each slice, for loads on the tip."""
-        # einsum, since products of many 3 x 3 matrices take ten times as long.
-        grown = np.einsum("...ki,...k,...kj->...ij", self.within, self.compliance, self.within)
-        running = np.einsum("sp,...pij->...sij", self.slices.running, grown, optimize=True)
-        return running + self._at_root[..., None, :, :]
+        # Products of the loads do not depend on the thickness, and take most of the time where it is in them.
+        product = self.within[..., :, None] * self.within[..., None, :]
+        flat = product.reshape(*self.within.shape[:-1], 9)
+        grown = (self.compliance[..., None, :] @ flat)[..., 0, :]
+        running = self.slices.running @ grown
+        return running.reshape(*running.shape[:-1], 3, 3) + self._at_root[..., None, :, :]
 
     @property
     def _at_root(self) -> Array:
@@ -752,7 +772,8 @@ def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tu
     and bending of the neck add to bending; bending of the bar adds to the other three.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
-    across, (arm, bar, height, neck_length, neck_width) = np.asarray(section.across, float), yoke
+    across = np.asarray(section.across, float)
+    arm, bar, height, neck_length, neck_width = yoke
     free = arm + bar - _warping_length(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
     bending = width * thickness**3
     shear = 2 * (1 + poisson)

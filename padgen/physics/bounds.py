@@ -125,7 +125,8 @@ def _missed_energy(
         shear_doubt = shear_doubt + 0.5 * energy * sheared / (1 + sheared)
         doubt = doubt + _dynamic(energy, square * slow)
     along = line * length / 3
-    polar, (a, b) = (width**2 + thickness**2) / 12, (np.maximum(width, thickness), np.minimum(width, thickness))
+    polar = (width**2 + thickness**2) / 12
+    a, b = (np.maximum(width, thickness), np.minimum(width, thickness))
     twist = a * b**3 / 3 * (1 - 0.63 * b / a) * shear_modulus  # a lower bound of the torsion constant
     wave = square * (length / pi) ** 2
     doubt = doubt + _dynamic(along * tip[..., 0] ** 2, wave * density / modulus)
@@ -321,7 +322,8 @@ def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
     A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field of washer k at washer n grows by the
     product of both figures, in units of ``μ0 m/2π``.
     """
-    volume, (_, chi_n) = pi / 4 * coil.core_diameter**2 * coil.core_length, core_polarisation(coil)
+    volume = pi / 4 * coil.core_diameter**2 * coil.core_length
+    _, chi_n = core_polarisation(coil)
     drawn = volume * (coil.core_permeability - 1) / (2 * pi * (1 + chi_n))
     return sqrt(drawn) / np.hypot(np.linalg.norm(place, axis=-1), gap + coil.core_length / 2 - coil.core_top) ** 3
 

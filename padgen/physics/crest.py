@@ -188,7 +188,8 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
         # The two angles run along lines of offset k₂θ₁ − k₁θ₂ in the plane, 2π apart. The dips lie near (π, π), and the
         # best offset, for any amplitudes, is π away from that point: phase 0, and π if both harmonics are odd.
         return 0.0, float(np.pi) if harmonic[0] % 2 and harmonic[1] % 2 else 0.0
-    k, a = np.array(harmonic), np.array(amplitude) / sum(amplitude)
+    k = np.array(harmonic)
+    a = np.array(amplitude) / sum(amplitude)
     # The first phase stays 0, since a shift in time changes nothing.
     free = np.append(0.0, np.full(len(k) - 1, np.inf))
 

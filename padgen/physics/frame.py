@@ -125,7 +125,8 @@ def element_root(element: Element, length: float, bubbles: int) -> np.ndarray:
 
 def element_mass_root(element: Element, length: float, bubbles: int) -> np.ndarray:
     """Return the square root of the consistent mass in element axes, shape (r, 12 + m), as `element_root`."""
-    area, (up, across) = element.section.area, (inertia for inertia, _ in element.section.planes)
+    area = element.section.area
+    up, across = (inertia for inertia, _ in element.section.planes)
     rows = []
     for s, weight, value, _ in _inner_motions(bubbles, bubbles + 4):
         ends = np.zeros((6, 12))

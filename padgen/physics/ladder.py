@@ -276,7 +276,8 @@ def descend(
         trial = lines(there)
         kept = (values.max() - trial[0].max()) / -best[-1]
         if kept > 0:
-            here, (values, slope) = there, trial
+            here = there
+            values, slope = trial
         if kept > 0.75:
             reach *= 2
         elif not kept > 0.25:  # nor where the step predicts no gain, and the ratio is no number

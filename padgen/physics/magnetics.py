@@ -175,7 +175,8 @@ def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
 
 def balanced_deflection(slack: float, gap: float, exponent: float) -> float | None:
     """Return the deflection in balance of a pull that at rest would deflect by `slack`; None beyond pull-in."""
-    low, (high, largest) = 0.0, pull_in_deflection(gap, exponent)
+    low = 0.0
+    high, largest = pull_in_deflection(gap, exponent)
     if slack > largest:
         return None
     for _ in range(60):
@@ -412,7 +413,9 @@ class Side(NamedTuple):
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return radius and height in m at t in 0 … 1."""
-        share, (r, z), (r1, z1) = self.part(t)[0], self.start, self.end
+        share = self.part(t)[0]
+        r, z = self.start
+        r1, z1 = self.end
         return r + share * (r1 - r), z + share * (z1 - z)
 
 

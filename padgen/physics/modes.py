@@ -29,7 +29,7 @@ from padgen.physics.beams import (
     largest_stress,
     root_load,
     sharp_energies,
-    tip_mass,
+    tip_matrices,
     tip_stiffness,
 )
 
@@ -169,10 +169,7 @@ def suspended_modes(
     mass[..., 3:, 3:] = body.inertia
     # Most beams share a section, and with it the matrices.
     sections = {id(beam.section): beam.section for beam in beams}
-    known = {
-        key: (tip_stiffness(section, modulus, poisson), tip_mass(section, density, poisson))
-        for key, section in sections.items()
-    }
+    known = {key: tip_matrices(section, modulus, poisson, density) for key, section in sections.items()}
     for beam in beams:
         at_tip, tip_masses = known[id(beam.section)]
         carry = to_tip(beam, body.centroid)

@@ -76,7 +76,8 @@ def turns(frequency_hz: np.ndarray, time_s: np.ndarray) -> np.ndarray:
     otherwise.
     """
     product = frequency_hz * time_s
-    (a, b), (c, d) = _halves(np.asarray(frequency_hz)), _halves(np.asarray(time_s))
+    a, b = _halves(np.asarray(frequency_hz))
+    c, d = _halves(np.asarray(time_s))
     lost = ((a * c - product) + a * d + b * c) + b * d
     return np.asarray((product - np.rint(product)) + lost)
 

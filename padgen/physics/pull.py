@@ -12,7 +12,7 @@ import json
 from functools import cache, lru_cache
 from math import ceil, log
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -38,7 +38,10 @@ from padgen.physics.magnetics import (
 
 __all__ = [
     "BROUGHT",
+    "GAPS",
+    "LOW",
     "OWN_ERROR",
+    "RANGE",
     "Leakage",
     "Pull",
     "PullAt",
@@ -49,6 +52,7 @@ __all__ = [
     "of_one_turn",
     "parts_key",
     "pull",
+    "pull_range",
     "solved_pulls",
 ]
 
@@ -88,38 +92,42 @@ class Pull(NamedTuple):
     dipole: float
 
 
-def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float, *, in_table: bool = False) -> Pull:
     """Return the pull of a coil on a washer `gap` m over its top face and `offset` m off its axis.
 
     Against 3-D field solutions of 300 random pairs (docs/accuracy.md) the axial force is within 1 % for most. It is
     less certain where the forces on parts of the washer nearly cancel. At gaps too small for the nodes the pull is
-    extrapolated in the logarithm of the gap, and all of that change counts as doubt.
+    extrapolated in the logarithm of the gap, and all of that change counts as doubt. A pull `in_table` is solved with
+    the nodes that the worst offset needs, so that it is a smooth function of the offset.
     """
     # A 200th of the coil's radius, or more for wide steel.
     wide = max(washer.outer_diameter - washer.inner_diameter, coil.core_diameter) / 2
-    square = (wide / MOST_ACROSS) ** 2 - _nearest(coil, washer, 0.0, offset) ** 2
+    beside = 0.0 if in_table else _nearest(coil, washer, 0.0, offset)
+    square = (wide / MOST_ACROSS) ** 2 - beside**2
     least = max(coil.outer_diameter / MOST_RINGS, float(np.sqrt(max(square, 0.0))))
     if gap >= least:
-        return _solve(coil, washer, gap, offset)
-    at, further = (np.array(_solve(coil, washer, least * share, offset)) for share in (1.0, FURTHER))
+        return _solve(coil, washer, gap, offset, in_table)
+    at, further = (np.array(_solve(coil, washer, least * share, offset, in_table)) for share in (1.0, FURTHER))
     change = (at - further) * log(least / gap) / log(FURTHER)
     side, axial, moment, _, dipole = at + change
     return Pull(*map(float, (side, axial, moment, at[3] + abs(change[1]), dipole)))
 
 
 @lru_cache(maxsize=1024)
-def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
+def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float, in_table: bool) -> Pull:
     """Return the pull with enough nodes, and its doubt from a solution with fewer."""
-    fine = _fineness(coil, washer, gap, offset)
+    near = gap if in_table else _nearest(coil, washer, gap, offset)
+    fine = _fineness(coil, washer, near, None if in_table else offset)
     coarse = tuple(ceil(FEWER * count) for count in fine)
-    enough, fewer = (_pull_with_nodes(nodes, coil, washer, gap, offset) for nodes in (fine, coarse))
+    enough, fewer = (_pull_with_nodes(nodes, near, coil, washer, gap, offset) for nodes in (fine, coarse))
     return enough._replace(doubt=enough.doubt + abs(enough.axial - fewer.axial))
 
 
-def _pull_with_nodes(fine: tuple[int, ...], coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> Pull:
-    """Return the pull solved with the numbers of nodes and orders that `_fineness` gives."""
+def _pull_with_nodes(
+    fine: tuple[int, ...], near: float, coil: CoilSource, washer: SteelRing, gap: float, offset: float
+) -> Pull:
+    """Return the pull solved with the numbers of nodes and orders of `_fineness`, for steel `near` m away."""
     face, top, orders, core_orders = fine
-    near = _nearest(coil, washer, gap, offset)
     finest = coil.outer_diameter / MOST_RINGS
     core = charged_core(coil, top, core_orders)
     body = _washer(washer, (face, RIM_NODES), orders)
@@ -175,18 +183,19 @@ def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> 
     return float(np.hypot(gap, beside))
 
 
-def _fineness(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> tuple[int, ...]:
-    """Return how many nodes resolve one gap's width, within bounds of time.
+def _fineness(coil: CoilSource, washer: SteelRing, near: float, offset: float | None) -> tuple[int, ...]:
+    """Return how many nodes resolve one gap's width, within bounds of time, for steel `near` m away.
 
-    They are those on faces of washer and core, then the orders round the axes of both.
+    They are those on faces of washer and core, then the orders round the axes of both. An `offset` of None stands for
+    the one that needs most.
     """
     width = (washer.outer_diameter - washer.inner_diameter) / 2
     rim = washer.outer_diameter / 2
     core = coil.core_diameter / 2
-    near = _nearest(coil, washer, gap, offset)
+    overlap = core + rim if offset is None else min(offset, core + rim)
     wanted = [5 + 0.5 * width / near, 6 + core / near, 0.0, 0.0]
-    if offset:
-        wanted[2:] = 3 + 1.3 * rim / (near + 0.15e-3), 3 + 1.2 * min(offset, core + rim) / (near + 0.3e-3)
+    if overlap:
+        wanted[2:] = 3 + 1.3 * rim / (near + 0.15e-3), 3 + 1.2 * overlap / (near + 0.3e-3)
     return tuple(min(ceil(count), most) for count, most in zip(wanted, MOST, strict=True))
 
 
@@ -221,7 +230,8 @@ def _mutual_charges(
         return np.asarray((washer.response @ potential[..., None])[..., 0])
 
     left = answer(potential)
-    charge, steps = np.zeros(left.shape), list[tuple[np.ndarray, np.ndarray]]()
+    charge = np.zeros(left.shape)
+    steps = list[tuple[np.ndarray, np.ndarray]]()
     enough = SOLVED * np.linalg.norm(left)
     while np.linalg.norm(left) > enough and len(steps) < MOST_STEPS:
         step = left
@@ -250,8 +260,12 @@ DIPOLE = 4
 SLOPE_STEP = 0.02
 """Relative step of the gap in differences between solved pulls."""
 
+LOW = 0.35e-3
+RANGE = 3
+GAPS = 5
+"""Tables are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)` m."""
 BROUGHT = Path(__file__).with_name("pulls")
-"""Tables of catalogue parts: numbers in ``pulls.npy``; start, ranges and turns of each table in ``pulls.json``."""
+"""Tables of catalogue parts: numbers in ``pulls.npy``; turns, reach and the ranges' places in ``pulls.json``."""
 
 
 class PullAt(NamedTuple):
@@ -287,12 +301,6 @@ class PullTable(NamedTuple):
     scale: np.ndarray
     shape: np.ndarray
 
-    def covers(self, gap: np.ndarray, offset: np.ndarray) -> np.ndarray:
-        """Return which places (n,) lie within the table."""
-        slack = 1e-9
-        inside = (gap >= self.low * (1 - slack)) & (gap <= self.high * (1 + slack))
-        return np.asarray(inside & (offset <= self.reach * (1 + slack)))
-
     def wound(self, share: float) -> "PullTable":
         """Return the table of the coil with `share` times its turns: forces go as their square, the dipole as they."""
         scale = self.scale.copy()
@@ -301,8 +309,17 @@ class PullTable(NamedTuple):
         shape[..., DIPOLE] /= share
         return self._replace(scale=scale, shape=shape)
 
+    def beside(self, offset: float) -> "PullTable":
+        """Return the table of one offset in m that solving at that offset would make, but for the interpolation."""
+        nodes = _at_nodes(len(self.scale))[0]
+        across = chebyshev.chebvander(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1] - 1)[0]
+        columns = nodes @ np.einsum("ijk,j->ik", self.shape, across) * np.exp(nodes @ self.scale)[:, None]
+        reach = max(offset, 1e-9) * 2**0.5
+        columns[:, 1:3] *= reach / self.reach  # side force and moment are over the offset, as a share of the reach
+        return _table(self.low, self.high, reach, columns[:, None])
+
     def at(self, gap: np.ndarray, offset: np.ndarray) -> PullAt:
-        """Return the pulls at gaps and offsets (n,) in m that the table covers.
+        """Return the pulls at gaps and offsets (n,) in m within the table.
 
         The interpolation's own error is estimated as the size of the last coefficients in both directions. Derivatives
         are less certain: doubts at all of the table's gaps bend the polynomial that runs through them.
@@ -345,21 +362,30 @@ def _at_nodes(count: int) -> tuple[np.ndarray, ...]:
     return values, np.linalg.inv(values), *(chebyshev.chebder(np.eye(count), order) for order in (1, 2))
 
 
-def make_table(
-    coil: CoilSource, washer: SteelRing, low: float, high: float, reach: float, gaps: int, offsets: int
-) -> PullTable:
-    """Make a table of the pull at `gaps` x `offsets` places; a single offset lies at `reach`/√2."""
-    at_gap = chebyshev.chebpts1(gaps)
+def pull_range(gap_m: np.ndarray) -> np.ndarray:
+    """Return the number (n,) of the range of a gap (n,) in m; gaps of different ranges have different tables."""
+    return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
+
+
+def make_table(coil: CoilSource, washer: SteelRing, part: int, reach: float, offsets: int) -> PullTable:
+    """Make a table of the pull over the range `part` of gaps, at `offsets` offsets; a single one is `reach`/√2."""
+    low = LOW * RANGE**part
+    high = LOW * RANGE ** (part + 1)
+    at_gap = chebyshev.chebpts1(GAPS)
     at_offset = chebyshev.chebpts1(offsets)
-    gap = low * (high / low) ** ((at_gap + 1) / 2)
+    gap = low * RANGE ** ((at_gap + 1) / 2)
     offset = reach * np.sqrt((at_offset + 1) / 2)
-    solved = np.array([[pull(coil, washer, float(g), float(d)) for d in offset] for g in gap])
+    solved = np.array([[pull(coil, washer, float(g), float(d), in_table=True) for d in offset] for g in gap])
     side, axial, moment, doubt, dipole = np.moveaxis(solved, -1, 0)
     x = offset / reach
-    shape = np.stack([axial, side / x, moment / x, doubt, dipole], -1)
-    scale = np.sqrt((axial**2).mean(1)) + 1e-30
-    transforms = [_at_nodes(count)[1] for count in (gaps, offsets)]
-    coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, shape / scale[:, None, None], optimize=True)
+    return _table(low, high, reach, np.stack([axial, side / x, moment / x, doubt, dipole], -1))
+
+
+def _table(low: float, high: float, reach: float, columns: np.ndarray) -> PullTable:
+    """Return the table that has these `columns` (gaps, offsets, 5) at its nodes."""
+    scale = np.sqrt((columns[..., 0] ** 2).mean(1)) + 1e-30
+    transforms = [_at_nodes(count)[1] for count in columns.shape[:2]]
+    coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, columns / scale[:, None, None], optimize=True)
     return PullTable(low, high, reach, transforms[0] @ np.log(scale), coefficients)
 
 
@@ -373,21 +399,22 @@ def parts_key(coil: CoilSource, washer: SteelRing) -> str:
     return " ".join(f"{v:.9g}" for part in (*of_one_turn(coil).windings, coil[1:], washer) for v in part)
 
 
-def brought_table(coil: CoilSource, washer: SteelRing) -> PullTable | None:
-    """Return the table that comes with padgen for these parts, with any number of turns; None for others."""
+def brought_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable | None:
+    """Return the table that comes with padgen for these parts and range, with any number of turns; None for others."""
     places, numbers = _supplied_tables()
     place = places.get(parts_key(coil, washer))
-    if place is None:
+    if place is None or not 0 <= part < len(place["ranges"]):
         return None
-    at, low, high, reach, gaps, offsets, turns = place
-    end = at + gaps
-    shape = numbers[end : end + COLUMNS * gaps * offsets].reshape(gaps, offsets, COLUMNS)
-    table = PullTable(low, high, reach, numbers[at:end].astype(float), shape.astype(float))
-    return table.wound(coil.turns / turns)
+    begin, offsets = place["ranges"][part]
+    end = begin + GAPS
+    shape = numbers[end : end + COLUMNS * GAPS * offsets].reshape(GAPS, offsets, COLUMNS)
+    low = LOW * RANGE**part
+    scale = numbers[begin:end].astype(float)
+    return PullTable(low, low * RANGE, place["reach_m"], scale, shape.astype(float)).wound(coil.turns / place["turns"])
 
 
 @cache
-def _supplied_tables() -> tuple[dict[str, tuple[int, float, float, float, int, int, float]], np.ndarray]:
+def _supplied_tables() -> tuple[dict[str, dict[str, Any]], np.ndarray]:
     """Read the places of the tables by `parts_key`, and all their numbers."""
     return json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii")), np.load(BROUGHT.with_suffix(".npy"))
 
@@ -467,10 +494,12 @@ def leakage(
     near = _coil_potential(_coarse_rings(coil), points[:, None] - neighbours[:, None, None], height)
     # Fields of far coils change linearly over the washer.
     flux = pole_field(coil_poles(coil), gap + washer.thickness / 2, place[:, None] - far)
-    (field, change), up = (v[..., None] for v in flux), body.height - washer.thickness / 2
+    field, change = (v[..., None] for v in flux)
+    up = body.height - washer.thickness / 2
     parts = _fourier_parts(np.concatenate([coil_potential, near], 2), angle)
     beyond = np.zeros((2, len(place), len(far), *parts.shape[3:]))
-    beyond[0, :, :, 0], beyond[1, :, :, 0] = -field[:, :, 2] * up, -field[:, :, 2] - change[:, :, 2] * up
+    beyond[0, :, :, 0] = -field[:, :, 2] * up
+    beyond[1, :, :, 0] = -field[:, :, 2] - change[:, :, 2] * up
     beyond[:, :, :, 1:3] = -np.stack([field, change])[:, :, :, :2] * body.radius
     parts = np.concatenate([parts, beyond], 2)
     if (charged := charged_core(coil)) is not None:

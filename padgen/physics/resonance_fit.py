@@ -893,7 +893,8 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
 
 def _are_resolved(fit: _Solved) -> bool:
     """Return whether the modes are apart, and all further ones lie among the lines and are wide enough to be seen."""
-    (hz, q), step = fit.modes.T, fit.lines.step_hz
+    hz, q = fit.modes.T
+    step = fit.lines.step_hz
     width = np.maximum(hz / q, step)
     near = np.abs(hz[:, None] - hz) <= 0.5 * np.maximum.outer(width, width)
     inside = (hz > fit.lines.frequency[0]) & (hz < fit.lines.frequency[-1]) & (hz / q > 0.3 * step)
@@ -1017,7 +1018,9 @@ def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     """
     from scipy.optimize import least_squares
 
-    count, scale, lines = len(fit.theta), np.ones(len(fit.theta)), fit.lines
+    count = len(fit.theta)
+    scale = np.ones(len(fit.theta))
+    lines = fit.lines
     scale[::2] = 1 / fit.modes[:, 1]
     most = float(size.max())
 

@@ -18,7 +18,17 @@ from padgen.core.registry import COILS
 from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
 from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
-from padgen.physics.pull import PullAt, PullTable, brought_table, make_table, of_one_turn, parts_key
+from padgen.physics.pull import (
+    LOW,
+    RANGE,
+    PullAt,
+    PullTable,
+    brought_table,
+    make_table,
+    of_one_turn,
+    parts_key,
+    pull_range,
+)
 from padgen.physics.resonator import (
     ModalTaxels,
     TaxelModes,
@@ -48,7 +58,6 @@ __all__ = [
     "mode_names",
     "plan_channels",
     "pull_exponent",
-    "pull_range",
     "pulled_shares",
     "pulls",
     "site_pulls",
@@ -202,10 +211,6 @@ def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
 
 KIND = "pulls"
 CODE = ("physics/magnetics.py", "physics/pull.py")
-LOW = 0.35 * MM
-RANGE = 3
-GAPS = 5
-"""Parts outside the catalogues are solved at `GAPS` gaps in each range, from `LOW · RANGE^k` to `LOW · RANGE^(k+1)`."""
 
 
 def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
@@ -217,28 +222,23 @@ def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
 
 def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
     """Return the pulls (n,) on washers over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
-    parts = coil, washer = magnetic_parts(spec)
+    coil, washer = magnetic_parts(spec)
     one = of_one_turn(coil)
-    result, missing = np.empty((len(PullAt._fields), len(gap_m))), np.ones(len(gap_m), bool)
-
-    def answer(table: PullTable | None, among: np.ndarray) -> None:
-        if table is not None and (among := among & table.covers(gap_m, offset_m)).any():
-            result[:, among] = table.at(gap_m[among], offset_m[among])
-            missing[among] = False
-
-    answer(_shipped_table(*parts), missing)
+    result = np.empty((len(PullAt._fields), len(gap_m)))
     part = pull_range(gap_m)
-    for offset, k in sorted(set(zip(offset_m[missing].tolist(), part[missing].tolist(), strict=True))):
-        answer(_own(one, washer, k, offset).wound(coil.turns), (offset_m == offset) & (part == k))
+    for offset, k in sorted(set(zip(offset_m.tolist(), part.tolist(), strict=True))):
+        alike = (offset_m == offset) & (part == k)
+        result[:, alike] = _table_beside(one, washer, k, offset).wound(coil.turns).at(gap_m[alike], offset_m[alike])
     return PullAt(*result)
 
 
-def pull_range(gap_m: np.ndarray) -> np.ndarray:
-    """Return the number (n,) of the range of a gap (n,) in m; gaps of different ranges may have different tables."""
-    return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
-
-
-_shipped_table = lru_cache(maxsize=64)(brought_table)
+@lru_cache(maxsize=1024)
+def _table_beside(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
+    """Return the pulls of a coil of one turn at one offset over one range of gaps, from a brought table or solved."""
+    brought = brought_table(coil, washer, part)
+    if brought is None or offset_m > brought.reach:
+        return _own(coil, washer, part, offset_m)
+    return brought.beside(offset_m)
 
 
 @lru_cache(maxsize=1024)
@@ -246,14 +246,13 @@ def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> Pul
     """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
     from padgen.core import cache
 
-    low = LOW * RANGE**part
-    high = LOW * RANGE ** (part + 1)
     reach = max(offset_m, 1e-9) * sqrt(2)
-    key = cache.key_of([parts_key(coil, washer), low, high, reach, GAPS, cache.code_hash(*CODE)])
+    key = cache.key_of([parts_key(coil, washer), part, reach, cache.code_hash(*CODE)])
     if known := cache.load(KIND, key):
         scale, *shape = np.array(known)
-        return PullTable(low, high, reach, scale, np.array(shape).T[:, None])
-    table = make_table(coil, washer, low, high, reach, GAPS, 1)
+        low = LOW * RANGE**part
+        return PullTable(low, low * RANGE, reach, scale, np.array(shape).T[:, None])
+    table = make_table(coil, washer, part, reach, 1)
     cache.store(KIND, key, [table.scale.tolist(), *table.shape[:, 0].T.tolist()])
     return table
 

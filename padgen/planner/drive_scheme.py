@@ -372,7 +372,7 @@ class _CoilSets(NamedTuple):
 
     @property
     def alone(self) -> bool:
-        """Whether a coil has one channel, which has no other to be told from."""
+        """True where a coil has one channel only, so that there is no other to choose it from."""
         return len(self.alike[0].line) < 2
 
 

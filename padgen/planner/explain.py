@@ -101,10 +101,13 @@ class Explanation:
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
     """Find the limits of `plan` and try changes of its spec, on the same coil grid; resonances are chosen anew."""
-    spec, grid, count = plan.spec, (plan.coils.rows, plan.coils.columns), len(plan.sets[0])
+    spec = plan.spec
+    grid = (plan.coils.rows, plan.coils.columns)
+    count = len(plan.sets[0])
     progress("what stops one more channel")
     least = min(count, MOST_TRIED)
-    (held, drive), in_band = _channels_held(spec, grid, least), _channels_in_band(spec)
+    held, drive = _channels_held(spec, grid, least)
+    in_band = _channels_in_band(spec)
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
     share_now, print_now_db = _prints(spec, grid, count)
@@ -290,7 +293,9 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
     """Return the changes to try, each with its cost (index into `COSTS`)."""
     spec = plan.spec
     weakest = max(plan.channels, key=lambda channel: channel.print_spread)
-    (low, high), suspension, printer = spec.band_hz, spec.suspension, spec.printer
+    low, high = spec.band_hz
+    suspension = spec.suspension
+    printer = spec.printer
     bands = (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1)
     sizes = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
     finer = [p for p in catalogue("printer").values() if p["line_width_mm"] < printer.line_width_mm]

@@ -125,7 +125,8 @@ NEAR_MISSES = 200
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     """Yield layouts of fewer taxels than asked that have room for their parts, most taxels first."""
-    (rows_, columns_), plate = most_coils(spec), plate_shape(spec)
+    rows_, columns_ = most_coils(spec)
+    plate = plate_shape(spec)
     most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / (plate.length_mm * plate.width_mm)))
     grids = (
         (rows, columns, channels)
@@ -233,7 +234,10 @@ def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
 
 
 class _Parts(NamedTuple):
-    """What a sub-cell must hold: the plate, and one of the suspensions with the length of its shortest beam in mm."""
+    """The parts that a sub-cell has room for: a plate, the gap around it, and one of some suspensions.
+
+    Each of the suspensions stands with the length of its shortest beam in mm.
+    """
 
     plate: PlateShape
     gap_mm: float
@@ -385,7 +389,8 @@ class Outline(NamedTuple):
 
 def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
     """Turn and shift points (…, ≥2) in mm from a taxel's own axes to the cell's, whose origin is the coil axis."""
-    (cosine, sine), moved = TURNS[channel.site.along], points.copy()
+    cosine, sine = TURNS[channel.site.along]
+    moved = points.copy()
     moved[..., 0] = cosine * points[..., 0] - sine * points[..., 1] + channel.site.origin_mm[0]
     moved[..., 1] = sine * points[..., 0] + cosine * points[..., 1] + channel.site.origin_mm[1]
     return moved
@@ -425,7 +430,8 @@ def coil_axis_mm(coils: CoilGrid, row: int, column: int) -> tuple[float, float]:
 
 def placed_taxel(coils: CoilGrid, coil: tuple[int, int], k: int, channel: Channel, turned: bool = False) -> Taxel:
     """Return the taxel of the `k`-th channel over a coil (row, column), whose cell may be turned by 180°."""
-    sign, (x, y) = -1 if turned else 1, channel.site.washer_mm
+    sign = -1 if turned else 1
+    x, y = channel.site.washer_mm
     x0, y0 = coil_axis_mm(coils, *coil)
     name = f"r{coil[0]}c{coil[1]}k{k}"
     place = (round(x0 + sign * x, 6), round(y0 + sign * y, 6))

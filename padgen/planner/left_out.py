@@ -31,6 +31,7 @@ from padgen.physics.bounds import (
 )
 from padgen.physics.magnetics import impedance
 from padgen.physics.modes import resonance_rise
+from padgen.physics.pull import pull_range
 from padgen.physics.resonator import LOADED, SKINS, Skin, TaxelModes, felt_energy, touched
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
 from padgen.planner.channels import (
@@ -38,7 +39,6 @@ from padgen.planner.channels import (
     hanging_gap_um,
     heard_modes,
     magnetic_parts,
-    pull_range,
     pulled_shares,
     site_pulls,
     site_wrenches,
@@ -393,7 +393,8 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
 
     area = square = most = 0.0
     for b in arrangement.blocks:
-        (x0, x1), (y0, y1) = (b.low_x_mm, b.high_x_mm), (b.low_y_mm, b.high_y_mm)
+        x0, x1 = (b.low_x_mm, b.high_x_mm)
+        y0, y1 = (b.low_y_mm, b.high_y_mm)
         corners = [moves(x, y) for x in (x0, x1) for y in (y0, y1)]
         area_mm2 = float((x1 - x0) * (y1 - y0))
         # The mean square of a linear function over a rectangle, from its middle and its corners.
@@ -636,7 +637,8 @@ def _kept_db(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme, skin: S
     """
     if not 2 <= len(channel_set) <= MOST_CHANNELS:
         return None
-    planned, (hz, q, stiffer) = placed_channels(spec, channel_set), _touched(spec, skin, channel_set)
+    planned = placed_channels(spec, channel_set)
+    hz, q, stiffer = _touched(spec, skin, channel_set)
     stiffness = np.array([c.stiffness_n_per_m for c in channel_set])
     taxels = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
     (made,) = own_lines(planned, scheme)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from math import inf
 from typing import Any, NamedTuple
 
-from padgen.core.errors import SpecError, at_least, at_most, number
+from padgen.core.errors import SpecError, at_least, at_most, number, plural
 from padgen.core.units import MM, UM
 from padgen.physics.magnetics import balanced_deflection, pull_in_deflection
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
@@ -122,10 +122,10 @@ LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.nam
 class Limit:
     """One limit: what is asked must not be more than what is borne.
 
-    `asked` returns the quantity in `unit` of a `Demand`, or for `each` taxel of it; `bound` returns what a spec allows,
-    infinity where nothing limits it, and `bound_name` says what that is. The quantity goes with the level's power of
-    1/`power`; None: with no power of it. `cures` returns changes of the spec that may keep the limit, by default the
-    level that does. `planned` is the level of a plan's finding.
+    `asked` returns the quantity in `unit` of a `Demand`, or of a `Moved` where it is `of_taxels`; `bound` returns what
+    a spec allows, infinity where nothing limits it, and `bound_name` says what that is. The quantity goes with the
+    level's power of 1/`power`; None: with no power of it. `cures` returns changes of the spec that may keep the limit,
+    by default the level that does. `planned` is the level of a plan's finding.
 
     `level_factor` is the name of the limit where it bounds the level that a coil reaches, `firmware` that of the
     constant, in millionths of the unit, by which the firmware keeps it. A channel that exceeds a limit of `implied_by`,
@@ -138,8 +138,8 @@ class Limit:
     unit: str
     bound_name: str
     bound: Callable[[Spec], float]
-    asked: Callable[[Spec, Demand], float] | None = None
-    each: Callable[[Spec, Moved], float] | None = None
+    asked: Callable[[Spec, Any], float]
+    of_taxels: bool = False
     power: float | None = 1.0
     cures: Callable[[Spec, float], Cures] | None = None
     planned: str = "error"
@@ -176,8 +176,7 @@ class Exceeded(NamedTuple):
         """Name the part: the channels that exceed the limit, else coil or pad."""
         if not self.channels:
             return self.limit.where
-        plural = "s" if len(self.channels) > 1 else ""
-        return f"channel{plural} {', '.join(map(str, sorted(self.channels)))}"
+        return f"channel{plural(len(self.channels))} {', '.join(map(str, sorted(self.channels)))}"
 
 
 def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
@@ -188,14 +187,14 @@ def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
     sentences: dict[str, set[int]] = {}
     for limit in limits():
         bound = limit.bound(spec)
-        if limit.asked is not None:
+        if not limit.of_taxels:
             asked = limit.asked(spec, demand)
             if asked > bound * NEAR:
                 yield Exceeded(limit, asked, bound, ())
             continue
         most: dict[int, float] = {}
         for one in demand.moved:
-            value = _of_each(limit, spec, one)
+            value = limit.asked(spec, one)
             most[one.channel.index] = max(value, most.get(one.channel.index, value))
         known = set[int]().union(*(sentences.get(code, ()) for code in limit.implied_by))
         broken = [index for index in most if most[index] > bound * NEAR and index not in known]
@@ -205,16 +204,11 @@ def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
             yield Exceeded(limit, most[broken[0]], bound, tuple(broken))
 
 
-def _of_each(limit: Limit, spec: Spec, one: Moved) -> float:
-    assert limit.each is not None, limit.code
-    return limit.each(spec, one)
-
-
 def most_asked(limit: Limit, spec: Spec, demand: Demand) -> float:
     """Return the most that a demand asks of a limit's quantity, of any taxel; minus infinity where none moves."""
-    if limit.asked is not None:
-        return limit.asked(spec, demand)
-    return max((_of_each(limit, spec, one) for one in demand.moved), default=-inf)
+    if limit.of_taxels:
+        return max((limit.asked(spec, one) for one in demand.moved), default=-inf)
+    return limit.asked(spec, demand)
 
 
 def _amplifier_a(spec: Spec) -> float:
@@ -278,7 +272,8 @@ LIMITS = (
         "1",
         "",
         lambda _: 1.0,
-        each=lambda spec, one: pull_in_share(spec, one.channel, one.square_a2),
+        lambda spec, one: pull_in_share(spec, one.channel, one.square_a2),
+        of_taxels=True,
     ),
     Limit(
         "gap.contact",
@@ -287,7 +282,8 @@ LIMITS = (
         "mm",
         "the whole gap, coil.gap_mm",
         lambda spec: spec.coil.gap_mm,
-        each=_travel_mm,
+        _travel_mm,
+        of_taxels=True,
         power=None,
         cures=_more_room,
         implied_by=("coil.pull_in",),
@@ -299,7 +295,8 @@ LIMITS = (
         "mm",
         "a third of coil.gap_mm",
         lambda spec: spec.coil.gap_mm / 3,
-        each=_travel_mm,
+        _travel_mm,
+        of_taxels=True,
         power=None,
         cures=_more_room,
         planned="warning",
@@ -312,7 +309,8 @@ LIMITS = (
         "MPa",
         f"the strength, {STRENGTH_OVER_FATIGUE:g} x material.fatigue_stress_mpa",
         lambda spec: STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa,
-        each=_root_stress_mpa,
+        _root_stress_mpa,
+        of_taxels=True,
         power=None,
     ),
     Limit(
@@ -322,7 +320,8 @@ LIMITS = (
         "1",
         "the largest for which figures hold",
         lambda _: LARGE_MOTION,
-        each=lambda spec, one: _travel_mm(spec, one) / one.channel.beam.length_mm,
+        lambda spec, one: _travel_mm(spec, one) / one.channel.beam.length_mm,
+        of_taxels=True,
         power=None,
     ),
     Limit(
@@ -332,7 +331,8 @@ LIMITS = (
         "MPa",
         "material.fatigue_stress_mpa",
         lambda spec: spec.material.fatigue_stress_mpa,
-        each=lambda _, one: one.level * one.channel.root_stress_mpa,
+        lambda _, one: one.level * one.channel.root_stress_mpa,
+        of_taxels=True,
         level_factor="root stress",
     ),
     Limit(
@@ -342,7 +342,8 @@ LIMITS = (
         "m/s²",
         "what Directive 2002/44/EC allows for eight hours a day",
         lambda _: HAND_LIMIT_M_PER_S2,
-        each=lambda _, one: weighted_acceleration(one.channel.resonance_hz, one.level * one.channel.level_um * UM),
+        lambda _, one: weighted_acceleration(one.channel.resonance_hz, one.level * one.channel.level_um * UM),
+        of_taxels=True,
     ),
 )
 """The table: a limit is a row of it."""
@@ -360,12 +361,10 @@ def register(limit: Limit) -> None:
     Raises
     ------
     SpecError
-        Its code is taken, or it says neither what is asked of a pad nor what of each taxel.
+        Its code is taken.
     """
     if limit.code in (one.code for one in limits()):
         raise SpecError(f"there is a limit {limit.code!r} already; take another code", "limit")
-    if (limit.asked is None) == (limit.each is None):
-        raise SpecError(f"the limit {limit.code!r} must have one of asked and each", "limit")
     _registered[limit.code] = limit
 
 

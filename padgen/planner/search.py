@@ -70,9 +70,13 @@ def slot_band_hz(spec: Spec) -> tuple[float, float]:
     return spec.band_hz[0] / (1 - half), spec.band_hz[1] / (1 + half)
 
 
-def reachable_hz(spec: Spec, room: Room) -> tuple[float, float] | None:
-    """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits."""
-    spans = [reached.span_hz for name in allowed(spec.suspension.topology) if (reached := reach(spec, name, room))]
+def reachable_hz(spec: Spec, room: Room, wanted_hz: tuple[float, float] | None = None) -> tuple[float, float] | None:
+    """Return the lowest and highest resonance in Hz that allowed suspensions reach in `room`; None if no beam fits.
+
+    Suspensions that surely do not reach `wanted_hz`, lowest and highest, may be left out.
+    """
+    names = allowed(spec.suspension.topology)
+    spans = [reached.span_hz for name in names if (reached := reach(spec, name, room, wanted_hz))]
     return (min(low for low, _ in spans), max(high for _, high in spans)) if spans else None
 
 
@@ -90,7 +94,7 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
     sets = spec.coil.sets
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
     spans = [(lowest, highest)]
-    if reachable := reachable_hz(spec, room):
+    if reachable := reachable_hz(spec, room, (lowest, highest)):
         spans.append((max(lowest, reachable[0] * 1.01), min(highest, reachable[1] / 1.01)))
     options = []
     for low, high in spans if spec.spacing != "closest" else ():
@@ -118,7 +122,7 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
     """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
-    reachable = reachable_hz(spec, room) or (0.0, float("inf"))
+    reachable = reachable_hz(spec, room, spec.band_hz) or (0.0, float("inf"))
     low = max(spec.band_hz[0], reachable[0] * 1.01)
     high = min(spec.band_hz[1], reachable[1] / 1.01)
     return (low, high) if low < high else spec.band_hz
@@ -312,7 +316,8 @@ def channel_limit(spec: Spec) -> int:
     SpecError
         The band does not hold a single slot.
     """
-    lowest, (low, high) = slot_band_hz(spec)[0], spec.band_hz
+    lowest = slot_band_hz(spec)[0]
+    low, high = spec.band_hz
     if lowest > slot_band_hz(spec)[1] and slot_half_width(spec.q_min, spec.delta_y) < DRAWN_SHARE:
         wider = low * ((1 + DRAWN_SHARE) / (1 - DRAWN_SHARE))
         raise SpecError(

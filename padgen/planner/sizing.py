@@ -105,7 +105,9 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
 
     Thicknesses are as planned and, where they may differ, one and two layers more: fewer would print less surely.
     """
-    ideal, layer_mm, (shortest, longest) = item.beam, spec.printer.layer_mm, item.length_span_mm
+    ideal = item.beam
+    layer_mm = spec.printer.layer_mm
+    shortest, longest = item.length_span_mm
     near_mm = ideal.width_mm + spec.printer.width_step_mm * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1)
     widths = np.array(sorted(set(on_grid(spec, near_mm, item.width_span_mm[1]).tolist())))
     thicknesses = np.array([ideal.thickness_mm])
@@ -167,6 +169,8 @@ WIDTHS = 4
 TRIES = 6
 MOST_BEAMS = 1200
 THICKNESSES = 16
+BEYOND_CORNERS = 1.5
+"""Factor beyond the resonances of a grid's corners at which none of its bent beams resonates."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,8 +256,12 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
     return np.round(printer.first_layer_mm + (layers - 1) * printer.layer_mm, 6)
 
 
-def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
-    """Return the `Reach` of `topology` in `room`, or None where no such beam fits."""
+def reach(spec: Spec, topology: str, room: Room, wanted_hz: tuple[float, float] | None = None) -> Reach | None:
+    """Return the `Reach` of `topology` in `room`, or None where no such beam fits.
+
+    It may be None, too, where the corners of a grid of bent beams lie so far from `wanted_hz`, lowest and highest, that
+    none resonates there: bent beams take a hundred times as long as straight ones.
+    """
     # Only fields that affect a taxel's grid of beams are kept, so that variants share one cached grid. `_reach` has the
     # topology as an argument, and `tune` only matters when a beam is chosen from the grid.
     beams_only = replace(
@@ -268,13 +276,19 @@ def reach(spec: Spec, topology: str, room: Room) -> Reach | None:
         material=replace(spec.material, youngs_modulus_gpa=1.0),
         suspension=replace(spec.suspension, topology=SuspensionTable().topology, tune=SuspensionTable().tune),
     )
-    reached = _reach(beams_only, topology, room, SUSPENSIONS.changes)
     # Resonances are exactly proportional to the root of the modulus.
-    return reached and replace(reached, resonance_hz=reached.resonance_hz * sqrt(spec.material.youngs_modulus_gpa))
+    faster = sqrt(spec.material.youngs_modulus_gpa)
+    if wanted_hz:
+        low, high = (end / faster for end in wanted_hz)
+        corners = _bent_corners_hz(beams_only, topology, room, SUSPENSIONS.changes)
+        if corners and (high < corners[0] / BEYOND_CORNERS or low > corners[1] * BEYOND_CORNERS):
+            return None
+    reached = _reach(beams_only, topology, room, SUSPENSIONS.changes)
+    return reached and replace(reached, resonance_hz=reached.resonance_hz * faster)
 
 
-@lru_cache(maxsize=256)
-def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
+def _grid(spec: Spec, topology: str, room: Room) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return the thicknesses, lengths and widths in mm of beams of `topology` in `room`; None where none fits."""
     shape = suspension(topology)
     gap = spec.printer.smallest_gap_mm
     wanted = spec.suspension
@@ -297,14 +311,42 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
         length = np.round(length[length > 0], 6)  # a shortest length below half a step is rounded to 0
     if not len(thickness) or not len(length):
         return None
-    width = np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
+    return thickness, length, np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
+
+
+def _on_grid(
+    spec: Spec, topology: str, thickness: np.ndarray, length: np.ndarray, width: np.ndarray
+) -> tuple[TaxelModel, np.ndarray]:
+    """Return the model of a grid of beams, and its resonances (T, L, W) in Hz; nan for shapes that are no beam."""
     thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij", sparse=True)
-    model = TaxelModel(spec, topology, plate, BeamShape(wide, thick, long))
+    model = TaxelModel(spec, topology, plate_shape(spec), BeamShape(wide, thick, long))
     # A piece shorter than its thickness is no beam.
-    resonance = np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
+    return model, np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
+
+
+@lru_cache(maxsize=1024)
+def _bent_corners_hz(spec: Spec, topology: str, room: Room, changes: int) -> tuple[float, float] | None:
+    """Return the lowest and highest resonance in Hz of the corners of a grid; None for straight beams."""
+    grid = _grid(spec, topology, room)
+    if grid is None:
+        return None
+    thickness, length, width = grid
+    model, resonance = _on_grid(spec, topology, thickness[[0, -1]], length[[0, -1]], width)
+    if model.is_straight or np.isnan(resonance).all():
+        return None
+    return float(np.nanmin(resonance)), float(np.nanmax(resonance))
+
+
+@lru_cache(maxsize=256)
+def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
+    grid = _grid(spec, topology, room)
+    if grid is None:
+        return None
+    thickness, length, width = grid
+    model, resonance = _on_grid(spec, topology, *grid)
     if np.isnan(resonance).all():
         return None
-    wide = np.broadcast_to(wide, resonance.shape)
+    wide = np.broadcast_to(width, resonance.shape)
     away = np.sort(np.abs(model.modes.frequency_hz / model.resonance_hz[..., None] - 1))
     return Reach(topology, thickness, length, wide, resonance, None if model.is_straight else away[..., 1])
 
@@ -316,7 +358,8 @@ def beams_for_resonances(spec: Spec, room: Room, resonance_hz: tuple[float, ...]
     first choice of all, and the plan's findings warn of the modes.
     """
     targets = np.asarray(resonance_hz)
-    reaches = [r for name in allowed(spec.suspension.topology) if (r := reach(spec, name, room)) is not None]
+    ends = float(targets.min()), float(targets.max())
+    reaches = [r for name in allowed(spec.suspension.topology) if (r := reach(spec, name, room, ends)) is not None]
     first = None
     for tried, channels in enumerate(_solved(spec, _choices(spec, reaches, targets), targets)):
         if channels is None:

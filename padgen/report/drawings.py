@@ -235,7 +235,9 @@ def both_sides(
 
 def draw_pad(plan: Plan) -> Any:
     """Draw the printed pad from the touch side and from below, with its dimensions."""
-    pad, (x, y), (inner_x, inner_y) = plan.spec.pad, border(plan)[2], border(plan, 0)[2]
+    pad = plan.spec.pad
+    x, y = border(plan)[2]
+    inner_x, inner_y = border(plan, 0)[2]
     sides = ("touch side: bosses to feel", "underside: beams, recesses and washers")
     sheet, views = both_sides(plan, "the printed pad, in mm", sides)
     parts = ("window", "beam", "plate", "boss"), ("window", "plate", "beam", "recess", "washer")
@@ -284,7 +286,8 @@ def draw_section(plan: Plan) -> Any:
     reach = coil.outer_diameter_mm / 2
     inner = coil.inner_diameter_mm / 2
     core = coil.core_diameter_mm / 2
-    (cosine, sine), (ahead, aside) = TURNS[channel.site.along], channel.site.origin_mm
+    cosine, sine = TURNS[channel.site.along]
+    ahead, aside = channel.site.origin_mm
     coil_x = -cosine * ahead - sine * aside
     coil_y = sine * ahead - cosine * aside
     left = min(outline_points.x0, coil_x - reach)

@@ -203,7 +203,9 @@ class Work:
     def __init__(self, live: Live, plan_s: float) -> None:
         self.live = live
         self.plan_s = plan_s
-        self._planners, self._savers, self._builders = Runner(PLANNERS, IMPORTS, inf), Runner(1, IMPORTS, inf), Runner()
+        self._planners = Runner(PLANNERS, IMPORTS, inf)
+        self._savers = Runner(1, IMPORTS, inf)
+        self._builders = Runner()
         self._planners.prepare(PLANNERS)
         # Why the answer to each request under way is not wanted any more; by a page's number, its newest.
         self._ends: set[asyncio.Future[str]] = set()

@@ -196,7 +196,8 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
         return True, []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
-    (one, refused), (other, _) = _manifold(snapped), _manifold(planned)
+    one, refused = _manifold(snapped)
+    other, _ = _manifold(planned)
     if one is None:
         return False, refused
     if reached.mean() < 0.5:

@@ -161,7 +161,8 @@ def pose_of(mesh: Mesh, planned: Mesh) -> Pose:
     """
     from scipy.spatial import ConvexHull, QhullError, cKDTree
 
-    marks, tree = _landmarks(planned), cKDTree(mesh.vertices_mm)
+    marks = _landmarks(planned)
+    tree = cKDTree(mesh.vertices_mm)
 
     def share(rows: np.ndarray, shift: np.ndarray) -> float:
         near = tree.query((marks - shift) @ np.linalg.inv(rows).T, distance_upper_bound=LANDMARK_MM)[0]

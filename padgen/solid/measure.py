@@ -200,7 +200,8 @@ def holes_of(solid: Any, z_mm: float) -> list[np.ndarray]:
 
 def _crosses(outline: np.ndarray) -> np.ndarray:
     """Return twice the signed areas (n,) of the triangles between the origin and each side."""
-    (x, y), (next_x, next_y) = outline.T, np.roll(outline, -1, axis=0).T
+    x, y = outline.T
+    next_x, next_y = np.roll(outline, -1, axis=0).T
     return np.asarray(x * next_y - next_x * y)
 
 

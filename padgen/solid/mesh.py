@@ -330,7 +330,8 @@ def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
             shared = ((face == ends[i][:, None]) | (face == ends[j][:, None])).any(1)
             at = np.flatnonzero((low < -margin) & (high > margin) & ~shared)
             start = mesh.vertices_mm[ends[i][at]]
-            along, (a, b, c) = mesh.vertices_mm[ends[j][at]] - start, corners[:, at] - start
+            along = mesh.vertices_mm[ends[j][at]] - start
+            a, b, c = corners[:, at] - start
             # An edge passes between a face's corners where all volumes that it spans with two of them have one sign.
             turns = [np.einsum("ij,ij->i", np.cross(*each), along) for each in ((a, b), (b, c), (c, a))]
             bound = margin[at] * np.linalg.norm(along, axis=1)

@@ -51,7 +51,8 @@ def border_mesh(
     GeometryError
         The outline cannot be triangulated: its holes meet its edges.
     """
-    pad, (rows, columns) = plan.spec.pad, shape
+    pad = plan.spec.pad
+    rows, columns = shape
     half_x = pad.width_mm / 2
     half_y = pad.depth_mm / 2
     x = np.linspace(-half_x, half_x, columns + 1)

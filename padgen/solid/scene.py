@@ -197,7 +197,8 @@ def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
 
 def _beam(path: BeamPath) -> manifold3d.Manifold:
     """Return a beam as wide and thick as planned, reaching a little into the frame so that it joins it."""
-    half, (points, _) = float(path.width_mm) / 2, _stations(path, STATIONS, 1)
+    half = float(path.width_mm) / 2
+    points, _ = _stations(path, STATIONS, 1)
     left, right = (np.array([point.beside(way) for point in points], float) for way in (half, -half))
     for side in (left, right):
         side[0] -= 0.05 * np.array(path.direction, float)

@@ -120,7 +120,8 @@ def checked(item: "Field[Any]", value: Any, where: str) -> Any:
             value = int(value)
         _refuse(kind, meta, value, where)
         return kind(value)
-    count, (inner, *_) = meta["count"], get_args(kind)
+    count = meta["count"]
+    inner, *_ = get_args(kind)
     if not isinstance(value, (list, tuple)) or not value or (count and len(value) != count):
         what = f"a list of {count or 'one or more'} numbers in {meta['unit']}"
         raise SpecError(f"must be {what}, got {shown(value)}", where)

@@ -296,7 +296,8 @@ def stiffness_pa(material: Elastic) -> np.ndarray:
     e = material.modulus_pa
     nu = material.poisson
     axes = material.axes or Orthotropy((e,) * 3, (e / 2 / (1 + nu),) * 3, (nu,) * 3)
-    (ex, ey, ez), (yz, zx, xy) = axes.modulus_pa, axes.poisson
+    ex, ey, ez = axes.modulus_pa
+    yz, zx, xy = axes.poisson
     compliance = np.diag([1 / ex, 1 / ey, 1 / ez, *(1 / g for g in axes.shear_pa)])
     for i, j, coupling in ((0, 1, xy / ex), (1, 2, yz / ey), (0, 2, zx / ez)):
         compliance[i, j] = compliance[j, i] = -coupling
@@ -390,7 +391,8 @@ def assembled(
         blocks = False
         slides = {"dirichletz": f"{clamped}|{flat}"} if flat else {}
         space = ng.VectorH1(mesh, order=order, dirichlet=clamped, **slides)
-    (u, v), (a, b) = space.TnT(), scalar.TnT()
+    u, v = space.TnT()
+    a, b = scalar.TnT()
     stiffness = ng.BilinearForm(space, symmetric=True)
     mass = ng.BilinearForm(scalar, symmetric=True)
     for name, material in materials.items():
@@ -667,7 +669,8 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
     SolverError
         The STEP file does not hold a taxel, cannot be meshed, or the solver does not converge.
     """
-    setting, (shape, layered) = FineSetting(order, levels), _drafted(taxel)
+    setting = FineSetting(order, levels)
+    shape, layered = _drafted(taxel)
     return _result(_answered(taxel, shape, _layered(taxel, shape, layered, setting), order, modes), setting)
 
 

@@ -101,7 +101,8 @@ def _frame_solid(plan: Plan, clamping: str) -> Any:
     sub-cells are named ``seam``, what is held ``held``.
     """
     pad = plan.spec.pad
-    height, half = pad.frame_thickness_mm, np.array([pad.width_mm, pad.depth_mm]) / 2
+    height = pad.frame_thickness_mm
+    half = np.array([pad.width_mm, pad.depth_mm]) / 2
     outer = half + pad.border_mm
 
     def block(corners: np.ndarray, top: float = height) -> Any:

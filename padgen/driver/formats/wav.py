@@ -206,7 +206,8 @@ def refuse(job: DriveJob) -> None:
 
 def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the wave, its sidecar and, where that is asked for, what was heard of it."""
-    (drive, timeline), request = job.played(), job.request
+    drive, timeline = job.played()
+    request = job.request
     carrier = ""
     if drive.scheme.is_root and drive.has_constant and not job.shown:
         carrier = carrier_text(job.plan, timeline, request.rate_hz, request.tuning)

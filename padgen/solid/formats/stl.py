@@ -37,5 +37,6 @@ def stl_bytes(mesh: Mesh, title: str) -> bytearray:
     for k in range(0, len(triangles), AT_ONCE):
         some = triangles[k : k + AT_ONCE]
         corners = mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
-        some["normal"], some["corners"] = unit_normals(corners), corners
+        some["normal"] = unit_normals(corners)
+        some["corners"] = corners
     return data
