@@ -70,8 +70,10 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
-MOST_FOR_CURE = 48
-"""Choices that are tried to find out whether a cure works: one that needs more is not proposed."""
+MOST_CHOICES = 48
+MOST_FOR_CURE = 16
+"""Choices of layout, beams, gap, sets and drive that are tried where none works as asked, and to find out whether a
+cure works: one that needs more is not proposed."""
 MOST_SURE = 8
 """Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
 those that few prints leave the most hope for."""
@@ -163,7 +165,7 @@ def choose(spec: Spec) -> Choice:
     raise refusal(next(_decided_specs(spec)), partial(_planned_with, spec, None))
 
 
-def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
+def _searched(spec: Spec, quick: bool = False, most: int = MOST_CHOICES) -> Choice | None:
     """Return the choice for a spec, of at most so many; with `quick` the first that has room and beams."""
     ranked: list[Iterator[Choice]] = []
     known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}

@@ -215,8 +215,10 @@ than `ALIKE_MM`."""
 WORTH_DB = 0.5
 """Least gain by keeping washers off the axis, where they take more current and feel more of the coils around."""
 LAYOUTS_SIZED = 24
+RARE_LAYOUTS_SIZED = 6
 CHANNELS_SIZED = 600
-"""Layouts, and channels in all of them, whose beams are sized before the search gives up."""
+"""Layouts, and channels in all of them, whose beams are sized before the search gives up: fewer of suspensions that
+only a spec's name asks for (serpentines), whose bent beams take a hundred times as long."""
 
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layout, tuple[SizedChannel, ...]]]:
@@ -224,6 +226,8 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
 
     Of each grid and count of channels only the first division of the cell that works is taken.
     """
+    is_usual = set(allowed(spec.suspension.topology)) & set(allowed("auto"))
+    most = LAYOUTS_SIZED if is_usual else RARE_LAYOUTS_SIZED
     seen = set()
     tried = 0
     sized = 0
@@ -231,7 +235,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         key = (layout.rows, layout.columns, layout.channels)
         if layout.margin_mm < -SLACK_MM or key in seen:
             continue
-        if tried >= LAYOUTS_SIZED or sized >= CHANNELS_SIZED:
+        if tried >= most or sized >= CHANNELS_SIZED:
             break
         tried = tried + 1
         sized = sized + layout.channels
