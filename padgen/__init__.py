@@ -5,8 +5,9 @@ A pad is a TOML spec; everything else is derived from it by pure functions, in o
     spec.toml -> Spec -> Plan -> Pad (solids, meshes, checks) -> files
                           +----> Drive: tables, waveforms, firmware   <- Tuning: a print as measured
 
-Functions: `plan`, `build`, `check`, `drive`, `retune`, `calibrate`, `study`, `sweep`; each works as the command of the
-same name. Nouns: `Spec`, `Plan`, `Pad`, `Drive`, `Tuning`, `Finding`. Names are loaded when they are first used.
+Functions: `plan`, `build`, `check`, `draw`, `drive`, `retune`, `calibrate`, `study`, `sweep` and others; what a command
+does, one of them does. Nouns: `Spec`, `Plan`, `Pad`, `Drive`, `Tuning`, `Finding`. Names are loaded when they are
+first used.
 
 >>> import padgen as pg
 >>> plan = pg.plan("paper-32", q_min=20)
@@ -17,21 +18,28 @@ same name. Nouns: `Spec`, `Plan`, `Pad`, `Drive`, `Tuning`, `Finding`. Names are
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from padgen.api import MODULES
+
 if TYPE_CHECKING:
-    from padgen.api import (
+    from padgen.api.drives import check_wiring, drive, excite, play, play_wav, read_frames, read_tuning
+    from padgen.api.house import cache_info, clear_cache, restore, spec_schema, use_cache
+    from padgen.api.pads import (
         build,
-        calibrate,
         check,
         draw,
-        drive,
+        explain,
+        explore,
         plan,
+        print_yield,
         read_plan,
-        read_tuning,
-        retune,
-        study,
-        sweep,
+        read_spec,
+        save_plan,
         template_names,
+        template_text,
+        write_report,
     )
+    from padgen.api.prints import bench, calibrate, retune, save_printer, save_retuned, simulate_print
+    from padgen.api.studies import read_sweep, run_sweep, study, study_extreme, sweep
     from padgen.core.errors import FileError, Finding, InfeasibleError, PadgenError, SolverError, SpecError
     from padgen.driver.drive_folder import Drive
     from padgen.make.pad import Pad
@@ -53,18 +61,42 @@ __all__ = [
     "SpecError",
     "Tuning",
     "__version__",
+    "bench",
     "build",
+    "cache_info",
     "calibrate",
     "check",
+    "check_wiring",
+    "clear_cache",
     "draw",
     "drive",
+    "excite",
+    "explain",
+    "explore",
     "plan",
+    "play",
+    "play_wav",
+    "print_yield",
+    "read_frames",
     "read_plan",
+    "read_spec",
+    "read_sweep",
     "read_tuning",
+    "restore",
     "retune",
+    "run_sweep",
+    "save_plan",
+    "save_printer",
+    "save_retuned",
+    "simulate_print",
+    "spec_schema",
     "study",
+    "study_extreme",
     "sweep",
     "template_names",
+    "template_text",
+    "use_cache",
+    "write_report",
 ]
 
 _NOUNS = {
@@ -80,7 +112,7 @@ _NOUNS = {
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'padgen' has no attribute {name!r}")
-    home = "core.errors" if name.endswith("Error") else _NOUNS.get(name, "api")
+    home = f"api.{MODULES[name]}" if name in MODULES else _NOUNS.get(name, "core.errors")
     value = getattr(import_module(f"padgen.{home}"), name)
     globals()[name] = value
     return value

@@ -46,7 +46,6 @@ from padgen.ladders.study import (
     CaseVerdict,
     Study,
     extreme_picture,
-    extreme_text,
     judged_error,
     named_cases,
     parse_only,
@@ -55,7 +54,6 @@ from padgen.ladders.study import (
     run_study,
     study_csv,
     study_json,
-    study_text,
     verdict_of,
 )
 from padgen.make.planning import parse_tolerance
@@ -183,7 +181,7 @@ def test_an_error_that_cannot_be_told_from_the_references_own_is_a_bound():
     values = (1.5, 1.004, 1.0, 1.001)
     result = judged(ladder(rungs_of((1, 0.5, 0.25, 0.125))), [known(v) for v in values])
     assert [row.is_bound for row in result.rows] == [False, False, True, True]
-    assert "≤" in study_text(_study(result)).splitlines()[7]
+    assert "≤" in _study(result).text().splitlines()[7]
 
 
 def test_errors_are_relative_to_the_largest_or_to_each():
@@ -336,11 +334,11 @@ def test_the_same_figures_draw_the_same_bytes(result):
 def test_a_ladder_without_reference_is_drawn_and_told(result):
     bare = judged(result.ladder, [RungFigures(note="refused: no engine")] * 6)
     assert plot_bytes(_study(bare).plot(), "svg")
-    assert "there is no reference" in study_text(_study(bare))
+    assert "there is no reference" in _study(bare).text()
 
 
 def test_the_table_tells_orders_and_refusals(result):
-    text = study_text(_study(result))
+    text = _study(result).text()
     assert "order of convergence, fine: 2.00 observed, 2 in theory (by design)" in text
     assert "gone, : refused: it is gone" in text
     assert "memory  quickest for\n" in text
@@ -362,7 +360,7 @@ def test_a_study_measures_and_draws(paper_plan):
     assert sum("rung" in step for step in said) == len(study.ladders[0].rows)
     assert study.ladders[0].converged
     assert study.ladders[0].uncertainty < 10 ** (0.1 / 20) - 1
-    assert study_text(study).count("allocation") >= 5
+    assert study.text().count("allocation") >= 5
 
 
 def interrupted_at(words: str):
@@ -387,7 +385,7 @@ def test_an_interrupted_study_writes_what_it_has(paper_plan, tmp_path):
     table = (tmp_path / "out" / "study.csv").read_text()
     notes = [row["note"] for row in csv.DictReader(io.StringIO(table))]
     assert notes == ["", ""] + ["not run: the study was stopped"] * (len(rows) - 2)
-    text = study_text(study)
+    text = study.text()
     assert "not run: 4 of 6 rungs of allocation, " in text and "not run: 8 of 8 rungs of geometry, " in text
     assert "\ngeometry," not in text
 
@@ -405,7 +403,7 @@ def test_interrupted_extreme_cases_say_which_were_not_run(tmp_path):
     assert [v.verdict for v in study.verdicts] == ["right", "refused", *["not run"] * 5]
     assert study.missing[0] == "test, wrong"
     assert json.loads((tmp_path / "out" / "extreme.json").read_text())["stopped"]
-    assert "5 not run" in extreme_text(study)
+    assert "5 not run" in study.text()
 
 
 def test_the_command_stops_in_time_and_logs_its_rungs(tmp_path):
@@ -509,7 +507,7 @@ def test_verdicts(tmp_path):
     assert not study.holds
     rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "extreme.csv").read_text())))
     assert [row["verdict"] for row in rows] == [v.verdict for v in study.verdicts]
-    assert "7 cases: 4 WRONG, 1 refused, 1 right, 1 unchecked" in extreme_text(study)
+    assert "7 cases: 4 WRONG, 1 refused, 1 right, 1 unchecked" in study.text()
 
 
 def test_a_case_that_does_not_end_is_wrong():

@@ -23,7 +23,7 @@ from types import SimpleNamespace
 import pytest
 
 from padgen.batch.definition import count_points, load_sweep, parse_expression, parse_sweep, variant_table, variants
-from padgen.batch.sweep import Event, event_table, run_sweep
+from padgen.batch.sweep import Event, run_sweep
 from padgen.batch.variant import plan_figures, run_task
 from padgen.core.errors import FileError, SpecError
 from padgen.core.files import OutputFolder
@@ -637,6 +637,6 @@ def test_the_time_left(tmp_path, monkeypatch):
 def test_an_event_as_json(tmp_path):
     events = []
     run_sweep(parse_sweep(NO_FOLDERS + "[axes]\nq_min = [10]\n"), tmp_path, Inline(), on_event=events.append)
-    start, done, end = (json.loads(json.dumps(event_table(event))) for event in events)
+    start, done, end = (json.loads(json.dumps(event.table())) for event in events)
     assert (start["kind"], start["left"], end["kind"], end["left"]) == ("start", 1, "end", 0)
     assert done["variant"]["number"] == 0 and done["variant"]["figures"] == {"taxels": 1} and "record" not in done

@@ -39,7 +39,6 @@ __all__ = [
     "parse_expression",
     "parse_sweep",
     "sweep_over",
-    "variant_name",
     "variant_table",
     "variants",
 ]
@@ -269,6 +268,10 @@ class Sweep:
     constraints: tuple[Expression, ...]
     sample: PointSample = field(default_factory=PointSample)
     limits: VariantLimits = field(default_factory=VariantLimits)
+
+    def name_of(self, number: int) -> str:
+        """Return the name of a variant and of its folder."""
+        return f"{self.settings.name}-{number:05d}"
 
 
 TOP_KEYS, RANGE_KEYS = ([f.name for f in fields(kind)] for kind in (Settings, Range))
@@ -519,14 +522,9 @@ def variants(sweep: Sweep) -> Iterator[Variant]:
             yield variant
 
 
-def variant_name(sweep: Sweep, number: int) -> str:
-    """Return the name of a variant and of its folder."""
-    return f"{sweep.settings.name}-{number:05d}"
-
-
 def variant_table(sweep: Sweep, variant: Variant) -> dict[str, Any]:
     """Return the table of a variant's spec: the base's with the varied fields and a name of its own."""
-    return laid_over(sweep.base, variant.values) | {"name": variant_name(sweep, variant.number)}
+    return laid_over(sweep.base, variant.values) | {"name": sweep.name_of(variant.number)}
 
 
 def _sample(sweep: Sweep) -> Iterator[list[tuple[Any, ...]]]:

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.batch.definition import Sweep, variant_name
+from padgen.batch.definition import Sweep
 from padgen.batch.variant import STATUSES, VariantRecord
 from padgen.core.display import PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError
@@ -515,7 +515,7 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
     def rows(writer: Any) -> Iterator[tuple[VariantRecord, tuple[str, ...]]]:
         writer.writerow(header)
         for record in journal.records():
-            named = {"name": variant_name(sweep, record.number), "findings": " ".join(record.findings)}
+            named = {"name": sweep.name_of(record.number), "findings": " ".join(record.findings)}
             before, after = ([named.get(name, getattr(record, name, "")) for name in names] for names in COLUMNS)
             varied = map(record.values.get, axes)
             reached = map(record.figures.get, figures)

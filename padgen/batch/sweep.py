@@ -28,7 +28,7 @@ from queue import Empty, SimpleQueue
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from padgen.batch.definition import Sweep, Variant, VariantLimits, count_points, variant_name, variants
+from padgen.batch.definition import Sweep, Variant, VariantLimits, count_points, variants
 from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_index
 from padgen.batch.variant import Task, VariantRecord, is_whole, run_task, task_of, writes_folders
 from padgen.core.cache import code_hash, limit_bytes, version, versions
@@ -49,7 +49,6 @@ __all__ = [
     "Work",
     "broken",
     "connect",
-    "event_table",
     "fingerprint",
     "make_variants",
     "records_of",
@@ -250,15 +249,14 @@ class Event(Counts):
     record: VariantRecord | None = None
     reused: bool = False
 
-
-def event_table(event: Event) -> dict[str, Any]:
-    """Return an event as plain data for one line of JSON, with the fields `TOLD` of its record."""
-    table = {"kind": event.kind, **vars(event)}
-    record = table.pop("record")
-    if record is None:
-        del table["reused"]
-        return table
-    return table | {"variant": {name: getattr(record, name) for name in TOLD}}
+    def table(self) -> dict[str, Any]:
+        """Return the event as plain data for one line of JSON, with the fields `TOLD` of its record."""
+        table = {"kind": self.kind, **vars(self)}
+        record = table.pop("record")
+        if record is None:
+            del table["reused"]
+            return table
+        return table | {"variant": {name: getattr(record, name) for name in TOLD}}
 
 
 @dataclass(frozen=True)
@@ -405,7 +403,7 @@ def run_to_table(sweep: Sweep, folder: Path | None, workers: int | None) -> Swee
     run_sweep(sweep, folder, workers=workers)
     with Journal(folder, count_points(sweep)) as journal:
         rows = [
-            {"name": variant_name(sweep, record.number), "status": record.status, "sentence": record.sentence}
+            {"name": sweep.name_of(record.number), "status": record.status, "sentence": record.sentence}
             | record.values
             | record.figures
             for record in journal.records()
@@ -500,7 +498,7 @@ class _Run:
         if any(full in record.sentence for full in DISK_FULL):
             raise StoppedError(record.sentence)  # not the variant's fault: the next run makes it
         if record.status != "done" or not writes_folders(self.sweep):
-            take_away(self.folder / variant_name(self.sweep, record.number))
+            take_away(self.folder / self.sweep.name_of(record.number))
         self.journal.add(record)
         self.todo[record.number] = KEPT
         self.counts[record.status] += 1

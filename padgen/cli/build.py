@@ -3,17 +3,19 @@
 import argparse
 from typing import Any
 
+from padgen.api.pads import build, check
 from padgen.cli.common import (
     DONE,
+    add_option,
     add_shared,
     add_spec,
     add_verbose,
     answer,
-    asked_of,
     code_of,
-    folder_of,
+    names,
     progress_line,
     refuse,
+    spec_and_folder,
 )
 from padgen.core.errors import plain
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
@@ -27,16 +29,12 @@ def add_build(commands: Any) -> None:
     add_spec(parser)
     parser.add_argument(
         "--formats",
-        default=",".join(USUAL_FORMATS),
+        type=names,
+        default=USUAL_FORMATS,
         metavar="LIST",
-        help=f"of {', '.join(PAD_FORMATS.names())} (default: %(default)s)",
+        help=f"of {', '.join(PAD_FORMATS.names())} (default: {','.join(USUAL_FORMATS)})",
     )
-    parser.add_argument(
-        "--parts",
-        default="",
-        metavar="LIST",
-        help="parts beside the pad: tray (holds the coils), coupon (one taxel of each kind), coupon-tray",
-    )
+    add_option(parser, build, "parts", metavar="LIST", type=names)
     parser.add_argument(
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
@@ -67,14 +65,10 @@ def add_check(commands: Any) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from padgen.make.pad import Pad, parse_formats, parse_parts
-
-    spec, tolerance = asked_of(options)
-    formats = parse_formats(options.formats)
-    parts = parse_parts(options.parts)
+    spec, folder = spec_and_folder(options)
     with progress_line() as progress:
-        pad = Pad(spec, parts, tolerance, progress=progress)
-        built = pad.save(folder_of(options, spec.name), formats, options.instances, options.force, options.report)
+        pad = build(spec, parts=options.parts, tolerance=options.tolerance, progress=progress)
+        built = pad.save(folder, options.formats, options.instances, options.force, options.report)
     from padgen.report.plans import built_text
 
     drive = f"padgen drive {plain(options.spec)} --state all --hear"
@@ -85,8 +79,6 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    from padgen.api import check
-
     both = (options.mesh is None) == (options.gcode is None)
     refuse((both, "padgen check", "needs either a mesh or --gcode FILE; padgen check --help tells more"))
     with progress_line() as progress:

@@ -1,8 +1,10 @@
 """Share exit codes, options, progress and printing between commands."""
 
 import argparse
+import inspect
+import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -14,18 +16,20 @@ __all__ = [
     "CHECK_FAILED",
     "DONE",
     "add_model",
+    "add_option",
     "add_output",
     "add_shared",
     "add_spec",
     "add_verbose",
     "answer",
-    "asked_of",
     "code_of",
     "folder_of",
+    "names",
     "plan_of",
     "progress_line",
     "refuse",
     "show",
+    "spec_and_folder",
 ]
 
 DONE = 0
@@ -33,6 +37,37 @@ CHECK_FAILED = 1
 BAD_INPUT = 2
 WIDTH = 100
 """Most columns of printed text, tables excepted."""
+
+
+def add_option(parser: Any, function: Callable[..., Any], parameter: str, flag: str = "", **settings: Any) -> None:
+    """Declare the option of a function's parameter, with the help of its docstring and its default.
+
+    The option is `flag`, by default the parameter's name. A parameter that is False by default is a switch.
+    """
+    default = inspect.signature(function).parameters[parameter].default
+    text = described(function, parameter)
+    if default is False:
+        settings["action"] = "store_true"
+    elif default is not inspect.Parameter.empty:
+        settings["default"] = default
+        if default not in (None, "", ()) and "default" not in text:
+            text = f"{text} (default: {','.join(default) if isinstance(default, tuple) else default})"
+    action = parser.add_argument(flag or f"--{parameter.replace('_', '-')}", help=text.replace("%", "%%"), **settings)
+    action.parameter = f"{function.__name__}.{parameter}"
+
+
+def described(function: Callable[..., Any], parameter: str) -> str:
+    """Return what a function's docstring says of a parameter, as a clause.
+
+    >>> def play(repeat): "Play.\\n\\nParameters\\n---\\nrepeat : int\\n    Times that it is played."
+    >>> described(play, "repeat")
+    'times that it is played'
+    """
+    lines = inspect.getdoc(function) or ""
+    found = re.search(rf"^(?:\w+, )*{parameter}(?:, \w+)* : .*\n((?: +.*\n?)+)", lines, re.MULTILINE)
+    assert found, f"{function.__name__} does not say what {parameter} is"
+    text = " ".join(found[1].split()).removesuffix(".")
+    return text if text[:2].isalpha() and text[:2].isupper() else text[0].lower() + text[1:]
 
 
 def add_spec(parser: argparse.ArgumentParser) -> None:
@@ -80,6 +115,11 @@ def add_shared(
     parser.set_defaults(command=run, late=late)
 
 
+def names(text: str) -> tuple[str, ...]:
+    """Return the names of a list with commas between."""
+    return tuple(text.split(","))
+
+
 def refuse(*cases: tuple[Any, str, str]) -> None:
     """Refuse the first of these cases that holds: a condition, the option that is wrong, and the sentence about it."""
     for wrong, where, sentence in cases:
@@ -87,32 +127,29 @@ def refuse(*cases: tuple[Any, str, str]) -> None:
             raise SpecError(sentence, where)
 
 
-def asked_of(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, float | None]:
-    """Return the spec with the model that the command line asks for, and the asked tolerance (None if there is none).
+def spec_and_folder(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, Path]:
+    """Return the spec with the model that the command line asks for, and the folder of the results.
 
-    If the command line asks for neither and `recorded` is true, the spec has the model of the plan in the results'
-    folder.
+    If the command line asks for none and `recorded` is true, the spec has the model of the plan in that folder.
     """
-    from padgen.make.planning import parse_tolerance, recorded_spec, spec_of
+    from padgen.api.house import restore
+    from padgen.api.pads import read_spec
 
-    spec = spec_of(options.spec, {"model": {"structure": options.model}} if options.model is not None else None)
-    if options.tolerance is not None:
-        return spec, parse_tolerance(options.tolerance)
-    if not recorded or options.model is not None:
-        return spec, None
+    fields: dict[str, Any] = {} if options.model is None else {"model": {"structure": options.model}}
+    spec = read_spec(options.spec, **fields)
     folder = folder_of(options, spec.name)
-    if hasattr(options, "output"):  # of commands that are about to write there
-        from padgen.core.files import recover
-
-        recover(folder)
-    return recorded_spec(spec, folder), None
+    if recorded and options.model is None and options.tolerance is None:
+        if hasattr(options, "output") and folder.is_dir():  # of commands that are about to write there
+            restore(folder)
+        spec = read_spec(spec, folder=folder)
+    return spec, folder
 
 
 def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -> Any:
-    """Return the plan that the command line asks for; `recorded` is that of `asked_of`."""
-    from padgen.make.planning import plan_for
+    """Return the plan that the command line asks for; `recorded` is that of `spec_and_folder`."""
+    from padgen.api.pads import plan
 
-    return plan_for(*asked_of(options, recorded), progress)
+    return plan(spec_and_folder(options, recorded)[0], tolerance=options.tolerance, progress=progress)
 
 
 def folder_of(options: argparse.Namespace, name: str) -> Path:

@@ -2,17 +2,15 @@
 
 import argparse
 import sys
-from pathlib import Path
 from typing import Any
 
-from padgen.cli.common import DONE, refuse
+from padgen.api.pads import explore
+from padgen.cli.common import DONE, add_option
 
 __all__ = ["add"]
 
 USUAL = "pad-32"
 """The template that is explored without a SPEC."""
-USUAL_S = 20.0
-LONGEST_S = 86_400.0
 
 
 def add(commands: Any) -> None:
@@ -26,31 +24,14 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "spec", metavar="SPEC", nargs="?", help=f"a TOML file, a template or a plan.json (default: {USUAL})"
     )
-    parser.add_argument("--port", metavar="N", type=int, default=0, help="port of the page (default: a free one)")
-    parser.add_argument(
-        "--time-limit",
-        metavar="SECONDS",
-        type=float,
-        default=USUAL_S,
-        help=f"give up a plan that takes longer (default: {USUAL_S:g})",
-    )
+    add_option(parser, explore, "port", metavar="N", type=int)
+    add_option(parser, explore, "time_limit_s", "--time-limit", metavar="SECONDS", type=float)
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
     parser.add_argument("-o", "--output", metavar="DIR", default="out", help="folder of specs and pads (default: out)")
     parser.set_defaults(command=_explore, late="spec")
 
 
 def _explore(options: argparse.Namespace) -> int:
-    limit_s = options.time_limit
-    refuse(
-        (not 0 <= options.port <= 65_535, "--port", f"must be 0 … 65535, got {options.port}"),
-        (
-            not 0 < limit_s <= LONGEST_S,
-            "--time-limit",
-            f"must be above 0 and at most {LONGEST_S:.0f} s, got {limit_s:g} s",
-        ),
-    )
-    from padgen.report.live import serve
-
     def ready(address: str) -> None:
         print(f"{address}\nopen this address in a browser on this machine; Ctrl-C ends", flush=True)
         if not options.no_browser and sys.stdout.isatty():
@@ -58,5 +39,5 @@ def _explore(options: argparse.Namespace) -> int:
 
             webbrowser.open(address)
 
-    serve(options.spec or USUAL, Path(options.output), options.port, ready, limit_s)
+    explore(options.spec or USUAL, options.output, port=options.port, time_limit_s=options.time_limit, on_ready=ready)
     return DONE

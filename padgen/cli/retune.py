@@ -5,9 +5,11 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from padgen.api.prints import bench, calibrate, retune, save_printer, save_retuned, simulate_print
 from padgen.cli.common import (
     DONE,
     add_model,
+    add_option,
     add_shared,
     add_spec,
     answer,
@@ -18,7 +20,6 @@ from padgen.cli.common import (
     refuse,
     show,
 )
-from padgen.cli.drive import tuning_of
 from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, plain, plural
 
 __all__ = ["add_bench", "add_calibrate", "add_retune"]
@@ -43,38 +44,14 @@ def add_retune(commands: Any) -> None:
         help="a CSV (resonances, spectra or time series) or a WAV (the coil's current and the sensor; or a pluck), or"
         " several or a folder of them, each named after its taxel or coil",
     )
-    parser.add_argument("--coupon", metavar="FILE", help="what was measured on the coupon printed beside the pad")
-    parser.add_argument(
-        "--estimate-rest",
-        action="store_true",
-        help="taxels that were not measured get the tones that the others make likely, not the plan's",
-    )
-    parser.add_argument(
-        "--nearest", action="store_true", help="of two peaks that are alike, take the one nearer to the plan's"
-    )
-    parser.add_argument(
-        "--excitation",
-        default="current",
-        metavar="current|voltage",
-        help="what the first channel of a WAV holds, where it has one more than taxels (default: current)",
-    )
-    parser.add_argument(
-        "--sensor",
-        metavar="displacement|velocity|acceleration",
-        help="what was measured (default: as the files say, or as recognised)",
-    )
-    parser.add_argument(
-        "--simulate", metavar="SEED", type=int, help="measure a pad that the computer prints, to try the loop"
-    )
-    parser.add_argument(
-        "--kind",
-        default="spectrum",
-        metavar="spectrum|chirp|pluck",
-        help="with --simulate: what is measured (default: spectrum)",
-    )
-    parser.add_argument(
-        "--snr", default=30.0, metavar="DB", type=float, help="with --simulate: signal over noise (default: 30)"
-    )
+    add_option(parser, retune, "coupon", metavar="FILE")
+    add_option(parser, retune, "estimate_rest")
+    add_option(parser, retune, "nearest")
+    add_option(parser, retune, "excitation", metavar="current|voltage")
+    add_option(parser, retune, "sensor", metavar="displacement|velocity|acceleration")
+    add_option(parser, simulate_print, "seed", "--simulate", metavar="SEED", type=int)
+    add_option(parser, simulate_print, "kind", metavar="spectrum|chirp|pluck")
+    add_option(parser, simulate_print, "snr_db", "--snr", metavar="DB", type=float)
     add_shared(parser, _retune, "all notes, and more taxels", late="measured")
 
 
@@ -82,44 +59,35 @@ def _retune(options: argparse.Namespace) -> int:
     simulated = None
     both = "needs MEASURED, a file or a folder, or --simulate SEED, and not both"
     refuse((bool(options.measured) == (options.simulate is not None), "padgen retune", both))
-    from padgen.measured.tune import write_retuned
-    from padgen.measured.tuning import simulate_print, simulated_measurement
-
     with progress_line() as progress:
         plan = plan_of(options, progress)
         if options.simulate is not None:
-            refuse(
-                (options.simulate < 0, "--simulate", f"must be 0 or more, got {options.simulate}"),
-                (not 0 <= options.snr <= 200, "--snr", f"must be 0 … 200 dB, got {options.snr:g}"),
-            )
             progress("printing and measuring a pad")
-            printed = simulate_print(plan, options.simulate)
-            simulated = printed, simulated_measurement(plan, printed, options.simulate, options.kind, options.snr)
-        written = write_retuned(
+            simulated = simulate_print(plan, options.simulate, kind=options.kind, snr_db=options.snr)
+        written = save_retuned(
             plan,
             folder_of(options, plan.name),
             options.measured,
             simulated,
-            options.excitation,
-            options.sensor,
-            options.nearest,
-            options.estimate_rest,
-            options.coupon,
-            progress,
+            excitation=options.excitation,
+            sensor=options.sensor,
+            nearest=options.nearest,
+            estimate_rest=options.estimate_rest,
+            coupon=options.coupon,
+            progress=progress,
         )
     return _tell(options, plan, written)
 
 
 def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
     """Print what a re-tuned folder holds, and return the exit code."""
-    from padgen.measured.tune import measured_rows
     from padgen.report.results import retuned_text
 
     place = plain(str(written.folder))
     answer(
         options,
         written.table(),
-        retuned_text(written.result, measured_rows(plan, written.result.tuning), options.verbose),
+        retuned_text(plan, written.result, options.verbose),
         f"written to {place}: {', '.join(written.files)}",
         f"next: padgen drive {plain(options.spec)} --tuning {place}/tuning.json --state all --hear",
     )
@@ -137,17 +105,15 @@ def add_bench(commands: Any) -> None:
     )
     add_spec(parser)
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--device", metavar="NAME", help="sound card that plays, by name or number (default: first)")
-    where.add_argument("--port", metavar="PORT", default="", help="serial port of the microcontroller that plays")
-    parser.add_argument("--record", metavar="NAME", help="sound card that records, by name or number (default: first)")
+    add_option(where, bench, "device", metavar="NAME")
+    add_option(where, bench, "port", metavar="PORT")
+    add_option(parser, bench, "record", metavar="NAME")
     parser.add_argument("--coils", action="store_true", help="the sensor hears all taxels of a coil: record by coil")
     parser.add_argument("--tries", metavar="N", type=int, default=3, help="most recordings of one taxel (default: 3)")
-    parser.add_argument("--rate", metavar="HZ", type=int, help="samples per second (default: the sound card's)")
-    parser.add_argument(
-        "--baud", metavar="N", type=int, default=115200, help="baud rate of --port (default: %(default)s)"
-    )
-    parser.add_argument("--tuning", metavar="FILE", help="with --port: tuning.json that the firmware was written for")
-    parser.add_argument("--nearest", action="store_true", help="of two similar peaks take the one nearer to the plan's")
+    add_option(parser, bench, "rate_hz", "--rate", metavar="HZ", type=int)
+    add_option(parser, bench, "baud", metavar="N", type=int)
+    add_option(parser, bench, "tuning", metavar="FILE")
+    add_option(parser, retune, "nearest")
     add_shared(parser, _bench, "all notes, and more taxels")
 
 
@@ -155,14 +121,19 @@ def _bench(options: argparse.Namespace) -> int:
     for name, most in (("tries", MOST_TRIES), ("baud", 10**8), ("rate", 10**7)):
         value = getattr(options, name)
         refuse((value is not None and not 1 <= value <= most, f"--{name}", f"must be 1 … {most}, got {value}"))
-    from padgen.driver.sound_card import RECORDED, bench
-    from padgen.measured.tune import write_retuned
-
     with progress_line() as progress:
         plan = plan_of(options, progress)
     folder = folder_of(options, plan.name)
-    tuning = tuning_of(options.tuning, plan)
-    session = bench(plan, folder, options.device, options.record, options.rate, options.port, options.baud, tuning)
+    session = bench(
+        plan,
+        folder,
+        device=options.device,
+        record=options.record,
+        rate_hz=options.rate,
+        port=options.port,
+        baud=options.baud,
+        tuning=options.tuning,
+    )
     if session.sink and session.by_hand and not _asks():
         raise SpecError(
             f"{session.sink.name} has {session.sink.channels} output channels for"
@@ -182,9 +153,9 @@ def _bench(options: argparse.Namespace) -> int:
         summary = f"stopped with {kept} of {len(names)} recorded; the same command goes on with the others"
         raise FileError(summary, str(folder)) from error
     if not any(map(session.is_kept, names)):
-        raise FileError("has no recording that shows a resonance; nothing is re-tuned", str(folder / RECORDED))
+        raise FileError("has no recording that shows a resonance; nothing is re-tuned", str(session.recordings))
     with progress_line() as progress:
-        written = write_retuned(plan, folder, [str(folder / RECORDED)], nearest=options.nearest, progress=progress)
+        written = save_retuned(plan, folder, [session.recordings], nearest=options.nearest, progress=progress)
     return _tell(options, plan, written)
 
 
@@ -268,18 +239,11 @@ def add_calibrate(commands: Any) -> None:
 
 def _calibrate(options: argparse.Namespace) -> int:
     path = Path(options.output)
-    refuse((path.suffix != ".toml", "--output", f"must be a file of the kind my-printer.toml, got {options.output!r}"))
-    from padgen.api import calibrate
-    from padgen.core.files import OutputFolder
-    from padgen.measured.printer_fit import printer_toml
-
     with progress_line() as progress:
         plan = plan_of(options, progress, recorded=False)
         progress("fitting")
         calibration = calibrate(plan, options.measured)
-    with OutputFolder(path.parent) as out:
-        out.write(path.name, printer_toml(plan.spec, calibration, path.stem))
-        out.commit()
+        save_printer(plan, calibration, path)
     summary = (
         f"beams print {calibration.z_offset_mm:.4f} ± {calibration.z_offset_error_mm:.4f} mm thicker and"
         f" {calibration.width_offset_mm:.4f} ± {calibration.width_offset_error_mm:.4f} mm wider than drawn, of"

@@ -2,12 +2,12 @@
 
 import argparse
 import json
-import os
-from pathlib import Path
 from typing import Any
 
+from padgen.api import house
+from padgen.api.pads import template_names, template_text
 from padgen.cli.common import DONE, answer
-from padgen.core.errors import FileError, plain
+from padgen.core.errors import plain
 
 __all__ = ["add", "add_cache", "use_cache"]
 
@@ -51,33 +51,23 @@ def add(commands: Any) -> None:
 
 
 def _templates(options: argparse.Namespace) -> int:
-    from padgen.spec import template_paths
-    from padgen.spec.fields import unknown_name
-
-    texts = {name: path.read_text(encoding="utf-8") for name, path in template_paths().items()}
-    if options.name and options.name not in texts:
-        raise FileError(unknown_name(options.name, list(texts), "template", "").message, "NAME")
-    listed = "".join(f"{name:<12}  {text.splitlines()[0].lstrip('# ')}\n" for name, text in texts.items())
-    print(options.head + texts[options.name] if options.name else listed, end="")
+    if options.name:
+        print(options.head + template_text(options.name), end="")
+        return DONE
+    for name in template_names():
+        print(f"{name:<12}  {template_text(name).splitlines()[0].lstrip('# ')}")
     return DONE
 
 
 def _restore(options: argparse.Namespace) -> int:
-    from padgen.core.files import recover
-
-    folder = Path(options.folder)
-    if not folder.is_dir():
-        raise FileError("is not a folder" if folder.exists() else "there is no such folder", options.folder)
-    is_restored = recover(folder)
+    is_restored = house.restore(options.folder)
     outcome = "is as it was before the run that was killed" if is_restored else "is whole; nothing was changed"
     answer(options, {"folder": options.folder, "restored": is_restored}, f"{plain(options.folder)} {outcome}")
     return DONE
 
 
 def _schema(options: argparse.Namespace) -> int:
-    from padgen.spec.load import spec_schema
-
-    print(json.dumps(spec_schema(), indent=1, ensure_ascii=False))
+    print(json.dumps(house.spec_schema(), indent=1, ensure_ascii=False))
     return DONE
 
 
@@ -90,18 +80,14 @@ def add_cache(parser: argparse.ArgumentParser) -> None:
 
 def use_cache(options: argparse.Namespace) -> None:
     """Make this process and its children use the cache folder of ``--cache``, if that is given."""
-    from padgen.core.cache import VARIABLE
-
     if options.cache:
-        os.environ[VARIABLE] = str(Path(options.cache).absolute())
+        house.use_cache(options.cache)
 
 
 def _cache(options: argparse.Namespace) -> int:
-    from padgen.core import cache
-
     use_cache(options)
     dropped = options.action == "clear"
-    held = cache.clear() if dropped else cache.info()
+    held = house.clear_cache() if dropped else house.cache_info()
     from dataclasses import asdict
 
     from padgen.report.results import cache_text

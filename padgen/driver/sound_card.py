@@ -331,6 +331,11 @@ class Bench:
     tuning: Tuning | None = None
 
     @property
+    def recordings(self) -> Path:
+        """The folder of the session's recordings."""
+        return self.folder / RECORDED
+
+    @property
     def by_hand(self) -> bool:
         """True where the output has too few channels, so that each coil has to be connected to the first one."""
         return self.sink is not None and self.sink.channels < self.plan.coils.rows * self.plan.coils.columns
@@ -343,7 +348,7 @@ class Bench:
 
     def is_kept(self, name: str) -> bool:
         """Return whether a recording of this taxel or coil is there already."""
-        return (self.folder / RECORDED / f"{name}.wav").exists()
+        return (self.recordings / f"{name}.wav").exists()
 
     def take(self, name: str, attempt: int, nearest: bool, notify: Told) -> tuple[TaxelFit, ...]:
         """Record a taxel or a coil, fit it, and keep the file; `attempt` counts repetitions, whose sweeps are longer.

@@ -70,7 +70,6 @@ __all__ = [
     "ExtremeStudy",
     "Study",
     "extreme_picture",
-    "extreme_text",
     "judged_error",
     "ladder_text",
     "measured_study",
@@ -83,7 +82,6 @@ __all__ = [
     "run_study",
     "study_csv",
     "study_json",
-    "study_text",
     "verdict_of",
 ]
 
@@ -208,6 +206,15 @@ class Study:
             if row.measured is NOT_RUN
         )
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the files that a study writes into a folder."""
+        return STUDY_FILES
+
+    def text(self) -> str:
+        """Return the tables of the study, and which rungs are recommended, for people."""
+        return _study_text(self)
+
     def plot(self) -> Any:
         """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
         with plot_style():
@@ -232,6 +239,10 @@ class ExtremeStudy:
     def holds(self) -> bool:
         """True where no case is wrong."""
         return all(verdict.verdict != WRONG for verdict in self.verdicts)
+
+    def text(self) -> str:
+        """Return the verdicts as a table, what is wrong, and how many cases there are of each, for people."""
+        return _extreme_text(self)
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -457,7 +468,7 @@ WIDEST_MODEL = 36
 EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "residual", "condition", "verdict")
 
 
-def study_text(study: Study) -> str:
+def _study_text(study: Study) -> str:
     """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
     parts = []
     stopped = []
@@ -534,7 +545,7 @@ def picks_text(picks: Iterable[Pick]) -> str:
     return "recommended rungs\n" + table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
 
 
-def extreme_text(study: ExtremeStudy) -> str:
+def _extreme_text(study: ExtremeStudy) -> str:
     """Write the table of cases, then what is refused or wrong, sentence by sentence."""
     rows = []
     for case_verdict in study.verdicts:

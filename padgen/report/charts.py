@@ -18,7 +18,16 @@ from padgen.planner.layout import coil_axis_mm
 from padgen.planner.plan import Plan
 from padgen.report.drawings import all_shapes, border, draw_exploded, draw_pad, draw_section, draw_wiring, title_of
 
-__all__ = ["PICTURES", "draw_ladder", "draw_overview", "draw_prints", "draw_responses", "draw_selectivity", "picture"]
+__all__ = [
+    "PICTURES",
+    "SHEETS",
+    "draw_ladder",
+    "draw_overview",
+    "draw_prints",
+    "draw_responses",
+    "draw_selectivity",
+    "picture",
+]
 
 
 def colours_of(plan: Plan) -> Any:
@@ -282,6 +291,8 @@ PICTURES = {
     "wiring": draw_wiring,
     "overview": draw_overview,
 }
+SHEETS = ("overview",)
+"""Those of the `PICTURES` that show several others on one sheet."""
 
 
 def picture(plan: Plan, name: str) -> Any:

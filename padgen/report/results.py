@@ -260,9 +260,11 @@ MOST_TAXELS = 40
 """Most taxels in the table, and with ``--verbose``."""
 
 
-def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose: bool = False) -> str:
-    """Return the selectivity that the new tones will reach, the findings, and a table of the measured `taxels`."""
-    measured = [row for row in taxels if row["measured"]]
+def retuned_text(plan: "Plan", result: "Retuned", verbose: bool = False) -> str:
+    """Return the selectivity that the new tones will reach, the findings, and a table of the measured taxels."""
+    from padgen.measured.tune import measured_rows
+
+    measured = [row for row in measured_rows(plan, result.tuning) if row["measured"]]
     rows = [
         (
             row["taxel"],
@@ -279,7 +281,7 @@ def retuned_text(result: "Retuned", taxels: "Sequence[dict[str, Any]]", verbose:
         for row in measured[: MOST_TAXELS if verbose else SHOWN_TAXELS]
     ]
     head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
-    done = f"{len(measured)} of {len(taxels)} taxels are re-tuned"
+    done = f"{len(measured)} of {len(plan.taxels)} taxels are re-tuned"
     if result.before_db is not None and result.after_db is not None:
         low = (
             f", at least {result.after_low_db:.1f} dB in 95 of 100 draws of the measurement's errors"

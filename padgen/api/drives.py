@@ -1,0 +1,295 @@
+"""Public functions on what drives a pad: drive, excite, check_wiring, play and play_wav."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from padgen.core.errors import Finding, SpecError
+
+if TYPE_CHECKING:
+    from padgen.driver.drive_folder import Drive
+    from padgen.driver.excitation import Excitation
+    from padgen.driver.frames import Frames
+    from padgen.driver.serial_line import Played
+    from padgen.driver.sound_card import Sounded
+    from padgen.measured.tuning import Tuning
+    from padgen.planner.plan import Plan
+
+__all__ = ["check_wiring", "drive", "excite", "play", "play_wav", "read_frames", "read_tuning"]
+
+MOST_REPEATS = 10_000
+
+Progress = Callable[[str], None]
+
+
+def _silent(step: str) -> None:
+    """Ignore a progress message."""
+
+
+def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
+    """Read a tuning.json of `plan`; raises `FileError` where the file is no tuning, or of another pad."""
+    from padgen.measured.tuning import read_tuning as read
+
+    return read(Path(path), plan)
+
+
+def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan") -> "Tuning | None":
+    """Return the tuning that is given, or that of the file that is."""
+    return read_tuning(tuning, plan) if isinstance(tuning, (str, Path)) else tuning
+
+
+def read_frames(paths: "str | Path | Sequence[str | Path]", plan: "Plan") -> "Frames":
+    """Read images of a pad, a pixel a taxel: levels (k, taxels) in 0 … 1, and notes about what was left out.
+
+    Raises
+    ------
+    FileError
+        A file is missing, unreadable, of another shape than the pad, or holds what is no level in 0 … 1.
+    """
+    from padgen.driver.frames import read_frames as read
+
+    return read(paths, plan)
+
+
+def drive(
+    plan: "Plan",
+    *,
+    state: str | None = None,
+    frames: Any = None,
+    text: str | None = None,
+    pattern: str | None = None,
+    seconds: float | None = None,
+    loop: bool = False,
+    rate_hz: int | None = None,
+    signal: str = "voltage",
+    carrier_hz: float | None = None,
+    tuning: "Tuning | str | Path | None" = None,
+    progress: Progress = _silent,
+    brake: bool = False,
+) -> "Drive":
+    """Drive the coils of a plan with a state or with frames; ``.save`` writes tables, waveforms or firmware.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan whose coils are driven.
+    state : str, optional
+        One state on every coil, lowest channel first: '0110', levels as '0,0.5,1,0', or 'all', one after the other.
+    frames : path, list of paths or array, optional
+        Images of the pad, a pixel a taxel: PNG, CSV, NPY, text, or folders of them; or levels (k, taxels) in 0 … 1.
+    text : str, optional
+        Letters of 5 x 7 taxels, which scroll where they do not fit.
+    pattern : {'each', 'rows', 'columns', 'checkerboard', 'sweep'}, optional
+        One of each (taxel in turn, to check a new pad's wiring), rows, columns, checkerboard and sweep.
+    seconds : float, optional
+        How long each frame lasts; by default as the plan's frame rate has it, and a state until its taxels have their
+        levels.
+    loop : bool
+        With a state: whole periods, which repeat without a jump.
+    rate_hz : int, optional
+        Samples per second; by default 48000, or more where needed.
+    signal : {'voltage', 'current'}
+        What the amplifier controls.
+    carrier_hz : float, optional
+        Frequency in Hz of a carrier for the spur-free drive, for amplifiers that pass no 0 Hz.
+    tuning : Tuning or path, optional
+        A tuning.json of padgen retune, to drive the print as measured.
+    progress : callable
+        Called with one line of text at each step.
+    brake : bool
+        Stop taxels that go OFF, in a WAV: their line in counter-phase at the end of their last frame.
+
+    Returns
+    -------
+    Drive
+        ``.save("drive.wav")`` writes one file of a format, ``.save(folder, formats=[...])`` a folder of them.
+
+    Raises
+    ------
+    SpecError, FileError
+        A state or an image that this pad cannot show, or a tuning of another pad.
+
+    Examples
+    --------
+    >>> import padgen as pg
+    >>> shown = pg.drive(pg.plan("paper-pair"), state="10")
+    >>> shown.frames.shape
+    (1, 32)
+    """
+    from padgen.driver.drive_folder import Drive, levels_of
+
+    tuning = _tuning_of(tuning, plan)
+    levels = levels_of(plan, state, frames, text, pattern)
+    return Drive(plan, levels, seconds, state is not None, loop, rate_hz, signal, carrier_hz, tuning, progress, brake)
+
+
+class Excited(NamedTuple):
+    """What `excite` wrote: how it is played, and findings where it is beyond a limit."""
+
+    excitation: "Excitation"
+    findings: tuple[Finding, ...]
+
+
+def excite(
+    plan: "Plan",
+    folder: "str | Path",
+    kind: str = "chirp",
+    *,
+    rate_hz: int | None = None,
+    depth: str = "24",
+    seconds: float | None = None,
+    together: bool = False,
+) -> Excited:
+    """Write a file that shakes every taxel, to measure a print by: ``excitation.wav`` and ``excitation.json``.
+
+    Parameters
+    ----------
+    plan : Plan
+        The printed plan.
+    folder : path
+        It is made if it is not there.
+    kind : {'chirp', 'noise'}
+        Sweep or noise.
+    rate_hz : int, optional
+        Samples per second; by default 48000, or more where needed.
+    depth : {'24', 'float'}
+        Bits of a sample: 24, or 32-bit float.
+    seconds : float, optional
+        Length for each coil; by default as the taxels' Q needs.
+    together : bool
+        With an excitation: all coils at once, not in turn.
+
+    Raises
+    ------
+    SpecError, FileError
+        An argument is out of its bounds, or the folder cannot be written.
+    """
+    from padgen.driver.drive_folder import write_excitation
+
+    return Excited(*write_excitation(plan, Path(folder), kind, rate_hz, depth, seconds, together))
+
+
+def check_wiring(plan: "Plan", felt: "str | Path") -> list[Finding]:
+    """Say which coils are swapped, by what was felt or recorded while one taxel after the other was played.
+
+    Parameters
+    ----------
+    plan : Plan
+        The printed plan.
+    felt : path
+        Which coils are swapped, by a CSV of the taxels played,felt with the pattern 'each', or a folder of recordings
+        named after taxels; nothing is written.
+
+    Raises
+    ------
+    FileError
+        The file is no such table, or names a taxel that the pad does not have.
+    """
+    from padgen.driver.frames import wiring_findings
+
+    return wiring_findings(plan, Path(felt))
+
+
+def play(
+    plan: "Plan",
+    port: str,
+    *,
+    state: str | None = None,
+    frames: Any = None,
+    text: str | None = None,
+    pattern: str | None = None,
+    seconds: float | None = None,
+    repeat: int = 1,
+    baud: int = 115_200,
+    tuning: "Tuning | str | Path | None" = None,
+    on_shown: Callable[[int, int], None] = lambda shown, total: None,
+) -> "Played":
+    """Show frames on a pad whose microcontroller runs the firmware of `drive`, over a serial port.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan that the firmware was written for.
+    port : str
+        Serial port, as '/dev/ttyACM0' or 'COM3'.
+    state, frames, text, pattern
+        As in `drive`; one of them.
+    seconds : float, optional
+        Duration of each frame; by default the device's.
+    repeat : int
+        Times that all frames are shown, 1 to 10,000.
+    baud : int
+        Baud rate of the port.
+    tuning : Tuning or path, optional
+        The tuning.json that the firmware was written for.
+    on_shown : callable
+        Called with the number of frames that are shown, and of all.
+
+    Raises
+    ------
+    SpecError
+        Levels or times that the pad cannot show, or the line cannot carry; frames that are beyond a limit.
+    FileError
+        The port cannot be opened, nothing answers, it holds another pad or protocol, or the line broke.
+    EngineMissingError
+        The extra ``play`` is not installed.
+    """
+    if not 1 <= repeat <= MOST_REPEATS:
+        raise SpecError(f"must be 1 … {MOST_REPEATS}, got {repeat}", "--repeat")
+    if baud < 1:
+        raise SpecError(f"must be above 0, got {baud}", "--baud")
+    import numpy as np
+
+    from padgen.driver.drive_folder import levels_of
+    from padgen.driver.serial_line import play_frames
+
+    levels = levels_of(plan, state, frames, text, pattern)
+    if levels is None:
+        raise SpecError("needs something to show; add --state or --frames", "--port")
+    repeated = np.concatenate([levels] * repeat)
+    return play_frames(
+        port,
+        plan,
+        repeated,
+        seconds,
+        tuning=_tuning_of(tuning, plan),
+        baud=baud,
+        on_shown=lambda shown: on_shown(shown, len(repeated)),
+    )
+
+
+def play_wav(
+    path: "str | Path",
+    device: int | str | None = None,
+    *,
+    repeat: int = 1,
+    progress: Progress = _silent,
+) -> "Sounded":
+    """Play a WAV file of `drive` over a sound card with a channel for each coil.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    device : int or str, optional
+        Sound card, by number or a part of its name; by default the computer's first choice.
+    repeat : int
+        Times that it is played without a pause, 1 to 10,000.
+    progress : callable
+        Called with one line of text at each step.
+
+    Raises
+    ------
+    FileError
+        No WAV that can be read, or the device stopped.
+    SpecError
+        A file that is beyond a limit of its pad; a device that is not there, or that has too few channels or another
+        rate.
+    EngineMissingError
+        The extra ``play`` is not installed.
+    """
+    if not 1 <= repeat <= MOST_REPEATS:
+        raise SpecError(f"must be 1 … {MOST_REPEATS}, got {repeat}", "--repeat")
+    from padgen.driver.sound_card import play_wave
+
+    return play_wave(Path(path), device, repeat, lambda chosen: progress(f"playing on {chosen.name}"))

@@ -1,0 +1,61 @@
+"""Public functions on what padgen keeps and knows: its cache, half-written folders, and the schema of specs."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from padgen.core.errors import FileError
+
+if TYPE_CHECKING:
+    from padgen.core.cache import CacheInfo
+
+__all__ = ["cache_info", "clear_cache", "restore", "spec_schema", "use_cache"]
+
+
+def use_cache(folder: "str | Path") -> None:
+    """Make this process and its children keep their cache in a folder."""
+    import os
+
+    from padgen.core.cache import VARIABLE
+
+    os.environ[VARIABLE] = str(Path(folder).absolute())
+
+
+def cache_info() -> "CacheInfo":
+    """Return where results that are dear to compute are kept, and how much there is of each kind."""
+    from padgen.core import cache
+
+    return cache.info()
+
+
+def clear_cache() -> "CacheInfo":
+    """Drop all that is kept of earlier runs, and return what was held."""
+    from padgen.core import cache
+
+    return cache.clear()
+
+
+def restore(folder: "str | Path") -> bool:
+    """Put a folder back as it was before a run that was killed; returns False where nothing had to be changed.
+
+    Raises
+    ------
+    FileError
+        There is no such folder, or what a killed run left is not this user's.
+    """
+    from padgen.core.files import recover
+
+    place = Path(folder)
+    if not place.is_dir():
+        raise FileError("is not a folder" if place.exists() else "there is no such folder", str(folder))
+    return recover(place)
+
+
+def spec_schema() -> dict[str, Any]:
+    """Return the JSON schema of a spec, for editors.
+
+    >>> spec_schema()["properties"]["resolution"]["minimum"]
+    1
+    """
+    from padgen.spec.load import spec_schema as schema
+
+    return schema()

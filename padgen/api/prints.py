@@ -1,0 +1,259 @@
+"""Public functions on prints as they were measured: retune, simulate_print, bench and calibrate."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from padgen.api.drives import _tuning_of
+from padgen.core.errors import SpecError
+
+if TYPE_CHECKING:
+    from padgen.driver.sound_card import Bench
+    from padgen.measured.printer_fit import Calibration
+    from padgen.measured.tune import Retuned, RetunedFolder
+    from padgen.measured.tuning import Tuning
+    from padgen.planner.plan import Plan
+
+__all__ = ["bench", "calibrate", "retune", "save_printer", "save_retuned", "simulate_print"]
+
+Progress = Callable[[str], None]
+
+
+def _silent(step: str) -> None:
+    """Ignore a progress message."""
+
+
+def retune(
+    plan: "Plan",
+    measured: "str | Path | Sequence[str | Path]",
+    *,
+    excitation: str = "current",
+    sensor: str | None = None,
+    nearest: bool = False,
+    estimate_rest: bool = False,
+    coupon: "str | Path | None" = None,
+) -> "Retuned":
+    """Fit the measurements of a print, and re-tune tones and levels to it.
+
+    Parameters
+    ----------
+    plan : Plan
+        The printed plan.
+    measured : path, or sequence of paths
+        A CSV (resonances, spectra or time series), a WAV, several of these or a folder of them, named after taxels.
+    excitation : {'current', 'voltage'}
+        Quantity in the first channel of a WAV that has one channel more than taxels.
+    sensor : {'displacement', 'velocity', 'acceleration'}, optional
+        Quantity that was measured, where the files do not say; by default recognised where that is possible.
+    nearest : bool
+        Of two peaks of similar size, take the one nearer to the plan's resonance.
+    estimate_rest : bool
+        Give taxels that were not measured the tones that are likely from the others.
+    coupon : path, optional
+        Measurements of the coupon printed beside the pad.
+
+    Returns
+    -------
+    Retuned
+        ``.tuning`` is the print (resonances in Hz, Q, levels, with one-sigma errors), for `padgen.drive`; figures in dB
+        before and after; ``.findings``.
+
+    Raises
+    ------
+    FileError, SpecError, SolverError
+        The measurements cannot be read, or show no resonance.
+    """
+    from padgen.measured.fits import fit_measured
+    from padgen.measured.read import read_measured
+    from padgen.measured.tune import retuned_with_coupon
+
+    paths = [Path(each) for each in ([measured] if isinstance(measured, str | Path) else measured)]
+    fits = fit_measured(read_measured(paths, plan, excitation, sensor), plan, nearest)
+    return retuned_with_coupon(plan, fits, nearest, estimate_rest, coupon)
+
+
+class SimulatedPrint(NamedTuple):
+    """A print that the computer made: its true figures, and a lab's measurement of it as CSV."""
+
+    truth: "Tuning"
+    measurement_csv: str
+
+
+def simulate_print(plan: "Plan", seed: int, *, kind: str = "spectrum", snr_db: float = 30.0) -> SimulatedPrint:
+    """Print a pad in the computer and measure it, to try re-tuning by; the same seed gives the same print.
+
+    Parameters
+    ----------
+    plan : Plan
+        The plan that is printed.
+    seed : int
+        Number of the print that the computer makes and measures, to try the loop by; 0 or more.
+    kind : {'spectrum', 'chirp', 'pluck'}
+        With a simulated print: what is measured.
+    snr_db : float
+        With a simulated print: signal over noise in dB, 0 to 200.
+
+    Raises
+    ------
+    SpecError
+        An argument is out of its bounds.
+
+    Examples
+    --------
+    >>> import padgen as pg
+    >>> plan = pg.plan("paper-pair")
+    >>> pg.simulate_print(plan, 1).truth.taxels[0].id == plan.taxels[0].id
+    True
+    """
+    if seed < 0:
+        raise SpecError(f"must be 0 or more, got {seed}", "--simulate")
+    if not 0 <= snr_db <= 200:
+        raise SpecError(f"must be 0 … 200 dB, got {snr_db:g}", "--snr")
+    from padgen.measured.tuning import simulate_print as printed
+    from padgen.measured.tuning import simulated_measurement
+
+    truth = printed(plan, seed)
+    return SimulatedPrint(truth, simulated_measurement(plan, truth, seed, kind, snr_db))
+
+
+def save_retuned(
+    plan: "Plan",
+    folder: "str | Path",
+    measured: "Sequence[str | Path]" = (),
+    simulated: SimulatedPrint | None = None,
+    *,
+    excitation: str = "current",
+    sensor: str | None = None,
+    nearest: bool = False,
+    estimate_rest: bool = False,
+    coupon: "str | Path | None" = None,
+    progress: Progress = _silent,
+) -> "RetunedFolder":
+    """Re-tune a pad as `retune` does, and write ``tuning.json``, tables and a picture into a folder.
+
+    Parameters
+    ----------
+    plan : Plan
+        The printed plan.
+    folder : path
+        It is made if it is not there.
+    measured : sequence of paths
+        As in `retune`; none where the print is simulated.
+    simulated : SimulatedPrint, optional
+        What `simulate_print` made.
+    excitation, sensor, nearest, estimate_rest, coupon
+        As in `retune`.
+    progress : callable
+        Called with one line of text at each step.
+
+    Raises
+    ------
+    FileError, SpecError, SolverError
+        The measurement cannot be read, or shows no resonance; nothing is written, but in the latter case a picture.
+    """
+    from padgen.measured.tune import write_retuned
+
+    paths = [str(each) for each in measured]
+    rest = None if coupon is None else str(coupon)
+    return write_retuned(
+        plan, Path(folder), paths, simulated, excitation, sensor, nearest, estimate_rest, rest, progress
+    )
+
+
+def bench(
+    plan: "Plan",
+    folder: "str | Path",
+    *,
+    device: str | None = None,
+    record: str | None = None,
+    rate_hz: int | None = None,
+    port: str = "",
+    baud: int = 115_200,
+    tuning: "Tuning | str | Path | None" = None,
+) -> "Bench":
+    """Begin a session at the bench, or go on with one: each taxel is shaken, recorded by a sensor, and fitted at once.
+
+    Parameters
+    ----------
+    plan : Plan
+        The printed plan.
+    folder : path
+        Folder of results; the recordings go into one of its own in it.
+    device : str, optional
+        Sound card that plays, by number or a part of its name; by default the computer's first choice.
+    record : str, optional
+        Sound card that records.
+    rate_hz : int, optional
+        Samples per second; by default the sound card's.
+    port : str
+        Serial port of the microcontroller that plays, in place of a sound card.
+    baud : int
+        Baud rate of the port.
+    tuning : Tuning or path, optional
+        With a serial port: the tuning.json that the firmware was written for.
+
+    Returns
+    -------
+    Bench
+        ``.names(by_coil)`` are due, ``.take(name, ...)`` records and fits one; then `save_retuned` takes its folder.
+
+    Raises
+    ------
+    SpecError, FileError
+        A device is not there, or the folder has recordings of another plan.
+    EngineMissingError
+        The extra ``play`` is not installed.
+    """
+    from padgen.driver.sound_card import bench as begin
+
+    return begin(plan, Path(folder), device, record, rate_hz, port, baud, _tuning_of(tuning, plan))
+
+
+def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":
+    """Fit a printer's offsets of height and width, and the modulus, to measured prints of a plan.
+
+    Parameters
+    ----------
+    plan : Plan
+        The printed plan; it needs beams of several thicknesses and widths to separate the three figures.
+    measured : sequence of paths
+        Measurements of one print each: a CSV, a WAV, or a folder of these.
+
+    Returns
+    -------
+    Calibration
+        Offsets in mm and the modulus in GPa, with one sigma of each, and the chi-square of the fit.
+
+    Raises
+    ------
+    FileError, SpecError
+        The measurements cannot be read.
+    SolverError
+        The measurements do not separate the three figures, or contradict each other.
+    """
+    from padgen.measured.fits import fit_measured
+    from padgen.measured.printer_fit import calibrated
+    from padgen.measured.read import read_measured
+
+    return calibrated(plan, [fit_measured(read_measured(Path(each), plan), plan) for each in measured])
+
+
+def save_printer(plan: "Plan", calibration: "Calibration", path: "str | Path") -> None:
+    """Write a printer's file: a spec beside it that says ``printer = "my-printer.toml"`` is planned for that printer.
+
+    Raises
+    ------
+    SpecError
+        The path does not end with .toml.
+    FileError
+        The file cannot be written.
+    """
+    from padgen.core.files import OutputFolder
+    from padgen.measured.printer_fit import printer_toml
+
+    file = Path(path)
+    if file.suffix != ".toml":
+        raise SpecError(f"must be a file of the kind my-printer.toml, got {str(path)!r}", "--output")
+    with OutputFolder(file.parent) as out:
+        out.write(file.name, printer_toml(plan.spec, calibration, file.stem))
+        out.commit()
