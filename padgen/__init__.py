@@ -18,8 +18,6 @@ first used.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from padgen.api import MODULES
-
 if TYPE_CHECKING:
     from padgen.api.drives import check_wiring, drive, excite, play, play_wav, read_frames, read_tuning
     from padgen.api.house import cache_info, clear_cache, restore, spec_schema, use_cache
@@ -99,6 +97,44 @@ __all__ = [
     "write_report",
 ]
 
+_FUNCTIONS = {
+    "bench": "prints",
+    "build": "pads",
+    "cache_info": "house",
+    "calibrate": "prints",
+    "check": "pads",
+    "check_wiring": "drives",
+    "clear_cache": "house",
+    "draw": "pads",
+    "drive": "drives",
+    "excite": "drives",
+    "explain": "pads",
+    "explore": "pads",
+    "plan": "pads",
+    "play": "drives",
+    "play_wav": "drives",
+    "print_yield": "pads",
+    "read_frames": "drives",
+    "read_plan": "pads",
+    "read_spec": "pads",
+    "read_sweep": "studies",
+    "read_tuning": "drives",
+    "write_report": "pads",
+    "restore": "house",
+    "retune": "prints",
+    "run_sweep": "studies",
+    "save_plan": "pads",
+    "save_printer": "prints",
+    "save_retuned": "prints",
+    "simulate_print": "prints",
+    "spec_schema": "house",
+    "study": "studies",
+    "study_extreme": "studies",
+    "sweep": "studies",
+    "template_names": "pads",
+    "template_text": "pads",
+    "use_cache": "house",
+}
 _NOUNS = {
     "Drive": "driver.drive_folder",
     "Finding": "core.errors",
@@ -112,7 +148,7 @@ _NOUNS = {
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'padgen' has no attribute {name!r}")
-    home = f"api.{MODULES[name]}" if name in MODULES else _NOUNS.get(name, "core.errors")
+    home = f"api.{_FUNCTIONS[name]}" if name in _FUNCTIONS else _NOUNS.get(name, "core.errors")
     value = getattr(import_module(f"padgen.{home}"), name)
     globals()[name] = value
     return value

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from padgen.core.errors import Finding, SpecError
 
 if TYPE_CHECKING:
+    from typing_extensions import TypeIs
+
     from padgen.make.pad import Pad
     from padgen.measured.judge_laid import LaidReport
     from padgen.planner.explain import Explanation
@@ -21,6 +23,7 @@ __all__ = [
     "draw",
     "explain",
     "explore",
+    "is_plan",
     "plan",
     "print_yield",
     "read_plan",
@@ -296,10 +299,9 @@ def build(
     """
     from padgen.make.pad import Pad, parse_parts
     from padgen.make.planning import parse_tolerance, spec_of
-    from padgen.planner.plan import Plan
 
     named = parse_parts(",".join(parts))
-    if isinstance(plan, Plan):
+    if is_plan(plan):
         return Pad(plan.spec, named, given=plan, progress=progress)
     largest = None if tolerance is None else parse_tolerance(str(tolerance))
     return Pad(spec_of(plan), named, largest, progress=progress)
@@ -369,9 +371,19 @@ PICTURE_FORMATS = ("svg", "png")
 def _planned(plan: "Plan | str | Path | Mapping[str, Any] | Spec", progress: Progress = _silent) -> "Plan":
     """Return the plan that is given, or that of the spec that is."""
     from padgen.make.planning import plan_for, spec_of
+
+    return plan if is_plan(plan) else plan_for(spec_of(plan), progress=progress)
+
+
+def is_plan(given: "Plan | str | Path | Mapping[str, Any] | Spec") -> "TypeIs[Plan]":
+    """Tell a plan from what a spec is read from, which needs none of the planner's modules."""
+    from padgen.spec.model import Spec
+
+    if isinstance(given, (str, Path, Mapping, Spec)):
+        return False
     from padgen.planner.plan import Plan
 
-    return plan if isinstance(plan, Plan) else plan_for(spec_of(plan), progress=progress)
+    return isinstance(given, Plan)
 
 
 def check(

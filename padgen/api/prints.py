@@ -243,8 +243,6 @@ def save_printer(plan: "Plan", calibration: "Calibration", path: "str | Path") -
 
     Raises
     ------
-    SpecError
-        The path does not end with .toml.
     FileError
         The file cannot be written.
     """
@@ -252,8 +250,6 @@ def save_printer(plan: "Plan", calibration: "Calibration", path: "str | Path") -
     from padgen.measured.printer_fit import printer_toml
 
     file = Path(path)
-    if file.suffix != ".toml":
-        raise SpecError(f"must be a file of the kind my-printer.toml, got {str(path)!r}", "--output")
     with OutputFolder(file.parent) as out:
         out.write(file.name, printer_toml(plan.spec, calibration, file.stem))
         out.commit()

@@ -61,14 +61,14 @@ def study(
     SpecError
         A name is no ladder's, or the tolerance is not above 0 and at most 1.
     """
+    from padgen.api.pads import is_plan
     from padgen.api.pads import plan as planned
     from padgen.ladders.study import measured_study, parse_only, run_study
     from padgen.make.planning import parse_tolerance
-    from padgen.planner.plan import Plan
 
     largest = None if tolerance is None else parse_tolerance(str(tolerance))
     ladders = parse_only(None if only is None else ",".join(only))
-    made = plan if isinstance(plan, Plan) else planned(plan, progress=progress)
+    made = plan if is_plan(plan) else planned(plan, progress=progress)
     if folder is None:
         return measured_study(made, ladders, largest, progress)
     return run_study(made, Path(folder), ladders, largest, progress)

@@ -64,9 +64,9 @@ def described(function: Callable[..., Any], parameter: str) -> str:
     'times that it is played'
     """
     lines = inspect.getdoc(function) or ""
-    found = re.search(rf"^(?:\w+, )*{parameter}(?:, \w+)* : .*\n((?: +.*\n?)+)", lines, re.MULTILINE)
-    assert found, f"{function.__name__} does not say what {parameter} is"
-    text = " ".join(found[1].split()).removesuffix(".")
+    paragraph = re.search(rf"^(?:\w+, )*{parameter}(?:, \w+)* : .*\n((?: +.*\n?)+)", lines, re.MULTILINE)
+    assert paragraph, f"{function.__name__} does not say what {parameter} is"
+    text = " ".join(paragraph[1].split()).removesuffix(".")
     return text if text[:2].isalpha() and text[:2].isupper() else text[0].lower() + text[1:]
 
 

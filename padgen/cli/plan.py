@@ -5,7 +5,17 @@ import json
 from typing import Any
 
 from padgen.api.pads import explain, print_yield, save_plan
-from padgen.cli.common import add_option, add_shared, add_spec, code_of, plan_of, progress_line, show, spec_and_folder
+from padgen.cli.common import (
+    add_option,
+    add_shared,
+    add_spec,
+    code_of,
+    plan_of,
+    progress_line,
+    refuse,
+    show,
+    spec_and_folder,
+)
 from padgen.core.errors import plain
 
 __all__ = ["add"]
@@ -39,6 +49,7 @@ def add(commands: Any) -> None:
 def _plan(options: argparse.Namespace) -> int:
     from padgen.core.files import json_text
 
+    refuse((options.pads is None and options.seed != 0, "--seed", "is for --yield"))
     explanation = None
     printed = None
     with progress_line() as progress:

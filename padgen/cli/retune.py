@@ -239,6 +239,7 @@ def add_calibrate(commands: Any) -> None:
 
 def _calibrate(options: argparse.Namespace) -> int:
     path = Path(options.output)
+    refuse((path.suffix != ".toml", "--output", f"must be a file of the kind my-printer.toml, got {options.output!r}"))
     with progress_line() as progress:
         plan = plan_of(options, progress, recorded=False)
         progress("fitting")

@@ -10,7 +10,7 @@ from dataclasses import replace
 from threading import Timer
 from typing import Any
 
-from padgen.api.pads import plan, read_spec
+from padgen.api.pads import read_spec
 from padgen.api.studies import read_sweep, run_sweep, study, study_extreme
 from padgen.cli.common import (
     BAD_INPUT,
@@ -99,8 +99,8 @@ def _ladders(options: argparse.Namespace) -> Any:
     spec = read_spec(options.spec)
     folder = folder_of(options, spec.name)
     with progress_line(log=True) as progress:
-        planned = plan(read_spec(spec, folder=folder), progress=progress)
-        done = study(planned, only=options.only, tolerance=options.tolerance, folder=folder, progress=progress)
+        spec = read_spec(spec, folder=folder)
+        done = study(spec, only=options.only, tolerance=options.tolerance, folder=folder, progress=progress)
     return done, folder
 
 
