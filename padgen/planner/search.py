@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SpecError, at_least, at_most, number
-from padgen.core.registry import SCHEMES
+from padgen.core.registry import SCHEMES, SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.ladder import (
     LevelLaw,
@@ -30,7 +30,7 @@ from padgen.planner.channels import plan_channels
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
-from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, reach
+from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, beams_only, reach
 from padgen.planner.suspensions import Room, allowed
 from padgen.spec import DriveTable, Spec
 
@@ -272,23 +272,27 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
     """Return beams for the first ladder that prints; with optimised spacing, for the most selective as printed."""
-    # The gap moves no resonance, so that all gaps share one cached search.
-    options = _sized(replace(spec, coil=replace(spec.coil, gap_mm=1.0)), layout.channels, room(spec, layout))
+    bare = beams_only(spec)
+    if spec.spacing == "optimised":
+        bare = replace(bare, drive=spec.drive)
+    options = _sized(bare, layout.channels, room(spec, layout), SUSPENSIONS.changes)
     if len(options) < 2:
         return options[0] if options else None
     return max(options, key=lambda channels: _selectivity_key(spec, layout, channels))
 
 
-@lru_cache(maxsize=64)
-def _sized(spec: Spec, count: int, space: Room) -> tuple[tuple[SizedChannel, ...], ...]:
+@lru_cache(maxsize=256)
+def _sized(spec: Spec, count: int, space: Room, changes: int) -> tuple[tuple[SizedChannel, ...], ...]:
     """Return beams for the first ladder that prints; with optimised spacing, for all ladders that print."""
     undriven = replace(spec, drive=DriveTable())
-    sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz)))
+    sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz, changes)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
 
 
 @lru_cache(maxsize=256)
-def _resonating(spec: Spec, space: Room, resonance_hz: tuple[float, ...]) -> tuple[SizedChannel, ...] | None:
+def _resonating(
+    spec: Spec, space: Room, resonance_hz: tuple[float, ...], changes: int
+) -> tuple[SizedChannel, ...] | None:
     """Return beams for resonances; of the same ones they are the same whatever drive they are optimised for."""
     return beams_for_resonances(spec, space, resonance_hz)
 

@@ -25,7 +25,7 @@ from padgen.planner.plan import level_law, scheme_for, sets_db
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread
-from padgen.spec.model import DriveTable, PadTable, SuspensionTable
+from padgen.spec.model import Coil, DriveTable, LimitsTable, PadTable, SuspensionTable
 
 __all__ = [
     "DRAWN_SHARE",
@@ -36,6 +36,7 @@ __all__ = [
     "Reach",
     "SizedChannel",
     "beams_for_resonances",
+    "beams_only",
     "crowded_modes",
     "frequency_spread",
     "on_grid",
@@ -256,23 +257,45 @@ def layer_thicknesses_mm(printer: Printer, largest_mm: float) -> np.ndarray:
     return np.round(printer.first_layer_mm + (layers - 1) * printer.layer_mm, 6)
 
 
+ANY_COIL = Coil("any", 2.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, gap_mm=1.0)
+"""A coil for searches on which the coil has no influence."""
+
+
+def beams_only(spec: Spec) -> Spec:
+    """Return `spec` with equal values in all fields that move no beam in a given room: variants then share one search.
+
+    Of the coil only the number of sets is kept, of the drive nothing.
+    """
+    return replace(
+        spec,
+        name="",
+        resolution=1,
+        print_share=0.9,
+        pad=PadTable(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm),
+        coil=replace(ANY_COIL, reuse="alternate" if spec.coil.sets > 1 else "same"),
+        amplifier=None,
+        sound_card=None,
+        drive=DriveTable(),
+        limits=LimitsTable(),
+    )
+
+
 def reach(spec: Spec, topology: str, room: Room, wanted_hz: tuple[float, float] | None = None) -> Reach | None:
     """Return the `Reach` of `topology` in `room`, or None where no such beam fits.
 
     It may be None, too, where the corners of a grid of bent beams lie so far from `wanted_hz`, lowest and highest, that
     none resonates there: bent beams take a hundred times as long as straight ones.
     """
-    # Only fields that affect a taxel's grid of beams are kept, so that variants share one cached grid. `_reach` has the
-    # topology as an argument, and `tune` only matters when a beam is chosen from the grid.
-    beams_only = replace(
-        spec,
-        name="",
-        resolution=1,
+    # A grid of beams does not depend on what is asked of them, either. `_reach` has the topology as an argument, and
+    # `tune` only matters when a beam is chosen from the grid.
+    any_ladder = replace(
+        beams_only(spec),
         band_hz=(1.0, 2.0),
         q_min=1.0,
+        delta_y=10.0,
+        spacing="spread",
         resonances_hz=None,
-        pad=PadTable(frame_thickness_mm=spec.pad.frame_thickness_mm, rib_mm=spec.pad.rib_mm),
-        drive=DriveTable(),
+        coil=ANY_COIL,
         material=replace(spec.material, youngs_modulus_gpa=1.0),
         suspension=replace(spec.suspension, topology=SuspensionTable().topology, tune=SuspensionTable().tune),
     )
@@ -280,10 +303,10 @@ def reach(spec: Spec, topology: str, room: Room, wanted_hz: tuple[float, float] 
     faster = sqrt(spec.material.youngs_modulus_gpa)
     if wanted_hz:
         low, high = (end / faster for end in wanted_hz)
-        corners = _bent_corners_hz(beams_only, topology, room, SUSPENSIONS.changes)
+        corners = _bent_corners_hz(any_ladder, topology, room, SUSPENSIONS.changes)
         if corners and (high < corners[0] / BEYOND_CORNERS or low > corners[1] * BEYOND_CORNERS):
             return None
-    reached = _reach(beams_only, topology, room, SUSPENSIONS.changes)
+    reached = _reach(any_ladder, topology, room, SUSPENSIONS.changes)
     return reached and replace(reached, resonance_hz=reached.resonance_hz * faster)
 
 

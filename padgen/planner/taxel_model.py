@@ -300,7 +300,7 @@ class TaxelModel:
         """True where no beam has a bend."""
         return all(path.is_straight for path in self.arrangement.beams)
 
-    @property
+    @cached_property
     def exponents(self) -> Exponents:
         """Exponents a, b, c of one taxel's ``f ∝ w^a t^b l^c``: `STRAIGHT`, or numerical where beams have bends."""
         if self.is_straight:
