@@ -71,9 +71,7 @@ GAPS_MM = (1.0, 0.6, 0.4)
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
 MOST_CHOICES = 48
-MOST_FOR_CURE = 16
-"""Choices of layout, beams, gap, sets and drive that are tried where none works as asked, and to find out whether a
-cure works: one that needs more is not proposed."""
+"""Choices of layout, beams, gap, sets and drive that are tried, for a plan and to find out whether a cure works."""
 MOST_SURE = 8
 """Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
 those that few prints leave the most hope for."""
@@ -148,7 +146,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """
     if choice and set(cure) == {"drive.level_um"}:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
-    searched = _searched(varied(spec, cure), quick=choice is None, most=MOST_FOR_CURE)
+    searched = _searched(varied(spec, cure), quick=choice is None)
     if searched is None:
         raise InfeasibleError("no layout holds", "resolution")
     return finish(searched, quick=True)
@@ -165,8 +163,8 @@ def choose(spec: Spec) -> Choice:
     raise refusal(next(_decided_specs(spec)), partial(_planned_with, spec, None))
 
 
-def _searched(spec: Spec, quick: bool = False, most: int = MOST_CHOICES) -> Choice | None:
-    """Return the choice for a spec, of at most so many; with `quick` the first that has room and beams."""
+def _searched(spec: Spec, quick: bool = False) -> Choice | None:
+    """Return the choice for a spec, of `MOST_CHOICES`; with `quick` the first that has room and beams."""
     ranked: list[Iterator[Choice]] = []
     known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided_specs(spec):
@@ -181,7 +179,7 @@ def _searched(spec: Spec, quick: bool = False, most: int = MOST_CHOICES) -> Choi
             return first
         ranked.append(choices)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
-    merged = islice(merge(*ranked, key=_coils_key), most)
+    merged = islice(merge(*ranked, key=_coils_key), MOST_CHOICES)
     some_found = list(islice(merged, 2))
     if not some_found:
         return None
