@@ -25,6 +25,7 @@ from padgen.core.units import GRAVITY_M_PER_S2
 from padgen.physics.beams import (
     BeamSection,
     EndCompliance,
+    curl_held,
     flexibility,
     largest_stress,
     root_load,
@@ -350,13 +351,13 @@ def uncertain_energies(
     at_tip = (about_y - ends.tip_height * along) ** 2
     mount = parts.tip * ends.mount / np.where(ends.tip, ends.tip, 1.0)
     plate_inertia = plate.width * plate.thickness**3 / 12
-    up0, up1, up2 = parts.up
-    bent = up2 * up**2 - 2 * up1 * up * about_y + up0 * about_y**2
+    held0, held1, held2 = curl_held(section)
+    curled = (held2 * up**2 - 2 * held1 * up * about_y + held0 * about_y**2) / (modulus * width * thickness**3 / 12)
     energies = [
         parts.root * (root_y - ends.root_height * along) ** 2,
         (parts.tip - mount) * at_tip,
         mount * at_tip,
-        0.0 * up if path else (ends.stiffening - 1) * bent,
+        0.0 * up if path else curled,
         parts.lateral_root * root_z**2,
         parts.lateral_tip * about_z**2,
         parts.end_shear * up**2,
