@@ -674,19 +674,20 @@ def _of_planes(planes: list[np.ndarray]) -> np.ndarray:
 CURL_PURE = 0.0181, 0.3519, 0.3579, 0.2695, 0.4135
 CURL_GUIDED = 0.0947, 0.0782, 0.2293, 0.1086, 0.0301
 """Coefficients of `curl` in powers of length over width: the first and second above, the first to third below."""
-CURL_NARROW = 1.0
-ROOT = 0.63
-ROOT_HEIGHT = 0.66
-FRAME = 0.82
-TIP = 0.57
-TIP_HEIGHT = 0.42
-NARROW = 0.16
-WALL = 1.37
+CURL_NARROW = 3.56
+CURL_YOKE = 0.57
+ROOT = 0.655
+ROOT_HEIGHT = 0.996
+FRAME = 0.874
+TIP = 0.545
+TIP_HEIGHT = 0.521
+NARROW = 0.303
+WALL = 1.27
 BURIED = 2.64
-THIN = 1.8
+THIN = 1.95
 SPREAD = 4.65
-DROP = 8.76
-DROP_NARROW = 0.35
+DROP = 10.7
+DROP_NARROW = 0.377
 SIDE = 0.54
 SIDE_NARROW = 0.024
 SLIDE = 0.22
@@ -694,10 +695,10 @@ TWIST = 0.34
 WARPING = 0.59
 LAYERS = 0.35
 LAYERS_WALL = 0.71
-BAR_WARPING = 0.33
+BAR_WARPING = 0.254
 BAR_SIDE = 2.39
 BAR_PULL = 1.62
-NECK = 0.37
+NECK = 0.42
 SHORTEST_THICKNESSES = 1.2
 SHORTEST_WIDTHS = 0.25
 """Shortest beams that the laws were fitted to: length over thickness, and length over width."""
@@ -746,6 +747,7 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     held = _warping_length(WARPING, width, tall, inf if section.path else length, poisson)
     # A narrow beam is held over less length than a plate of its width.
     held_pure, held_guided = curl(length / width * (1 + CURL_NARROW * thickness / width))
+    held_share = poisson**2 * (CURL_YOKE if around.yoke else 1.0)
     ends = EndCompliance(
         root=softer * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
         tip=softer / (1 / (TIP * thickness) + NARROW / width) + mount,
@@ -754,8 +756,8 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
         shear=softer / (1 / (DROP * thickness) + DROP_NARROW / width),
         lateral_shear=SLIDE * width,
         twist=TWIST / (1 / width + 1 / thickness) - (0.0 if section.path else held) + twisted,
-        curl_pure=held_pure * poisson**2,
-        curl_guided=held_guided * poisson**2,
+        curl_pure=held_pure * held_share,
+        curl_guided=held_guided * held_share,
         root_height=ROOT_HEIGHT * thickness,
         tip_height=TIP_HEIGHT * thickness,
         stretch=stretched,
