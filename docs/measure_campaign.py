@@ -6,7 +6,9 @@ python docs/measure_campaign.py --check 7 19   solve those numbers again by fine
 
 Number i is drawn from the seed (SEED, i): half of the taxels are sized by the planner from a random spec, half have
 random dimensions from all that a spec allows. Every third is held out of all fits. Numbers from 1000 on are
-serpentines (`--solve 1060 --share 1000 1`); those from 1070 on were solved after the last fit.
+serpentines (`--solve 1060 --share 1000 1`); those from 1070 on were solved after the last fit. Numbers from 2000 on
+(`--solve 2336 --share 2000 1`, into a file of their own) are drawn evenly from cells of topology, width over thickness and
+length over width, with Poisson's ratio 0.3-0.45; those from 2048 on were not looked at before the code was fixed.
 """
 
 import argparse
@@ -52,6 +54,8 @@ LATER_FROM = 1070
 """First numbers of taxels on bent beams, and of those that no choice was made on."""
 CELLS_FROM = 2000
 """First number of the taxels that are drawn by cells."""
+CELLS_SEEN = 2048
+"""First number of those that no choice was made on."""
 WIDE = (0.3, 1.0, 4.0, 12.0, 30.0)
 """Bounds of the cells' width over thickness."""
 LONG = (0.25, 1.0, 3.0, 10.0, 60.0)
@@ -312,6 +316,37 @@ def cell_of(row: Row) -> str:
     wide = int(np.digitize(row["width_mm"] / row["thickness_mm"], WIDE[1:-1]))
     long = int(np.digitize(row["length_mm"] / row["width_mm"], LONG[1:-1]))
     return f"{row['topology']}, w/t {WIDE[wide]:g}-{WIDE[wide + 1]:g}, l/w {LONG[long]:g}-{LONG[long + 1]:g}"
+
+
+def group_of(row: Row) -> str:
+    """Return the name of the group of cells of one topology and one range of width over thickness."""
+    return cell_of(row).rpartition(",")[0]
+
+
+def static_compared(row: Row) -> dict[str, tuple[float, float]]:
+    """Return error and stated error of the beam model's sag, compliance and stress, all relative, by their columns."""
+    model = model_of(row)
+    sag = float(model.sag_m) / UM / row["sag_um"] - 1
+    compliance = float(model.compliances.sum()) / row["compliance_m_per_n"] - 1
+    stress = float(model.stress_pa_per_m) / row["stress_pa_per_m"] - 1
+    answers = (sag, model.sag_error), (compliance, model.compliance_error), (stress, model.stress_error)
+    return dict(zip(STATIC, answers, strict=True))
+
+
+def cell_tables(rows: list[Row]) -> list[str]:
+    """Return the tables of the taxels drawn by cells: working modes by group and cell, others, and static answers."""
+    found = [one for row in rows for one in compared(row)]
+    working = [one for one in found if one.working]
+    text = [*HEADINGS, line("all, working", working)]
+    for name, group in (("group", group_of), ("cell", cell_of)):
+        for value in sorted({group(one.row) for one in working}):
+            text.append(line(f"{name} {value}", [one for one in working if group(one.row) == value]))
+    text.append(line("other modes", [one for one in found if not one.working]))
+    answers = [(row, static_compared(row)) for row in rows]
+    for what in STATIC:
+        pairs = [Compared(row, False, *both[what], 1.0) for row, both in answers]
+        text.append(line(what, pairs))
+    return text
 
 
 def drawn_in_cell(number: int) -> Row | None:
@@ -641,6 +676,9 @@ def main() -> None:
     else:
         for bent, tell in ((False, tables), (True, bent_tables)):
             print("\n".join(tell([row for number, row in rows.items() if (number >= BENT_FROM) is bent])) + "\n")
+        cells = rows_of(CELL_SET)
+        print("\n".join(cell_tables([row for row in cells if row["number"] < CELLS_SEEN])) + "\n")
+        print("\n".join(cell_tables([row for row in cells if row["number"] >= CELLS_SEEN])))
 
 
 def checked(rows: list[Row]) -> list[str]:
