@@ -464,9 +464,7 @@ def nominal_stress(taxel: "Taxel", mesh: Any, material: Any, field: Any) -> floa
     width = float(path.width_mm)
     thickness = float(path.thickness_mm)
     along = float(path.direction[0]) * (ngs.x - root)
-    axial = sum(
-        float(c) * part for c, part in zip(MM**-1 * stiffness_pa(material)[0], strain(field), strict=True)
-    )
+    axial = sum(float(c) * part for c, part in zip(MM**-1 * stiffness_pa(material)[0], strain(field), strict=True))
     inside = (
         ngs.IfPos(along, 1.0, 0.0)
         * ngs.IfPos(length - along, 1.0, 0.0)
@@ -482,9 +480,7 @@ def nominal_stress(taxel: "Taxel", mesh: Any, material: Any, field: Any) -> floa
     slope = MM**3 * 12 * moments[1] / length**3
     flare = taxel.fillet_mm
     stations = ((0.0, width + 2 * flare), (flare, width), (length, width))
-    return max(
-        abs(middle + slope * (at - length / 2)) * 6 / (MM**3 * wide * thickness**2) for at, wide in stations
-    )
+    return max(abs(middle + slope * (at - length / 2)) * 6 / (MM**3 * wide * thickness**2) for at, wide in stations)
 
 
 def modes(
@@ -605,7 +601,9 @@ def modes(
         unknowns += int(free.sum())
     hz = np.concatenate(frequency)
     rising = np.argsort(hz)
-    return Found(hz[rising], np.concatenate(change)[rising], np.concatenate(motion)[rising], unknowns, sag_m, compliance, stress)
+    return Found(
+        hz[rising], np.concatenate(change)[rising], np.concatenate(motion)[rising], unknowns, sag_m, compliance, stress
+    )
 
 
 def _lowest(basis: np.ndarray, stiff: np.ndarray, heavy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

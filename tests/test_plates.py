@@ -17,9 +17,9 @@ import pytest
 from numpy.polynomial import legendre
 
 sys.path.append(str(Path(__file__).parents[1] / "docs"))
-import measure_campaign as campaign  # noqa: E402
+import measure_campaign as campaign
 
-from padgen.physics.beams import RIGID, BeamSection, curl, tip_stiffness  # noqa: E402
+from padgen.physics.beams import RIGID, BeamSection, curl, tip_stiffness
 
 CHOSEN_BEFORE = campaign.CELLS_SEEN
 """Taxels of smaller numbers were seen when the errors were chosen."""
@@ -119,7 +119,8 @@ def test_wide_bridges_are_not_soft():
     errors = [
         one.error
         for row in CELLS
-        if row["topology"] == "bridge" and row["width_mm"] > 4 * row["thickness_mm"]
+        if row["topology"] == "bridge"
+        and row["width_mm"] > 4 * row["thickness_mm"]
         and row["length_mm"] > 3 * row["width_mm"]
         for one in campaign.compared(row)
         if one.working

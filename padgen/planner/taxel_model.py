@@ -426,7 +426,7 @@ class SolvedModel(TaxelModel):
         return np.asarray(self.solver_error)
 
     @property
-    def mode_errors(self) -> np.ndarray:  # type: ignore[override]
+    def mode_errors(self) -> np.ndarray:
         """Relative error (6,) of each mode's frequency by finite elements."""
         errors = np.full(len(self.modes.frequency_hz), max(SOLVED_OTHERS, self.solver_error))
         errors[int(self.working)] = self.solver_error
