@@ -7,8 +7,8 @@ python docs/measure_campaign.py --check 7 19   solve those numbers again by fine
 Number i is drawn from the seed (SEED, i): half of the taxels are sized by the planner from a random spec, half have
 random dimensions from all that a spec allows. Every third is held out of all fits. Numbers from 1000 on are
 serpentines (`--solve 1060 --share 1000 1`); those from 1070 on were solved after the last fit. Numbers from 2000 on
-(`--solve 2336 --share 2000 1`, into a file of their own) are drawn evenly from cells of topology, width over thickness and
-length over width, with Poisson's ratio 0.3-0.45; those from 2048 on were not looked at before the code was fixed.
+(`--solve 2336 --share 2000 1`, into a file of their own) are drawn evenly from cells of topology, width over thickness
+and length over width, with Poisson's ratio 0.3-0.45; those from 2048 on were not looked at before the code was fixed.
 """
 
 import argparse

@@ -435,7 +435,7 @@ def _dofs(mesh: Any, scalar: Any, order: int) -> _Dofs:
 class Found(NamedTuple):
     """Rising `frequency_hz` (6,), their `change` (6,) from order 2 to 3, and the washer's `motion` (6, 6).
 
-    `sag_m` is the washer's under gravity, `compliance` in m/N its answer to a force up, both static; `stress` in Pa/m is
+    `sag_m` is the washer's under gravity, `compliance` in m/N that to a force up, both static; `stress` in Pa/m is
     the largest nominal stress of a straight beam per metre of the washer's motion up in the mode that moves it most.
     """
 

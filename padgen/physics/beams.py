@@ -214,8 +214,9 @@ class EndCompliance(NamedTuple):
     bending. `shear` and `lateral_shear` are for displacement of both ends together under a shear force up and sideways,
     `twist` for rotation of both together about the beam's axis (negative where the ends keep the section from warping),
     `stretch` for both along it. `mount` is the part of `tip` that is due to the wall or yoke that carries the plate.
-    `curl_pure` and `curl_guided` are the shares of the beam's own flexibility in vertical bending that ends take away by
-    keeping the section from curling, under a constant moment and under one that is zero at half the length. The ends turn about points `root_height` and `tip_height` (m) above the beam's axis, since frame and plate reach higher than
+    `curl_pure` and `curl_guided` are the shares of the beam's flexibility in vertical bending that its ends take away
+    by keeping the section from curling, under a constant moment and under one that is zero at half the length. The ends
+    turn about points `root_height` and `tip_height` (m) above the beam's axis, since frame and plate reach higher than
     the beam; this stiffens a beam that cannot move along itself. `warping` is the length in m over which the ends of
     each straight piece of a bent beam keep its section from warping.
     """

@@ -316,10 +316,10 @@ UNCERTAINTY = {
     "shear": 0.99,
     "lateral shear": 1.1,
     "twist": 0.54,
-    "plate": 0.25,
+    "plate": 0.2,
     "yoke pulled": 0.45,
     "yoke sideways": 0.7,
-    "layers": 0.3,
+    "layers": 0.2,
     "bends": 0.7,
     "warping": 0.4,
 }
@@ -329,7 +329,7 @@ What a yoke gives when it is pulled and sideways counts in other modes than the 
 shear of a print whose layers hold less well to each other add to that of an isotropic one.
 """
 YOKE_SIDE = 4.0
-"""Share of a beam's lateral flexibility that the neck and joints of a yoke may add, over width per length; at most 1."""
+"""Share of a beam's lateral flexibility that the neck joints of a yoke may add, over width per length; at most 1."""
 PLATE = list(UNCERTAINTY).index("plate")
 """Place of the plate among them."""
 

@@ -196,8 +196,8 @@ class Channel:
 
     Model: `model` ('beam' or 'solid') gave resonance and modes; its own estimate of their relative error is
     `model_error`. `mode_errors` (k,) are the same for `modes_hz`, `sag_error` for `sag_um`, `static_error` for
-    `static_um` (pull and stiffness) and `stress_error` for `root_stress_mpa`, all relative. `beam_error` is how far the beam model's resonance is off the solid's, None where no solid was
-    solved.
+    `static_um` (pull and stiffness) and `stress_error` for `root_stress_mpa`, all relative. `beam_error`
+    is how far the beam model's resonance is off the solid's, None where no solid was solved.
     """
 
     index: int

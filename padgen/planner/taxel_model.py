@@ -331,7 +331,7 @@ class TaxelModel:
 
     @property
     def sag_error(self) -> float:
-        """Relative error within which one taxel's sag most likely lies: of each mode's part, and of the beams' weight."""
+        """Relative error within which one taxel's sag most likely lies: of modes and of the beams' weight."""
         parts = np.abs(self.modes.sag_parts(self.washer_point_m))
         by_modes = float((parts * STATIC * self.mode_errors).sum() / parts.sum())
         density = self.elastic[2]
