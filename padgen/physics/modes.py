@@ -309,7 +309,7 @@ far above the working one, may be off by more (`padgen.physics.bounds.beam_inert
 UNCERTAINTY = {
     "root": 0.47,
     "tip": 0.097,
-    "mount": 0.3,
+    "mount": 0.33,
     "curl": 0.3,
     "lateral root": 0.81,
     "lateral tip": 0.81,
