@@ -6,7 +6,9 @@ python docs/measure_campaign.py --check 7 19   solve those numbers again by fine
 
 Number i is drawn from the seed (SEED, i): half of the taxels are sized by the planner from a random spec, half have
 random dimensions from all that a spec allows. Every third is held out of all fits. Numbers from 1000 on are
-serpentines (`--solve 1060 --share 1000 1`); those from 1070 on were solved after the last fit.
+serpentines (`--solve 1060 --share 1000 1`); those from 1070 on were solved after the last fit. Numbers from 2000 on
+(`--solve 2336 --share 2000 1`, into a file of their own) are drawn evenly from cells of topology, width over thickness
+and length over width, with Poisson's ratio 0.3-0.45; those from 2048 on were not looked at before the code was fixed.
 """
 
 import argparse
@@ -27,7 +29,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.cache import version
 from padgen.core.errors import PadgenError
 from padgen.core.runner import Runner
-from padgen.core.units import G_PER_CM3, GPA, GRAM
+from padgen.core.units import G_PER_CM3, GPA, GRAM, UM
 from padgen.planner.layout import Outline, outline
 from padgen.planner.make import choose
 from padgen.planner.plan import Cell, Plate
@@ -38,6 +40,7 @@ from padgen.spec import Spec, catalogue, make_spec
 from padgen.verify.elasticity import Elastic, layered
 
 SET = Path(__file__).parents[1] / "tests" / "reference" / "taxel_campaign.csv"
+CELL_SET = SET.with_name("taxel_cells.csv")
 SEED = 20261122
 THIRD = 3
 MODES = 6
@@ -49,6 +52,19 @@ BENT = ("serpentine-3", "serpentine-5", "serpentine-7")
 BENT_FROM = 1000
 LATER_FROM = 1070
 """First numbers of taxels on bent beams, and of those that no choice was made on."""
+CELLS_FROM = 2000
+"""First number of the taxels that are drawn by cells."""
+CELLS_SEEN = 2048
+"""First number of those that no choice was made on."""
+WIDE = (0.3, 1.0, 4.0, 12.0, 30.0)
+"""Bounds of the cells' width over thickness."""
+LONG = (0.25, 1.0, 3.0, 10.0, 60.0)
+"""Bounds of the cells' length over width."""
+CELLS = 48
+LEAST_POISSON = 0.3
+MOST_POISSON = 0.45
+CELL_TRIES = 400
+LONGEST_MM = 40.0
 MOST_ACROSS = 4.0
 """Largest length in mm of a serpentine's leg where dimensions are drawn directly."""
 # Modulus in GPa, Poisson's ratio, density in g/cm³.
@@ -101,6 +117,7 @@ SOLVED = (
     *(f"change_{k}" for k in range(MODES)),
     *(f"{axis}_{k}" for k in range(MODES) for axis in AXES),
 )
+STATIC = ("sag_um", "compliance_m_per_n", "stress_pa_per_m")
 COLUMNS = (*TEXTS, *NUMBERS, *OUTLINE, *SOLVED)
 
 Row = dict[str, Any]
@@ -294,6 +311,83 @@ def drawn(number: int) -> Row:
     raise SystemExit(f"number {number}: none of {TRIES} draws is a taxel")
 
 
+def cell_of(row: Row) -> str:
+    """Return the name of the cell of topology, width over thickness and length over width that a taxel is in."""
+    wide = int(np.digitize(row["width_mm"] / row["thickness_mm"], WIDE[1:-1]))
+    long = int(np.digitize(row["length_mm"] / row["width_mm"], LONG[1:-1]))
+    return f"{row['topology']}, w/t {WIDE[wide]:g}-{WIDE[wide + 1]:g}, l/w {LONG[long]:g}-{LONG[long + 1]:g}"
+
+
+def group_of(row: Row) -> str:
+    """Return the name of the group of cells of one topology and one range of width over thickness."""
+    return cell_of(row).rpartition(",")[0]
+
+
+def static_compared(row: Row) -> dict[str, tuple[float, float]]:
+    """Return error and stated error of the beam model's sag, compliance and stress, all relative, by their columns."""
+    model = model_of(row)
+    sag = float(model.sag_m) / UM / row["sag_um"] - 1
+    compliance = float(model.compliances.sum()) / row["compliance_m_per_n"] - 1
+    stress = float(model.stress_pa_per_m) / row["stress_pa_per_m"] - 1
+    answers = (sag, model.sag_error), (compliance, model.compliance_error), (stress, model.stress_error)
+    return dict(zip(STATIC, answers, strict=True))
+
+
+def cell_tables(rows: list[Row]) -> list[str]:
+    """Return the tables of the taxels drawn by cells: working modes by group and cell, others, and static answers."""
+    found = [one for row in rows for one in compared(row)]
+    working = [one for one in found if one.working]
+    text = [*HEADINGS, line("all, working", working)]
+    for name, group in (("group", group_of), ("cell", cell_of)):
+        for value in sorted({group(one.row) for one in working}):
+            text.append(line(f"{name} {value}", [one for one in working if group(one.row) == value]))
+    text.append(line("other modes", [one for one in found if not one.working]))
+    answers = [(row, static_compared(row)) for row in rows]
+    for what in STATIC:
+        pairs = [Compared(row, False, *both[what], 1.0) for row, both in answers]
+        text.append(line(what, pairs))
+    return text
+
+
+def drawn_in_cell(number: int) -> Row | None:
+    """Draw the taxel of that number within its cell; None where nothing that can be made turns up there."""
+    for attempt in range(CELL_TRIES):
+        try:
+            row = _in_cell(np.random.default_rng((SEED, number, attempt)), number % CELLS)
+        except PadgenError:
+            continue
+        if row:
+            return {"number": number, "drawn": "cell", **row}
+    return None
+
+
+def _in_cell(random: Any, cell: int) -> Row:
+    """Draw a taxel within a cell; empty where its dimensions cannot be made."""
+    topology = TOPOLOGIES[cell // 16]
+    wide = cell // 4 % 4
+    long = cell % 4
+    row: Row = {"topology": topology, **_printed(random)}
+    row["poisson_ratio"] = round(random.uniform(LEAST_POISSON, MOST_POISSON), 6)
+    thickest = min(row["plate_thickness_mm"] - row["layer_mm"], 2.4)
+    wanted = _logs(random, 0.1, max(thickest, 0.11))
+    layers = max(round((wanted - row["first_layer_mm"]) / row["layer_mm"]), 0)
+    thickness = row["first_layer_mm"] + row["layer_mm"] * layers
+    width = thickness * _logs(random, WIDE[wide], WIDE[wide + 1])
+    length = width * _logs(random, LONG[long], LONG[long + 1])
+    widest = row["plate_width_mm"] if topology != "folded" else 4.0
+    if not (row["line_width_mm"] <= width <= widest and thickness <= thickest and length <= LONGEST_MM):
+        return {}
+    row |= {"width_mm": float(width), "thickness_mm": float(thickness), "length_mm": float(length)}
+    row = {key: round(value, 6) if isinstance(value, float) else value for key, value in row.items()}
+    model = model_of(row)
+    if length < suspension(topology).shortest(model.plate, row["smallest_gap_mm"]) or not model.in_range:
+        return {}
+    window_length, window_width = (float(v) for v in model.arrangement.window_mm)
+    half = row["rib_mm"] / 2
+    sides = (-half, window_length + half, -window_width / 2 - half, window_width / 2 + half)
+    return row | dict(zip(OUTLINE, sides, strict=True))
+
+
 def _logs(random: Any, low: float, high: float) -> float:
     return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
@@ -465,12 +559,16 @@ def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row
         float(arrangement.washer_x_mm),
         order,
         kept=kept,
+        taxel=given,
     )
     compliance = (found.motion[:, 2] / found.frequency_hz) ** 2
     return {
         "unknowns": found.unknowns,
         "seconds": time.process_time() - began,
         "working": int(compliance.argmax()),
+        "sag_um": found.sag_m / UM,
+        "compliance_m_per_n": found.compliance,
+        "stress_pa_per_m": found.stress,
         **{f"hz_{k}": f for k, f in enumerate(found.frequency_hz)},
         **{f"change_{k}": e for k, e in enumerate(found.change)},
         **{f"{axis}_{k}": m for k, motion in enumerate(found.motion) for axis, m in zip(AXES, motion, strict=True)},
@@ -531,22 +629,27 @@ def solve(most: int, first: int, step: int) -> None:
     """Solve the taxels that the set does not have yet."""
     from measure_campaign import solved as job  # by a name that other processes know
 
-    if not SET.exists():
+    by_cells = first >= CELLS_FROM
+    path = CELL_SET if by_cells else SET
+    columns = (*COLUMNS, *STATIC) if by_cells else COLUMNS
+    if not path.exists():
         versions = ", ".join(f"{name} {version(name)}" for name in ("netgen-mesher", "ngsolve"))
-        SET.write_text(HEADER.format(versions=versions) + ",".join(COLUMNS) + "\n")
-    known = {int(line.split(",")[0].split()[-1]) for line in SET.read_text().splitlines() if line[:1].isdigit()}
-    known |= {int(line.split()[2]) for line in SET.read_text().splitlines() if line.startswith("# without")}
+        path.write_text(HEADER.format(versions=versions) + ",".join(columns) + "\n")
+    known = {int(line.split(",")[0].split()[-1]) for line in path.read_text().splitlines() if line[:1].isdigit()}
+    known |= {int(line.split()[2]) for line in path.read_text().splitlines() if line.startswith("# without")}
     with Runner(1, ("ngsolve", "measure_campaign_mesh")) as runner:
         for number in range(first, most, step):
             if number in known:
                 continue
-            row = drawn(number)
+            row = drawn_in_cell(number) if by_cells else drawn(number)
+            if row is None:
+                continue
             answer = runner.run(job, row, time_s=TIME_S, most_mb=MOST_MB)
             if answer.error:
                 line = f"# without {number} {row['topology']}: {answer.sentence}".replace("\n", " ")
             else:
-                line = ",".join(_text(name, {**row, **answer.value}[name]) for name in COLUMNS)
-            with SET.open("a") as file:
+                line = ",".join(_text(name, {**row, **answer.value}[name]) for name in columns)
+            with path.open("a") as file:
                 file.write(line + "\n")
 
 
@@ -573,6 +676,9 @@ def main() -> None:
     else:
         for bent, tell in ((False, tables), (True, bent_tables)):
             print("\n".join(tell([row for number, row in rows.items() if (number >= BENT_FROM) is bent])) + "\n")
+        cells = rows_of(CELL_SET)
+        print("\n".join(cell_tables([row for row in cells if row["number"] < CELLS_SEEN])) + "\n")
+        print("\n".join(cell_tables([row for row in cells if row["number"] >= CELLS_SEEN])))
 
 
 def checked(rows: list[Row]) -> list[str]:

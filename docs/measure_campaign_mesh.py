@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.planner.suspensions import Arrangement
-from padgen.verify.elasticity import energy
+from padgen.verify.elasticity import energy, stiffness_pa, strain
 
 MM = 1e-3
 REACH = 2.0
@@ -433,18 +433,69 @@ def _dofs(mesh: Any, scalar: Any, order: int) -> _Dofs:
 
 
 class Found(NamedTuple):
-    """Rising `frequency_hz` (6,), their `change` (6,) from order 2 to 3, and the washer's `motion` (6, 6)."""
+    """Rising `frequency_hz` (6,), their `change` (6,) from order 2 to 3, and the washer's `motion` (6, 6).
+
+    `sag_m` is the washer's under gravity, `compliance` in m/N that to a force up, both static; `stress` in Pa/m is
+    the largest nominal stress of a straight beam per metre of the washer's motion up in the mode that moves it most.
+    """
 
     frequency_hz: np.ndarray
     change: np.ndarray
     motion: np.ndarray
     unknowns: int
+    sag_m: float = float("nan")
+    compliance: float = float("nan")
+    stress: float = float("nan")
 
 
-def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int = 3, kept: float = ENERGY) -> Found:
+GRAVITY = 9.80665
+
+
+def nominal_stress(taxel: "Taxel", mesh: Any, material: Any, field: Any) -> float:
+    """Return the largest nominal stress in Pa of a taxel's first straight beam that moves as `field` (in m).
+
+    Its bending moment is linear. It and its slope follow from two integrals of the axial stress over the beam's volume,
+    without the singular stress at its ends.
+    """
+    import ngsolve as ngs
+
+    path = taxel.arrangement.beams[-1]
+    (root, y0), length = (float(v) for v in path.root_mm), float(path.length_mm)
+    width = float(path.width_mm)
+    thickness = float(path.thickness_mm)
+    along = float(path.direction[0]) * (ngs.x - root)
+    axial = sum(float(c) * part for c, part in zip(MM**-1 * stiffness_pa(material)[0], strain(field), strict=True))
+    inside = (
+        ngs.IfPos(along, 1.0, 0.0)
+        * ngs.IfPos(length - along, 1.0, 0.0)
+        * ngs.IfPos(width / 2 - ngs.sqrt((ngs.y - y0) ** 2), 1.0, 0.0)
+        * ngs.IfPos(thickness - ngs.z, 1.0, 0.0)
+    )
+    half = 0.5 if y0 == 0 and not taxel.bends else 1.0
+    moments = []
+    for weight in (1.0, along - length / 2):
+        where = ngs.dx(definedon=mesh.Materials(PRINTED))
+        moments.append(ngs.Integrate(axial * (ngs.z - thickness / 2) * inside * weight * where, mesh) / half)
+    middle = MM**3 * moments[0] / length
+    slope = MM**3 * 12 * moments[1] / length**3
+    flare = taxel.fillet_mm
+    stations = ((0.0, width + 2 * flare), (flare, width), (length, width))
+    return max(abs(middle + slope * (at - length / 2)) * 6 / (MM**3 * wide * thickness**2) for at, wide in stations)
+
+
+def modes(
+    mesh: Any,
+    materials: Any,
+    axis_x: float,
+    order: int = 3,
+    count: int = 3,
+    kept: float = ENERGY,
+    taxel: Taxel | None = None,
+) -> Found:
     """Solve the lowest `count` modes of either symmetry by elements of order 2, and of `order` where they hold energy.
 
-    A whole taxel has no boundary called `MIDDLE`; of it, twice as many modes of all kinds are solved.
+    A whole taxel has no boundary called `MIDDLE`; of it, twice as many modes of all kinds are solved. Stress is taken
+    of a `taxel` on straight beams.
     """
     import ngsolve as ngs
     import scipy.sparse as sparse
@@ -490,6 +541,12 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
     motion = []
     unknowns = 0
     whole = not dofs.middle.any()
+    weight = ngs.LinearForm(space)
+    for name, material in materials.items():
+        weight += MM**3 * material.density_kg_per_m3 * GRAVITY * test[2] * ngs.dx(definedon=mesh.Materials(name))
+    weight.Assemble()
+    heavy = np.array(weight.vec.FV().NumPy())[:, None]
+    sag_m = compliance = stress = float("nan")
     for axes in (WHOLE if whole else FIELDS).values():
         count, halves = (2 * count, 1) if whole else (count, 2)
         loads = []
@@ -511,6 +568,10 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
             inverse = stiffness.mat.Inverse(ngs.BitArray(free.tolist()), inverse="sparsecholesky")
             # Static answers, and the answers to their inertia: two blocks of Lanczos' method.
             first = times(inverse, load)
+            if 2 in axes:
+                up = axes.index(2)
+                compliance = float(load[:, up] @ first[:, up]) / halves
+                sag_m = float(load[:, up] @ times(inverse, heavy)[:, 0])
             first /= np.sqrt((first * inertia(first)).sum(0))
             basis = np.hstack((first, times(inverse, inertia(first))))
             square, shape = _lowest(basis, times(stiffness.mat, basis) * free[:, None], inertia(basis))
@@ -529,13 +590,20 @@ def modes(mesh: Any, materials: Any, axis_x: float, order: int = 3, count: int =
             chosen[np.unique(np.concatenate([dofs.elements[k] for k in rich]))] = True
         part = np.zeros((count, 6))
         part[:, axes] = shape[:, :count].T @ load / halves**0.5
+        if 2 in axes and taxel and not taxel.bends:
+            moved_up = shape[:, :count].T @ load[:, axes.index(2)]
+            working = int((moved_up**2 / found[1]).argmax())
+            field.vec.FV().NumPy()[:] = shape[:, working]
+            stress = nominal_stress(taxel, mesh, materials[PRINTED], field) / abs(float(moved_up[working]))
         frequency.append(np.sqrt(found[1]) / (2 * np.pi))
         change.append(np.sqrt(found[0] / found[1]) - 1)
         motion.append(part)
         unknowns += int(free.sum())
     hz = np.concatenate(frequency)
     rising = np.argsort(hz)
-    return Found(hz[rising], np.concatenate(change)[rising], np.concatenate(motion)[rising], unknowns)
+    return Found(
+        hz[rising], np.concatenate(change)[rising], np.concatenate(motion)[rising], unknowns, sag_m, compliance, stress
+    )
 
 
 def _lowest(basis: np.ndarray, stiff: np.ndarray, heavy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

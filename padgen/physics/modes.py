@@ -25,6 +25,7 @@ from padgen.core.units import GRAVITY_M_PER_S2
 from padgen.physics.beams import (
     BeamSection,
     EndCompliance,
+    curl_held,
     flexibility,
     largest_stress,
     root_load,
@@ -143,14 +144,18 @@ class Modes(NamedTuple):
         return motion
 
     def sag(self, point: np.ndarray) -> np.ndarray:
-        """Return the static sag (…) in m of a `point` of the body under gravity: the sum over all modes.
+        """Return the static sag (…) in m of a `point` of the body under gravity: the sum over all modes."""
+        return np.asarray(self.sag_parts(point).sum(-1))
+
+    def sag_parts(self, point: np.ndarray) -> np.ndarray:
+        """Return what each mode adds (…, 6) in m to the static sag of a `point` of the body under gravity.
 
         Mode k has the share in the load M g e_z that is the k-th entry of ``shape⁻¹ e_z``.
         """
         lift = np.broadcast_to(np.eye(6)[2], self.frequency_hz.shape)[..., None]
         part = np.linalg.solve(self.shape, lift)[..., 0]
         angular = 2 * np.pi * self.frequency_hz
-        return np.asarray((self.at_point(point)[..., 2, :] * part / angular**2).sum(-1) * GRAVITY_M_PER_S2)
+        return np.asarray(self.at_point(point)[..., 2, :] * part / angular**2 * GRAVITY_M_PER_S2)
 
 
 def suspended_modes(
@@ -285,7 +290,7 @@ def level_kept(alpha: Any, q: float, amplitude: Any, offset: Any = 0.0) -> Any:
     return high
 
 
-FLOOR = 0.008
+FLOOR = 0.006
 """Relative error that remains for slender beams: mass of the flares, rounding of the edges, the references' own error.
 """
 OTHERS = 2.5
@@ -301,18 +306,27 @@ far above the working one, may be off by more (`padgen.physics.bounds.beam_inert
 UNCERTAINTY = {
     "root": 0.47,
     "tip": 0.097,
-    "mount": 0.3,
-    "curl": 0.13,
+    "mount": 0.33,
+    "curl": 0.3,
     "lateral root": 0.81,
     "lateral tip": 0.81,
     "shear": 0.99,
     "lateral shear": 1.1,
     "twist": 0.54,
     "plate": 0.2,
+    "yoke pulled": 0.45,
+    "yoke sideways": 0.7,
+    "layers": 0.2,
     "bends": 0.7,
     "warping": 0.4,
 }
-"""Relative uncertainty of each flexibility, in the order of `uncertain_energies`; the last two are `sharp_energies`."""
+"""Relative uncertainty of each flexibility, in the order of `uncertain_energies`; the last two are `sharp_energies`.
+
+What a yoke gives when it is pulled and sideways counts in other modes than the working one; 'layers' is what ends and
+shear of a print whose layers hold less well to each other add to that of an isotropic one.
+"""
+YOKE_SIDE = 4.0
+"""Share of a beam's lateral flexibility that the neck joints of a yoke may add, over width per length; at most 1."""
 PLATE = list(UNCERTAINTY).index("plate")
 """Place of the plate among them."""
 
@@ -347,19 +361,26 @@ def uncertain_energies(
     at_tip = (about_y - ends.tip_height * along) ** 2
     mount = parts.tip * ends.mount / np.where(ends.tip, ends.tip, 1.0)
     plate_inertia = plate.width * plate.thickness**3 / 12
-    up0, up1, up2 = parts.up
-    bent = up2 * up**2 - 2 * up1 * up * about_y + up0 * about_y**2
+    held0, held1, held2 = curl_held(section)
+    curled = (held2 * up**2 - 2 * held1 * up * about_y + held0 * about_y**2) / (modulus * width * thickness**3 / 12)
+    side0, side1, side2 = parts.side
+    bent_sideways = side2 * side**2 + 2 * side1 * side * about_z + side0 * about_z**2
+    at_root = parts.root * (root_y - ends.root_height * along) ** 2
+    weak = at_root + parts.tip * at_tip + (parts.shear + parts.end_shear) * up**2
     energies = [
-        parts.root * (root_y - ends.root_height * along) ** 2,
+        at_root,
         (parts.tip - mount) * at_tip,
         mount * at_tip,
-        0.0 * up if path else (ends.stiffening - 1) * bent,
+        0.0 * up if path else curled,
         parts.lateral_root * root_z**2,
         parts.lateral_tip * about_z**2,
         parts.end_shear * up**2,
         parts.lateral_end_shear * side**2,
         parts.twist * np.minimum(np.maximum(width, thickness) / length, 1) * about_x**2,
         _beside_modes(plate.length / (modulus * plate_inertia)) * about_y**2,
+        ends.stretch / (width * thickness * modulus) * along**2,
+        np.where(ends.stretch > 0, np.minimum(YOKE_SIDE * width / length, 1), 0.0) * bent_sideways,
+        np.maximum(1 - section.across, 0) * weak,
         *(sharp_energies(section, load, modulus, poisson) if path else (0.0 * up, 0.0 * up)),
     ]
     return np.stack(np.broadcast_arrays(*energies), -1)

@@ -79,7 +79,7 @@ class Pull(NamedTuple):
     """Effect of a coil on a washer, per A².
 
     `side` and `axial` are forces in N away from the coil's axis and upwards. `moment` in N·m is about a horizontal axis
-    through the middle of the washer's underside, at right angles to the offset; a positive one lifts the washer's far
+    through the middle of the washer's underside, at right angles to the offset; a positive one lowers the washer's far
     side. `doubt` in N bounds the error of the axial force: a share of the upward and downward forces on all of the
     washer's charge, which may nearly cancel, plus the change by fewer nodes. `dipole` in A·m² per ampere is the
     washer's magnetic moment.

@@ -296,6 +296,10 @@ def _plan_channels(
     printer = spec.printer
     modes = [taxel_modes(s.model) for s in sized]
     constants = (pulled.pull * pulled_shares(modes, wrench)).tolist()
+    force_errors = [
+        force_error(taxel, turned, float(error), radius_m)
+        for taxel, turned, error in zip(modes, wrench, pulled.error, strict=True)
+    ]
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
         stiffness = float(item.model.stiffness_n_per_m)
@@ -336,12 +340,16 @@ def _plan_channels(
                 force_mn=force_mn,
                 force_constant_n_per_a2=constants[i],
                 line_a2=wanted_line_a2(force_mn, constants[i]),
-                force_error=force_error(modes[i], wrench[i], float(pulled.error[i]), radius_m),
+                force_error=force_errors[i],
                 pull_exponent=float(exponent[i]),
                 static_um=0.0,
                 pull_shift=0.0,
                 model="beam" if beam_error is None else "solid",
                 model_error=float(item.model.error_estimate) + float(deep_error[i]),
+                mode_errors=tuple((item.model.mode_errors + deep_error[i]).tolist()),
+                sag_error=item.model.sag_error + 2 * float(deep_error[i]),
+                static_error=item.model.compliance_error + 2 * float(deep_error[i]) + float(force_errors[i]),
+                stress_error=item.model.stress_error + 2 * float(deep_error[i]),
                 beam_error=beam_error,
                 site=site,
             )

@@ -195,8 +195,9 @@ class Channel:
     moves it `level_loss_db` less.
 
     Model: `model` ('beam' or 'solid') gave resonance and modes; its own estimate of their relative error is
-    `model_error`. `beam_error` is how far the beam model's resonance is off the solid's, None where no solid was
-    solved.
+    `model_error`. `mode_errors` (k,) are the same for `modes_hz`, `sag_error` for `sag_um`, `static_error` for
+    `static_um` (pull and stiffness) and `stress_error` for `root_stress_mpa`, all relative. `beam_error`
+    is how far the beam model's resonance is off the solid's, None where no solid was solved.
     """
 
     index: int
@@ -234,6 +235,10 @@ class Channel:
     pull_shift: float
     model: str
     model_error: float
+    mode_errors: tuple[float, ...]
+    sag_error: float
+    static_error: float
+    stress_error: float
     beam_error: float | None
     site: Site
 

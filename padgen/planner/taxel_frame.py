@@ -116,7 +116,7 @@ class _Builder:
         bent = bend_stiffening(turn * wide / (2 * length))
         twisting = 1.0 if turn else float(piece_twist(length, section.ends.warping))
         return plain._replace(
-            inertia_up=plain.inertia_up * float(np.asarray(section.ends.stiffening)) * bent,
+            inertia_up=plain.inertia_up / (1 - float(np.asarray(section.ends.curl_pure))) * bent,
             torsion=plain.torsion * float(parts.twist / (parts.twist + parts.end_twist)) * bent / twisting,
             shear_up=plain.shear_up * float(parts.shear / (parts.shear + parts.end_shear)),
             shear_across=plain.shear_across

@@ -329,6 +329,25 @@ class TaxelModel:
         floor = FLOOR if self.is_straight else BENT
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
+    @property
+    def sag_error(self) -> float:
+        """Relative error within which one taxel's sag most likely lies: of modes and of the beams' weight."""
+        parts = np.abs(self.modes.sag_parts(self.washer_point_m))
+        by_modes = float((parts * STATIC * self.mode_errors).sum() / parts.sum())
+        density = self.elastic[2]
+        beams = sum(float(b.section.width * b.section.thickness * b.section.length) * density for b in self.placements)
+        return by_modes + BEAMS_WEIGHT * beams / (beams + float(self.body.mass))
+
+    @property
+    def compliance_error(self) -> float:
+        """Relative error within which one taxel's static deflection under a force most likely lies."""
+        return STATIC * float(self.error_estimate)
+
+    @property
+    def stress_error(self) -> float:
+        """Relative error within which one taxel's stress per displacement most likely lies; without notches."""
+        return STATIC * float(self.error_estimate) + SHAPE_ERROR
+
     @cached_property
     @_from_array
     def stress_pa_per_m(self) -> np.ndarray:
@@ -357,6 +376,19 @@ class TaxelModel:
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Return the largest bending stress in Pa of the beams in the working mode, for `level_m` at the washer."""
         return np.asarray(self.stress_pa_per_m * level_m)
+
+
+STATIC = 2.5
+"""Error of a static answer over that of its resonance: 2 from the stiffness, more since the shape is off, too.
+
+This and the next two were chosen on the first 41 taxels of `docs/measure_campaign.py`'s cells (docs/accuracy.md).
+"""
+SHAPE_ERROR = 0.03
+"""Relative error of a nominal stress whose stiffness is exact."""
+BEAMS_WEIGHT = 0.15
+"""Share of the beams' weight, at most 1/2 - 13/35, that is missing from the load of the consistent mass."""
+SOLVED_OTHERS = 0.03
+"""Relative error of the solved modes other than the working one, for which the elements are not refined."""
 
 
 def _take(values: np.ndarray, index: np.ndarray) -> np.ndarray:
@@ -392,6 +424,24 @@ class SolvedModel(TaxelModel):
     def error_estimate(self) -> np.ndarray:
         """Relative error of the resonance by finite elements."""
         return np.asarray(self.solver_error)
+
+    @property
+    def mode_errors(self) -> np.ndarray:
+        """Relative error (6,) of each mode's frequency by finite elements."""
+        errors = np.full(len(self.modes.frequency_hz), max(SOLVED_OTHERS, self.solver_error))
+        errors[int(self.working)] = self.solver_error
+        return errors
+
+    @property
+    def sag_error(self) -> float:
+        """Relative error within which the sag most likely lies: the beam model's, less what the stiffness corrects."""
+        return self.beam_model.sag_error + STATIC * (self.solver_error - float(self.beam_model.error_estimate))
+
+    @property
+    def stress_error(self) -> float:
+        """Relative error within which the stress most likely lies: the beam model's shape, the solved stiffness."""
+        beam = self.beam_model
+        return beam.stress_error + 2 * (self.solver_error - float(beam.error_estimate))
 
     @property
     def beam_error(self) -> float | None:

@@ -56,6 +56,7 @@ __all__ = [
     "singular_edges",
     "solve_modes",
     "stiffness_pa",
+    "strain",
     "taxel_shape",
 ]
 
@@ -440,10 +441,10 @@ def energy(material: Elastic, u: Any, v: Any) -> Any:
         dv = ng.Grad(v)
         return 2 * shear * ng.InnerProduct(ng.Sym(du), ng.Sym(dv)) + lame * ng.Trace(du) * ng.Trace(dv)
     voigt = ng.CoefficientFunction(tuple((MM * stiffness).ravel().tolist()), dims=(6, 6))
-    return ng.InnerProduct(voigt * _strain(u), _strain(v))
+    return ng.InnerProduct(voigt * strain(u), strain(v))
 
 
-def _strain(u: Any) -> Any:
+def strain(u: Any) -> Any:
     """Return the engineering strain in Voigt's order."""
     g = ng.Grad(u)
     return ng.CoefficientFunction((g[0, 0], g[1, 1], g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0], g[0, 1] + g[1, 0]))
