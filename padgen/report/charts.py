@@ -82,9 +82,14 @@ def draw_rows(axis: Any, figure: Figure) -> None:
         )
     for line in figure.lines:
         axis.axvline(line.at, color=ROLES[line.role], linestyle=":", label=line.label or None)
-    hz_axis(axis, figure.x.low, figure.x.high)
-    named = figure.row_labels[:: -(-len(figure.row_labels) // MOST_TICKS)]
-    axis.set_yticks([row for row, _ in named], [text for _, text in named])
+    if figure.x.is_log:
+        hz_axis(axis, figure.x.low, figure.x.high)
+    else:
+        axis.set_xlim(figure.x.low, figure.x.high)
+    step = max(-(-len(figure.row_labels) // MOST_TICKS), 1)
+    named = figure.row_labels[::step]
+    if named:
+        axis.set_yticks([row for row, _ in named], [text for _, text in named])
     axis.set(xlabel=figure.x.title, ylabel=figure.y.title, ylim=(figure.y.low, figure.y.high))
 
 

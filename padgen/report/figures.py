@@ -15,7 +15,7 @@ from padgen.physics.ladder import slot_half_width
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["FIGURES", "ROLES", "Axis", "Figure", "Line", "Series", "ladder", "svg"]
+__all__ = ["FIGURES", "ROLES", "Axis", "Figure", "Line", "Series", "ladder", "slot_hz", "svg"]
 
 ROLES = {"set-0": COLOURS[0], "set-1": COLOURS[1], "limit": PALE}
 """The colour of each role that something in a figure has."""
@@ -78,6 +78,12 @@ class Figure:
     row_labels: tuple[tuple[float, str], ...] = ()
 
 
+def slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
+    """Return the ends in Hz of the slot that a resonance needs for itself: the paper's Δy/4Q to either side."""
+    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
+    return resonance_hz * max(1 - half, 0.0), resonance_hz * (1 + half)
+
+
 def ladder(plan: "Plan") -> Figure:
     """Return each channel's resonance, what prints scatter it by, and the slot that no other may come into."""
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
@@ -92,7 +98,7 @@ def ladder(plan: "Plan") -> Figure:
                 mark_label="resonance, ± 1 sigma of prints" + words,
                 rows=tuple(float(c.index) for c in channel_set),
                 marks=tuple(c.resonance_hz for c in channel_set),
-                spans=tuple((c.resonance_hz * max(1 - half, 0.0), c.resonance_hz * (1 + half)) for c in channel_set),
+                spans=tuple(slot_hz(plan, c.resonance_hz) for c in channel_set),
                 sigmas=tuple(c.resonance_hz * c.print_spread for c in channel_set),
             )
         )
@@ -112,8 +118,8 @@ def ladder(plan: "Plan") -> Figure:
 FIGURES: dict[str, Callable[["Plan"], Figure]] = {"ladder": ladder}
 """The function that makes each figure of a plan, by the figure's name."""
 
-WIDTH_PX = 640
-HEIGHT_PX = 48
+WIDTH_PX = 560
+HEIGHT_PX = 46
 
 
 def svg(figure: Figure, label: str) -> str:
