@@ -13,15 +13,14 @@ import pytest
 from matplotlib.figure import Figure as Canvas
 
 from padgen.report.charts import draw_rows
-from padgen.report.figures import FIGURES, Axis, Figure, Line, Series, svg
+from padgen.report.figures import FIGURES, Figure, Line, Scale, Series, svg
 
 
 def toy(plan):
     """Return a figure of two rows that has nothing to do with resonances."""
     series = Series("set-1", "range", "mass", (0.0, 1.0), (2.0, 8.0), ((1.5, 3.0), (7.0, 9.5)), (0.1, 0.2))
-    return Figure(
-        "masses", Axis("mass", "g", 1.0, 10.0, True), Axis("part", "", -0.6, 1.6), (series,), (Line("limit", 9.0),)
-    )
+    mass = Scale("mass", "g", 1.0, 10.0, is_log=True)
+    return Figure("masses", mass, Scale("part", "", -0.6, 1.6), (series,), (Line("limit", 9.0),))
 
 
 @pytest.mark.parametrize("name", ["ladder", "toy"])

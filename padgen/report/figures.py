@@ -15,14 +15,14 @@ from padgen.physics.ladder import slot_half_width
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["FIGURES", "ROLES", "Axis", "Figure", "Line", "Series", "ladder", "slot_hz", "svg"]
+__all__ = ["FIGURES", "ROLES", "Figure", "Line", "Scale", "Series", "ladder", "slot_hz", "svg"]
 
 ROLES = {"set-0": COLOURS[0], "set-1": COLOURS[1], "limit": PALE}
 """The colour of each role that something in a figure has."""
 
 
 @dataclass(frozen=True)
-class Axis:
+class Scale:
     """An axis: its label, its unit (empty where it counts), its range, and whether it is logarithmic."""
 
     label: str
@@ -71,8 +71,8 @@ class Figure:
     """A picture as data: its title, axes, series and lines, and the text of each row by its place."""
 
     title: str
-    x: Axis
-    y: Axis
+    x: Scale
+    y: Scale
     series: tuple[Series, ...]
     lines: tuple[Line, ...] = ()
     row_labels: tuple[tuple[float, str], ...] = ()
@@ -107,8 +107,8 @@ def ladder(plan: "Plan") -> Figure:
     most = max(c.resonance_hz * (1 + max(half, c.print_spread)) for c in plan.channels)
     return Figure(
         title="resonances of the channels, and the slots that keep them apart",
-        x=Axis("frequency", "Hz", 0.93 * min(least, low_hz), 1.07 * max(most, high_hz), is_log=True),
-        y=Axis("channel", "", -0.6, len(plan.channels) - 0.4),
+        x=Scale("frequency", "Hz", 0.93 * min(least, low_hz), 1.07 * max(most, high_hz), is_log=True),
+        y=Scale("channel", "", -0.6, len(plan.channels) - 0.4),
         series=tuple(series),
         lines=(Line("limit", low_hz, "band asked for"), Line("limit", high_hz)),
         row_labels=tuple((float(c.index), f"{c.index}:  {c.resonance_hz:.1f} Hz") for c in plan.channels),
