@@ -51,3 +51,8 @@ def test_each_renderer_shows_the_same_numbers(name, paper_plan, monkeypatch):
     assert boxes == [pytest.approx((px(first), px(last)), abs=0.11) for first, last in spans]
     words = re.findall(r"<text[^>]*>([^<]*)</text>", text)
     assert words == [f"{mark:.0f} {figure.x.unit}" for mark in marks]
+    crossings = [float(place) for place in re.findall(r'<path d="M([\d.]+) ', text)]
+    assert crossings == pytest.approx([px(line.at) for line in figure.lines], abs=0.051)
+    assert [line.get_xdata()[0] for line in axis.lines if line.get_linestyle() == ":"] == [
+        line.at for line in figure.lines
+    ]

@@ -139,6 +139,12 @@ def svg(figure: Figure, label: str) -> str:
                 f'<line x1="{line}" x2="{line}" y1="4" y2="28" stroke="{colour}" stroke-width="2"/>',
                 f'<text x="{line}" y="42" font-size="10" text-anchor="middle">{mark:.0f} {figure.x.unit}</text>',
             ]
+    for crossing in figure.lines:
+        place = at(crossing.at)
+        parts.append(
+            f'<path d="M{place} 2V30" stroke="{ROLES[crossing.role]}" stroke-dasharray="2 2">'
+            f"<title>{escape(crossing.label)}</title></path>"
+        )
     return (
         f'<svg role="img" aria-label="{escape(label)}" width="{WIDTH_PX}" height="{HEIGHT_PX}"'
         f' viewBox="-20 0 {WIDTH_PX + 40} {HEIGHT_PX}">{"".join(parts)}</svg>'
