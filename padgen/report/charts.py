@@ -9,7 +9,6 @@ import numpy as np
 
 from padgen.core.display import COLOURS, INK, PALE, channel_colours, plot_style
 from padgen.core.registry import unknown_name
-from padgen.physics.ladder import slot_half_width
 from padgen.physics.resonator import felt_energy
 from padgen.physics.selectivity import line_energy, own_lines, pair_lines, tone_energy
 from padgen.planner.channels import coil_modes
@@ -17,6 +16,7 @@ from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import coil_axis_mm
 from padgen.planner.plan import Plan
 from padgen.report.drawings import all_shapes, border, draw_exploded, draw_pad, draw_section, draw_wiring, title_of
+from padgen.report.figures import FIGURES, ROLES, Figure
 
 __all__ = [
     "PICTURES",
@@ -65,44 +65,41 @@ WIDE = 5.0
 def draw_ladder(plan: Plan) -> Any:
     """Draw each channel's resonance, what prints scatter it by, and the slot that no other resonance may come into."""
     height = min(1.7 + 0.3 * len(plan.channels), 9.0)
-    figure = new_figure(plan, "resonances of the channels, and the slots that keep them apart", 9.0, height)
-    ladder(figure.subplots(), plan)
+    rows = FIGURES["ladder"](plan)
+    figure = new_figure(plan, rows.title, 9.0, height)
+    draw_rows(figure.subplots(), rows)
     figure.legend(loc="outside right upper", fontsize=8)
     return figure
 
 
-def ladder(axis: Any, plan: Plan) -> None:
-    """Draw the ladder of resonances into an axis, the sets of channels in colours of their own."""
-    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
-    several = len(plan.sets) > 1
-    low = [c.resonance_hz * max(1 - max(half, c.print_spread), 0.05) for c in plan.channels]
-    high = [c.resonance_hz * (1 + max(half, c.print_spread)) for c in plan.channels]
-    for channel_set, colour, name in zip(plan.sets, COLOURS, ("even", "odd"), strict=False):
-        words = f"\n(coils of {name} row + column)" if several else ""
-        index, hz, spread = (
-            np.array([getattr(c, key) for c in channel_set]) for key in ("index", "resonance_hz", "print_spread")
-        )
-        left = hz * max(1 - half, 0.0)
-        axis.barh(
-            index, hz * (1 + half) - left, 0.7, left, color=colour, alpha=0.22, label="slot, Δy/4Q to each side" + words
-        )
+def draw_rows(axis: Any, figure: Figure) -> None:
+    """Draw a figure of marks in rows into an axis of matplotlib."""
+    for series in figure.series:
+        colour = ROLES[series.role]
+        left = [first for first, _ in series.spans]
+        width = [last - first for first, last in series.spans]
+        axis.barh(series.rows, width, 0.7, left, color=colour, alpha=0.22, label=series.span_label)
         axis.errorbar(
-            hz,
-            index,
-            xerr=hz * spread,
+            series.marks,
+            series.rows,
+            xerr=series.sigmas,
             fmt="o",
             color=colour,
             capsize=3,
             markersize=5,
-            label="resonance, ± 1 sigma of prints" + words,
+            label=series.mark_label,
         )
-    band = plan.spec.band_hz
-    axis.axvline(band[0], color=PALE, linestyle=":", label="band asked for")
-    axis.axvline(band[1], color=PALE, linestyle=":")
-    hz_axis(axis, 0.93 * min(*low, band[0]), 1.07 * max(*high, band[1]))
-    named = plan.channels[:: -(-len(plan.channels) // MOST_TICKS)]
-    axis.set_yticks([c.index for c in named], [f"{c.index}:  {c.resonance_hz:.1f} Hz" for c in named])
-    axis.set(xlabel="frequency, Hz", ylabel="channel", ylim=(-0.6, len(plan.channels) - 0.4))
+    for line in figure.lines:
+        axis.axvline(line.at, color=ROLES[line.role], linestyle=":", label=line.label or None)
+    if figure.x.is_log:
+        hz_axis(axis, figure.x.low, figure.x.high)
+    else:
+        axis.set_xlim(figure.x.low, figure.x.high)
+    step = max(-(-len(figure.row_labels) // MOST_TICKS), 1)
+    named = figure.row_labels[::step]
+    if named:
+        axis.set_yticks([row for row, _ in named], [text for _, text in named])
+    axis.set(xlabel=figure.x.title, ylabel=figure.y.title, ylim=(figure.y.low, figure.y.high))
 
 
 MOST_TICKS = 30
@@ -275,7 +272,7 @@ def draw_overview(plan: Plan) -> Any:
     figure = new_figure(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
     left, right = figure.subplots(1, 2, width_ratios=(1.15, 1))
     print_map(left, plan)
-    ladder(right, plan)
+    draw_rows(right, FIGURES["ladder"](plan))
     figure.legend(loc="outside lower left", fontsize=8, ncols=6)
     return figure
 

@@ -38,8 +38,9 @@ from padgen.planner.layout import coil_axis_mm, corner_groove
 from padgen.planner.plan import Plan, plan_from_json, plan_to_json
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.printing import other_slicers_text
+from padgen.report.figures import slot_hz
 from padgen.report.plans import STAGES as STAGE_WORDS
-from padgen.report.plans import output_coupling, pad_line, slot_hz
+from padgen.report.plans import output_coupling, pad_line
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.scene import ScenePart, scene_parts

@@ -1,7 +1,7 @@
 """Describe plans, builds and findings to people: as text, and as HTML for notebooks."""
 
 from collections.abc import Callable, Iterable, Sequence
-from math import isfinite, log
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import table
@@ -24,7 +24,6 @@ __all__ = [
     "plan_html",
     "plan_text",
     "serious_text",
-    "slot_hz",
     "summary_text",
     "verdict_text",
     "yield_text",
@@ -523,21 +522,13 @@ def figures_text(figures: dict[str, Any]) -> str:
 
 LEVEL_COLOURS = {"error": "#c2241a", "warning": "#a86a00", "note": "#666666"}
 HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × t × l)", "ring-up ms", "level µm peak")
-LADDER_PX = 560
-LADDER_HEIGHT_PX = 46
-
-
-def slot_hz(plan: "Plan", resonance_hz: float) -> tuple[float, float]:
-    """Return the ends in Hz of the slot that a resonance needs for itself: the paper's Δy/4Q to either side."""
-    from padgen.physics.ladder import slot_half_width
-
-    half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
-    return resonance_hz * max(1 - half, 0.0), resonance_hz * (1 + half)
 
 
 def plan_html(plan: "Plan") -> str:
     """Return the plan as HTML: its verdict, one line on the pad, the ladder, a table of channels, and the findings."""
     from html import escape
+
+    from padgen.report.figures import FIGURES, svg
 
     rows = [
         (
@@ -559,30 +550,5 @@ def plan_html(plan: "Plan") -> str:
     )
     verdict = "".join(f"<p>{escape(line)}</p>" for line in verdict_text(plan.verdict).split("\n"))
     channels = f"<table><tr>{head}</tr>{body}</table>"
-    return f"{verdict}<p>{escape(repr(plan))}</p>{_ladder_svg(plan)}{channels}<ul>{findings}</ul>"
-
-
-def _ladder_svg(plan: "Plan") -> str:
-    """Return an SVG picture of the resonances as lines on a logarithmic axis, each within its slot."""
-    slots = [slot_hz(plan, channel.resonance_hz) for channel in plan.channels]
-    low = max(slots[0][0], plan.channels[0].resonance_hz / 10)
-    high = slots[-1][1]
-
-    def at(hz: float) -> float:
-        return round((LADDER_PX - 1) * log(max(hz, low) / low) / log(high / low), 1)
-
-    marks = []
-    for channel, (first, last) in zip(plan.channels, slots, strict=True):
-        x = at(first)
-        width = round(at(last) - at(first), 1)
-        line = at(channel.resonance_hz)
-        marks += [
-            f'<rect x="{x}" y="6" width="{width}" height="20" fill="#1f5fa8" fill-opacity="0.25"/>',
-            f'<line x1="{line}" x2="{line}" y1="4" y2="28" stroke="#1f5fa8" stroke-width="2"/>',
-            f'<text x="{line}" y="42" font-size="10" text-anchor="middle">{channel.resonance_hz:.0f} Hz</text>',
-        ]
-    label = f"resonances of {len(plan.channels)} channels"
-    return (
-        f'<svg role="img" aria-label="{label}" width="{LADDER_PX}" height="{LADDER_HEIGHT_PX}"'
-        f' viewBox="-20 0 {LADDER_PX + 40} {LADDER_HEIGHT_PX}">{"".join(marks)}</svg>'
-    )
+    ladder = svg(FIGURES["ladder"](plan), f"resonances of {len(plan.channels)} channels")
+    return f"{verdict}<p>{escape(repr(plan))}</p>{ladder}{channels}<ul>{findings}</ul>"
