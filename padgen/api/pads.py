@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from padgen.planner.explain import Explanation
     from padgen.planner.plan import Plan
     from padgen.planner.print_yield import PrintYield
+    from padgen.planner.shaken_pad import Recoil
     from padgen.solid.checks import Report
     from padgen.spec.model import Spec
 
@@ -28,6 +29,7 @@ __all__ = [
     "print_yield",
     "read_plan",
     "read_spec",
+    "recoil",
     "save_plan",
     "template_names",
     "template_text",
@@ -213,6 +215,60 @@ def print_yield(plan: "Plan", pads: int = 100_000, seed: int = 0) -> "PrintYield
     from padgen.planner.print_yield import print_yield as printed
 
     return printed(plan, pads, seed)
+
+
+def recoil(
+    plan: "Plan",
+    *,
+    kind: str = "resting",
+    base_mass_g: float | None = None,
+    stiffness_n_per_m: float | None = None,
+    q: float | None = None,
+    images: int = 100,
+) -> "Recoil":
+    """Tell how much the taxels that are ON shake the pad that they hang on, and what OFF taxels hear of that.
+
+    Plans, verdicts and drives do not count recoil yet: drives move all taxels in step.
+
+    Parameters
+    ----------
+    plan : Plan
+        The pad's plan.
+    kind : {'resting', 'skin', 'foam', 'screwed', 'glued'}
+        What holds the pad: the first three let it lie loose.
+    base_mass_g : float, optional
+        Mass in g of a plate below pad and tray that moves with them; without it what the pad is screwed or glued to
+        does not move.
+    stiffness_n_per_m : float, optional
+        Stiffness in N/m of skin, foam or feet below all of it.
+    q : float, optional
+        Quality factor of the vertical motion on that stiffness; by default 2.
+    images : int
+        Number of images by chance, of which the worst counts.
+
+    Returns
+    -------
+    Recoil
+        ``.clamped_db`` on a pad that does not move, ``.in_step_db`` as drives have it, ``.signed_db`` if the sign of
+        each taxel's motion were chosen, ``.base_g``: glued to a plate of this mass it would lose at most 2 dB then.
+
+    Raises
+    ------
+    SpecError
+        An argument is out of its bounds.
+
+    Examples
+    --------
+    >>> import padgen as pg
+    >>> found = pg.recoil(pg.plan("paper-pair"))
+    >>> found.in_step_db < found.signed_db < found.clamped_db
+    True
+    """
+    from padgen.planner.shaken_pad import Mount, pad_recoil
+
+    if images < 1:
+        raise SpecError(f"must be 1 or more, got {images}", "images")
+    return pad_recoil(plan, Mount(kind, base_mass_g, stiffness_n_per_m, q), images)
 
 
 class SavedPlan(NamedTuple):

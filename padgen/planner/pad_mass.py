@@ -1,0 +1,330 @@
+"""Mass, centre of mass and moments of a pad with its coils, from the sizes in its plan: no solid is modelled.
+
+The printed pad is a plate less the taxels' windows, holes and groove, with the moving bodies of the beam model in the
+windows; beams are their paths' boxes, with the fillets' volume at their roots. The tray is that of
+`padgen.planner.fixtures`. Prints count as solid. A winding's copper follows from turns, size and resistance: wire of
+the length l = N π d has R = ρ l/A and the mass γ l A = γ ρ l²/R; insulation is left out. Cores and screws are iron.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.core.errors import InfeasibleError
+from padgen.core.units import G_PER_CM3, MG, MM
+from padgen.physics.modes import RigidBody, box, combine, ring
+from padgen.planner.fixtures import Tray, plan_tray, washer_underside_mm
+from padgen.planner.layout import coil_axis_mm, corner_groove
+from padgen.planner.plan import TURNS, Channel, Plan, Taxel
+from padgen.planner.suspensions import BeamPath, BeamShape, PathPoint, PlateShape
+from padgen.planner.taxel_model import TaxelModel
+
+__all__ = ["PadMass", "mode_momentum", "pad_mass"]
+
+COPPER_OHM_M = 1.72e-8
+COPPER_KG_PER_M3 = 8960.0
+IRON_KG_PER_M3 = 7850.0
+HEAD_SHARE = 1.0
+"""Height of a cylinder head screw's head over the thread's diameter (ISO 4762)."""
+CORNERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
+
+
+class ChannelMass(NamedTuple):
+    """Masses of a channel's taxel in its own axes, from the washer's axis at the pad's underside, in SI units.
+
+    `moving` is plate, boss, washer and glue with the beams; `window` the plastic that the frame lacks (negative).
+    `momentum` (6,) is the force, and the moment about the washer's axis, that the working mode takes for unit
+    acceleration of the washer upwards.
+    """
+
+    moving: RigidBody
+    window: RigidBody
+    momentum: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PadMass:
+    """Bodies of the parts of a pad in SI units: x and y from the pad's centre, z from its underside."""
+
+    plan: Plan
+
+    @cached_property
+    def channels(self) -> tuple[ChannelMass, ...]:
+        """The masses of each channel's taxel."""
+        return tuple(_channel_mass(self.plan, channel) for channel in self.plan.channels)
+
+    @cached_property
+    def pad(self) -> RigidBody:
+        """The printed pad with its washers and their glue."""
+        parts = [self._plate]
+        for channel, masses in zip(self.plan.channels, self.channels, strict=True):
+            for taxel in self.plan.taxels:
+                if taxel.channel == channel.index:
+                    parts += [_placed(part, channel, taxel) for part in (masses.moving, masses.window)]
+        return combine(*parts)
+
+    @property
+    def plastic_kg(self) -> float:
+        """Mass of the printed pad alone."""
+        washer = self.plan.spec.washer
+        area_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)
+        washer_kg = area_mm2 * washer.thickness_mm * MM**3 * washer.density_g_per_cm3 * G_PER_CM3
+        each_kg = washer_kg + self.plan.spec.taxel.glue_mg * MG
+        return float(self.pad.mass) - each_kg * len(self.plan.taxels)
+
+    @cached_property
+    def tray(self) -> Tray | None:
+        """The tray for the coils; None where there can be none."""
+        try:
+            return plan_tray(self.plan)
+        except InfeasibleError:
+            return None
+
+    @property
+    def height_mm(self) -> float:
+        """Height of what lies below the pad's underside: the tray or, without one, the coils."""
+        if self.tray:
+            return self.tray.height_mm
+        coil = self.plan.spec.coil
+        return coil.gap_mm + coil.length_mm - washer_underside_mm(self.plan)
+
+    @cached_property
+    def tray_body(self) -> RigidBody | None:
+        """The printed tray."""
+        return combine(*_tray_parts(self.plan, self.tray)) if self.tray else None
+
+    @cached_property
+    def coils(self) -> RigidBody:
+        """All coils: copper and cores."""
+        plan = self.plan
+        coil = plan.spec.coil
+        top = (washer_underside_mm(plan) - coil.gap_mm) * MM
+        low = top - coil.length_mm * MM
+        mean_m = pi * (coil.outer_diameter_mm + coil.inner_diameter_mm) / 2 * MM
+        wire_m = coil.turns * mean_m
+        copper_kg = COPPER_KG_PER_M3 * COPPER_OHM_M * wire_m**2 / coil.resistance_ohm
+        winding_m3 = pi / 4 * (coil.outer_diameter_mm**2 - coil.inner_diameter_mm**2) * coil.length_mm * MM**3
+        # A wire of another metal than copper would not fit: no winding is heavier than full of copper.
+        density = min(copper_kg / winding_m3, COPPER_KG_PER_M3)
+        parts = []
+        for row in range(plan.coils.rows):
+            for column in range(plan.coils.columns):
+                x, y = coil_axis_mm(plan.coils, row, column)
+                centre = (x * MM, y * MM)
+                parts.append(ring(centre, low, top, coil.outer_diameter_mm * MM, coil.inner_diameter_mm * MM, density))
+                if coil.core_diameter_mm:
+                    parts.append(ring(centre, low, top, coil.core_diameter_mm * MM, 0, IRON_KG_PER_M3))
+        return combine(*parts)
+
+    @cached_property
+    def screws(self) -> RigidBody | None:
+        """The screws between pad and tray; None without any."""
+        if not self.tray or not self.tray.screw:
+            return None
+        screw = self.tray.screw
+        diameter = float(screw.name.removeprefix("M")) * MM
+        top = self.plan.spec.pad.frame_thickness_mm * MM
+        parts = []
+        for x, y in self.tray.holes_mm:
+            centre = (x * MM, y * MM)
+            parts.append(ring(centre, top - screw.length_mm * MM, top, diameter, 0, IRON_KG_PER_M3))
+            parts.append(ring(centre, top, top + HEAD_SHARE * diameter, screw.head_mm * MM, 0, IRON_KG_PER_M3))
+        return combine(*parts)
+
+    @cached_property
+    def whole(self) -> RigidBody:
+        """Pad, washers, tray, coils and screws as one."""
+        parts = [self.pad, self.coils, self.tray_body, self.screws]
+        return combine(*(part for part in parts if part is not None))
+
+    def momenta(self, centre: np.ndarray) -> np.ndarray:
+        """Return what each taxel's working mode takes (n, 6), moments about `centre` (3,) in m."""
+        rows = []
+        for taxel in self.plan.taxels:
+            force, moment = np.split(self.channels[taxel.channel].momentum, 2)
+            force, moment = (_turned(v, self.plan.channels[taxel.channel], taxel) for v in (force, moment))
+            arm = np.array([taxel.x_mm * MM, taxel.y_mm * MM, 0.0]) - centre
+            rows.append(np.concatenate([force, moment + np.cross(arm, force)]))
+        return np.array(rows)
+
+    @cached_property
+    def _plate(self) -> RigidBody:
+        """The frame and border without windows."""
+        pad = self.plan.spec.pad
+        density = self.plan.spec.material.density_g_per_cm3 * G_PER_CM3
+        height = pad.frame_thickness_mm * MM
+        return combine(*_outline_parts(self.plan, 0.0, height, density), *_holes(self.plan, height, density))
+
+
+def pad_mass(plan: Plan) -> PadMass:
+    """Return the masses of the parts of `plan`'s pad."""
+    return PadMass(plan)
+
+
+def _placed(body: RigidBody, channel: Channel, taxel: Taxel) -> RigidBody:
+    """Return a body in a taxel's own axes, from its washer's axis, at the taxel's place on the pad."""
+    turn = _turn(channel, taxel)
+    at = np.array([taxel.x_mm * MM, taxel.y_mm * MM, 0.0])
+    return RigidBody(body.mass, turn @ body.centroid + at, turn @ body.inertia @ turn.T)
+
+
+def _turn(channel: Channel, taxel: Taxel) -> np.ndarray:
+    cosine, sine = TURNS[channel.site.along]
+    sign = -1 if taxel.turned else 1
+    return np.array([[sign * cosine, -sign * sine, 0.0], [sign * sine, sign * cosine, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _turned(vector: np.ndarray, channel: Channel, taxel: Taxel) -> np.ndarray:
+    return np.asarray(_turn(channel, taxel) @ vector)
+
+
+def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
+    """Return the masses of a channel's taxel."""
+    model = _model(plan, channel)
+    arrangement = model.arrangement
+    density = plan.spec.material.density_g_per_cm3 * G_PER_CM3
+    washer = model.washer_point_m
+    body = RigidBody(*(np.asarray(part, float) for part in model.body))
+    length, width = (float(v) * MM for v in arrangement.window_mm)
+    window = box((0.0, -width / 2, 0.0), (length, width / 2, plan.spec.pad.frame_thickness_mm * MM), -density)
+    parts = [body, _chamfer(plan, density, washer)]
+    for path in arrangement.beams:
+        section = float(path.width_mm) * float(path.thickness_mm) * MM**2
+        fillets = 2 * (1 - pi / 4) * (channel.beam.fillet_mm * MM) ** 2 * float(path.thickness_mm) * MM
+        for index, segment in enumerate(path.segments):
+            mass = density * section * float(segment.length_mm) * MM / PIECES
+            for piece in range(PIECES):
+                at = _beam_point(path, path.within(index, (piece + 0.5) / PIECES))
+                parts.append(RigidBody(np.array(mass), at, np.zeros((3, 3))))
+        parts.append(RigidBody(np.array(density * fillets), _beam_point(path, path.corners[0]), np.zeros((3, 3))))
+    moving = combine(*parts)
+    motion = np.array(channel.mode_motions[int(np.argmax(channel.mode_shares))])
+    return ChannelMass(
+        moving._replace(centroid=moving.centroid - washer),
+        window._replace(centroid=window.centroid - washer),
+        mode_momentum(plan, channel, motion / motion[2]),
+    )
+
+
+def mode_momentum(plan: Plan, channel: Channel, motion: np.ndarray) -> np.ndarray:
+    """Return momentum and its moment (6,) about the washer's axis of a taxel that moves by `motion` (6,) there.
+
+    Of the beams' momentum, `BEAM_SHARE` of their mass moves with their tips.
+    """
+    model = _model(plan, channel)
+    density = plan.spec.material.density_g_per_cm3 * G_PER_CM3
+    washer = model.washer_point_m
+    shift, turn = np.split(motion, 2)
+    body = RigidBody(*(np.asarray(part, float) for part in model.body))
+    centre = body.centroid - washer
+    force = body.mass * (shift + np.cross(turn, centre))
+    moment = body.inertia @ turn + np.cross(centre, force)
+    for path in model.arrangement.beams:
+        volume = float(path.width_mm) * float(path.thickness_mm) * float(path.length_mm) * MM**3
+        root, tip = (_beam_point(path, point) - washer for point in (path.corners[0], path.corners[-1]))
+        part = BEAM_SHARE * density * volume * (shift + np.cross(turn, tip))
+        force = force + part
+        moment = moment + np.cross(BEAM_MIDDLE * tip + (1 - BEAM_MIDDLE) * root, part)
+    return np.concatenate([force, moment])
+
+
+def _model(plan: Plan, channel: Channel) -> TaxelModel:
+    """Return the beam model of a channel's taxel."""
+    plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
+    beam = channel.beam
+    return TaxelModel(plan.spec, beam.topology, plate, BeamShape(beam.width_mm, beam.thickness_mm, beam.length_mm))
+
+
+def _beam_point(path: BeamPath, point: PathPoint) -> np.ndarray:
+    """Return a point of a beam's path, at half its thickness, in m."""
+    return np.array([float(point.x_mm), float(point.y_mm), float(path.thickness_mm) / 2]) * MM
+
+
+PIECES = 8
+BEAM_SHARE = 0.5
+BEAM_MIDDLE = 0.7
+"""Share of a beam's mass that moves with its tip, and the place of that share's middle on the way from root to tip.
+
+They are those of a beam whose tip does not turn, ``y = 3 s² − 2 s³``. Beams have a few per cent of the body's mass.
+"""
+
+
+def _chamfer(plan: Plan, density: float, washer: np.ndarray) -> RigidBody:
+    """Return what the boss lacks at its edge, as a ring of no height."""
+    edge = plan.plate.boss_edge_mm * MM
+    volume = pi * (plan.plate.boss_diameter_mm * MM - edge * 2 / 3) * edge**2 / 2
+    at = washer + np.array([0.0, 0.0, plan.plate.boss_top_mm * MM])
+    return RigidBody(np.array(-density * volume), at, np.zeros((3, 3)))
+
+
+def _outline_parts(plan: Plan, low: float, high: float, density: float) -> Iterator[RigidBody]:
+    """Yield a plate of the pad's outline between two heights: its box less the round corners and the groove."""
+    pad = plan.spec.pad
+    half_x = (pad.width_mm / 2 + pad.border_mm) * MM
+    half_y = (pad.depth_mm / 2 + pad.border_mm) * MM
+    yield box((-half_x, -half_y, low), (half_x, half_y, high), density)
+    corner = (1 - pi / 4) * (pad.border_mm / 2 * MM) ** 2 * (high - low)
+    middle = (low + high) / 2
+    for sign_x, sign_y in CORNERS:
+        at = np.array([sign_x * half_x, sign_y * half_y, middle])
+        yield RigidBody(np.array(-density * corner), at, np.zeros((3, 3)))
+    groove = corner_groove(plan.spec)
+    within = max(groove.y0 * MM, -half_y)
+    yield box((groove.x0 * MM, within, low), (groove.x1 * MM, groove.y1 * MM, high), -density)
+
+
+def _holes(plan: Plan, height: float, density: float) -> Iterator[RigidBody]:
+    """Yield the screw holes of the border."""
+    pad = plan.spec.pad
+    x = (pad.width_mm + pad.border_mm) / 2 * MM
+    y = (pad.depth_mm + pad.border_mm) / 2 * MM
+    for sign_x, sign_y in CORNERS:
+        if pad.hole_diameter_mm:
+            yield ring((sign_x * x, sign_y * y), 0.0, height, pad.hole_diameter_mm * MM, 0, -density)
+
+
+def _tray_parts(plan: Plan, tray: Tray) -> Iterable[RigidBody]:
+    """Yield the tray's boxes and cylinders, what is cut out with a negative density."""
+    pad = plan.spec.pad
+    density = plan.spec.material.density_g_per_cm3 * G_PER_CM3
+    floor, socket, top = (height * MM for height in (tray.floor_mm, tray.socket_top_mm, tray.height_mm))
+    down = -top
+
+    def at(height: float) -> float:
+        """Return a height from the tray's bed as one from the pad's underside."""
+        return height + down
+
+    half_x = pad.width_mm / 2 * MM
+    half_y = pad.depth_mm / 2 * MM
+    yield from _outline_parts(plan, down, 0.0, density)
+    yield box((-half_x, -half_y, at(socket)), (half_x, half_y, 0.0), -density)
+    for x, y in tray.coils_mm:
+        centre = (x * MM, y * MM)
+        yield ring(centre, down, at(floor), tray.seat_hole_mm * MM, 0, -density)
+        yield ring(centre, at(floor), at(socket), tray.socket_diameter_mm * MM, 0, -density)
+        slot = density * tray.lead.width_mm * tray.lead.reach_mm * MM**2 * (socket - floor)
+        reach = (tray.socket_diameter_mm + tray.lead.reach_mm) / 2 * MM / 2**0.5
+        place = np.array([centre[0] + reach, centre[1] + reach, at((floor + socket) / 2)])
+        yield RigidBody(np.array(-slot), place, np.zeros((3, 3)))
+    border = pad.border_mm * MM
+    for wires in tray.wire_slots:
+        x0, x1 = _within_rim(wires.x0 * MM, wires.x1 * MM, half_x, border)
+        y0, y1 = _within_rim(wires.y0 * MM, wires.y1 * MM, half_y, border)
+        yield box((x0, y0, at(socket)), (x1, y1, 0.0), -density)
+    if tray.screw:
+        for x, y in tray.holes_mm:
+            depth = tray.screw.hole_depth_mm * MM
+            yield ring((x * MM, y * MM), -depth, 0.0, tray.screw.hole_diameter_mm * MM, 0, -density)
+
+
+def _within_rim(low: float, high: float, half: float, border: float) -> tuple[float, float]:
+    """Return a span in m that crosses the rim cut to the rim from `half` outwards; one along the rim stays."""
+    if low < -half:
+        return max(low, -half - border), -half
+    if high > half:
+        return half, min(high, half + border)
+    return low, high
