@@ -1,7 +1,7 @@
 """The pad of a plan as a body that its ON taxels shake: on its mount, with the signs that keep it still.
 
 Counted are the working modes of all taxels, and the six motions of the pad with everything that is fastened to it. A
-pad that lies loose is taken as free: the stiffness of skin, foam or feet counts where the spec gives it. It is then an
+pad that lies loose is taken as free: the stiffness of skin, foam or feet counts where the mount gives it. It is then an
 even layer below the pad, a third as stiff in shear, with one quality factor for all motions. A base plate is a slab of
 steel of the pad's outline.
 
