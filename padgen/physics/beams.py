@@ -334,7 +334,8 @@ def curl(slenderness: Array) -> tuple[Array, Array]:
 
     The first is for a constant moment, the second for one that is zero at half the length and grows evenly towards both
     ends; any moment from loads at the ends is a sum of the two. `slenderness` is length over width. Both are 1 for a
-    strip much shorter than wide (a plate: modulus ``E/(1 − ν²)``) and end as 0.65/`slenderness`… and 2.2/`slenderness`.
+    strip much shorter than wide (a plate: modulus ``E/(1 − ν²)``); of long ones they go as 0.85/`slenderness` and
+    2.6/`slenderness`.
 
     Notes
     -----
@@ -697,6 +698,7 @@ CURL_GUIDED = 0.0947, 0.0782, 0.2293, 0.1086, 0.0301
 """Coefficients of `curl` in powers of length over width: the first and second above, the first to third below."""
 CURL_NARROW = 3.56
 CURL_YOKE = 0.57
+"""How much thickness over width adds to narrow beams' slenderness, and the share of `curl` that a yoke's ends hold."""
 ROOT = 0.655
 ROOT_HEIGHT = 0.996
 FRAME = 0.874

@@ -326,7 +326,7 @@ What a yoke gives when it is pulled and sideways counts in other modes than the 
 shear of a print whose layers hold less well to each other add to that of an isotropic one.
 """
 YOKE_SIDE = 4.0
-"""Share of a beam's lateral flexibility that the neck joints of a yoke may add, over width per length; at most 1."""
+"""Share of a beam's lateral flexibility that neck and joints of a yoke may add, over width per length; at most 1."""
 PLATE = list(UNCERTAINTY).index("plate")
 """Place of the plate among them."""
 
