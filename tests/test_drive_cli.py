@@ -193,7 +193,7 @@ def test_a_measured_table_is_enough(work, capsys):
         (["drive", "paper-32", "--state", "012"], "2 digits"),
         (["drive", "paper-32", "--state", "10", "--depth", "16"], "24, float"),
         (["drive", "paper-32", "--state", "10", "--signal", "power"], "voltage or current"),
-        (["drive", "paper-32", "--state", "10", "--rate", "100"], "608"),
+        (["drive", "paper-32", "--state", "10", "--rate", "100"], "609"),
         (["drive", "paper-32", "--state", "10", "--seconds", "-1"], "above 0 s"),
         (["drive", "paper-32", "--state", "10", "--seconds", "nan"], "above 0 s"),
         (["drive", "paper-32", "--state", "10", "--carrier", "9000"], "spur-free"),

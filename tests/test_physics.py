@@ -151,7 +151,7 @@ E = 3e9
 NU = 0.36
 G = E / (2 * (1 + NU))
 BENT = BeamSection(0.6 * MM, 0.4 * MM, 8 * MM)
-GIVING = EndCompliance(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 * MM, -0.1 * MM, 1.07)
+GIVING = EndCompliance(0.1 * MM, 0.2 * MM, 0.15 * MM, 0.05 * MM, 0.3 * MM, 0.2 * MM, -0.1 * MM, 0.07, 0.07)
 
 
 def rigidities(section):
@@ -223,6 +223,9 @@ def test_corner_against_castigliano():
 @pytest.mark.parametrize("fillet", [0.0, 0.3 * MM])
 @pytest.mark.parametrize("ends", [EndCompliance(), GIVING])
 def test_straight_pieces_in_line_are_one_beam(monkeypatch, fillet, ends):
+    if fillet:
+        # Ends keep a bent beam's flare from curling, but not a straight one's, which its root holds.
+        ends = ends._replace(curl_pure=0.0, curl_guided=0.0)
     one = BENT._replace(fillet=fillet, ends=ends)
     pieces = one._replace(path=((3 * MM, 0.0), (5 * MM, 0.0)))
     parted = tip_stiffness(pieces, E, NU)

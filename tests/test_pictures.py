@@ -17,6 +17,7 @@ import pytest
 import padgen as pg
 from padgen import cli
 from padgen.core.display import plot_bytes
+from padgen.core.errors import number
 from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm
 from padgen.report.charts import picture
@@ -116,7 +117,14 @@ def test_the_section_has_the_plans_sizes(paper_plan):
     off = washer[:, 0].mean() - (coil[:, 0].min() + coil[:, 0].max()) / 2
     assert abs(off) == pytest.approx(abs(channel.site.washer_mm[0]))
     told = {text.get_text() for text in axis.texts}
-    assert {"beam 6.55 long", "beam 0.631 wide", "beam 0.3 thick", "gap 1", "coil 10 high", "boss 2.5"} <= told
+    assert {
+        "beam 6.55 long",
+        f"beam {number(channel.beam.width_mm)} wide",
+        "beam 0.3 thick",
+        "gap 1",
+        "coil 10 high",
+        "boss 2.5",
+    } <= told
 
 
 def test_the_stack_counts_all_parts(paper_plan):

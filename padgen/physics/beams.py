@@ -109,7 +109,7 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     x, y, heading = slices[0][:3]
     counts = []
     for length, turn, flare in pieces:
-        counts.append(3 + int(np.ceil(np.abs(turn).max())))
+        counts.append(4 + int(np.ceil(np.abs(turn).max())))
         at = np.append(_gauss(counts[-1])[0], 1.0)
         piece = length, np.abs(turn) * width / (2 * np.maximum(length, SHORTEST_M)), np.where(turn, np.inf, length)
         half = turn * at / 2

@@ -70,8 +70,9 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
-MOST_CHOICES = 48
-"""Choices of layout, beams, gap, sets and drive that are tried, for a plan and to find out whether a cure works."""
+MOST_FOR_CURE = 48
+"""Choices of layout, beams, gap, sets and drive that are tried to find out whether a cure works: one that needs more is
+not proposed. A plan has no such bound: the one choice that works may come after hundreds."""
 MOST_SURE = 8
 """Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
 those that few prints leave the most hope for."""
@@ -146,7 +147,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """
     if choice and set(cure) == {"drive.level_um"}:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
-    searched = _searched(varied(spec, cure), quick=choice is None)
+    searched = _searched(varied(spec, cure), quick=choice is None, most=MOST_FOR_CURE)
     if searched is None:
         raise InfeasibleError("no layout holds", "resolution")
     return finish(searched, quick=True)
@@ -163,8 +164,8 @@ def choose(spec: Spec) -> Choice:
     raise refusal(next(_decided_specs(spec)), partial(_planned_with, spec, None))
 
 
-def _searched(spec: Spec, quick: bool = False) -> Choice | None:
-    """Return the choice for a spec, of `MOST_CHOICES`; with `quick` the first that has room and beams."""
+def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
+    """Return the choice for a spec, of at most so many; with `quick` the first that has room and beams."""
     ranked: list[Iterator[Choice]] = []
     known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided_specs(spec):
@@ -179,7 +180,7 @@ def _searched(spec: Spec, quick: bool = False) -> Choice | None:
             return first
         ranked.append(choices)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
-    merged = islice(merge(*ranked, key=_coils_key), MOST_CHOICES)
+    merged = islice(merge(*ranked, key=_coils_key), most)
     some_found = list(islice(merged, 2))
     if not some_found:
         return None

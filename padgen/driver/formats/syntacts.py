@@ -198,7 +198,8 @@ def syntacts_script(plan: Plan, drive: PadDrive, timeline: Timeline, full_scale_
         scale_v=number(full_scale_v),
         constant=CONSTANT if drive.has_constant else "",
         rate=drive.rate_hz,
-        seconds=_figure(timeline.seconds),
+        # A little less, or a loop's first sample could fall behind its last part.
+        seconds=_figure(timeline.seconds * (1 - 1e-11)),
         loops=timeline.loops,
         ramp=_figure(ramp_s(plan)),
         signals="".join(f"    {text},\n" for text in known),
