@@ -93,34 +93,50 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     `path` holds length in m and turn (left positive) of each piece. The `width` flares at the root by two quarter
     circles of radius `fillet`, on the first piece.
     """
-    width, fillet = (np.asarray(v, float)[..., None] for v in (width, fillet))
-    pieces = [(*(np.asarray(v, float)[..., None] for v in piece), 0.0 * fillet) for piece in path]
+    width, fillet = (np.asarray(v, float) for v in (width, fillet))
+    pieces = [(*(np.asarray(v, float) for v in piece), 0.0 * fillet) for piece in path]
     if (fillet > 0).any():
         pieces[:1] = [(fillet, 0.0 * fillet, fillet), (pieces[0][0] - fillet, pieces[0][1], 0.0 * fillet)]
-    shape = np.broadcast_shapes(*(v.shape for v in (width, *(v for piece in pieces for v in piece))))[:-1]
-
-    def places(*values: Array, count: int = 1) -> np.ndarray:
-        whole = np.empty((len(values), *shape, count))
-        for part, value in zip(whole, values, strict=True):
-            part[...] = value
-        return whole
-
-    slices = [places(0.0, 0.0, 0.0, width + 2 * fillet, *_NO_PIECE)]
-    x, y, heading = slices[0][:3]
-    counts = []
-    for length, turn, flare in pieces:
-        counts.append(4 + int(np.ceil(np.abs(turn).max())))
-        at = np.append(_gauss(counts[-1])[0], 1.0)
-        piece = length, np.abs(turn) * width / (2 * np.maximum(length, SHORTEST_M)), np.where(turn, np.inf, length)
-        half = turn * at / 2
-        chord = length * at * np.sinc(half / np.pi)
-        flared = 2 * (flare - np.sqrt(np.maximum(flare**2 - np.maximum(flare - length * at, 0) ** 2, 0)))
-        across = x + chord * np.cos(heading + half), y + chord * np.sin(heading + half)
-        whole = places(*across, heading + turn * at, width + flared, *piece, count=len(at))
-        slices.append(whole[..., :-1])
-        x, y, heading = whole[:3, ..., -1:]
-    slices.append(places(x, y, heading, width, *_NO_PIECE))
-    x, y, heading, wide, share, curved, straight = np.concatenate(slices, -1)
+    shape = np.broadcast_shapes(width.shape, *(v.shape for piece in pieces for v in piece))
+    table = np.empty((3, *shape, len(pieces)))
+    for k, piece in enumerate(pieces):
+        for row, value in zip(table, piece, strict=True):
+            row[..., k] = value
+    counts = [4 + int(np.ceil(np.abs(turn).max())) for _, turn, _ in pieces]
+    # Where each piece begins, and its end as seen from there.
+    length, turn, _ = table
+    heading = np.cumsum(turn, -1) - turn
+    chord = length * np.sinc(turn / (2 * np.pi))
+    along = chord * np.cos(heading + turn / 2)
+    aside = chord * np.sin(heading + turn / 2)
+    begins = np.stack([np.cumsum(along, -1) - along, np.cumsum(aside, -1) - aside, heading])
+    # The same for each slice.
+    at = np.concatenate([_gauss(count)[0] for count in counts])
+    length, turn, flare = np.repeat(table, counts, -1)
+    from_x, from_y, heading = np.repeat(begins, counts, -1)
+    half = turn * at / 2
+    chord = length * at * np.sinc(half / np.pi)
+    flared = 2 * (flare - np.sqrt(np.maximum(flare**2 - np.maximum(flare - length * at, 0) ** 2, 0)))
+    slices = np.empty((7, *shape, len(at) + 2))
+    inside = slices[..., 1:-1]
+    inside[0] = from_x + chord * np.cos(heading + half)
+    inside[1] = from_y + chord * np.sin(heading + half)
+    inside[2] = heading + turn * at
+    inside[3] = width[..., None] + flared
+    inside[4] = length
+    inside[5] = np.abs(turn) * width[..., None] / (2 * np.maximum(length, SHORTEST_M))
+    inside[6] = np.where(turn, np.inf, length)
+    root = slices[..., 0]
+    root[:3] = 0.0
+    root[3] = width + 2 * fillet
+    tip = slices[..., -1]
+    tip[0] = along.sum(-1)
+    tip[1] = aside.sum(-1)
+    tip[2] = table[1].sum(-1)
+    tip[3] = width
+    for end in (root, tip):
+        end[4:] = np.reshape(_NO_PIECE, (3, *(1 for _ in shape)))
+    x, y, heading, wide, share, curved, straight = slices
     # Turn from the root's axes to the tip's.
     turned = heading[..., -1:]
     x = x - x[..., -1:]
@@ -161,12 +177,20 @@ def within_side(slices: Slices) -> np.ndarray:
 
 def matrices(*rows: list[Array]) -> np.ndarray:
     """Return small matrices, one per slice, from their rows of entries (…, k)."""
-    return np.stack([columns(row) for row in rows], -2)
+    shape = np.broadcast_shapes(*(np.shape(value) for row in rows for value in row))
+    whole = np.empty((*shape, len(rows), len(rows[0])))
+    for i, row in enumerate(rows):
+        for j, value in enumerate(row):
+            whole[..., i, j] = value
+    return whole
 
 
 def columns(values: list[Array]) -> np.ndarray:
     """Return arrays or numbers side by side along a new last axis."""
-    return np.stack(np.broadcast_arrays(*values), -1)
+    whole = np.empty((*np.broadcast_shapes(*map(np.shape, values)), len(values)))
+    for j, value in enumerate(values):
+        whole[..., j] = value
+    return whole
 
 
 @cache
@@ -436,7 +460,7 @@ def _bent_matrices(
     masses = []
     for plane in _planes(section, modulus, poisson):
         stiffness = np.linalg.inv(plane.flexibility)
-        shape = np.einsum("...ki,...ij->...kj", plane.back, plane.running)
+        shape = plane.back @ plane.running
         stiffnesses.append(stiffness)
         masses.append(density * stiffness @ _squared(shape, plane.inertia) @ stiffness)
     return _of_planes(stiffnesses), _of_planes(masses)
@@ -561,10 +585,8 @@ class _Plane(NamedTuple):
     @property
     def running(self) -> Array:
         """Flexibility (…, k, 3, 3) of the part between root and each slice, for loads on the tip."""
-        # Products of the loads do not depend on the thickness, and take most of the time where it is in them.
-        product = self.within[..., :, None] * self.within[..., None, :]
-        flat = product.reshape(*self.within.shape[:-1], 9)
-        grown = (self.compliance[..., None, :] @ flat)[..., 0, :]
+        per_slice = np.swapaxes(self.within, -1, -2) @ (self.compliance[..., None] * self.within)
+        grown = per_slice.reshape(*per_slice.shape[:-2], 9)
         running = self.slices.running @ grown
         return running.reshape(*running.shape[:-1], 3, 3) + self._at_root[..., None, :, :]
 

@@ -258,10 +258,15 @@ def resonance_rise(alpha: Any, amplitude: Any, offset: Any = 0.0) -> Any:
     ``ω²/ω₀² = 1 + α (3/4 a² + 3 z²)`` (harmonic balance). `offset` is the deflection without hardening; z is that with
     it, the real root of ``z + α z³ = offset``.
     """
+    return np.sqrt(1 + 0.75 * alpha * np.square(amplitude) + _offset_stiffening(alpha, offset)) - 1
+
+
+def _offset_stiffening(alpha: Any, offset: Any) -> Any:
+    """Return 3 α z², the rise of ω²/ω₀² by a static `offset` alone (`resonance_rise`)."""
     steep = np.sqrt(3 * np.asarray(alpha, float))
     # z = 2/√(3α) sinh(asinh(3/2 √(3α) offset)/3); α z² from it without dividing by α.
     square = 4 / 3 * np.sinh(np.arcsinh(1.5 * steep * offset) / 3) ** 2
-    return np.sqrt(1 + 0.75 * alpha * np.square(amplitude) + 3 * square) - 1
+    return 3 * square
 
 
 def jump_amplitude(alpha: float, q: float) -> float:
@@ -281,9 +286,11 @@ def level_kept(alpha: Any, q: float, amplitude: Any, offset: Any = 0.0) -> Any:
     """
     high = np.ones(np.broadcast(alpha, amplitude, offset).shape)
     low = np.zeros_like(high)
+    stiffening = _offset_stiffening(alpha, offset)
     for _ in range(BISECTIONS):
         share = (low + high) / 2
-        off = 2 * q * resonance_rise(alpha, share * amplitude, offset)
+        rise = np.sqrt(1 + 0.75 * alpha * np.square(share * amplitude) + stiffening) - 1
+        off = 2 * q * rise
         above = share**2 * (off**2 + 1) > 1
         low = np.where(above, low, share)
         high = np.where(above, share, high)

@@ -57,7 +57,9 @@ __all__ = [
     "MOST_WITH_SPURS",
     "RINGS",
     "SLOT_DB",
+    "ChosenDrive",
     "cell_is_turned",
+    "chosen_drive",
     "coil_demand",
     "coil_load",
     "coil_reuse",
@@ -341,24 +343,44 @@ MOST_WITH_SPURS = 256
 """Channels per coil up to which schemes that the spec does not ask for are judged, where they have n³ spurs."""
 
 
-def plan_selectivity(
-    spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None, asked_only: bool = False
-) -> Selectivity:
-    """Choose the drive scheme for the channels of a coil, and return its selectivity.
+class ChosenDrive(NamedTuple):
+    """The drive scheme of a coil's channels, why it was chosen, and the figures of all schemes that were judged."""
 
-    With two sets of channels, the figures are of the worse one. `optimum`, the figure of optimised resonances, is
-    recorded if it is of the chosen scheme. With `asked_only`, no other schemes are judged than the spec asks for.
+    drive: str
+    why: str
+    schemes: tuple[SchemeFigures, ...]
+
+    @property
+    def kept_db(self) -> float:
+        """All-state selectivity in dB with the chosen scheme, as `Selectivity.kept_db`; inf where it is not judged."""
+        figures = next(figures for figures in self.schemes if figures.scheme == self.drive)
+        return inf if figures.all_states_db is None else figures.reached_db
+
+
+def chosen_drive(spec: Spec, planned: Sequence[Channel], asked_only: bool = False) -> ChosenDrive:
+    """Choose the drive scheme for the channels of a coil: the part of `plan_selectivity` that a search needs.
+
+    With `asked_only`, no other schemes are judged than the spec asks for.
     """
     any_drive = with_any_drive(spec)
     planned = tuple(planned)
     names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order()
     figures = {name: _scheme_figures(any_drive, planned, scheme_named(spec, name), spec.drive.scheme) for name in names}
-    name, why = _chosen_scheme(spec, figures, planned)
+    return ChosenDrive(*_chosen_scheme(spec, figures, planned), tuple(figures.values()))
+
+
+def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum | None" = None) -> Selectivity:
+    """Choose the drive scheme for the channels of a coil, and return its selectivity.
+
+    With two sets of channels, the figures are of the worse one. `optimum`, the figure of optimised resonances, is
+    recorded if it is of the chosen scheme.
+    """
+    name, why, schemes = chosen_drive(spec, planned)
     return replace(
-        _selectivity(any_drive, planned, scheme_named(spec, name)),
+        _selectivity(with_any_drive(spec), tuple(planned), scheme_named(spec, name)),
         why=why,
         optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
-        schemes=tuple(figures.values()),
+        schemes=schemes,
     )
 
 

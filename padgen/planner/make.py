@@ -21,7 +21,9 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import driven, force_constants, plan_channels
 from padgen.planner.cures import Cure, named_breakdown, refusal, varied, with_tried_cures
 from padgen.planner.drive_scheme import (
+    ChosenDrive,
     cell_is_turned,
+    chosen_drive,
     coil_demand,
     coil_load,
     coil_reuse,
@@ -214,7 +216,7 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
             yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
 
 
-Driven = dict[int, tuple[Choice, tuple[Channel, ...], Selectivity]]
+Driven = dict[int, tuple[Choice, tuple[Channel, ...], ChosenDrive]]
 """Choices whose drive has been chosen, by `id`: kept with them, so that no other choice gets the same `id`."""
 
 
@@ -296,20 +298,20 @@ def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, o
     if at_most < least_db:
         return Tried(at_most)
     if id(choice) not in known:
-        known[id(choice)] = (choice, *_driven(choice))
-    _, channels, selectivity = known[id(choice)]
+        bare = _channels_of(choice)
+        chosen = chosen_drive(spec, bare)
+        known[id(choice)] = (choice, driven(spec, bare, scheme_named(spec, chosen.drive)), chosen)
+    _, channels, chosen = known[id(choice)]
     meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
-    scheme = scheme_named(spec, selectivity.drive)
-    load = coil_load(spec, channels, scheme)
+    load = coil_load(spec, channels, scheme_named(spec, chosen.drive))
     if meets or not is_fed(spec, load):
         return Tried(-inf)
     if not overloaded and any(exceeded(spec, coil_demand(load, choice.layout.coils))):
         return Tried(-inf)
-    if selectivity.kept_db is not None:
-        at_most = min(at_most, selectivity.kept_db)
+    at_most = min(at_most, chosen.kept_db)
     if at_most < least_db:
         return Tried(at_most)
-    paper_db, prints = compared_prints(_assemble(choice, channels, selectivity), least_db, least_share)
+    paper_db, prints = compared_prints(_assemble(choice, *_driven(choice)), least_db, least_share)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
         return Tried(at_most)
@@ -353,10 +355,14 @@ def _driven(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:
     """Return the channels of a choice, and the selectivity with the drive that is chosen for them."""
     spec = choice.spec
     layout = choice.layout
-    sized = choice.channels
-    bare = plan_channels(spec, sized, sites_of(spec, layout, sized))
+    bare = _channels_of(choice)
     selectivity = plan_selectivity(spec, bare, planned_optimum(spec, layout.channels, room(spec, layout)))
     return driven(spec, bare, scheme_named(spec, selectivity.drive)), selectivity
+
+
+def _channels_of(choice: Choice) -> tuple[Channel, ...]:
+    spec, layout, sized, *_ = choice
+    return plan_channels(spec, sized, sites_of(spec, layout, sized))
 
 
 def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Selectivity) -> Plan:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
-from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +26,7 @@ from padgen.physics.ladder import (
 from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db, print_share
 from padgen.planner.channels import plan_channels
-from padgen.planner.drive_scheme import plan_selectivity
+from padgen.planner.drive_scheme import chosen_drive
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
 from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, beams_only, reach
@@ -299,10 +298,9 @@ def _resonating(
 
 def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
     """Return a sort key: whether the asked selectivity is kept, how simple the drive is, and the dB kept."""
-    figures = plan_selectivity(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)), asked_only=True)
-    kept_db = inf if figures.kept_db is None else figures.kept_db
-    keeps = kept_db >= figures.asked_db
-    return keeps, -simplest_first().index(figures.drive) if keeps else 0, kept_db
+    chosen = chosen_drive(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)), asked_only=True)
+    keeps = chosen.kept_db >= decibel(spec.delta_y)
+    return keeps, -simplest_first().index(chosen.drive) if keeps else 0, chosen.kept_db
 
 
 WIDEST_HZ = 1e5
