@@ -14,7 +14,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import padgen as pg
 from padgen.planner.plan import Plan, plan_to_json
-from padgen.planner.shaken_pad import Mount, ShakenPad, pad_recoil
+from padgen.planner.shaken_pad import ShakenPad, pad_recoil
+from padgen.spec import MountTable
 from padgen.spec.load import template_paths
 from tests.pad_stepper import stepped_db
 
@@ -23,13 +24,13 @@ STEPPED = ("pad-32", "paper-16", "paper-32", "paper-pair", "triple-48")
 """Templates that are stepped: with many taxels it takes long."""
 
 
-def a_mount(rng: np.random.Generator) -> Mount:
+def a_mount(rng: np.random.Generator) -> MountTable:
     """Return a mount by chance: loose, on a layer, glued to a plate, or both of these."""
     base_g = float(np.round(10 ** rng.uniform(1, 3.3))) if rng.random() < 0.5 else None
     if rng.random() < 0.4:
-        return Mount("glued" if base_g else "resting", base_g)
+        return MountTable("glued" if base_g else "resting", base_g)
     stiffness = float(np.round(10 ** rng.uniform(2, 5.3)))
-    return Mount("foam", base_g, stiffness, float(np.round(10 ** rng.uniform(0, 1.3), 1)))
+    return MountTable("foam", base_g, stiffness, float(np.round(10 ** rng.uniform(0, 1.3), 1)))
 
 
 def an_image(plan: Plan, rng: np.random.Generator) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Judge a pad from its plan.json alone; this program imports nothing of padgen."""
 
-from math import log10, pi, sqrt
+from math import inf, log10, pi, sqrt
 from typing import Any
 
 STRENGTH_OVER_FATIGUE = 4.0
@@ -85,7 +85,19 @@ def judged_level(plan: dict[str, Any]) -> str:
     if shown["frames_per_s"] < spec["drive"]["least_frames_per_s"]:
         return "short"
     if prints["print_db"] is None:
-        return "good"
+        return "short" if recoil_spoils(plan, inf, "in_step_db") else "good"
     if prints["planned_db"] >= 20 * log10(spec["delta_y"]):
-        return "good"
-    return "retune" if prints["good_share"] >= spec["print_share"] else "short"
+        return "short" if recoil_spoils(plan, prints["planned_db"], "in_step_db") else "good"
+    if prints["good_share"] < spec["print_share"]:
+        return "short"
+    return "short" if recoil_spoils(plan, prints["print_db"], "apart_db") else "retune"
+
+
+def recoil_spoils(plan: dict[str, Any], held_db: float, moving: str) -> bool:
+    """Return whether less is kept than is asked on the mount that the spec states, energies added."""
+    recoil = plan["recoil"]
+    if all(value in (None, "unsaid") for value in plan["spec"]["mount"].values()) or recoil[moving] is None:
+        return False
+    still = 0.0 if recoil["clamped_db"] is None else 10 ** (-recoil["clamped_db"] / 10)
+    energy = 10 ** (-held_db / 10) + max(0.0, 10 ** (-recoil[moving] / 10) - still)
+    return energy > 10 ** (-log10(plan["spec"]["delta_y"]) * 2)

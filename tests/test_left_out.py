@@ -429,4 +429,4 @@ def test_a_washer_that_is_not_pulled_has_no_force_to_judge():
     still = tuple(replace(c, force_constant_n_per_a2=0.0) for c in plan.channels)
     terms = {e.term for e in left_out(replace(plan, channels=still)) if e.status == "bounded"}
     unpulled = {"stretching", "large slopes", "air's mass", "air's damping"}
-    assert terms == {"beam inertia", "frame", "leakage", "far modes"} | unpulled
+    assert terms == {"beam inertia", "frame", "leakage", "far modes", "recoil"} | unpulled

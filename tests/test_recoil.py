@@ -15,9 +15,10 @@ from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs,
 from padgen.planner.make import choose, finish
 from padgen.planner.pad_mass import mode_momentum, pad_mass
 from padgen.planner.plan import plan_to_json
-from padgen.planner.shaken_pad import LOST_DB, Mount, ShakenPad, chance_images, pad_recoil
-from padgen.spec import load_spec
-from padgen.spec.load import template_paths
+from padgen.planner.shaken_pad import LOST_DB, ShakenPad, chance_images, moving_pad_db, pad_recoil
+from padgen.spec import MountTable, load_spec, make_spec
+from padgen.spec.load import laid_over, template_paths, without_none
+from tests.judge_from_json import judged_level
 from tests.pad_stepper import stepped_db
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -178,11 +179,13 @@ def test_the_figure_is_that_of_the_pad_stepped_in_time(case, signed):
     """0.01 dB: fourth-order steps leave 1e-4; what docs/recoil.md promises is 0.3. Leakage is not stepped."""
     name, fields = MOUNTS[case]
     plan = pg.plan(name)
-    pad = ShakenPad(plan, Mount(**fields))
+    pad = ShakenPad(plan, MountTable(**fields))
     pad.leak[:] = 0.0
     levels = chance_images(len(plan.taxels), 3, seed=7)[2]
     driven = levels * pad.signs(levels) if signed else levels
-    assert stepped_db(table_of(plan, Mount(**fields)), driven) == pytest.approx(float(pad.listen(driven).db), abs=0.01)
+    assert stepped_db(table_of(plan, MountTable(**fields)), driven) == pytest.approx(
+        float(pad.listen(driven).db), abs=0.01
+    )
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
@@ -199,6 +202,60 @@ def test_signs_keep_what_the_clamped_pad_has(name):
         assert found.base_g == 0.0
 
 
+@pytest.mark.parametrize("name", ["pad-32", "paper-16"])
+def test_energies_of_taxels_driven_apart_add(name):
+    """Each ON taxel alone, as `listen` has it, which time stepping confirms; 1e-9 for rounding."""
+    pad = ShakenPad(quick(name))
+    shown = chance_images(len(pad.unit), 4, seed=5)
+    expected = []
+    for levels in shown:
+        energy = pad.leak.copy()
+        for taxel in np.flatnonzero(levels):
+            one = np.zeros(len(levels))
+            one[taxel] = 1.0
+            energy += heard_energy(pad, one)
+        expected.append(energy[levels == 0].max() ** 0.5)
+    assert pad.listen_apart(shown).off == pytest.approx(expected, rel=1e-9)
+
+
+def heard_energy(pad, driven):
+    """Return the energy (n,) of each taxel under an image, without leakage, over that when it alone is ON."""
+    motions = [pad.shaken[c].relative_motion(pad.force(c, driven)) for c in range(len(pad.hz))]
+    return (np.abs(motions) ** 2).sum(0) / pad.unit**2
+
+
+def stated(name, mount):
+    """Return a template's plan from few prints, with a mount, and the dict of its JSON."""
+    choice = choose(load_spec(name))
+    spec = make_spec(laid_over(without_none(asdict(choice.spec)), {f"mount.{key}": one for key, one in mount.items()}))
+    plan = finish(choice._replace(spec=spec), quick=True)
+    return plan, json.loads(plan_to_json(plan))
+
+
+MOUNTED = {
+    "nothing said": ("paper-16", {}, "retune"),
+    "loose": ("paper-16", {"kind": "resting"}, "short"),
+    "on 50 g": ("paper-16", {"kind": "glued", "base_mass_g": 50}, "retune"),
+    "screwed": ("paper-16", {"kind": "screwed"}, "retune"),
+    "pad-32 loose": ("pad-32", {"kind": "resting"}, "retune"),
+}
+
+
+@pytest.mark.parametrize("case", MOUNTED)
+def test_a_verdict_counts_the_mount_that_a_spec_states(case):
+    name, mount, level = MOUNTED[case]
+    plan, table = stated(name, mount)
+    verdict = plan.verdict
+    left_db = moving_pad_db(plan)
+    assert verdict.level == level == judged_level(table)
+    assert ("pad.recoil" in {finding.code for finding in plan.findings}) == (level == "short")
+    assert ("on a base that holds it still" in verdict.sentence) == (not mount) == bool(verdict.shaken)
+    if mount:
+        assert verdict.figure_db == pytest.approx(left_db, rel=1e-9)
+    else:
+        assert f"{left_db:.1f} dB less than ON ones; fastened to a steel plate of 50 g" in verdict.shaken
+
+
 def test_a_pad_that_is_screwed_down_does_not_recoil():
     found = pg.recoil(quick("pad-32"), kind="screwed")
     assert found.lost_db == 0.0
@@ -208,10 +265,10 @@ def test_a_pad_that_is_screwed_down_does_not_recoil():
 @pytest.mark.parametrize(
     ("mount", "where"),
     [
-        ({"q": 3}, "q"),
-        ({"kind": "hanging"}, "kind"),
-        ({"base_mass_g": -1}, "base_mass_g"),
-        ({"stiffness_n_per_m": 0}, "stiffness_n_per_m"),
+        ({"q": 3}, "mount.q"),
+        ({"kind": "hanging"}, "mount.kind"),
+        ({"base_mass_g": -1}, "mount.base_mass_g"),
+        ({"stiffness_n_per_m": 0}, "mount.stiffness_n_per_m"),
         ({"images": 0}, "images"),
     ],
 )

@@ -53,6 +53,10 @@ def random_table(draw: random.Random, is_quick: bool) -> dict:
         table["drive"]["voltage_limit_v"] = draw.choice([1.0, 5.0, 12.0])
     if draw.random() < 0.2:
         table["drive"]["least_frames_per_s"] = draw.choice([2.0, 5.0, 20.0])
+    if draw.random() < 0.4:
+        table["mount"] = {"kind": draw.choice(["resting", "foam", "screwed", "glued"])}
+        if table["mount"]["kind"] != "screwed" and draw.random() < 0.5:
+            table["mount"]["base_mass_g"] = draw.choice([20.0, 200.0, 2000.0])
     if is_quick:
         table |= {"resolution": 8, "printer": "fdm-0.4"}
         table.setdefault("coil", {})["grid"] = [2, 2]

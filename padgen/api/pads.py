@@ -12,9 +12,8 @@ if TYPE_CHECKING:
     from padgen.make.pad import Pad
     from padgen.measured.judge_laid import LaidReport
     from padgen.planner.explain import Explanation
-    from padgen.planner.plan import Plan
+    from padgen.planner.plan import Plan, Recoil
     from padgen.planner.print_yield import PrintYield
-    from padgen.planner.shaken_pad import Recoil
     from padgen.solid.checks import Report
     from padgen.spec.model import Spec
 
@@ -220,7 +219,7 @@ def print_yield(plan: "Plan", pads: int = 100_000, seed: int = 0) -> "PrintYield
 def recoil(
     plan: "Plan",
     *,
-    kind: str = "resting",
+    kind: str | None = None,
     base_mass_g: float | None = None,
     stiffness_n_per_m: float | None = None,
     q: float | None = None,
@@ -228,14 +227,15 @@ def recoil(
 ) -> "Recoil":
     """Tell how much the taxels that are ON shake the pad that they hang on, and what OFF taxels hear of that.
 
-    Plans, verdicts and drives do not count recoil yet: drives move all taxels in step.
+    Drives move all taxels of a channel in step; a plan's verdict counts that where its spec has a mount.
 
     Parameters
     ----------
     plan : Plan
         The pad's plan.
-    kind : {'resting', 'skin', 'foam', 'screwed', 'glued'}
-        What holds the pad: the first three let it lie loose.
+    kind : {'resting', 'skin', 'foam', 'screwed', 'glued'}, optional
+        What holds the pad: the first three let it lie loose. Without any of these four, the mount of the plan's spec;
+        loose where it has none.
     base_mass_g : float, optional
         Mass in g of a plate below pad and tray that moves with them; without it what the pad is screwed or glued to
         does not move.
@@ -264,11 +264,16 @@ def recoil(
     >>> found.in_step_db < found.signed_db < found.clamped_db
     True
     """
-    from padgen.planner.shaken_pad import Mount, pad_recoil
+    from padgen.planner.cures import varied
+    from padgen.planner.shaken_pad import pad_recoil
 
     if images < 1:
         raise SpecError(f"must be 1 or more, got {images}", "images")
-    return pad_recoil(plan, Mount(kind, base_mass_g, stiffness_n_per_m, q), images)
+    stated = {"kind": kind, "base_mass_g": base_mass_g, "stiffness_n_per_m": stiffness_n_per_m, "q": q}
+    if all(value is None for value in stated.values()):
+        return pad_recoil(plan, images=images)
+    mount = {f"mount.{name}": value for name, value in stated.items()} | {"mount.kind": kind or "resting"}
+    return pad_recoil(plan, varied(plan.spec, mount).mount, images)
 
 
 class SavedPlan(NamedTuple):

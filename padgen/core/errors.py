@@ -179,6 +179,8 @@ class Verdict:
     figure_db : float, optional
         The figure of the sentence: ON over OFF in dB that the asked share of prints keeps. None where no taxel hears
         another, and where the pad does not work.
+    shaken : str
+        What recoil leaves where the pad lies loose; empty where it does no harm, and where the spec has a mount.
     """
 
     level: str
@@ -187,11 +189,12 @@ class Verdict:
     limit: str
     cure: str
     figure_db: float | None
+    shaken: str = ""
 
     def __post_init__(self) -> None:
         if self.level not in VERDICTS:
             raise ValueError(f"level must be one of {VERDICTS}, got {self.level!r}")
-        for name in ("sentence", "touched"):
+        for name in ("sentence", "touched", "shaken"):
             object.__setattr__(self, name, plain(getattr(self, name), LONGEST))
 
     @property

@@ -32,8 +32,7 @@ from typing import NamedTuple
 from padgen.core.errors import Finding, InfeasibleError, at_least, number
 from padgen.core.units import MM, UM
 from padgen.planner.layout import SLACK_MM, Outline, coil_axis_mm, corner_groove, groove, placed_taxel
-from padgen.planner.plan import CoilGrid, Plan, Reuse
-from padgen.planner.verdict import NOT_JUDGED
+from padgen.planner.plan import NOT_JUDGED, CoilGrid, Plan, Reuse
 
 __all__ = [
     "LeadSlot",

@@ -22,6 +22,7 @@ from padgen.planner.left_out import judge_left_out, judge_touch
 from padgen.planner.limits import Moved, exceeded, lower_level
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pushes import judge_pushes
+from padgen.planner.shaken_pad import recoil_findings
 from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.suspensions import allowed
 from padgen.planner.taxel_model import asked_error
@@ -269,6 +270,7 @@ def judge(plan: Plan) -> tuple[Finding, ...]:
         _selectivity,
         _leak,
         _unknown_leak,
+        recoil_findings,
         _unsure_pull,
         _limits,
         _softening,

@@ -183,6 +183,7 @@ RUNGS = {
     "air's damping": ("air damps", "a wider gap, or a measured Q"),
     "large slopes": ("beams bend far", "a lower drive.level_um, or beams that sag less"),
     "far modes": ("modes far from the drive", "more distance between resonances"),
+    "recoil": ("ON taxels shake the pad", 'mount = "glued" on a heavy base'),
     "frame": ("the frame gives way", "padgen study --only pad"),
     "beam inertia": ("the beams' own mass", "--model solid"),
 }
@@ -237,6 +238,10 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     ]
     if plan.reuse.leak_db is not None:
         entries.append(LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True))
+    shaken = plan.recoil
+    if shaken.in_step_db is not None and not plan.spec.mount.is_fast:
+        heard = 10 ** (-shaken.kept_db(inf, shaken.in_step_db) / 20)
+        entries.append(LeftOut("recoil", heard, "1", "ON level, in what prints keep", computed=False))
     entries.sort(key=lambda entry: -_size(entry))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
     free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]

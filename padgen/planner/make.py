@@ -38,6 +38,8 @@ from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, p
 from padgen.planner.left_out import left_out, touched_pads
 from padgen.planner.limits import exceeded
 from padgen.planner.plan import (
+    NO_RECOIL,
+    NOT_JUDGED,
     Cell,
     Channel,
     CoilGrid,
@@ -58,9 +60,10 @@ from padgen.planner.printed_pads import NOT_PRINTED, QUICK_PADS, SURELY, compare
 from padgen.planner.printing import print_settings
 from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
+from padgen.planner.shaken_pad import planned_recoil
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
-from padgen.planner.verdict import NOT_JUDGED, judged
+from padgen.planner.verdict import judged
 from padgen.spec import Spec
 
 __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
@@ -144,10 +147,10 @@ def with_cures(spec: Spec, choice: Choice) -> Plan:
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
 
-    Where `cure` only changes the level, the beams of `choice` are kept. Without a `choice`, the plan is that of the
-    first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
+    Where `cure` only changes the level or the mount, the beams of `choice` are kept. Without a `choice`, the plan is
+    that of the first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
     """
-    if choice and set(cure) == {"drive.level_um"}:
+    if choice and set(cure) <= {"drive.level_um", "mount.kind", "mount.base_mass_g"}:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
     searched = _searched(varied(spec, cure), quick=choice is None, most=MOST_FOR_CURE)
     if searched is None:
@@ -328,13 +331,15 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     bare = _assemble(choice, *_driven(choice))
     spec = bare.spec
     prints = what_prints_keep(bare, quick)
+    recoil = planned_recoil(bare, prints)
     coils = bare.coils.rows * bare.coils.columns
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
     capacity = replace(bare.capacity, prints=count)
     known = replace(
         bare,
-        left_out=left_out(bare),
+        recoil=recoil,
+        left_out=left_out(replace(bare, recoil=recoil)),
         prints=prints,
         capacity=capacity,
         parts=fitting_parts(bare),
@@ -405,6 +410,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         findings=(),
         parts=Parts({}, ()),
         pushed=pushed_taxels(spec, channels),
+        recoil=NO_RECOIL,
     )
 
 

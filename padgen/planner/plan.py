@@ -8,7 +8,7 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from math import isfinite
+from math import isfinite, log10
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin
@@ -27,6 +27,8 @@ from padgen.spec.load import LARGEST_PLAN, without_none
 
 __all__ = [
     "CARRIER_OVER_RESONANCE",
+    "NOT_JUDGED",
+    "NO_RECOIL",
     "TURNS",
     "Beam",
     "Capacity",
@@ -43,6 +45,7 @@ __all__ = [
     "Prints",
     "Push",
     "Pushed",
+    "Recoil",
     "Reuse",
     "SchemeFigures",
     "Selectivity",
@@ -511,6 +514,65 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
+class Recoil:
+    """The recoil of the pad: how much its ON taxels shake it, and what OFF taxels hear of that.
+
+    `pad_g` is the mass of pad, washers, tray, coils and screws, `moving_g` that of everything on the mount, its
+    base included; None where that does not move. The dB are the smallest ON over the largest OFF amplitude in the
+    worst of `images` images by chance: `clamped_db` on a pad that does not move; on the moving one `in_step_db` by the
+    driver table, where taxels of a channel move in step, `apart_db` where each is driven at a frequency of its own near
+    that of its channel, as re-tuned, so that energies add, and `signed_db` by the table with signs that keep the pad
+    still (None in plans: no drive chooses signs). None where nothing is heard.
+
+    On a steel plate of `base_g`, the pad keeps `based_db`: all but 2 dB of what it keeps clamped or, in plans, so much
+    that the asked share of prints keeps what is asked. `base_g` is 0 where the pad does so as it is, and None where the
+    heaviest plate that was tried is not enough.
+
+    What moves on the mount reaches down to `lowest_mm` from the pad's underside, has its centre of mass at `centre_mm`
+    and the `moments_g_mm2` (3, 3) about it. For unit acceleration of its washer upwards against the pad, a channel's
+    working mode takes the forces `momenta_g` (n, 3) and, about the washer's axis at the pad's underside, the moments
+    `momenta_g_mm` (n, 3), in the taxel's own axes.
+    """
+
+    pad_g: float
+    moving_g: float | None
+    images: int
+    clamped_db: float | None
+    in_step_db: float | None
+    apart_db: float | None
+    signed_db: float | None
+    base_g: float | None
+    based_db: float | None = None
+    lowest_mm: float = 0.0
+    centre_mm: tuple[float, ...] = ()
+    moments_g_mm2: tuple[tuple[float, ...], ...] = ()
+    momenta_g: tuple[tuple[float, ...], ...] = ()
+    momenta_g_mm: tuple[tuple[float, ...], ...] = ()
+
+    @property
+    def lost_db(self) -> float:
+        """Loss in dB of the worst image by recoil, with signs that keep the pad still; 0 where it is not known."""
+        return 0.0 if self.clamped_db is None or self.signed_db is None else self.clamped_db - self.signed_db
+
+    def kept_db(self, db: float, moving_db: float | None) -> float:
+        """Return what is left of a selectivity `db` where OFF taxels hear the pad, too: energies add.
+
+        `moving_db` is the figure of the moving pad: `in_step_db`, `apart_db` or `signed_db`.
+        """
+        if moving_db is None:
+            return db
+        still = 0.0 if self.clamped_db is None else 10 ** (-self.clamped_db / 10)
+        energy = 10 ** (-db / 10) + max(10 ** (-moving_db / 10) - still, 0.0)
+        return -10 * log10(energy) if energy > 0 else db
+
+
+NO_RECOIL = Recoil(0.0, None, 0, None, None, None, None, None)
+"""The recoil of a plan before it is worked out."""
+NOT_JUDGED = Verdict("error", "not judged yet", "", "", "", None)
+"""The placeholder in a plan that is not `judged` yet."""
+
+
+@dataclass(frozen=True, slots=True)
 class Parts:
     """Parts of the catalogues that play all channels of the plan: amplifiers, with how many it takes, and sound cards.
 
@@ -551,6 +613,7 @@ class Plan:
     findings: tuple[Finding, ...]
     parts: Parts
     pushed: Pushed
+    recoil: Recoil
 
     def __repr__(self) -> str:
         coils = self.coils
@@ -676,7 +739,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     """
     try:
         table = json.loads(text)
-        if isinstance(table, dict) and "spec" in table and "verdict" not in table:
+        if isinstance(table, dict) and "spec" in table and not {"verdict", "recoil"} <= {*table}:
             raise OlderPlanError("was written by an older padgen; padgen plan makes it anew from its spec", where)
         plan: Plan = read_as(Plan, table, "the plan")
         _refuse_contradictions(plan)

@@ -10,106 +10,42 @@ where their signs do not differ. Leakage from the coils around counts as what it
 (`Reuse.retuned_leaks_db`), on a pad that does not move, too; spurs are not counted here.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
+from math import inf, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError
+from padgen.core.errors import Finding, about, quieter
 from padgen.core.units import GRAM, MM
 from padgen.physics.modes import RigidBody, box, combine
 from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs, rigid_mass, support_stiffness
 from padgen.planner.pad_mass import IRON_KG_PER_M3, PadMass
-from padgen.planner.plan import Plan
+from padgen.planner.plan import Plan, Prints, Recoil
+from padgen.spec import MountTable
 
-__all__ = ["LOST_DB", "Mount", "Recoil", "ShakenPad", "chance_images", "pad_recoil"]
+__all__ = [
+    "LOST_DB",
+    "ShakenPad",
+    "based_pad_db",
+    "chance_images",
+    "moving_pad_db",
+    "pad_recoil",
+    "planned_recoil",
+    "recoil_findings",
+]
 
 SHEAR_SHARE = 1 / 3
 """Stiffness of a soft layer against a shift over that against pressure: E/3 over E where it does not change volume."""
 MOUNT_Q = 2.0
 """Quality factor on skin, foam or feet where the spec gives none: soft layers lose half of the energy in a cycle."""
 LOST_DB = 2.0
-"""Loss by recoil up to which there is no finding."""
+"""Loss by recoil up to which a base plate counts as heavy enough, where nothing else says so."""
 IMAGES = 100
 BASES_G = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0)
 """Masses of a base plate that are tried, the lightest first."""
-
-
-@dataclass(frozen=True)
-class Mount:
-    """The place of a pad in use: what holds it, and what is below it.
-
-    `kind` is 'resting', 'skin' or 'foam', on which it lies loose, or 'screwed' or 'glued': fastened to the base, which
-    does not move where it has no mass. `base_mass_g` is the mass in g of a plate below pad and tray that moves with
-    them, `stiffness_n_per_m` that of skin, foam or feet below all of it (None: loose), and `q` the quality factor of
-    the vertical motion on that stiffness.
-    """
-
-    kind: str = "resting"
-    base_mass_g: float | None = None
-    stiffness_n_per_m: float | None = None
-    q: float | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("base_mass_g", "stiffness_n_per_m", "q"):
-            value = getattr(self, name)
-            least = 0.0 if name == "base_mass_g" else SMALLEST
-            if value is not None and not least <= value <= LARGEST:
-                raise SpecError(f"must be {least:g} … {LARGEST:g}, got {value:g}", name)
-        if self.kind not in KINDS:
-            raise SpecError(f"must be one of {', '.join(KINDS)}, got {self.kind!r}", "kind")
-        if self.q is not None and self.stiffness_n_per_m is None:
-            raise SpecError(f"is of the motion on stiffness_n_per_m, which is absent; got {self.q:g}", "q")
-
-    @property
-    def is_fast(self) -> bool:
-        """True where the pad is fastened to a base that does not move."""
-        fastened = self.kind in ("screwed", "glued")
-        return fastened and self.base_mass_g is None and self.stiffness_n_per_m is None
-
-
-KINDS = ("resting", "skin", "foam", "screwed", "glued")
-SMALLEST = 1e-3
-LARGEST = 1e12
-"""Bounds of a mount's stiffness and quality factor, and of its mass above 0."""
-RESTING = Mount()
-
-
-@dataclass(frozen=True, slots=True)
-class Recoil:
-    """The recoil of the pad: how much its ON taxels shake it, and what OFF taxels hear of that.
-
-    `pad_g` is the mass of pad, washers, tray, coils and screws, `moving_g` that of everything on the mount, its
-    base included; None where that does not move. The dB are the smallest ON over the largest OFF amplitude in the
-    worst of `images` images by chance: `clamped_db` on a pad that does not move, `in_step_db` on the moving one, as
-    drives have it, `signed_db` with signs that keep the pad still. None where no image has taxels that are OFF.
-    Glued to a plate of `base_g`, the pad loses at most 2 dB; 0 where it does so as it is, None where the heaviest
-    plate that was tried is not enough.
-
-    What moves on the mount reaches down to `lowest_mm` from the pad's underside, has its centre of mass at `centre_mm`
-    and the `moments_g_mm2` (3, 3) about it. For unit acceleration of its washer upwards against the pad, a channel's
-    working mode takes the forces `momenta_g` (n, 3) and, about the washer's axis at the pad's underside, the moments
-    `momenta_g_mm` (n, 3), in the taxel's own axes.
-    """
-
-    pad_g: float
-    moving_g: float | None
-    images: int
-    clamped_db: float | None
-    in_step_db: float | None
-    signed_db: float | None
-    base_g: float | None
-    lowest_mm: float = 0.0
-    centre_mm: tuple[float, ...] = ()
-    moments_g_mm2: tuple[tuple[float, ...], ...] = ()
-    momenta_g: tuple[tuple[float, ...], ...] = ()
-    momenta_g_mm: tuple[tuple[float, ...], ...] = ()
-
-    @property
-    def lost_db(self) -> float:
-        """Loss in dB of the worst image by recoil, with signs that keep the pad still."""
-        return 0.0 if self.clamped_db is None or self.signed_db is None else self.clamped_db - self.signed_db
 
 
 class HeardImages(NamedTuple):
@@ -128,9 +64,9 @@ class HeardImages(NamedTuple):
 class ShakenPad:
     """The pad of a plan on a mount."""
 
-    def __init__(self, plan: Plan, mount: Mount = RESTING, masses: PadMass | None = None) -> None:
+    def __init__(self, plan: Plan, mount: MountTable | None = None, masses: PadMass | None = None) -> None:
         self.plan = plan
-        self.mount = mount
+        self.mount = mount or plan.spec.mount
         self.masses = masses or PadMass(plan)
         channel_of = np.array([taxel.channel for taxel in plan.taxels])
         self.channel_of = channel_of
@@ -176,7 +112,7 @@ class ShakenPad:
 
     @property
     def moving_kg(self) -> float | None:
-        """Mass of everything on the mount; None where it does not move."""
+        """Mass of everything on the mount; None where that does not move."""
         return None if self.mount.is_fast else float(self.body.mass)
 
     @cached_property
@@ -231,6 +167,23 @@ class ShakenPad:
         """What the taxels of each channel hear of the pad at their tone: `padgen.physics.recoil.MovingPad.heard`."""
         return [self.shaken[c].heard(np.flatnonzero(self.channel_of == c)) for c in range(len(self.hz))]
 
+    def listen_apart(self, shown: np.ndarray) -> HeardImages:
+        """Return what is heard of images of levels (…, n) whose taxels each have a frequency of their own.
+
+        These lie so near the channel's that the pad answers alike; what they move adds as energies.
+        """
+        energy = np.broadcast_to(self.leak, shown.shape).copy()
+        on = np.full(shown.shape, np.inf)
+        for channel, shaken in enumerate(self.shaken):
+            of_channel = np.flatnonzero(self.channel_of == channel)
+            alone = np.zeros((len(of_channel), len(self.unit)))
+            alone[np.arange(len(of_channel)), of_channel] = 1.0
+            motion = np.abs(shaken.relative_motion(self.force(channel, alone))) / self.unit
+            energy += shown[..., of_channel] ** 2 @ motion**2
+            on[..., of_channel] = motion[np.arange(len(of_channel)), of_channel]
+        off = np.sqrt(np.where(shown != 0, 0.0, energy).max(-1))
+        return HeardImages(np.where(shown != 0, on, np.inf).min(-1), off)
+
     def listen(self, driven: np.ndarray, clamped: bool = False) -> HeardImages:
         """Return what is heard of images of signed levels `driven` (…, n)."""
         energy = np.broadcast_to(self.leak, driven.shape).copy()
@@ -255,21 +208,111 @@ def chance_images(count: int, images: int, seed: int = 33) -> np.ndarray:
     return levels
 
 
-def pad_recoil(plan: Plan, mount: Mount = RESTING, images: int = IMAGES) -> Recoil:
-    """Return what the recoil of a plan's pad costs, in the worst of some images."""
+def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES) -> Recoil:
+    """Return what the recoil of a plan's pad costs in the worst of some images, in step and with signs.
+
+    The pad is on the `mount`, by default that of the plan's spec.
+    """
     masses = PadMass(plan)
     pad = ShakenPad(plan, mount, masses)
-    pad_g = float(masses.whole.mass) / GRAM
-    moving_g = None if pad.moving_kg is None else pad.moving_kg / GRAM
-    momenta = np.array([channel.momentum for channel in masses.channels])
+    known = _unsigned(pad, images)
+    if known.images == 0:
+        return known
+    shown = chance_images(len(plan.taxels), images)
+    known = replace(known, signed_db=known.clamped_db if pad.mount.is_fast else _signed_db(pad, shown))
+
+    def keeps(moving_db: float | None) -> bool:
+        return _or_inf(known.clamped_db) - _or_inf(moving_db) <= LOST_DB
+
+    return _with_base(known, pad, keeps, lambda heavier: _signed_db(heavier, shown), known.signed_db)
+
+
+def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
+    """Return what recoil costs the pad of a plan as drives move it: by the table in step, re-tuned apart."""
+    pad = ShakenPad(plan)
+    known = _unsigned(pad, IMAGES)
+    planned = replace(plan, prints=prints, recoil=known)
+    if known.images == 0 or moving_pad_db(planned) is None:
+        return known
+
+    def heard_db(heavier: ShakenPad) -> float | None:
+        return _moving_db(replace(planned, recoil=_unsigned(heavier, IMAGES)))
+
+    def keeps(moving_db: float | None) -> bool:
+        left_db = _left_db(planned, moving_db)
+        return left_db is not None and left_db >= plan.selectivity.asked_db
+
+    return _with_base(known, pad, keeps, heard_db, _moving_db(planned))
+
+
+def moving_pad_db(plan: Plan) -> float | None:
+    """Return what the asked share of prints keeps on the moving pad, re-tuned only if need be.
+
+    It is infinite where nothing is heard, and None where prints keep less than is asked even on a pad that does not
+    move.
+    """
+    return _left_db(plan, _moving_db(plan))
+
+
+def based_pad_db(plan: Plan) -> float | None:
+    """Return the figure of `moving_pad_db` on the base plate that `Recoil.base_g` proposes."""
+    return _left_db(plan, plan.recoil.based_db)
+
+
+def _left_db(plan: Plan, moving_db: float | None) -> float | None:
+    """Return what prints keep where the moving pad's figure is `moving_db`."""
+    prints = plan.prints
+    held_db = prints.print_db if prints.good_share >= plan.spec.print_share else None
+    if prints.print_db is None or prints.planned_db is None:
+        held_db = inf
+    elif prints.planned_db >= plan.selectivity.asked_db:
+        held_db = prints.planned_db
+    if held_db is None:
+        return None
+    return plan.recoil.kept_db(held_db, moving_db)
+
+
+def _moving_db(plan: Plan) -> float | None:
+    """Return the moving pad's figure: by the driver table where prints keep enough with it, else re-tuned."""
+    planned_db = plan.prints.planned_db
+    by_table = planned_db is None or planned_db >= plan.selectivity.asked_db
+    return plan.recoil.in_step_db if by_table else plan.recoil.apart_db
+
+
+def recoil_findings(plan: Plan) -> Iterator[Finding]:
+    """Yield a warning where the spec says how the pad is held, and recoil leaves less than is asked."""
+    recoil = plan.recoil
+    left_db = moving_pad_db(plan)
+    asked_db = plan.selectivity.asked_db
+    if not plan.spec.mount.is_said or recoil.moving_g is None or left_db is None or left_db >= asked_db:
+        return
+    cures: tuple[dict[str, Any], ...] = ()
+    if recoil.base_g is not None:
+        cures = ({"mount.kind": "glued", "mount.base_mass_g": recoil.base_g},)
+    yield Finding(
+        "warning",
+        "pad.recoil",
+        "pad",
+        f"the taxels that are ON shake the pad ({about(recoil.moving_g)} g with all that moves with it), so that in"
+        f" {plan.spec.print_share:.0%} of prints OFF ones vibrate {quieter(left_db)} than ON ones; asked are"
+        f" {asked_db:.1f} dB less",
+        cures,
+    )
+
+
+def _unsigned(pad: ShakenPad, images: int) -> Recoil:
+    """Return the figures of a pad whose drive chooses no signs, without a base."""
+    plan = pad.plan
+    momenta = np.array([channel.momentum for channel in pad.masses.channels])
     known = Recoil(
-        pad_g,
-        moving_g,
-        0,
-        None,
-        None,
-        None,
-        None,
+        pad_g=float(pad.masses.whole.mass) / GRAM,
+        moving_g=None if pad.moving_kg is None else pad.moving_kg / GRAM,
+        images=0,
+        clamped_db=None,
+        in_step_db=None,
+        apart_db=None,
+        signed_db=None,
+        base_g=None,
         lowest_mm=pad.lowest_m / MM,
         centre_mm=tuple((pad.body.centroid / MM).tolist()),
         moments_g_mm2=_rows(pad.body.inertia / GRAM / MM**2),
@@ -279,26 +322,51 @@ def pad_recoil(plan: Plan, mount: Mount = RESTING, images: int = IMAGES) -> Reco
     if len(plan.taxels) < 2 or not (pad.unit > 0).all():
         return known
     shown = chance_images(len(plan.taxels), images)
-    clamped = float(pad.listen(shown, clamped=True).db.min())
+    clamped_db = _worst(pad.listen(shown, clamped=True))
     if pad.mount.is_fast:
-        return replace(known, images=images, clamped_db=clamped, in_step_db=clamped, signed_db=clamped, base_g=0.0)
-    in_step = float(pad.listen(shown).db.min())
-    signed = _signed_db(pad, shown)
-    base_g = 0.0 if clamped - signed <= LOST_DB else None
+        return replace(known, images=images, clamped_db=clamped_db, in_step_db=clamped_db, apart_db=clamped_db)
+    return replace(
+        known,
+        images=images,
+        clamped_db=clamped_db,
+        in_step_db=_worst(pad.listen(shown)),
+        apart_db=_worst(pad.listen_apart(shown)),
+    )
+
+
+def _with_base(
+    known: Recoil,
+    pad: ShakenPad,
+    keeps: Callable[[float | None], bool],
+    heard_db: Callable[[ShakenPad], float | None],
+    as_it_is_db: float | None,
+) -> Recoil:
+    """Return `known` with the lightest base plate on which the pad `keeps` enough of what `heard_db` tells of it."""
+    if keeps(as_it_is_db):
+        return replace(known, base_g=0.0, based_db=as_it_is_db)
     for tried_g in BASES_G:
-        if base_g is not None:
-            break
         if tried_g > (pad.mount.base_mass_g or 0.0):
-            heavier = ShakenPad(plan, replace(pad.mount, kind="glued", base_mass_g=tried_g), masses)
-            if clamped - _signed_db(heavier, shown) <= LOST_DB:
-                base_g = tried_g
-    return replace(known, images=images, clamped_db=clamped, in_step_db=in_step, signed_db=signed, base_g=base_g)
+            glued = replace(pad.mount, kind="glued", base_mass_g=tried_g)
+            based_db = heard_db(ShakenPad(pad.plan, glued, pad.masses))
+            if keeps(based_db):
+                return replace(known, base_g=tried_g, based_db=based_db)
+    return known
 
 
 def _rows(table: np.ndarray) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(row) for row in table.tolist())
 
 
-def _signed_db(pad: ShakenPad, shown: np.ndarray) -> float:
+def _signed_db(pad: ShakenPad, shown: np.ndarray) -> float | None:
     """Return ON over OFF in dB of the worst image (k, n) that is shown with signs that keep the pad still."""
-    return float(pad.listen(np.array([levels * pad.signs(levels) for levels in shown])).db.min())
+    return _worst(pad.listen(np.array([levels * pad.signs(levels) for levels in shown])))
+
+
+def _worst(heard: HeardImages) -> float | None:
+    """Return the dB of the worst image; None where nothing is heard in any."""
+    db = float(heard.db.min())
+    return db if isfinite(db) else None
+
+
+def _or_inf(db: float | None) -> float:
+    return inf if db is None else db

@@ -1,18 +1,19 @@
 """Make the verdict on a plan: whether the pad does its job, in the sentences that every output begins with.
 
 All that decides is in the plan: its errors (limits of coils, amplifier, gap and beams among them), its frame rate, what
-its prints keep of the asked selectivity, and what a finger does to that.
+its prints keep of the asked selectivity, and what recoil and a finger do to that. Where the spec does not say how the
+pad is held, the verdict is on one that is held still, and says so if recoil would change it.
 """
 
 from dataclasses import replace
+from math import inf
 
-from padgen.core.errors import Finding, Verdict, as_lines, quieter
+from padgen.core.errors import Finding, Verdict, about, as_lines, number, quieter
 from padgen.planner.plan import Plan
+from padgen.planner.shaken_pad import based_pad_db, moving_pad_db
 
-__all__ = ["NOT_JUDGED", "judged"]
+__all__ = ["judged"]
 
-NOT_JUDGED = Verdict("error", "not judged yet", "", "", "", None)
-"""The placeholder in a plan that is not `judged` yet."""
 CAUSES = ("selectivity.all_states", "coil.leak", "print.share")
 """Codes of findings that say why prints keep too little, the deepest cause first."""
 
@@ -37,31 +38,58 @@ def _working(plan: Plan) -> Verdict:
     asked_db = plan.selectivity.asked_db
     touched = _touched_sentence(plan)
     slow = next((finding for finding in plan.findings if finding.code == "drive.slow"), None)
+    shakes = next((finding for finding in plan.findings if finding.code == "pad.recoil"), None)
     short = f"{plan.name} falls short of what is asked, even untouched"
+    shaken = _shaken_sentence(plan)
+    works = f"{plan.name} works untouched{' on a base that holds it still' if shaken else ''}"
+    left_db = moving_pad_db(plan) if plan.spec.mount.is_said else None
+    if shakes and not slow:
+        left_db = moving_pad_db(plan)
+        return Verdict("short", f"{short}: {shakes.message}.", touched, shakes.code, _cure_of(shakes), left_db)
     if prints.print_db is None or prints.planned_db is None:
+        heard_db = left_db if left_db is not None and left_db < inf else None
         if slow:
-            return Verdict("short", f"{short}: {slow.message}.", touched, slow.code, _cure_of(slow), None)
-        return Verdict("good", f"{plan.name} works untouched: no taxel hears another.", touched, "", "", None)
+            return Verdict("short", f"{short}: {slow.message}.", touched, slow.code, _cure_of(slow), heard_db)
+        sentence = f"{works}: no taxel hears another."
+        if heard_db is not None:
+            sentence = f"{works}: ON taxels vibrate {_kept(heard_db)} than OFF ones, which only hear the pad recoil."
+        return Verdict("good", sentence, touched, "", "", heard_db, shaken)
     share = f"in {plan.spec.print_share:.0%} of prints ON taxels"
     asked = f"(asked: {asked_db:.1f} dB)"
+    print_db = prints.print_db if left_db is None else left_db
     if slow:
-        kept = f"{share} vibrate {_kept(prints.print_db)} than OFF ones {asked}"
+        kept = f"{share} vibrate {_kept(print_db)} than OFF ones {asked}"
         sentence = f"{short}: {slow.message}. Measured and re-tuned, {kept}."
-        return Verdict("short", sentence, touched, slow.code, _cure_of(slow), prints.print_db)
+        return Verdict("short", sentence, touched, slow.code, _cure_of(slow), print_db)
     if prints.planned_db >= asked_db:
-        sentence = (
-            f"{plan.name} works untouched, as printed: driven by the plan's table, {share} vibrate"
-            f" {_kept(prints.planned_db)} than OFF ones {asked}."
-        )
-        return Verdict("good", sentence, touched, "", "", prints.planned_db)
-    kept = f"{share} then vibrate {_kept(prints.print_db)} than OFF ones {asked}."
+        planned_db = prints.planned_db if left_db is None else left_db
+        kept = f"{share} vibrate {_kept(planned_db)} than OFF ones {asked}."
+        sentence = f"{works}, as printed: driven by the plan's table, {kept}"
+        return Verdict("good", sentence, touched, "", "", planned_db, shaken)
+    kept = f"{share} then vibrate {_kept(print_db)} than OFF ones {asked}."
     if prints.good_share >= plan.spec.print_share:
-        sentence = f"{plan.name} works untouched, once every taxel is measured and re-tuned: {kept}"
-        return Verdict("retune", sentence, touched, "print.spread", "", prints.print_db)
+        sentence = f"{works}, once every taxel is measured and re-tuned: {kept}"
+        return Verdict("retune", sentence, touched, "print.spread", "", print_db, shaken)
     sentence = f"{short}, measured and re-tuned: {kept}"
     causes = [finding for finding in plan.findings if finding.code in CAUSES]
     cause = min(causes, key=lambda finding: CAUSES.index(finding.code))
-    return Verdict("short", sentence, touched, cause.code, _cure_of(cause), prints.print_db)
+    return Verdict("short", sentence, touched, cause.code, _cure_of(cause), print_db)
+
+
+def _shaken_sentence(plan: Plan) -> str:
+    """Say what the pad keeps where it lies loose, if the spec does not say how it is held and that is too little."""
+    recoil = plan.recoil
+    left_db = moving_pad_db(plan)
+    based_db = based_pad_db(plan)
+    if plan.spec.mount.is_said or left_db is None or left_db >= plan.selectivity.asked_db:
+        return ""
+    held = "fasten it to what does not move"
+    if recoil.base_g is not None and based_db is not None:
+        held = f"fastened to a steel plate of {number(recoil.base_g)} g, {quieter(based_db)}"
+    return (
+        f"Lying loose it keeps less: ON taxels shake the pad of {about(recoil.pad_g)} g with its coils, and OFF ones"
+        f" then vibrate {quieter(left_db)} than ON ones; {held}."
+    )
 
 
 def _kept(db: float) -> str:

@@ -39,8 +39,8 @@ def summary_text(plan: "Plan") -> str:
 
 
 def verdict_text(verdict: Verdict) -> str:
-    """Return the verdict in two sentences, a line each: whether the pad works untouched, and what a finger does."""
-    return "\n".join(filter(None, (verdict.sentence, verdict.touched)))
+    """Return the verdict in up to three sentences, a line each: whether the pad works, what a finger and recoil do."""
+    return "\n".join(filter(None, (verdict.sentence, verdict.shaken, verdict.touched)))
 
 
 def output_coupling(plan: "Plan") -> str:

@@ -29,6 +29,7 @@ from padgen.spec.model import (
     LimitsTable,
     Material,
     Model,
+    MountTable,
     PadTable,
     Printer,
     SoundCard,
@@ -150,6 +151,12 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             [{"drive.scheme": "auto"}, spec.passing_cure],
         ),
         *_sound_card_rules(spec),
+        (
+            spec.mount.q is None or spec.mount.stiffness_n_per_m is not None,
+            "mount.q",
+            f"is of the motion on mount.stiffness_n_per_m, which is absent; got {number(spec.mount.q or 0)}",
+            [{"mount.q": None}],
+        ),
         (
             washer.relative_permeability >= MAGNETIC,
             "washer",
@@ -500,10 +507,11 @@ PLAIN_TABLES = {
     "drive": DriveTable,
     "model": Model,
     "limits": LimitsTable,
+    "mount": MountTable,
 }
 
 
-SHORTHANDS = {"drive": "scheme", "model": "structure"}
+SHORTHANDS = {"drive": "scheme", "model": "structure", "mount": "kind"}
 """Tables that a spec may give as one word, and the field that this word sets."""
 
 

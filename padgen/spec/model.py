@@ -18,6 +18,7 @@ __all__ = [
     "LimitsTable",
     "Material",
     "Model",
+    "MountTable",
     "PadTable",
     "Printer",
     "SoundCard",
@@ -378,6 +379,38 @@ class LimitsTable:
 
 
 @dataclass(frozen=True, slots=True)
+class MountTable:
+    """The place of the pad in use: what holds it, and what is below it (docs/recoil.md)."""
+
+    kind: str = choice(
+        "unsaid",
+        of=("unsaid", "resting", "skin", "foam", "screwed", "glued"),
+        doc="what holds the pad: resting, skin or foam: it lies loose; screwed or glued: fastened to the base, which"
+        " does not move where base_mass_g is absent; unsaid: planned as held still, with what it keeps loose beside it",
+    )
+    base_mass_g: float | None = quantity(
+        None, unit="g", low=1e-3, high=1e6, doc="mass of a plate below pad and tray that moves with them"
+    )
+    stiffness_n_per_m: float | None = quantity(
+        None, unit="N/m", low=1e-3, high=1e12, doc="stiffness of skin, foam or feet below all of it; loose when absent"
+    )
+    q: float | None = quantity(
+        None, unit="1", low=0.01, high=1e6, doc="quality factor of the vertical motion on that stiffness; 2 when absent"
+    )
+
+    @property
+    def is_said(self) -> bool:
+        """True where the spec says how the pad is held."""
+        return self != MountTable()
+
+    @property
+    def is_fast(self) -> bool:
+        """True where the pad is fastened to a base that does not move."""
+        fastened = self.kind in ("screwed", "glued")
+        return fastened and self.base_mass_g is None and self.stiffness_n_per_m is None
+
+
+@dataclass(frozen=True, slots=True)
 class Spec:
     """The description of a wanted pad; `name`, `resolution`, `band_hz` and `q_min` have no default."""
 
@@ -432,6 +465,7 @@ class Spec:
     drive: DriveTable = field(default_factory=DriveTable)
     model: Model = field(default_factory=Model)
     limits: LimitsTable = field(default_factory=LimitsTable)
+    mount: MountTable = field(default_factory=MountTable)
 
     @property
     def leaves_layout_free(self) -> bool:
