@@ -111,7 +111,7 @@ def catalogues() -> str:
 
 def gallery() -> str:
     """Plan every template; return its verdict and pictures, and write its report beside the site."""
-    from padgen.api import plan, template_names
+    from padgen import plan, template_names
     from padgen.core.display import plot_bytes
     from padgen.report.charts import picture
     from padgen.report.page import page_data, page_html

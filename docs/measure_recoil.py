@@ -71,16 +71,16 @@ def main() -> None:
             flush=True,
         )
     print(f"\nLargest difference of {PADS} pads: {worst:.5f} dB\n")
-    print("| template | pad, g | clamped, dB | in step, dB | signs chosen, dB | lost, dB | plate that keeps 2 dB, g |")
-    print("|---|---|---|---|---|---|---|")
+    print("| template | pad, g | clamped, dB | in step, dB | apart, dB | signs, dB | lost, dB | plate that keeps 2 dB, g |")
+    print("|---|---|---|---|---|---|---|---|")
     for name in template_paths():
         one = pg.recoil(pg.plan(name))
-        if one.clamped_db is None or one.in_step_db is None or one.signed_db is None:
+        if one.clamped_db is None or one.in_step_db is None or one.apart_db is None or one.signed_db is None:
             continue
         base = "none needed" if one.base_g == 0 else f"{one.base_g:g}" if one.base_g else "none tried"
         print(
-            f"| {name} | {one.pad_g:.0f} | {one.clamped_db:.1f} | {one.in_step_db:.1f} | {one.signed_db:.1f}"
-            f" | {one.lost_db:.1f} | {base} |",
+            f"| {name} | {one.pad_g:.0f} | {one.clamped_db:.1f} | {one.in_step_db:.1f} | {one.apart_db:.1f}"
+            f" | {one.signed_db:.1f} | {one.lost_db:.1f} | {base} |",
             flush=True,
         )
 
