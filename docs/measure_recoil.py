@@ -71,7 +71,7 @@ def main() -> None:
             flush=True,
         )
     print(f"\nLargest difference of {PADS} pads: {worst:.5f} dB\n")
-    print("| template | pad, g | clamped, dB | in step, dB | apart, dB | signs, dB | lost, dB | plate that keeps 2 dB, g |")
+    print("| template | pad, g | clamped, dB | in step, dB | apart, dB | signs, dB | lost, dB | plate for 2 dB, g |")
     print("|---|---|---|---|---|---|---|---|")
     for name in template_paths():
         one = pg.recoil(pg.plan(name))

@@ -187,7 +187,9 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
     load = plan.load
     coil = plan.spec.coil
     count = plan.coils.rows * plan.coils.columns
-    kept = "no limit" if prints.print_db is None else f"{prints.print_db:.1f} dB"
+    shown_db = prints.print_db if plan.verdict.figure_db is None else plan.verdict.figure_db
+    measured = "as printed" if plan.verdict.level == "good" else "re-tuned"
+    kept = "no limit" if shown_db is None else f"{shown_db:.1f} dB"
     typical = next(touched for touched in plan.touched if touched.skin == "typical")
     felt = "not known" if typical.all_states_db is None else f"{typical.all_states_db:.1f} dB".replace("-", "−")
     fitting = [f"{n}\u00a0×\u00a0{name}" for name, n in plan.parts.amplifiers.items()]
@@ -199,7 +201,7 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
         {
             "label": "Untouched",
             "value": kept,
-            "note": f"ON over OFF in {plan.spec.print_share:.0%} of prints, re-tuned;"
+            "note": f"ON over OFF in {plan.spec.print_share:.0%} of prints, {measured};"
             f" asked: {plan.selectivity.asked_db:.1f} dB",
         },
         {

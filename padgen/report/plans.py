@@ -121,6 +121,8 @@ SHOWN_CHANNELS = 12
 
 def _power_lines(plan: "Plan") -> list[str]:
     """Return lines on the pad's power, and on its prints' selectivity by what is measured of them."""
+    from padgen.planner.shaken_pad import moving_pad_db
+
     load = plan.load
     prints = plan.prints
     count = plan.coils.rows * plan.coils.columns
@@ -138,6 +140,11 @@ def _power_lines(plan: "Plan") -> list[str]:
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
         )
+    left_db = moving_pad_db(plan)
+    is_told = plan.spec.mount.is_fast or plan.verdict.shaken
+    if left_db is not None and prints.print_db is not None and not is_told:
+        where = "On its mount" if plan.spec.mount.is_said else "Lying loose"
+        lines.append(f"These are of a pad that is held still. {where} it recoils, and keeps {left_db:.1f} dB.")
     return lines
 
 
