@@ -423,6 +423,7 @@ def test_ctrl_c_is_the_parents(shared):
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
 PARENT = """
 from tests.test_runner import *
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # where nohup runs these tests, it is ignored
 with Runner() as own:
     try:
         own.run(has_family)
