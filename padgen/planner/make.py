@@ -81,6 +81,9 @@ not proposed. A plan has no such bound: the one choice that works may come after
 MOST_SURE = 8
 """Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
 those that few prints leave the most hope for."""
+MOST_PRINTED = 16
+"""Choices whose prints are simulated where none works as often as asked: those with the highest upper bounds. Hundreds
+of hopeless ones would differ by a tenth of a decibel."""
 _grid = attrgetter("rows", "columns", "channels")
 
 
@@ -251,11 +254,13 @@ def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool 
     surely = max(one.share - one.unsure_share for _, one in tried)
     most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
     surely = max([surely, *most_likely[MOST_SURE - 1 : MOST_SURE]])
+    printed = 0
     for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
-        if one.at_most_db < least:
+        if one.at_most_db < least or printed == MOST_PRINTED:
             break
         if one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share)):
             one = _tried(choice, least, max(surely, best.share), known, overloaded)
+            printed += 1
         if (one.share, one.print_db) > (best.share, best.print_db):
             best = one
             chosen = choice
