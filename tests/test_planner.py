@@ -14,7 +14,7 @@ from padgen.core.errors import FileError, InfeasibleError, OlderPlanError, SpecE
 from padgen.ladders.extreme import random_table
 from padgen.make.planning import recorded_plan
 from padgen.physics.ladder import slot_half_width
-from padgen.planner import make_plan, plan_from_json, plan_to_json, sizing
+from padgen.planner import make, make_plan, plan_from_json, plan_to_json, sizing
 from padgen.planner.channels import wanted_line_a2
 from padgen.planner.layout import candidates, channel_counts, place, room, slots
 from padgen.planner.make import choose, finish
@@ -750,3 +750,20 @@ def test_no_bent_beam_resonates_beyond_the_corners_of_its_grid(topology):
         assert low / 1.1 < whole.span_hz[0]
         assert whole.span_hz[1] < high * 1.1
     assert judged_rooms >= 5
+
+
+def test_of_hopeless_choices_few_are_printed(monkeypatch):
+    """Some ninety choices, of which no print keeps what is asked; without the bound all ninety are printed."""
+    printed = []
+
+    def counted(*arguments):
+        paper_db, prints = compared_prints(*arguments)
+        if prints is not make.NOT_PRINTED:
+            printed.append(prints)
+        return paper_db, prints
+
+    compared_prints = make.compared_prints
+    monkeypatch.setattr(make, "compared_prints", counted)
+    table = {"name": "hopeless", "resolution": 48, "band_hz": [340, 21000], "q_min": 314, "spacing": "closest"}
+    choose(make_spec({**table, "pad": {"width_mm": 70, "depth_mm": 50}}))
+    assert len(printed) <= make.MOST_PRINTED
