@@ -44,7 +44,6 @@ def _working(plan: Plan) -> Verdict:
     works = f"{plan.name} works untouched{' on a base that holds it still' if shaken else ''}"
     left_db = moving_pad_db(plan) if plan.spec.mount.is_said else None
     if shakes and not slow:
-        left_db = moving_pad_db(plan)
         return Verdict("short", f"{short}: {shakes.message}.", touched, shakes.code, _cure_of(shakes), left_db)
     if prints.print_db is None or prints.planned_db is None:
         heard_db = left_db if left_db is not None and left_db < inf else None
