@@ -7,7 +7,8 @@ steel of the pad's outline.
 
 The current's squared lines are those of the driver table, so that taxels of a channel move in phase over all coils,
 where their signs do not differ. Leakage from the coils around counts as what it is in the plan at most
-(`Reuse.retuned_leaks_db`), on a pad that does not move, too; spurs are not counted here.
+(`Reuse.retuned_leaks_db`), on a pad that does not move, too; spurs are not counted here. Channels that take turns count
+as playing at once.
 """
 
 from collections.abc import Callable, Iterator

@@ -84,11 +84,9 @@ def _shaken_sentence(plan: Plan) -> str:
         return ""
     held = "fasten it to what does not move"
     if recoil.base_g is not None and based_db is not None:
-        held = f"fastened to a steel plate of {number(recoil.base_g)} g, {quieter(based_db)}"
-    return (
-        f"Lying loose it keeps less: ON taxels shake the pad of {about(recoil.pad_g)} g with its coils, and OFF ones"
-        f" then vibrate {quieter(left_db)} than ON ones; {held}."
-    )
+        held = f"fastened to a steel plate of {number(recoil.base_g)} g, {based_db:.1f} dB"
+    loose = f"the pad of {about(recoil.pad_g)} g recoils from its ON taxels and keeps {left_db:.1f} dB"
+    return f"Lying loose, {loose}; {held}."
 
 
 def _kept(db: float) -> str:
