@@ -149,9 +149,24 @@ def test_the_first_screen_has_verdict_picture_and_figures(page, paper_plan, pape
     assert "Under a finger it does not choose its taxels" in page.text_content("#touched")
     assert page.locator(".figure h2").all_text_contents() == ["Untouched", "Under a finger", "Heat", "Outputs"]
     assert page.locator(".figure .value").all_text_contents() == ["13.9 dB", "−2.9 dB", "0.93 W", "16"]
-    bottom = page.locator("#figures").bounding_box()
-    assert bottom["y"] + bottom["height"] <= 1000 and page.locator("#canvas").bounding_box()["y"] < 400
+    assert page.locator("#canvas").bounding_box()["y"] < 400
+    assert page.locator("#shaken").is_hidden()
     assert len(paper_html.encode()) <= 1.5e6
+
+
+@pytest.mark.parametrize("window", [(1280, 720), (1366, 768), (1280, 860), (1920, 1080), (390, 844)])
+@pytest.mark.parametrize("name", ["paper-16", "big-512"])
+def test_all_four_figures_are_in_the_window(opened, name, window):
+    """Also below the verdict of paper-16, which is a line longer: what it keeps where it lies loose."""
+    width, height = window
+    plan = pg.plan(name)
+    page = opened(page_html(page_data(plan)), viewport={"width": width, "height": height})
+    assert page.text_content("#shaken") == plan.verdict.shaken
+    assert page.locator("#shaken").is_visible() == (name == "paper-16")
+    boxes = [figure.bounding_box() for figure in page.locator(".figure").all()]
+    assert len(boxes) == 4
+    assert max(box["y"] + box["height"] for box in boxes) <= height
+    assert max(box["x"] + box["width"] for box in boxes) <= width
 
 
 def test_the_picture_shows_frame_and_channels(page):
@@ -664,11 +679,11 @@ def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan):
 
 
 def test_two_thousand_taxels_fit_six_megabytes(opened):
-    """And take less than three seconds of processor time beyond the plan, prints included: one on an idle core."""
+    """And take less than a second of processor time beyond the plan, simulated prints included."""
     plan = pg.plan(MANY)
     start = time.process_time()
     html = page_html(page_data(plan))
-    assert time.process_time() - start <= 3
+    assert time.process_time() - start <= 1
     assert len(html.encode()) <= 6e6
     page = opened(html, viewport={"width": 500, "height": 400})
     assert len(page.evaluate("Object.keys(padgen.levels)")) == len(plan.taxels) >= 2048

@@ -6,6 +6,7 @@ import re
 from dataclasses import asdict, replace
 from itertools import pairwise
 from math import hypot
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -767,3 +768,22 @@ def test_of_hopeless_choices_few_are_printed(monkeypatch):
     table = {"name": "hopeless", "resolution": 48, "band_hz": [340, 21000], "q_min": 314, "spacing": "closest"}
     choose(make_spec({**table, "pad": {"width_mm": 70, "depth_mm": 50}}))
     assert len(printed) <= make.MOST_PRINTED
+
+
+def test_a_printed_choice_counts_beyond_the_bound_on_prints(monkeypatch):
+    """More hopeless choices than are printed, each with a higher upper bound, stand before one whose prints work."""
+    spec = SimpleNamespace(delta_y=10.0, print_share=0.9, leaves_layout_free=False)
+    choices = [make.Choice(spec, SimpleNamespace(), (number,)) for number in range(make.MOST_PRINTED + 5)]
+    works = choices[-1]
+    known = set()
+
+    def tried(choice, *_):
+        if choice is works:
+            return make.Tried(21.0, 0.6, 19.0)
+        if choice.channels in known:
+            return make.Tried(25.0, 0.0, 1.0)
+        known.add(choice.channels)
+        return make.Tried(25.0)
+
+    monkeypatch.setattr(make, "_tried", tried)
+    assert make._best(iter(choices)) is works

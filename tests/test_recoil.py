@@ -9,17 +9,19 @@ import numpy as np
 import pytest
 
 import padgen as pg
-from padgen.core.errors import SpecError
+from padgen.core.errors import OlderPlanError, SpecError
 from padgen.physics.modes import RigidBody
 from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs, rigid_mass
 from padgen.planner.make import choose, finish
 from padgen.planner.pad_mass import mode_momentum, pad_mass
-from padgen.planner.plan import plan_to_json
+from padgen.planner.plan import plan_from_json, plan_to_json
 from padgen.planner.shaken_pad import LOST_DB, ShakenPad, chance_images, moving_pad_db, pad_recoil
+from padgen.report.plans import summary_text
 from padgen.spec import MountTable, load_spec, make_spec
 from padgen.spec.load import laid_over, template_paths, without_none
 from tests.judge_from_json import judged_level
 from tests.pad_stepper import stepped_db
+from tests.retuned_pad import retuned_db
 
 GOLDEN = Path(__file__).parent / "golden"
 TEMPLATES = sorted(template_paths())
@@ -202,26 +204,43 @@ def test_signs_keep_what_the_clamped_pad_has(name):
         assert found.base_g == 0.0
 
 
-@pytest.mark.parametrize("name", ["pad-32", "paper-16"])
-def test_energies_of_taxels_driven_apart_add(name):
-    """Each ON taxel alone, as `listen` has it, which time stepping confirms; 1e-9 for rounding."""
+@pytest.mark.parametrize("name", ["pad-32", "paper-16", "triple-48"])
+def test_the_figure_apart_is_that_of_prints_whose_taxels_differ(name):
+    """Every taxel has a resonance of its own, 1 % apart by chance, and is driven there; energies add.
+
+    The figure, of taxels that are alike, is at most 0.1 dB better than the worst of three such prints, and at most
+    1.5 dB worse: a pad answers a taxel that is off its tone with less. docs/recoil.md has more prints.
+    """
     pad = ShakenPad(quick(name))
-    shown = chance_images(len(pad.unit), 4, seed=5)
-    expected = []
-    for levels in shown:
-        energy = pad.leak.copy()
-        for taxel in np.flatnonzero(levels):
-            one = np.zeros(len(levels))
-            one[taxel] = 1.0
-            energy += heard_energy(pad, one)
-        expected.append(energy[levels == 0].max() ** 0.5)
-    assert pad.listen_apart(shown).off == pytest.approx(expected, rel=1e-9)
+    shown = chance_images(len(pad.unit), 100)
+    rng = np.random.default_rng(3)
+    found = min(
+        retuned_db(pad, pad.taxels.resonance_hz * (1 + 0.01 * rng.normal(size=len(pad.unit))), shown) for _ in range(3)
+    )
+    apart = float(pad.listen_apart(shown).db.min())
+    assert found - 1.5 <= apart <= found + 0.1
 
 
-def heard_energy(pad, driven):
-    """Return the energy (n,) of each taxel under an image, without leakage, over that when it alone is ON."""
-    motions = [pad.shaken[c].relative_motion(pad.force(c, driven)) for c in range(len(pad.hz))]
-    return (np.abs(motions) ** 2).sum(0) / pad.unit**2
+def test_recoil_is_that_of_the_spec_where_no_mount_is_given():
+    plan, _ = stated("paper-16", {"kind": "glued", "base_mass_g": 50})
+    found = pg.recoil(plan, images=20)
+    assert found.moving_g == pytest.approx(found.pad_g + 50, rel=1e-6)
+    assert pg.recoil(plan, kind="resting", images=20).moving_g == pytest.approx(found.pad_g, rel=1e-6)
+
+
+@pytest.mark.parametrize("case", ["pad-32 loose", "screwed"])
+def test_a_summary_says_what_is_left_where_figures_are_of_a_pad_held_still(case):
+    name, mount, _ = MOUNTED[case]
+    plan, _ = stated(name, mount)
+    line = f"On its mount it recoils, and keeps {moving_pad_db(plan):.1f} dB."
+    assert (line in summary_text(plan)) == (case == "pad-32 loose")
+
+
+def test_a_plan_without_recoil_is_made_anew():
+    table = json.loads(plan_to_json(quick("paper-16")))
+    del table["recoil"]
+    with pytest.raises(OlderPlanError):
+        plan_from_json(json.dumps(table))
 
 
 def stated(name, mount):

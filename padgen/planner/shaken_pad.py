@@ -263,21 +263,23 @@ def based_pad_db(plan: Plan) -> float | None:
 def _left_db(plan: Plan, moving_db: float | None) -> float | None:
     """Return what prints keep where the moving pad's figure is `moving_db`."""
     prints = plan.prints
-    held_db = prints.print_db if prints.good_share >= plan.spec.print_share else None
-    if prints.print_db is None or prints.planned_db is None:
-        held_db = inf
-    elif prints.planned_db >= plan.selectivity.asked_db:
-        held_db = prints.planned_db
-    if held_db is None:
-        return None
-    return plan.recoil.kept_db(held_db, moving_db)
+    held_db: float | None = inf
+    if prints.print_db is not None:
+        works = prints.good_share >= plan.spec.print_share
+        retuned_db = prints.print_db if works else None
+        held_db = prints.planned_db if _is_by_table(plan) else retuned_db
+    return None if held_db is None else plan.recoil.kept_db(held_db, moving_db)
 
 
 def _moving_db(plan: Plan) -> float | None:
-    """Return the moving pad's figure: by the driver table where prints keep enough with it, else re-tuned."""
+    """Return the moving pad's figure."""
+    return plan.recoil.in_step_db if _is_by_table(plan) else plan.recoil.apart_db
+
+
+def _is_by_table(plan: Plan) -> bool:
+    """Return whether prints keep what is asked with the driver table, so that no taxel need be re-tuned."""
     planned_db = plan.prints.planned_db
-    by_table = planned_db is None or planned_db >= plan.selectivity.asked_db
-    return plan.recoil.in_step_db if by_table else plan.recoil.apart_db
+    return planned_db is None or planned_db >= plan.selectivity.asked_db
 
 
 def recoil_findings(plan: Plan) -> Iterator[Finding]:

@@ -124,11 +124,10 @@ def page_data(
         plan = plan_from_json(plan_to_json(plan))
     report = pad.check() if pad else None
     figures = report.figures if report else {}
-    more = plan.verdict.shaken, plan.verdict.touched
     return {
         "name": plan.name,
         "built": report is not None,
-        "verdict": asdict(plan.verdict) | {"about": pad_line(plan), "touched": " ".join(filter(None, more))},
+        "verdict": {**asdict(plan.verdict), "about": pad_line(plan)},
         "figures": _figures(plan),
         "pad": _pad(plan),
         "coils": _coils(plan),

@@ -295,8 +295,10 @@ function first() {
   const { verdict, pad } = data;
   put("name", data.name);
   put("verdict", h("span", { class: `pill ${verdict.level}` }, WORDS[verdict.level] || ""), h("span", {}, verdict.sentence));
-  put("touched", verdict.touched);
-  byId("touched").hidden = !verdict.touched;
+  for (const name of ["shaken", "touched"]) {
+    put(name, verdict[name]);
+    byId(name).hidden = !verdict[name];
+  }
   put("about", verdict.about);
   put("figures", data.figures.map(({ label, value, note }) => h("div", { class: "figure" }, h("h2", {}, label), h("p", { class: "value" }, value), h("p", { class: "soft" }, note))));
   document.title = `${data.name.slice(0, 120)}: ${num(pad.width_mm)} × ${num(pad.depth_mm)} mm, ${data.taxels.id.length} taxels`;
