@@ -1,4 +1,4 @@
-"""Measure docs/recoil.md's tables: planned recoil against the pad stepped in time, and what signs keep.
+"""Measure docs/recoil.md's tables: planned recoil stepped in time, what signs keep, and re-tuned prints.
 
 `python docs/measure_recoil.py` prints them; `tests/pad_stepper.py` steps, from plan.json alone.
 """
@@ -14,14 +14,18 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import padgen as pg
 from padgen.planner.plan import Plan, plan_to_json
-from padgen.planner.shaken_pad import ShakenPad, pad_recoil
+from padgen.planner.shaken_pad import ShakenPad, chance_images, pad_recoil
 from padgen.spec import MountTable
 from padgen.spec.load import template_paths
 from tests.pad_stepper import stepped_db
+from tests.retuned_pad import retuned_db
 
 PADS = 40
 STEPPED = ("pad-32", "paper-16", "paper-32", "paper-pair", "triple-48")
 """Templates that are stepped: with many taxels it takes long."""
+RETUNED = ("calibration", "pad-32", "paper-16", "quad-64", "resin-fine", "triple-48")
+SIGMAS = (0.01, 0.035)
+"""Spreads of the resonances of a print's taxels."""
 
 
 def a_mount(rng: np.random.Generator) -> MountTable:
@@ -83,6 +87,19 @@ def main() -> None:
             f" | {one.signed_db:.1f} | {one.lost_db:.1f} | {base} |",
             flush=True,
         )
+    heads = " | ".join(f"prints, sigma {sigma:.1%}" for sigma in SIGMAS)
+    print(f"\n| template | apart, dB | {heads} |\n|---|---|---|---|")
+    for name in RETUNED:
+        pad = ShakenPad(pg.plan(name))
+        count = len(pad.unit)
+        shown = chance_images(count, 100)
+        spans = []
+        for sigma in SIGMAS:
+            hz = [pad.taxels.resonance_hz * (1 + sigma * rng.normal(size=count)) for _ in range(5)]
+            found = [retuned_db(pad, resonances, shown) for resonances in hz]
+            spans.append(f"{min(found):.2f} … {max(found):.2f}")
+        apart = float(pad.listen_apart(shown).db.min())
+        print(f"| {name} | {apart:.2f} | {' | '.join(spans)} |", flush=True)
 
 
 if __name__ == "__main__":
