@@ -52,6 +52,6 @@ def test_the_layout_that_works_most_often_is_found_with_many_prints_of_few(monke
 
     monkeypatch.setattr(make, "_tried", tried)
     monkeypatch.setattr(make, "_with_bent_beams", lambda tried: iter(()))
-    found = make._best(make.Choice(spec, k, ()) for k in range(count))
+    found = make._best((make.Choice(spec, k, ()) for k in range(count)), make.MOST_PRINTED)
     assert shares[found.layout] == max(shares)
     assert len(sure) <= make.MOST_SURE

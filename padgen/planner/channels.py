@@ -291,7 +291,7 @@ def _plan_channels(
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
     # The ON amplitude over what counts as quiet: the detection threshold where the spec has one, else 1/Δy of it.
     quiet = np.full(len(resonance), spec.delta_y) if threshold_um is None else level_um / threshold_um
-    deep_error = _deep_frame_errors(sized, sites)
+    deep_error = _deep_frame_errors(sized, tuple(site.frame_depth_mm for site in sites))
     radius_m = spec.washer.outer_diameter_mm / 2 * MM
     printer = spec.printer
     modes = [taxel_modes(s.model) for s in sized]
@@ -347,7 +347,7 @@ def _plan_channels(
                 model="beam" if beam_error is None else "solid",
                 model_error=float(item.model.error_estimate) + float(deep_error[i]),
                 mode_errors=tuple((item.model.mode_errors + deep_error[i]).tolist()),
-                sag_error=item.model.sag_error + 2 * float(deep_error[i]),
+                sag_error=float(item.model.sag_error) + 2 * float(deep_error[i]),
                 static_error=item.model.compliance_error + 2 * float(deep_error[i]) + float(force_errors[i]),
                 stress_error=item.model.stress_error + 2 * float(deep_error[i]),
                 beam_error=beam_error,
@@ -409,14 +409,15 @@ def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
 
 
-def _deep_frame_errors(sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
+@lru_cache(maxsize=256)
+def _deep_frame_errors(sized: tuple[SizedChannel, ...], depth_mm: tuple[float, ...]) -> np.ndarray:
     """Return relative errors (n,) of resonances where the frame behind a root is deeper than half a rib.
 
     Beams are sized for half a rib. The error is twice the shift that the beam model finds with the true depth; that
     covers 96 % of 53 random taxels (docs/accuracy.md).
     """
     error = np.zeros(len(sized))
-    depth = np.array([site.frame_depth_mm for site in sites])
+    depth = np.array(depth_mm)
     models = [item.model for item in sized]
     deep = [i for i, m in enumerate(models) if m.beam_error is None and depth[i] >= m.spec.pad.rib_mm / 2 * USUAL_DEPTH]
     for topology in {models[i].topology for i in deep}:

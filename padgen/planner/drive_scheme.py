@@ -365,7 +365,14 @@ def chosen_drive(spec: Spec, planned: Sequence[Channel], asked_only: bool = Fals
     any_drive = with_any_drive(spec)
     planned = tuple(planned)
     names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order()
-    figures = {name: _scheme_figures(any_drive, planned, scheme_named(spec, name), spec.drive.scheme) for name in names}
+    too_many_spurs = len(planned) // spec.coil.sets > MOST_WITH_SPURS
+    figures = {}
+    for name in names:
+        scheme = scheme_named(spec, name)
+        if too_many_spurs and scheme.has_pair_spurs and name != spec.drive.scheme:
+            figures[name] = SchemeFigures(name, None, None, None)
+        else:
+            figures[name] = _scheme_figures(any_drive, planned, scheme)
     return ChosenDrive(*_chosen_scheme(spec, figures, planned), tuple(figures.values()))
 
 
@@ -413,10 +420,9 @@ def _level_loss_db(planned: tuple[Channel, ...]) -> float:
 
 
 @lru_cache(maxsize=1024)
-def _scheme_figures(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme, asked: str) -> SchemeFigures:
+def _scheme_figures(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> SchemeFigures:
     sets = _coil_sets(spec, planned)
-    cubic = scheme.has_pair_spurs and len(sets.alike[0].line) > MOST_WITH_SPURS and scheme.name != asked
-    if sets.alone or cubic:
+    if sets.alone:
         return SchemeFigures(scheme.name, None, None, None)
     return SchemeFigures(
         scheme.name,

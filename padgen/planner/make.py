@@ -84,6 +84,8 @@ those that few prints leave the most hope for."""
 MOST_PRINTED = 16
 """Choices whose prints are simulated where none works as often as asked: those with the highest upper bounds. Without
 this bound, 342 instead of 16 choices of one spec are printed, for 0.001 dB (docs/accuracy.md)."""
+MOST_PRINTED_FOR_CURE = 4
+"""The same for a cure: what is asked is whether it works, not how well."""
 _grid = attrgetter("rows", "columns", "channels")
 
 
@@ -192,7 +194,8 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     some_found = list(islice(merged, 2))
     if not some_found:
         return None
-    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, merged))
+    most_printed = MOST_PRINTED_FOR_CURE if most else MOST_PRINTED
+    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, merged), most_printed)
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     pulls = force_constants(spec, channels, sites)
@@ -230,10 +233,12 @@ def _coils_key(choice: Choice) -> tuple[bool, int]:
     return choice.layout.surplus > 0, choice.layout.coils
 
 
-def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool = False) -> Choice:
+def _best(
+    rank: Iterator[Choice], most_printed: int, known: Driven | None = None, overloaded: bool = False
+) -> Choice:
     """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
 
-    Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`; what is `known` of
+    In the second case prints of `most_printed` choices at most are simulated. Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`; what is `known` of
     them is not computed again.
     """
     tried: list[tuple[Choice, Tried]] = []
@@ -245,7 +250,7 @@ def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool 
             return choice
         tried.append((choice, one))
     if not overloaded and all(one.at_most_db == -inf for _, one in tried):
-        return _best((choice for choice, _ in tried), known, overloaded=True)
+        return _best((choice for choice, _ in tried), most_printed, known, overloaded=True)
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     # Few prints are enough of those that surely work less often than another.
     chosen = tried[0][0]
@@ -259,7 +264,7 @@ def _best(rank: Iterator[Choice], known: Driven | None = None, overloaded: bool 
         if one.at_most_db < least:
             break
         may_be_better = one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share))
-        if may_be_better and printed < MOST_PRINTED:
+        if may_be_better and printed < most_printed:
             one = _tried(choice, least, max(surely, best.share), known, overloaded)
             printed += 1
         if (one.share, one.print_db) > (best.share, best.print_db):
@@ -338,7 +343,8 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     bare = _assemble(choice, *_driven(choice))
     spec = bare.spec
     prints = what_prints_keep(bare, quick)
-    recoil = planned_recoil(bare, prints)
+    # No cure of a pad that is held still is judged by how it would recoil.
+    recoil = NO_RECOIL if quick and not spec.mount.is_said else planned_recoil(bare, prints)
     coils = bare.coils.rows * bare.coils.columns
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)

@@ -329,14 +329,16 @@ class TaxelModel:
         floor = FLOOR if self.is_straight else BENT
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
 
-    @property
-    def sag_error(self) -> float:
-        """Relative error within which one taxel's sag most likely lies: of modes and of the beams' weight."""
+    @cached_property
+    @_from_array
+    def sag_error(self) -> np.ndarray:
+        """Relative error (…,) within which the sag most likely lies: of modes and of the beams' weight."""
         parts = np.abs(self.modes.sag_parts(self.washer_point_m))
-        by_modes = float((parts * STATIC * self.mode_errors).sum() / parts.sum())
+        by_modes = (parts * STATIC * self.mode_errors).sum(-1) / parts.sum(-1)
         density = self.elastic[2]
-        beams = sum(float(b.section.width * b.section.thickness * b.section.length) * density for b in self.placements)
-        return by_modes + BEAMS_WEIGHT * beams / (beams + float(self.body.mass))
+        sections = [placement.section for placement in self.placements]
+        beams_kg = sum(section.width * section.thickness * section.length for section in sections) * density
+        return np.asarray(by_modes + BEAMS_WEIGHT * beams_kg / (beams_kg + self.body.mass))
 
     @property
     def compliance_error(self) -> float:
