@@ -45,6 +45,10 @@ def broken_limits(plan: dict[str, Any]) -> set[str]:
         broken.add("snap")
     if not fits_bed(spec):
         broken.add("bed")
+    glass_c = spec["material"]["glass_c"]
+    warm = plan["warm"]
+    if glass_c is not None and 0.7 * (warm["beam_c"] - warm["room_c"]) > glass_c - 15 - warm["room_c"]:
+        broken.add("warmth")
     fatigue_mpa = spec["material"]["fatigue_stress_mpa"]
     low_hz, high_hz = spec["band_hz"]
     for channel in plan["channels"]:

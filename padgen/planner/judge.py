@@ -243,6 +243,7 @@ def _limits(plan: Plan) -> Iterator[Finding]:
         square_a2 = mean_square_a2(plan.scheme, lines, spec.drive.headroom)
         moved += [Moved(channel, square_a2, 1.0) for channel in channel_set]
     demand = coil_demand(plan.load, plan.coils.rows * plan.coils.columns, tuple(moved))
+    demand = demand._replace(beam_rise_k=plan.warm.beam_rise_k)
     for one in exceeded(spec, demand):
         limit = one.limit
         share = limit.share_of_level(spec, one.asked)

@@ -171,6 +171,7 @@ HARDENING_SHARE = 0.25
 """Relative error of the cubic spring of beams that stretch: 0.22 where their ends are elastic (docs/accuracy.md)."""
 
 RUNGS = {
+    "warmth": ("plastic softens as the coils warm it", "measure and re-tune while it is warm"),
     "stretching": ("beams stretch as they bend", "a lower drive.level_um, or beams free to slide at one end"),
     "saturation": ("the steel saturates", "measure the level"),
     "eddy currents": ("eddy currents in core and washers", "measure the level, or take a laminated or ferrite core"),
@@ -207,7 +208,6 @@ INCLUDED = {
 """Effects that every plan counts, and the figure that contains each."""
 UNBOUNDED = {
     "skin": ("resonance of every taxel that is touched", "`touched` has a provisional model"),
-    "temperature": ("resonance and current", "measure at the temperature of use"),
     "moisture, creep and ageing of the plastic": ("resonance", "dry it, re-tune after some weeks"),
     "modulus at the frequency of use": ("resonance", "re-tune"),
     "losses of plastic and glue": ("Q, which the spec sets", "measure Q of a coupon"),
@@ -242,6 +242,9 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     if shaken.in_step_db is not None and not plan.spec.mount.is_fast:
         heard = 10 ** (-shaken.kept_db(inf, shaken.in_step_db) / 20)
         entries.append(LeftOut("recoil", heard, "1", "ON level, in what prints keep", computed=False))
+    if plan.warm.resonance_shift:
+        shift = abs(plan.warm.resonance_shift)
+        entries.append(LeftOut("warmth", shift, "1", "resonances over the warmest coil", computed=False))
     entries.sort(key=lambda entry: -_size(entry))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
     free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]

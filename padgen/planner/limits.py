@@ -14,6 +14,7 @@ from padgen.core.errors import SpecError, at_least, at_most, number, plural
 from padgen.core.units import MM, UM
 from padgen.physics.magnetics import balanced_deflection, pull_in_deflection
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
+from padgen.physics.warmth import WARM_ERROR
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel
 from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
@@ -62,7 +63,8 @@ class Moved(NamedTuple):
 class Demand(NamedTuple):
     """The most that is asked at once: peaks and heat of any coil, heat of all coils, and the motion of taxels.
 
-    `peak_v` in V, `peak_a` in A, `coil_w` and `pad_w` in W.
+    `peak_v` in V, `peak_a` in A, `coil_w` and `pad_w` in W; `beam_rise_k` in K, where it is known: the rise of the
+    warmest beams over the room.
     """
 
     peak_v: float
@@ -70,6 +72,7 @@ class Demand(NamedTuple):
     coil_w: float
     pad_w: float
     moved: tuple[Moved, ...] = ()
+    beam_rise_k: float = 0.0
 
 
 def slack_um(channel: Channel, square_a2: float) -> float:
@@ -128,8 +131,8 @@ class Limit:
     by default the level that does. `planned` is the level of a plan's finding.
 
     `level_factor` is the name of the limit where it bounds the level that a coil reaches, `firmware` that of the
-    constant, in millionths of the unit, by which the firmware keeps it. A channel that exceeds a limit of `implied_by`,
-    which stand before this one, is not told of this one, too.
+    constant, in millionths of the unit, by which the firmware keeps it. A channel, or a pad, that exceeds a limit of
+    `implied_by`, which stand before this one, is not told of this one, too.
     """
 
     code: str
@@ -189,7 +192,8 @@ def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
         bound = limit.bound(spec)
         if not limit.of_taxels:
             asked = limit.asked(spec, demand)
-            if asked > bound * NEAR:
+            if asked > bound * NEAR and sentences.keys().isdisjoint(limit.implied_by):
+                sentences[limit.code] = set()
                 yield Exceeded(limit, asked, bound, ())
             continue
         most: dict[int, float] = {}
@@ -217,6 +221,16 @@ def _amplifier_a(spec: Spec) -> float:
 
 def _pad_w(spec: Spec) -> float:
     return inf if spec.limits.power_w is None else spec.limits.power_w
+
+
+BELOW_GLASS_K = 15.0
+"""Distance from the glass point within which the stiffness of plastics falls steeply, and loaded beams creep."""
+GLASS_NAME = f"material.glass_c less {BELOW_GLASS_K:g} K and limits.room_c"
+
+
+def _rise_k(spec: Spec) -> float:
+    glass_c = spec.material.glass_c
+    return inf if glass_c is None else glass_c - BELOW_GLASS_K - spec.limits.room_c
 
 
 LIMITS = (
@@ -264,6 +278,27 @@ LIMITS = (
         _pad_w,
         lambda _, demand: demand.pad_w,
         firmware="PADGEN_PAD_LIMIT_UW",
+    ),
+    Limit(
+        "pad.hot",
+        "pad",
+        f"the rise of the warmest beams over the room, less {WARM_ERROR:.0%} for what is unsure of it,",
+        "K",
+        GLASS_NAME,
+        _rise_k,
+        lambda _, demand: demand.beam_rise_k * (1 - WARM_ERROR),
+        cures=lambda spec, rise_k: lower_level(spec, _rise_k(spec) * (1 - WARM_ERROR) / rise_k),
+    ),
+    Limit(
+        "pad.warm",
+        "pad",
+        "the rise of the warmest beams over the room",
+        "K",
+        GLASS_NAME,
+        _rise_k,
+        lambda _, demand: demand.beam_rise_k,
+        planned="warning",
+        implied_by=("pad.hot",),
     ),
     Limit(
         "coil.pull_in",

@@ -40,6 +40,7 @@ from padgen.planner.limits import exceeded
 from padgen.planner.plan import (
     NO_RECOIL,
     NOT_JUDGED,
+    NOT_WARM,
     Cell,
     Channel,
     CoilGrid,
@@ -64,6 +65,7 @@ from padgen.planner.shaken_pad import planned_recoil
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.verdict import judged
+from padgen.planner.warm_pad import planned_warmth
 from padgen.spec import Spec
 
 __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
@@ -233,9 +235,7 @@ def _coils_key(choice: Choice) -> tuple[bool, int]:
     return choice.layout.surplus > 0, choice.layout.coils
 
 
-def _best(
-    rank: Iterator[Choice], most_printed: int, known: Driven | None = None, overloaded: bool = False
-) -> Choice:
+def _best(rank: Iterator[Choice], most_printed: int, known: Driven | None = None, overloaded: bool = False) -> Choice:
     """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
 
     In the second case prints of `most_printed` choices at most are simulated. Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`; what is `known` of
@@ -345,6 +345,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     prints = what_prints_keep(bare, quick)
     # No cure of a pad that is held still is judged by how it would recoil.
     recoil = NO_RECOIL if quick and not spec.mount.is_said else planned_recoil(bare, prints)
+    warm = planned_warmth(bare)
     coils = bare.coils.rows * bare.coils.columns
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
@@ -352,7 +353,8 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     known = replace(
         bare,
         recoil=recoil,
-        left_out=left_out(replace(bare, recoil=recoil)),
+        warm=warm,
+        left_out=left_out(replace(bare, recoil=recoil, warm=warm)),
         prints=prints,
         capacity=capacity,
         parts=fitting_parts(bare),
@@ -428,6 +430,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         parts=Parts({}, ()),
         pushed=pushed_taxels(spec, channels),
         recoil=NO_RECOIL,
+        warm=NOT_WARM,
     )
 
 

@@ -566,6 +566,38 @@ class Recoil:
         return -10 * log10(energy) if energy > 0 else db
 
 
+@dataclass(frozen=True, slots=True)
+class Warm:
+    """Temperatures in °C of the pad with all taxels on for good at their planned level, in air at `room_c`.
+
+    `heat_w` is the heat of all coils at 20 °C; the rest counts the copper's rise of resistance. `coil_c` and `beam_c`
+    are of the warmest coil and the warmest beams, `gap_c` of the air between them, `mean_beam_c` the mean over the coils.
+    Rises over the room have the relative error `error`. They reach two thirds of their end after `warm_up_min` on a
+    table that takes up no heat, later on one that does.
+
+    `resonance_shift` is the relative shift of the warmest taxels' resonances, `resonances_hz` (n,) are those of the
+    channels at `mean_beam_c`, both by the fall of the plastic's stiffness.
+    """
+
+    room_c: float
+    heat_w: float
+    coil_c: float
+    gap_c: float
+    beam_c: float
+    mean_beam_c: float
+    error: float
+    warm_up_min: float
+    resonance_shift: float
+    resonances_hz: tuple[float, ...]
+
+    @property
+    def beam_rise_k(self) -> float:
+        """Rise in K of the warmest beams over the room."""
+        return self.beam_c - self.room_c
+
+
+NOT_WARM = Warm(23.0, 0.0, 23.0, 23.0, 23.0, 23.0, 0.0, 0.0, 0.0, ())
+"""The placeholder in a plan whose temperatures are not worked out yet."""
 NO_RECOIL = Recoil(0.0, None, 0, None, None, None, None, None)
 """The recoil of a plan before it is worked out."""
 NOT_JUDGED = Verdict("error", "not judged yet", "", "", "", None)
@@ -614,6 +646,7 @@ class Plan:
     parts: Parts
     pushed: Pushed
     recoil: Recoil
+    warm: Warm
 
     def __repr__(self) -> str:
         coils = self.coils
@@ -739,7 +772,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     """
     try:
         table = json.loads(text)
-        if isinstance(table, dict) and "spec" in table and not {"verdict", "recoil"} <= {*table}:
+        if isinstance(table, dict) and "spec" in table and not {"verdict", "recoil", "warm"} <= {*table}:
             raise OlderPlanError("was written by an older padgen; padgen plan makes it anew from its spec", where)
         plan: Plan = read_as(Plan, table, "the plan")
         _refuse_contradictions(plan)

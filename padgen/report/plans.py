@@ -132,6 +132,13 @@ def _power_lines(plan: "Plan") -> list[str]:
         " peak);"
         f" idle: {count * load.idle_w:.2g} W."
     ]
+    warm = plan.warm
+    if -warm.resonance_shift > plan.spec.model.tolerance:
+        lines.append(
+            f"Left on for good, they warm coils to {warm.coil_c:.0f} °C and beams to {warm.beam_c:.0f} °C (rises"
+            f" ± {warm.error:.0%}; two thirds of it in {warm.warm_up_min:.0f} min): resonances fall by up to"
+            f" {-warm.resonance_shift:.1%}. Re-tune the pad warm."
+        )
     if prints.print_db is not None:
         stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
         stages_text = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)

@@ -95,6 +95,12 @@ class Material:
         high=1,
         doc="stiffness across the layers of a print over that along them",
     )
+    glass_c: float | None = quantity(
+        None, unit="°C", low=-150, high=400, doc="glass point or heat deflection temperature; not judged when absent"
+    )
+    softening_per_k: float = quantity(
+        0.005, unit="1/K", low=0, high=0.1, doc="share of its stiffness that the print loses per K, near 23 °C"
+    )
     source: str = text("", doc="where the figures come from")
 
 
@@ -376,6 +382,7 @@ class LimitsTable:
     power_w: float | None = quantity(
         None, unit="W", low=1e-4, high=1e6, doc="heat of all coils together with all taxels on; no limit when absent"
     )
+    room_c: float = quantity(23.0, unit="°C", low=-20, high=60, doc="temperature of the air around the pad")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,253 @@
+"""Compare the temperatures of planned pads with a 3-D heat solution: `python docs/measure_warm.py [SPEC ...]`.
+
+Finite volumes of a quarter of pad, tray, coils, air and table, from the sizes in a plan: frame, windows with their
+plates and the air around them, sockets, windings, cores, seats and their holes, the air between tray and pad with
+radiation through it, and wood to five times the pad's size. Only the films on outer faces are the correlations that a
+plan uses, too, written here once more. Prints a row a pad: rises over the room by plan and solution, and their ratio.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from scipy.sparse import coo_matrix, diags
+from scipy.sparse.linalg import cg
+
+from padgen.planner import make_plan
+from padgen.planner.fixtures import plan_tray
+from padgen.planner.plan import Plan
+from padgen.spec import load_spec, make_spec
+
+PLASTIC = 0.2
+WOOD = 0.15
+AIR = 0.0265
+WINDING = 2.0
+IRON = 50.0
+SIGMA = 5.670374e-8
+EMISSIVITY = 0.9
+CONTACT_MM = 0.2
+STEP_MM = 1.25
+
+# Beside templates: few and many coils, a wide pitch, a small gap, a strong level, another plastic, a warm room.
+OWN: list[dict[str, Any]] = [
+    {"name": "eight", "resolution": 8, "band_hz": [60, 200], "q_min": 15, "coil": {"grid": [2, 2]}},
+    {"name": "loud", "resolution": 32, "band_hz": [50, 200], "q_min": 15, "drive": {"level_um": 20}},
+    {
+        "name": "wide-pitch",
+        "resolution": 32,
+        "band_hz": [50, 200],
+        "q_min": 15,
+        "pad": {"width_mm": 100, "depth_mm": 100, "frame_thickness_mm": 5},
+        "coil": {"grid": [4, 4]},
+    },
+    {"name": "petg", "resolution": 48, "band_hz": [50, 250], "q_min": 15, "material": "petg"},
+    {"name": "warm-room", "resolution": 32, "band_hz": [80, 300], "q_min": 20, "limits": {"room_c": 35}},
+]
+
+
+def plan_of(name: str) -> Plan:
+    """Return the plan of a template, of a spec in a file, or of one of `OWN`."""
+    table = next((one for one in OWN if one["name"] == name), None)
+    return make_plan(make_spec(table) if table else load_spec(name))
+
+
+def lines(inner: np.ndarray, end: float, ratio: float = 1.5) -> np.ndarray:
+    """Continue the lines of a grid outwards to `end`, each step `ratio` times the last."""
+    out = list(inner)
+    step = inner[-1] - inner[-2]
+    while out[-1] < end:
+        step *= ratio
+        out.append(out[-1] + step)
+    return np.array(out)
+
+
+def solved(plan: Plan) -> tuple[float, float]:
+    """Return the rises in K of the warmest coil and of the warmest plate over the room."""
+    spec = plan.spec
+    tray = plan_tray(plan)
+    pad = spec.pad
+    coil = spec.coil
+    half_x = pad.width_mm / 2
+    half_y = pad.depth_mm / 2
+    edge_x = half_x + pad.border_mm
+    edge_y = half_y + pad.border_mm
+    x = lines(np.linspace(0, edge_x, round(edge_x / STEP_MM) + 1), 5 * edge_x)
+    y = lines(np.linspace(0, edge_y, round(edge_y / STEP_MM) + 1), 5 * edge_y)
+    top = tray.height_mm + pad.frame_thickness_mm
+    marks = [0, CONTACT_MM, tray.floor_mm, tray.socket_top_mm, tray.coil_top_mm, tray.height_mm, top]
+    parts = [2, 2, 3, 4, 3, 3]
+    above = np.concatenate([np.linspace(a, b, n + 1)[1:] for a, b, n in zip(marks, marks[1:], parts, strict=False)])
+    below = -lines(np.array([0.0, 0.5]), 4 * max(edge_x, edge_y))[::-1]
+    z = np.concatenate([below, above])
+    size = tuple(len(side) - 1 for side in (z, y, x))
+    mid_z, mid_y, mid_x = ((side[1:] + side[:-1]) / 2 for side in (z, y, x))
+    at_z, at_y, at_x = np.meshgrid(mid_z, mid_y, mid_x, indexing="ij")
+
+    on_pad = (at_x < edge_x) & (at_y < edge_y)
+    active = (at_x < half_x) & (at_y < half_y)
+    exists = (at_z < 0) | on_pad
+    k = np.where(at_z < 0, WOOD, PLASTIC)
+    k[on_pad & (at_z > 0) & (at_z < CONTACT_MM)] = AIR
+    k[active & (at_z > tray.socket_top_mm) & (at_z < tray.height_mm)] = AIR
+    heat = np.zeros(size)
+    wound = np.zeros(size, int)
+    for number, (cx, cy) in enumerate(tray.coils_mm, 1):
+        radius = np.hypot(at_x - cx, at_y - cy)
+        k[(radius < tray.seat_hole_mm / 2) & (at_z > CONTACT_MM) & (at_z < tray.floor_mm)] = AIR
+        high = (at_z > tray.floor_mm) & (at_z < tray.coil_top_mm)
+        winding = high & (radius < coil.outer_diameter_mm / 2) & (radius >= coil.inner_diameter_mm / 2)
+        k[high & (radius < tray.socket_diameter_mm / 2) & (radius >= coil.outer_diameter_mm / 2)] = AIR
+        k[high & (radius < coil.inner_diameter_mm / 2)] = AIR
+        k[high & (radius < coil.core_diameter_mm / 2)] = IRON
+        k[winding] = WINDING
+        wound[winding] = number
+    plates = np.zeros(size, int)
+    for number, taxel in enumerate(plan.taxels, 1):
+        channel = plan.channels[taxel.channel]
+        sign = -1 if taxel.turned else 1
+        wx, wy = channel.site.washer_mm
+        cx = taxel.x_mm - sign * wx + sign * channel.site.centre_mm[0]
+        cy = taxel.y_mm - sign * wy + sign * channel.site.centre_mm[1]
+        frame = at_z > tray.height_mm
+        inside = (np.abs(at_x - cx) < (plan.cell.width_mm - pad.rib_mm) / 2) & (
+            np.abs(at_y - cy) < (plan.cell.depth_mm - pad.rib_mm) / 2
+        )
+        length, width = plan.plate.length_mm, plan.plate.width_mm
+        if channel.site.along in ("y", "-y"):
+            length, width = width, length
+        plate = (np.abs(at_x - taxel.x_mm) < length / 2) & (np.abs(at_y - taxel.y_mm) < width / 2)
+        k[frame & inside & ~plate] = AIR
+        plates[frame & plate] = number
+
+    area = np.diff(y)[:, None] * np.diff(x) * 1e-6
+    index = -np.ones(size, int)
+    index[exists] = np.arange(exists.sum())
+    rows: list[np.ndarray] = []
+    columns: list[np.ndarray] = []
+    values: list[np.ndarray] = []
+
+    def join(first: np.ndarray, second: np.ndarray, conductance: np.ndarray) -> None:
+        """Let heat flow between cells."""
+        rows.extend([first, second, first, second])
+        columns.extend([first, second, second, first])
+        values.extend([conductance, conductance, -conductance, -conductance])
+
+    steps = (np.diff(z), np.diff(y), np.diff(x))
+    for axis in range(3):
+        low = tuple(slice(None, -1) if a == axis else slice(None) for a in range(3))
+        high_side = tuple(slice(1, None) if a == axis else slice(None) for a in range(3))
+        shape = [1, 1, 1]
+        shape[axis] = -1
+        step = (steps[axis] * 1e-3).reshape(shape)
+        others = [steps[a] * 1e-3 for a in range(3) if a != axis]
+        face = np.expand_dims(others[0][:, None] * others[1], axis)
+        resistance = step / 2 / k
+        conductance = face / (resistance[low] + resistance[high_side])
+        both = exists[low] & exists[high_side]
+        join(index[low][both], index[high_side][both], np.broadcast_to(conductance, both.shape)[both])
+    # Radiation from what looks up at the pad's underside, coil or socket.
+    mean_k = spec.limits.room_c + 20 + 273.15
+    through = 4 * SIGMA * mean_k**3 / (2 / EMISSIVITY - 1)
+    under = int(np.searchsorted(mid_z, tray.height_mm))
+    coil_layer = int(np.searchsorted(mid_z, tray.coil_top_mm)) - 1
+    socket_layer = int(np.searchsorted(mid_z, tray.socket_top_mm)) - 1
+    seen = active[0]
+    is_coil = k[coil_layer] > AIR
+    from_index = np.where(is_coil, index[coil_layer], index[socket_layer])[seen]
+    join(from_index, index[under][seen], area[seen] * through)
+    count = int(exists.sum())
+    matrix = coo_matrix(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))), (count, count)
+    ).tocsr()
+
+    volume = np.diff(z)[:, None, None] * np.diff(y)[:, None] * np.diff(x)
+    room = spec.limits.room_c
+    length_m = 4 * edge_x * edge_y / (4 * (edge_x + edge_y)) * 1e-3
+    rise = np.zeros(count)
+    top_cells = index[-1][on_pad[-1]]
+    top_area = area[on_pad[-1]]
+    far = np.zeros(size, bool)
+    far[0] = far[:, -1] = far[:, :, -1] = True
+    for _ in range(6):
+        loss = np.zeros(count)
+        loss[index[far & exists]] += 1e3
+        warm = float((rise[top_cells] * top_area).sum() / top_area.sum())
+        loss[top_cells] += top_area * film_up(warm, length_m, room)
+        last_x = int(np.searchsorted(mid_x, edge_x)) - 1
+        last_y = int(np.searchsorted(mid_y, edge_y)) - 1
+        for part, face in (
+            (np.s_[:, :, last_x], steps[0][:, None] * steps[1] * 1e-6),
+            (np.s_[:, last_y, :], steps[0][:, None] * steps[2] * 1e-6),
+        ):
+            outer = on_pad[part] & (at_z[part] > 0)
+            cells = index[part][outer]
+            warm = float((rise[cells] * face[outer]).sum() / face[outer].sum())
+            loss[cells] += face[outer] * film_side(warm, top * 1e-3, room)
+        table = ~on_pad[0]
+        surface = int(np.searchsorted(mid_z, 0)) - 1
+        loss[index[surface][table]] += area[table] * 8.0
+        for number in range(1, len(tray.coils_mm) + 1):
+            cells = wound == number
+            if cells.any():
+                share = volume[cells] / (
+                    np.pi / 4 * (coil.outer_diameter_mm**2 - coil.inner_diameter_mm**2) * coil.length_mm
+                )
+                warm_c = room + float((rise[index[cells]] * volume[cells]).sum() / volume[cells].sum())
+                heat[cells] = (
+                    share / share.sum() * quarter(share) * plan.load.copper_loss_w * (1 + 3.93e-3 * (warm_c - 20))
+                )
+        full = matrix + diags(loss)
+        rise, failed = cg(full, heat[exists], x0=rise, rtol=1e-7, maxiter=20000, M=diags(1 / full.diagonal()))
+        assert not failed
+    coils = [rise[index[wound == n]].mean() for n in range(1, len(tray.coils_mm) + 1) if (wound == n).any()]
+    beams = [rise[index[plates == n]].mean() for n in range(1, len(plan.taxels) + 1) if (plates == n).any()]
+    return float(max(coils)), float(max(beams))
+
+
+def quarter(share: np.ndarray) -> float:
+    """Return the share of a coil that lies in the quarter: 1, 1/2 or 1/4."""
+    return float(min((1.0, 0.5, 0.25), key=lambda part: abs(part - share.sum())))
+
+
+def film_up(rise: float, length_m: float, room: float) -> float:
+    """Return the film of the top in W/(m² K), by Lloyd and Moran's correlation and radiation."""
+    rise = max(rise, 0.01)
+    film = room + rise / 2 + 273.15
+    rayleigh = 9.81 * rise / film * length_m**3 / (1.63e-5 * 2.3e-5)
+    hot, cold = room + rise + 273.15, room + 273.15
+    return AIR / length_m * 0.54 * rayleigh**0.25 + EMISSIVITY * SIGMA * (hot**4 - cold**4) / (hot - cold)
+
+
+def film_side(rise: float, height_m: float, room: float) -> float:
+    """Return the film of a side in W/(m² K), by Churchill and Chu's correlation and radiation."""
+    rise = max(rise, 0.01)
+    film = room + rise / 2 + 273.15
+    rayleigh = 9.81 * rise / film * height_m**3 / (1.63e-5 * 2.3e-5)
+    nusselt = 0.68 + 0.67 * rayleigh**0.25 / (1 + (0.492 / 0.71) ** (9 / 16)) ** (4 / 9)
+    hot, cold = room + rise + 273.15, room + 273.15
+    return AIR / height_m * nusselt + EMISSIVITY * SIGMA * (hot**4 - cold**4) / (hot - cold)
+
+
+def main() -> None:
+    """Print a row for each pad."""
+    names = sys.argv[1:] or ["pad-32", "big-512", "calibration", "quad-64", "wide-11", *(one["name"] for one in OWN)]
+    print(
+        f"{'pad':12} {'heat W':>7} {'coil K: plan':>13} {'3-D':>6} {'ratio':>6} {'beams K: plan':>14} {'3-D':>6} {'ratio':>6}"
+    )
+    for name in names:
+        plan = plan_of(name)
+        warm = plan.warm
+        coil_k, beam_k = solved(plan)
+        coil = warm.coil_c - warm.room_c
+        print(
+            f"{plan.name:12} {warm.heat_w:7.2f} {coil:13.1f} {coil_k:6.1f} {coil / coil_k:6.2f}"
+            f" {warm.beam_rise_k:14.1f} {beam_k:6.1f} {warm.beam_rise_k / beam_k:6.2f}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

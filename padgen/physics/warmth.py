@@ -1,0 +1,189 @@
+"""Steady temperatures of a pad on its tray: two layers of cells, heated by coils, cooled by air and what lies below.
+
+The lower layer is the tray with its coils, the upper one the printed pad. Heat flows along each layer, from one to the
+other through the air gap and the rim, from the lower one into the table, and from top and sides into the room by
+natural convection and radiation. Films follow from their own temperatures, and the coils' resistance from theirs, so
+that the linear balance is solved a few times.
+
+Correlations of natural convection: plate facing upwards, Nu = 0.54 Ra^(1/4) with area over perimeter as its length
+(Lloyd and Moran 1974); upright side, Churchill and Chu 1975. Both scatter by some 15 to 25 % on small plates.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+__all__ = [
+    "AIR_W_PER_M_K",
+    "WARM_ERROR",
+    "WarmLayers",
+    "film_above",
+    "film_beside",
+    "gap_w_per_m2_k",
+    "plate_on_half_space",
+    "temperatures",
+]
+
+STEFAN_BOLTZMANN = 5.670374e-8
+AIR_W_PER_M_K = 0.0265
+AIR_DIFFUSIVITY_M2_PER_S = 2.3e-5
+AIR_VISCOSITY_M2_PER_S = 1.63e-5
+AIR_PRANDTL = 0.71
+"""Air at 35 °C and 1 bar, half way between a warm pad and a room (Incropera, table A.4)."""
+GRAVITY_M_PER_S2 = 9.81
+EMISSIVITY = 0.9
+"""Of printed plastics, skin of a winding and wood: tables give 0.85 to 0.95."""
+KELVIN = 273.15
+ROUNDS = 20
+SETTLED_K = 0.01
+"""Most solutions in turns with films and resistances, which end once no temperature moves by more than `SETTLED_K`."""
+LEAST_RISE_K = 0.01
+"""Rise from which films are computed: without any, air at rest would conduct nothing."""
+COPPER_PER_K = 3.93e-3
+"""Relative rise of copper's resistance per K, from its value at 20 °C (IEC 60028)."""
+COPPER_C = 20.0
+WARM_ERROR = 0.3
+"""Relative error of a rise over the room: films scatter by 15 to 25 %, conductivities by as much (docs/warm.md)."""
+
+
+class WarmLayers(NamedTuple):
+    """Cells (r, c) of a quarter of a pad in SI units, from its corner; of two layers the first is the tray, then the pad.
+
+    `width_m` (c,) and `depth_m` (r,) are the cells' sides, `heat_w` (r, c) the heat of the coils at 20 °C, `sheet_w_per_k`
+    (2, r, c) conductivity times thickness of each layer, `through_w_per_k` (r, c) the conductance between the layers,
+    `below_w_per_k` (r, c) that from the tray to the room through what lies below, and `height_m` (2,) the heights of the
+    layers' outer sides.
+    """
+
+    width_m: np.ndarray
+    depth_m: np.ndarray
+    heat_w: np.ndarray
+    sheet_w_per_k: np.ndarray
+    through_w_per_k: np.ndarray
+    below_w_per_k: np.ndarray
+    height_m: np.ndarray
+
+
+def film_above(rise_k: float, length_m: float, room_c: float) -> float:
+    """Return the film coefficient in W/(m² K) of a warm plate facing upwards; `length_m` is its area over perimeter."""
+    rise_k = max(rise_k, LEAST_RISE_K)
+    rayleigh = _rayleigh(rise_k, length_m, room_c)
+    return AIR_W_PER_M_K / length_m * 0.54 * rayleigh**0.25 + _radiated(rise_k, room_c) * EMISSIVITY
+
+
+def film_beside(rise_k: float, height_m: float, room_c: float) -> float:
+    """Return the film coefficient in W/(m² K) of a warm upright side."""
+    rise_k = max(rise_k, LEAST_RISE_K)
+    rayleigh = _rayleigh(rise_k, height_m, room_c)
+    slow = (1 + (0.492 / AIR_PRANDTL) ** (9 / 16)) ** (4 / 9)
+    return AIR_W_PER_M_K / height_m * (0.68 + 0.67 * rayleigh**0.25 / slow) + _radiated(rise_k, room_c) * EMISSIVITY
+
+
+def gap_w_per_m2_k(gap_m: float, mean_c: float) -> float:
+    """Return the conductance in W/(m² K) of a gap of air at rest between two surfaces, by conduction and radiation."""
+    return AIR_W_PER_M_K / gap_m + 4 * STEFAN_BOLTZMANN * (mean_c + KELVIN) ** 3 / (2 / EMISSIVITY - 1)
+
+
+def plate_on_half_space(width_m: float, depth_m: float) -> float:
+    """Return conductance over conductivity in m of a plate on a half-space, π W/ln(4 W/L) with W the longer side."""
+    longer, shorter = max(width_m, depth_m), min(width_m, depth_m)
+    return float(np.pi * longer / np.log(4 * longer / shorter))
+
+
+def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
+    """Return the steady temperatures (2, r, c) in °C of all cells, in a room at `room_c`."""
+    area = layers.depth_m[:, None] * layers.width_m
+    half_m = float(layers.width_m.sum()), float(layers.depth_m.sum())
+    length_m = half_m[0] * half_m[1] / sum(half_m)  # area over perimeter of the whole
+    right, down = _conductances(layers)
+    sides = _side_lengths(layers)
+    rise = np.zeros((2, *area.shape))
+    for _ in range(ROUNDS):
+        out = np.zeros_like(rise)
+        out[1] += area * film_above(float((rise[1] * area).sum() / area.sum()), length_m, room_c)
+        for layer, height in enumerate(layers.height_m):
+            edge = float((rise[layer] * sides).sum() / sides.sum())
+            out[layer] += sides * height * film_beside(edge, float(layers.height_m.sum()), room_c)
+        out[0] += layers.below_w_per_k
+        heat = np.zeros_like(rise)
+        heat[0] = layers.heat_w * (1 + COPPER_PER_K * (room_c + rise[0] - COPPER_C))
+        before = rise
+        rise = _balanced(right, down, layers.through_w_per_k, out, heat, before)
+        if np.abs(rise - before).max() < SETTLED_K:
+            break
+    return room_c + rise
+
+
+def _conductances(layers: WarmLayers) -> tuple[np.ndarray, np.ndarray]:
+    """Return the conductances in W/K between neighbours along x (2, r, c − 1) and along y (2, r − 1, c)."""
+    half_x = layers.width_m / 2 / (layers.sheet_w_per_k * layers.depth_m[:, None])
+    half_y = layers.depth_m[:, None] / 2 / (layers.sheet_w_per_k * layers.width_m)
+    return 1 / (half_x[..., 1:] + half_x[..., :-1]), 1 / (half_y[:, 1:] + half_y[:, :-1])
+
+
+def _side_lengths(layers: WarmLayers) -> np.ndarray:
+    """Return the length (r, c) in m of each cell's sides that face the room."""
+    length = np.zeros((len(layers.depth_m), len(layers.width_m)))
+    length[0] += layers.width_m
+    length[:, 0] += layers.depth_m
+    return length
+
+
+def _balanced(
+    right: np.ndarray, down: np.ndarray, through: np.ndarray, out: np.ndarray, heat: np.ndarray, start: np.ndarray
+) -> np.ndarray:
+    """Return the rises at which what flows into each cell flows out again, by conjugate gradients from `start`."""
+
+    def flowing(rise: np.ndarray) -> np.ndarray:
+        """Return what flows out of each cell in W."""
+        flow = out * rise
+        along = right * (rise[..., 1:] - rise[..., :-1])
+        flow[..., 1:] += along
+        flow[..., :-1] -= along
+        across = down * (rise[:, 1:] - rise[:, :-1])
+        flow[:, 1:] += across
+        flow[:, :-1] -= across
+        upwards = through * (rise[0] - rise[1])
+        flow[0] += upwards
+        flow[1] -= upwards
+        return flow
+
+    own = out + through
+    own[..., 1:] += right
+    own[..., :-1] += right
+    own[:, 1:] += down
+    own[:, :-1] += down
+    rise = start.copy()
+    left = heat - flowing(rise)
+    enough = CLOSE * float(np.abs(heat).sum())
+    toward = left / own
+    direction = toward
+    size = float((left * toward).sum())
+    for _ in range(2 * rise.size):
+        if float(np.abs(left).sum()) <= enough:
+            break
+        flow = flowing(direction)
+        step = size / float((direction * flow).sum())
+        rise += step * direction
+        left = left - step * flow
+        toward = left / own
+        before = size
+        size = float((left * toward).sum())
+        direction = toward + size / before * direction
+    return rise
+
+
+CLOSE = 1e-8
+"""Share of the heat that may be missing from the balance."""
+
+
+def _rayleigh(rise_k: float, length_m: float, room_c: float) -> float:
+    film_k = room_c + rise_k / 2 + KELVIN
+    return GRAVITY_M_PER_S2 * rise_k / film_k * length_m**3 / (AIR_VISCOSITY_M2_PER_S * AIR_DIFFUSIVITY_M2_PER_S)
+
+
+def _radiated(rise_k: float, room_c: float) -> float:
+    """Return the film coefficient in W/(m² K) of a black surface to a room."""
+    warm = room_c + rise_k + KELVIN
+    cold = room_c + KELVIN
+    return STEFAN_BOLTZMANN * (warm**2 + cold**2) * (warm + cold)

@@ -1,0 +1,187 @@
+"""How warm a pad gets with all of its taxels on for good: coils, air gap and beams, and what that does to resonances.
+
+The pad lies on its tray, on a wooden table, in air at rest (`limits.room_c`). Steel in the pad is left out; it evens
+temperatures out.
+"""
+
+from math import pi, sqrt
+
+import numpy as np
+
+from padgen.core.errors import InfeasibleError
+from padgen.core.units import G_PER_CM3, MM
+from padgen.physics.warmth import (
+    AIR_W_PER_M_K,
+    WARM_ERROR,
+    WarmLayers,
+    gap_w_per_m2_k,
+    plate_on_half_space,
+    temperatures,
+)
+from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE, plan_tray, washer_underside_mm
+from padgen.planner.plan import TURNS, Plan, Warm
+from padgen.spec import Spec
+
+__all__ = ["planned_warmth", "warm_layers"]
+
+PLASTIC_W_PER_M_K = 0.2
+"""Conductivity of printed plastics: data sheets give 0.13 (PLA) to 0.25 (nylon), prints less across their layers."""
+WOOD_W_PER_M_K = 0.15
+"""Conductivity of wood and chipboard across the grain: 0.12 to 0.17 (Incropera, table A.3)."""
+WINDING_W_PER_M_K = 2.0
+"""Conductivity across the wires of a winding, copper in varnish and air: 1 to 3."""
+CONTACT_M = 2e-4
+"""Air between tray and table: assumed."""
+TYPICAL_GAP_C = 40.0
+"""Mean temperature at which the radiation through the air gap is worked out; 20 K more are 7 % of the gap's conductance.
+"""
+PLASTIC_J_PER_KG_K = 1500.0
+COPPER_J_PER_M3_K = 8960 * 385.0
+"""Heat that a kilogram of plastic and a cubic metre of winding take up per K; iron differs from copper by 2 %."""
+
+
+def planned_warmth(plan: Plan) -> Warm:
+    """Return the temperatures of a plan's pad with all taxels on for good at their planned level."""
+    spec = plan.spec
+    room_c = spec.limits.room_c
+    layers = warm_layers(plan)
+    warm_c = temperatures(layers, room_c)
+    plates_c = _plates_c(plan, warm_c[1])
+    coil_c = float(warm_c[0].max())
+    beam_c = float(plates_c.max())
+    heat_w = plan.load.copper_loss_w * plan.coils.rows * plan.coils.columns
+    softer = -spec.material.softening_per_k / 2
+    channel_rise_k = plates_c.mean((1, 2)) - room_c
+    resonance_hz = np.array([channel.resonance_hz for channel in plan.channels])
+    return Warm(
+        room_c=room_c,
+        heat_w=heat_w,
+        coil_c=coil_c,
+        gap_c=(coil_c + beam_c) / 2,
+        beam_c=beam_c,
+        mean_beam_c=float(plates_c.mean()),
+        error=WARM_ERROR,
+        warm_up_min=4 * _stored_j(spec, layers, warm_c - room_c) / heat_w / 60 if heat_w > 0 else 0.0,
+        resonance_shift=softer * (beam_c - room_c),
+        resonances_hz=tuple((resonance_hz * (1 + softer * channel_rise_k)).tolist()),
+    )
+
+
+def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
+    """Return the temperatures (n, r, c) in °C of each channel's plate over every coil, from those of a quarter's cells.
+
+    A plate is as warm as the cells below it are on the mean. Turned cells are the mean of both ways.
+    """
+    columns = plan.coils.columns
+    rows = plan.coils.rows
+    whole = np.concatenate([pad_c, pad_c[:, ::-1][:, columns % 2 :]], 1)
+    whole = np.concatenate([whole, whole[::-1][rows % 2 :]])
+    by_coil = whole[1:-1, 1:-1].reshape(rows, 3, columns, 3)
+    plates = []
+    for channel in plan.channels:
+        size_mm = (plan.plate.length_mm, plan.plate.width_mm)
+        if TURNS[channel.site.along][0] == 0:
+            size_mm = size_mm[::-1]
+        shares = [
+            _strip_shares(pitch_mm, _coil_side_mm(plan), at_mm, side_mm)
+            for pitch_mm, at_mm, side_mm in zip(
+                (plan.coils.pitch_x_mm, plan.coils.pitch_y_mm), channel.site.washer_mm, size_mm, strict=True
+            )
+        ]
+        plates.append(np.einsum("risj,i,j->rs", by_coil, shares[1], shares[0]))
+    return np.array(plates)
+
+
+def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float) -> np.ndarray:
+    """Return the shares (3,) of a plate `long_mm` at `at_mm` from the coil's axis that lie beside, over, and beside it."""
+    lines_mm = np.array([-pitch_mm, -side_mm, side_mm, pitch_mm]) / 2
+    within_mm = np.clip(lines_mm, at_mm - long_mm / 2, at_mm + long_mm / 2)
+    shares = np.diff(within_mm) / np.ptp(within_mm)
+    return np.asarray((shares + shares[::-1]) / 2)
+
+
+def _coil_side_mm(plan: Plan) -> float:
+    """Return the side of a square of a coil's area in mm, at most nearly its cell's."""
+    round_mm = plan.spec.coil.outer_diameter_mm * sqrt(pi) / 2
+    return min(round_mm, 0.98 * min(plan.coils.pitch_x_mm, plan.coils.pitch_y_mm))
+
+
+def warm_layers(plan: Plan) -> WarmLayers:
+    """Return the cells of a quarter of a plan's pad and tray, the first row and column being the border.
+
+    Each coil's cell is divided into three by three, the coil being a square of its area in the middle.
+    """
+    spec = plan.spec
+    coil = spec.coil
+    pad = spec.pad
+    floor, socket_top, coil_top, height = (value * MM for value in _tray_heights_mm(plan))
+    frame = pad.frame_thickness_mm * MM
+    side_mm = _coil_side_mm(plan)
+    width, coil_columns = _quarter(plan.coils.columns, plan.coils.pitch_x_mm, side_mm, pad.border_mm)
+    depth, coil_rows = _quarter(plan.coils.rows, plan.coils.pitch_y_mm, side_mm, pad.border_mm)
+    area = depth[:, None] * width
+    is_border = np.ones(area.shape, bool)
+    is_border[1:, 1:] = False
+    is_coil = coil_rows[:, None] & coil_columns
+
+    sheet = np.empty((2, *area.shape))
+    beside = PLASTIC_W_PER_M_K * socket_top + AIR_W_PER_M_K * (height - socket_top)
+    sheet[0] = np.where(is_border, PLASTIC_W_PER_M_K * height, beside)
+    sheet[0][is_coil] = PLASTIC_W_PER_M_K * floor + WINDING_W_PER_M_K * (coil_top - floor)
+    # Windows are holes with plates in them that touch nothing: Maxwell's mixture in two dimensions.
+    cell = plan.cell
+    window_share = max(1 - pad.rib_mm / cell.width_mm, 0.0) * max(1 - pad.rib_mm / cell.depth_mm, 0.0)
+    sheet[1] = PLASTIC_W_PER_M_K * frame * np.where(is_border, 1.0, (1 - window_share) / (1 + window_share))
+
+    gap = np.where(
+        is_coil,
+        gap_w_per_m2_k(max(height - coil_top, CONTACT_M), TYPICAL_GAP_C),
+        gap_w_per_m2_k(max(height - socket_top, CONTACT_M), TYPICAL_GAP_C),
+    )
+    rim = height / 2 / PLASTIC_W_PER_M_K
+    through = area / (np.where(is_border, rim, 1 / gap) + frame / 2 / PLASTIC_W_PER_M_K)
+
+    half_m = width.sum(), depth.sum()
+    table = WOOD_W_PER_M_K * plate_on_half_space(2 * half_m[0], 2 * half_m[1]) / (4 * half_m[0] * half_m[1])
+    hole_share = np.where(is_coil, HOLE_SHARE**2, 0.0)
+    floor_w_per_m2_k = (PLASTIC_W_PER_M_K * (1 - hole_share) + AIR_W_PER_M_K * hole_share) / floor
+    seat = np.where(is_border, rim, 1 / floor_w_per_m2_k)
+    below = area / (seat + CONTACT_M / AIR_W_PER_M_K + 1 / table)
+    heat = np.where(is_coil, plan.load.copper_loss_w * area / (side_mm * MM) ** 2, 0.0)
+    return WarmLayers(width, depth, heat, sheet, through, below, np.array([height, frame]))
+
+
+def _quarter(coils: int, pitch_mm: float, side_mm: float, border_mm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sides in m of cells from the pad's edge to its middle, and which of them are a coil's."""
+    beside_mm = (pitch_mm - side_mm) / 2
+    sides_mm = [border_mm, *([beside_mm, side_mm, beside_mm] * coils), border_mm]
+    is_coil = [False, *([False, True, False] * coils), False]
+    half = (len(sides_mm) + 1) // 2
+    if len(sides_mm) % 2:
+        sides_mm[half - 1] /= 2
+    return np.array(sides_mm[:half]) * MM, np.array(is_coil[:half])
+
+
+def _tray_heights_mm(plan: Plan) -> tuple[float, float, float, float]:
+    """Return the heights of floor, sockets, coils and rim in mm; of a tray of the usual ones where none can be made."""
+    try:
+        tray = plan_tray(plan)
+    except InfeasibleError:
+        coil = plan.spec.coil
+        height_mm = FLOOR_MM + coil.length_mm + coil.gap_mm - washer_underside_mm(plan)
+        return FLOOR_MM, FLOOR_MM + SOCKET_SHARE * coil.length_mm, FLOOR_MM + coil.length_mm, height_mm
+    return tray.floor_mm, tray.socket_top_mm, tray.coil_top_mm, tray.height_mm
+
+
+def _stored_j(spec: Spec, layers: WarmLayers, rise_k: np.ndarray) -> float:
+    """Return the heat in J that a quarter of coils, tray and pad has taken up; what the table takes up is left out."""
+    per_m3_k = spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
+    area = layers.depth_m[:, None] * layers.width_m
+    socket_m = (FLOOR_MM + SOCKET_SHARE * spec.coil.length_mm) * MM
+    tray_m = np.full(area.shape, layers.height_m[0])
+    tray_m[1:, 1:] = socket_m
+    tray_j_per_k = per_m3_k * area * tray_m
+    is_coil = layers.heat_w > 0
+    tray_j_per_k[is_coil] = area[is_coil] * spec.coil.length_mm * MM * COPPER_J_PER_M3_K
+    pad_j_per_k = per_m3_k * area * layers.height_m[1]
+    return float((np.stack([tray_j_per_k, pad_j_per_k]) * rise_k).sum())
