@@ -6,6 +6,7 @@ radiation through it, and wood to five times the pad's size. Only the films on o
 plan uses, too, written here once more. Prints a row a pad: rises over the room by plan and solution, and their ratio.
 """
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ IRON = 50.0
 SIGMA = 5.670374e-8
 EMISSIVITY = 0.9
 CONTACT_MM = 0.2
-STEP_MM = 1.25
+STEP_MM = float(os.environ.get("STEP_MM", 1.25))
 
 # Beside templates: few and many coils, a wide pitch, a small gap, a strong level, another plastic, a warm room.
 OWN: list[dict[str, Any]] = [
@@ -234,17 +235,16 @@ def film_side(rise: float, height_m: float, room: float) -> float:
 def main() -> None:
     """Print a row for each pad."""
     names = sys.argv[1:] or ["pad-32", "big-512", "calibration", "quad-64", "wide-11", *(one["name"] for one in OWN)]
-    print(
-        f"{'pad':12} {'heat W':>7} {'coil K: plan':>13} {'3-D':>6} {'ratio':>6} {'beams K: plan':>14} {'3-D':>6} {'ratio':>6}"
-    )
+    headings = f"{'plan K':>7} {'3-D K':>7} {'ratio':>6}"
+    print(f"{'pad':12} {'W':>6}  coils: {headings}  beams: {headings}")
     for name in names:
         plan = plan_of(name)
         warm = plan.warm
         coil_k, beam_k = solved(plan)
         coil = warm.coil_c - warm.room_c
         print(
-            f"{plan.name:12} {warm.heat_w:7.2f} {coil:13.1f} {coil_k:6.1f} {coil / coil_k:6.2f}"
-            f" {warm.beam_rise_k:14.1f} {beam_k:6.1f} {warm.beam_rise_k / beam_k:6.2f}",
+            f"{plan.name:12} {warm.heat_w:6.2f}         {coil:7.1f} {coil_k:7.1f} {coil / coil_k:6.2f}"
+            f"         {warm.beam_rise_k:7.1f} {beam_k:7.1f} {warm.beam_rise_k / beam_k:6.2f}",
             flush=True,
         )
 

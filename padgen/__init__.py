@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.spec.model import Spec
 
-__version__ = "0.13.0"
+__version__ = "0.14.0"
 __all__ = [
     "Drive",
     "FileError",

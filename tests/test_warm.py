@@ -2,7 +2,7 @@
 
 | what | must equal | to | because |
 |---|---|---|---|
-| rise of a pad that conducts well | the root of its balance, films by the formulas of docs/measure_warm.py | 0.1 % | films once more |
+| rise of a pad that conducts well | root of its balance, films of docs/measure_warm.py | 0.1 % | the same films |
 | rise beside a line of heat | e^(−x/√(S/g)), a fin's | 1 % | 200 cells, five decay lengths |
 | rises of coils and beams | a 3-D heat solution (docs/measure_warm.py, 1.25 mm) | 30 % | as plans state |
 """

@@ -47,12 +47,12 @@ WARM_ERROR = 0.3
 
 
 class WarmLayers(NamedTuple):
-    """Cells (r, c) of a quarter of a pad in SI units, from its corner; of two layers the first is the tray, then the pad.
+    """Cells (r, c) of a quarter of a pad in SI units, from its corner; first of the tray, then of the pad.
 
-    `width_m` (c,) and `depth_m` (r,) are the cells' sides, `heat_w` (r, c) the heat of the coils at 20 °C, `sheet_w_per_k`
-    (2, r, c) conductivity times thickness of each layer, `through_w_per_k` (r, c) the conductance between the layers,
-    `below_w_per_k` (r, c) that from the tray to the room through what lies below, and `height_m` (2,) the heights of the
-    layers' outer sides.
+    `width_m` (c,) and `depth_m` (r,) are the cells' sides, `heat_w` (r, c) the heat of the coils at 20 °C,
+    `sheet_w_per_k` (2, r, c) conductivity times thickness of each layer, `through_w_per_k` (r, c) the conductance
+    between the layers, `below_w_per_k` (r, c) that from the tray to the room through what lies below, and `height_m`
+    (2,) the heights of the layers' outer sides.
     """
 
     width_m: np.ndarray

@@ -238,8 +238,8 @@ def _coils_key(choice: Choice) -> tuple[bool, int]:
 def _best(rank: Iterator[Choice], most_printed: int, known: Driven | None = None, overloaded: bool = False) -> Choice:
     """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
 
-    In the second case prints of `most_printed` choices at most are simulated. Choices that exceed a limit of the coils count only if all do: then again, with `overloaded`; what is `known` of
-    them is not computed again.
+    In the second case prints of `most_printed` choices at most are simulated. Choices that exceed a limit of the coils
+    count only if all do: then again, with `overloaded`; what is `known` of them is not computed again.
     """
     tried: list[tuple[Choice, Tried]] = []
     known = known or {}

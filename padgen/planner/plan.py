@@ -570,13 +570,13 @@ class Recoil:
 class Warm:
     """Temperatures in °C of the pad with all taxels on for good at their planned level, in air at `room_c`.
 
-    `heat_w` is the heat of all coils at 20 °C; the rest counts the copper's rise of resistance. `coil_c` and `beam_c`
-    are of the warmest coil and the warmest beams, `gap_c` of the air between them, `mean_beam_c` the mean over the coils.
+    `heat_w` is the heat of all coils at 20 °C; the rest counts the copper's rise of resistance. `coil_c`, `beam_c`
+    and `gap_c` are of the warmest coil, the warmest beams and the air between them, `mean_beam_c` is of all beams.
     Rises over the room have the relative error `error`. They reach two thirds of their end after `warm_up_min` on a
     table that takes up no heat, later on one that does.
 
-    `resonance_shift` is the relative shift of the warmest taxels' resonances, `resonances_hz` (n,) are those of the
-    channels at `mean_beam_c`, both by the fall of the plastic's stiffness.
+    `resonance_shift` is the relative shift of the warmest taxels' resonances, `resonances_hz` (n,) are those
+    of the channels, each at the mean temperature of its plates; both by the fall of the plastic's stiffness.
     """
 
     room_c: float

@@ -435,7 +435,7 @@ class SolvedModel(TaxelModel):
         return errors
 
     @property
-    def sag_error(self) -> float:
+    def sag_error(self) -> np.ndarray:
         """Relative error within which the sag most likely lies: the beam model's, less what the stiffness corrects."""
         return self.beam_model.sag_error + STATIC * (self.solver_error - float(self.beam_model.error_estimate))
 

@@ -33,8 +33,7 @@ WINDING_W_PER_M_K = 2.0
 CONTACT_M = 2e-4
 """Air between tray and table: assumed."""
 TYPICAL_GAP_C = 40.0
-"""Mean temperature at which the radiation through the air gap is worked out; 20 K more are 7 % of the gap's conductance.
-"""
+"""Mean temperature for the radiation through the air gap; 20 K more are 7 % of the gap's conductance."""
 PLASTIC_J_PER_KG_K = 1500.0
 COPPER_J_PER_M3_K = 8960 * 385.0
 """Heat that a kilogram of plastic and a cubic metre of winding take up per K; iron differs from copper by 2 %."""
@@ -93,7 +92,7 @@ def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
 
 
 def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float) -> np.ndarray:
-    """Return the shares (3,) of a plate `long_mm` at `at_mm` from the coil's axis that lie beside, over, and beside it."""
+    """Return the shares (3,) of a plate, `long_mm` and `at_mm` from a coil's axis: beside, over, beside the coil."""
     lines_mm = np.array([-pitch_mm, -side_mm, side_mm, pitch_mm]) / 2
     within_mm = np.clip(lines_mm, at_mm - long_mm / 2, at_mm + long_mm / 2)
     shares = np.diff(within_mm) / np.ptp(within_mm)
@@ -112,7 +111,6 @@ def warm_layers(plan: Plan) -> WarmLayers:
     Each coil's cell is divided into three by three, the coil being a square of its area in the middle.
     """
     spec = plan.spec
-    coil = spec.coil
     pad = spec.pad
     floor, socket_top, coil_top, height = (value * MM for value in _tray_heights_mm(plan))
     frame = pad.frame_thickness_mm * MM
