@@ -244,10 +244,10 @@ def test_a_plan_without_recoil_is_made_anew():
 
 
 def stated(name, mount):
-    """Return a template's plan from few prints, with a mount, and the dict of its JSON."""
+    """Return a template's plan with a mount, of few prints where it has one, and the dict of its JSON."""
     choice = choose(load_spec(name))
     spec = make_spec(laid_over(without_none(asdict(choice.spec)), {f"mount.{key}": one for key, one in mount.items()}))
-    plan = finish(choice._replace(spec=spec), quick=True)
+    plan = finish(choice._replace(spec=spec), quick=bool(mount))
     return plan, json.loads(plan_to_json(plan))
 
 

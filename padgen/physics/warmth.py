@@ -86,7 +86,8 @@ def gap_w_per_m2_k(gap_m: float, mean_c: float) -> float:
 
 def plate_on_half_space(width_m: float, depth_m: float) -> float:
     """Return conductance over conductivity in m of a plate on a half-space, π W/ln(4 W/L) with W the longer side."""
-    longer, shorter = max(width_m, depth_m), min(width_m, depth_m)
+    longer = max(width_m, depth_m)
+    shorter = min(width_m, depth_m)
     return float(np.pi * longer / np.log(4 * longer / shorter))
 
 
@@ -148,15 +149,15 @@ def _balanced(
         flow[1] -= upwards
         return flow
 
-    own = out + through
-    own[..., 1:] += right
-    own[..., :-1] += right
-    own[:, 1:] += down
-    own[:, :-1] += down
+    leaving = out + through
+    leaving[..., 1:] += right
+    leaving[..., :-1] += right
+    leaving[:, 1:] += down
+    leaving[:, :-1] += down
     rise = start.copy()
     left = heat - flowing(rise)
     enough = CLOSE * float(np.abs(heat).sum())
-    toward = left / own
+    toward = left / leaving
     direction = toward
     size = float((left * toward).sum())
     for _ in range(2 * rise.size):
@@ -166,7 +167,7 @@ def _balanced(
         step = size / float((direction * flow).sum())
         rise += step * direction
         left = left - step * flow
-        toward = left / own
+        toward = left / leaving
         before = size
         size = float((left * toward).sum())
         direction = toward + size / before * direction

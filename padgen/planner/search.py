@@ -214,15 +214,13 @@ than `ALIKE_MM`."""
 WORTH_DB = 0.5
 """Least gain by keeping washers off the axis, where they take more current and feel more of the coils around."""
 LAYOUTS_SIZED = 24
-OPTIMISED_LAYOUTS_SIZED = 8
 RARE_LAYOUTS_SIZED = 6
 CHANNELS_SIZED = 600
-"""Layouts, and channels in all of them, whose beams are sized before the search gives up.
-
-Fewer with optimised resonances, for which each layout is sized three times: of 182 random specs whose search ended with
-a layout, 181 took one of the first five that can be sized. Fewer still of suspensions that only a spec's name asks for
-(serpentines), whose bent beams take a hundred times as long.
-"""
+"""Layouts, and channels in all of them, whose beams are sized before the search gives up: fewer of suspensions that
+only a spec's name asks for (serpentines), whose bent beams take a hundred times as long."""
+MOST_OPTIMISED = 8
+"""Layouts with optimised resonances, each sized three times, after which the search gives up: of 182 random specs, 181
+took one of the first five (docs/accuracy.md)."""
 
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layout, tuple[SizedChannel, ...]]]:
@@ -231,9 +229,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
     Of each grid and count of channels only the first division of the cell that works is taken.
     """
     is_usual = set(allowed(spec.suspension.topology)) & set(allowed("auto"))
-    most = OPTIMISED_LAYOUTS_SIZED if spec.spacing == "optimised" else LAYOUTS_SIZED
-    if not is_usual:
-        most = RARE_LAYOUTS_SIZED
+    most = LAYOUTS_SIZED if is_usual else RARE_LAYOUTS_SIZED
     seen = set()
     tried = 0
     sized = 0
@@ -241,7 +237,8 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         key = (layout.rows, layout.columns, layout.channels)
         if layout.margin_mm < -SLACK_MM or key in seen:
             continue
-        if tried >= most or sized >= CHANNELS_SIZED:
+        is_enough = spec.spacing == "optimised" and len(seen) >= MOST_OPTIMISED
+        if tried >= most or sized >= CHANNELS_SIZED or is_enough:
             break
         tried = tried + 1
         sized = sized + layout.channels
