@@ -151,10 +151,13 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     tried: list[Cure] = []
     # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     for cure in _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit):
-        if any(set(cure) == set(other) for other in tried):
+        if any(set(cure) == set(other) - {"drive.level_um"} for other in tried):
             continue
         try:
             plan = planned(cure)
+            if cooler := _cooler(plan):
+                cure = {**cure, **cooler}
+                plan = planned(cure)
         except PadgenError:
             continue
         # What amplifier and sound card play may be too little: a plan for them must also keep what is asked.
@@ -178,6 +181,17 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     nothing = "" if tried else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
     wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
     return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", "resolution", tried)
+
+
+def _cooler(plan: Any) -> Cure:
+    """Return the level that keeps a pad from overheating, where that is its only error; empty elsewhere.
+
+    Where taxels have room does not change how much they heat the pad.
+    """
+    errors = [finding for finding in plan.findings if finding.level == "error"]
+    if [finding.code for finding in errors] != ["pad.hot"]:
+        return {}
+    return next(iter(errors[0].cures), {})
 
 
 def _too_many(spec: Spec, limit: int) -> str:

@@ -230,7 +230,7 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
     """
     is_usual = set(allowed(spec.suspension.topology)) & set(allowed("auto"))
     most = LAYOUTS_SIZED if is_usual else RARE_LAYOUTS_SIZED
-    seen = set()
+    seen = set[tuple[int, int, int]]()
     tried = 0
     sized = 0
     for layout in options:
