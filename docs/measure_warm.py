@@ -3,13 +3,14 @@
 Finite volumes of a quarter of pad, tray, coils, air and table, from the sizes in a plan: frame, windows with their
 plates and the air around them, sockets, windings, cores, seats and their holes, the air between tray and pad with
 radiation through it, and wood to five times the pad's size. Only the films on outer faces are the correlations that a
-plan uses, too, written here once more. Prints a row a pad: rises over the room by plan and solution, and their ratio.
+plan uses, too, written here once more. Prints a row a pad: rises over the room by plan and solution, their ratio, and
+the share of its end that the warmest plate reaches after the plan's warm-up time, the table's heat counted.
 """
 
 import os
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,8 +66,16 @@ def lines(inner: np.ndarray, end: float, ratio: float = 1.5) -> np.ndarray:
     return np.array(out)
 
 
-def solved(plan: Plan) -> tuple[float, float]:
-    """Return the rises in K of the warmest coil and of the warmest plate over the room."""
+class Solved(NamedTuple):
+    """Rises in K of the warmest coil and plate over the room; share of the plate's after `warm_up_min`, if stepped."""
+
+    coil_k: float
+    beam_k: float
+    share: float
+
+
+def solved(plan: Plan, steps_in_time: int = 0) -> Solved:
+    """Solve the heat of a plan's pad, and step it up to its warm-up time in so many steps."""
     spec = plan.spec
     tray = plan_tray(plan)
     pad = spec.pad
@@ -116,9 +125,11 @@ def solved(plan: Plan) -> tuple[float, float]:
         inside = (np.abs(at_x - cx) < (plan.cell.width_mm - pad.rib_mm) / 2) & (
             np.abs(at_y - cy) < (plan.cell.depth_mm - pad.rib_mm) / 2
         )
-        length, width = plan.plate.length_mm, plan.plate.width_mm
-        if channel.site.along in ("y", "-y"):
-            length, width = width, length
+        length = plan.plate.length_mm
+        width = plan.plate.width_mm
+        if channel.site.along in ("+y", "-y"):
+            length = plan.plate.width_mm
+            width = plan.plate.length_mm
         plate = (np.abs(at_x - taxel.x_mm) < length / 2) & (np.abs(at_y - taxel.y_mm) < width / 2)
         k[frame & inside & ~plate] = AIR
         plates[frame & plate] = number
@@ -204,8 +215,21 @@ def solved(plan: Plan) -> tuple[float, float]:
         rise, failed = cg(full, heat[exists], x0=rise, rtol=1e-7, maxiter=20000, M=diags(1 / full.diagonal()))
         assert not failed
     coils = [rise[index[wound == n]].mean() for n in range(1, len(tray.coils_mm) + 1) if (wound == n).any()]
-    beams = [rise[index[plates == n]].mean() for n in range(1, len(plan.taxels) + 1) if (plates == n).any()]
-    return float(max(coils)), float(max(beams))
+    beams = {n: rise[index[plates == n]].mean() for n in range(1, len(plan.taxels) + 1) if (plates == n).any()}
+    warmest = max(beams, key=lambda number: beams[number])
+    share = 0.0
+    if steps_in_time:
+        stored = np.select([k == AIR, k == WOOD, k >= WINDING], [1.2e3, 1e6, 3.45e6], 1240 * 1500.0) * volume * 1e-9
+        rate = stored[exists] * steps_in_time / (plan.warm.warm_up_min * 60)
+        stepped = full + diags(rate)
+        now = np.zeros(count)
+        for _ in range(steps_in_time):
+            now, failed = cg(
+                stepped, heat[exists] + rate * now, x0=now, rtol=1e-7, maxiter=20000, M=diags(1 / stepped.diagonal())
+            )
+            assert not failed
+        share = float(now[index[plates == warmest]].mean() / beams[warmest])
+    return Solved(float(max(coils)), float(beams[warmest]), share)
 
 
 def quarter(share: np.ndarray) -> float:
@@ -218,7 +242,8 @@ def film_up(rise: float, length_m: float, room: float) -> float:
     rise = max(rise, 0.01)
     film = room + rise / 2 + 273.15
     rayleigh = 9.81 * rise / film * length_m**3 / (1.63e-5 * 2.3e-5)
-    hot, cold = room + rise + 273.15, room + 273.15
+    hot = room + rise + 273.15
+    cold = room + 273.15
     return AIR / length_m * 0.54 * rayleigh**0.25 + EMISSIVITY * SIGMA * (hot**4 - cold**4) / (hot - cold)
 
 
@@ -228,7 +253,8 @@ def film_side(rise: float, height_m: float, room: float) -> float:
     film = room + rise / 2 + 273.15
     rayleigh = 9.81 * rise / film * height_m**3 / (1.63e-5 * 2.3e-5)
     nusselt = 0.68 + 0.67 * rayleigh**0.25 / (1 + (0.492 / 0.71) ** (9 / 16)) ** (4 / 9)
-    hot, cold = room + rise + 273.15, room + 273.15
+    hot = room + rise + 273.15
+    cold = room + 273.15
     return AIR / height_m * nusselt + EMISSIVITY * SIGMA * (hot**4 - cold**4) / (hot - cold)
 
 
@@ -236,15 +262,15 @@ def main() -> None:
     """Print a row for each pad."""
     names = sys.argv[1:] or ["pad-32", "big-512", "calibration", "quad-64", "wide-11", *(one["name"] for one in OWN)]
     headings = f"{'plan K':>7} {'3-D K':>7} {'ratio':>6}"
-    print(f"{'pad':12} {'W':>6}  coils: {headings}  beams: {headings}")
+    print(f"{'pad':12} {'W':>6}  coils: {headings}  beams: {headings}  share after warm_up_min")
     for name in names:
         plan = plan_of(name)
         warm = plan.warm
-        coil_k, beam_k = solved(plan)
+        coil_k, beam_k, share = solved(plan, steps_in_time=40)
         coil = warm.coil_c - warm.room_c
         print(
             f"{plan.name:12} {warm.heat_w:6.2f}         {coil:7.1f} {coil_k:7.1f} {coil / coil_k:6.2f}"
-            f"         {warm.beam_rise_k:7.1f} {beam_k:7.1f} {warm.beam_rise_k / beam_k:6.2f}",
+            f"         {warm.beam_rise_k:7.1f} {beam_k:7.1f} {warm.beam_rise_k / beam_k:6.2f} {share:6.2f}",
             flush=True,
         )
 

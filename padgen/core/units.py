@@ -1,4 +1,4 @@
-"""The only unit conversions of padgen.
+"""The only unit conversions of padgen, the fall of bodies, and copper.
 
 Specs and plans use millimetre, gram and gigapascal, as drawings and catalogues do; `physics` uses SI. ``length_mm *
 MM`` is metres and ``length_m / MM`` is millimetres; the others work alike.
@@ -7,6 +7,11 @@ MM`` is metres and ``length_m / MM`` is millimetres; the others work alike.
 from math import log10
 
 __all__ = [
+    "COPPER_C",
+    "COPPER_J_PER_M3_K",
+    "COPPER_KG_PER_M3",
+    "COPPER_OHM_M",
+    "COPPER_PER_K",
     "GPA",
     "GRAM",
     "GRAVITY_M_PER_S2",
@@ -34,6 +39,13 @@ MN = 1e-3
 MA = 1e-3
 MS = 1e-3
 GRAVITY_M_PER_S2 = 9.80665
+COPPER_OHM_M = 1.72e-8
+COPPER_KG_PER_M3 = 8960.0
+COPPER_J_PER_M3_K = 3.45e6
+COPPER_PER_K = 3.93e-3
+COPPER_C = 20.0
+"""Copper: resistivity, density, heat capacity (8960 kg/m³ times 385 J/(kg K)), and the relative rise of its resistance
+per K, at `COPPER_C` (IEC 60028)."""
 
 
 def decibel(ratio: float) -> float:

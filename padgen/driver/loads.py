@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import Finding, SpecError, at_least, at_most, number
-from padgen.core.units import MM
+from padgen.core.units import COPPER_J_PER_M3_K, COPPER_OHM_M, MM
 from padgen.driver.excitation import Excitation
 from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
@@ -78,9 +78,6 @@ ROUNDING = 1e-6
 HEAT_S = 10.0
 LEAST_HEAT_S = 0.01
 """Bounds of the time over which a coil's heat is averaged; what has less copper than for the latter is no coil."""
-COPPER_OHM_M = 1.72e-8
-COPPER_J_PER_M3K = 3.45e6
-"""Resistivity and heat capacity of copper at 20 °C (IEC 60028; 8960 kg/m³ times 385 J/(kg K))."""
 MOST_W_PER_M2K = 100.0
 """Heat that flows off a coil's surface, at most, in W/(m² K).
 
@@ -125,7 +122,7 @@ def heat_s(coil: Coil) -> float:
     wire = coil.turns * pi * (outer + inner) / 2
     copper = min(COPPER_OHM_M * wire**2 / coil.resistance_ohm, pi / 4 * (outer**2 - inner**2) * length)
     surface = pi * outer * length + pi / 2 * outer**2
-    return min(max(COPPER_J_PER_M3K * copper / (MOST_W_PER_M2K * surface), LEAST_HEAT_S), HEAT_S)
+    return min(max(COPPER_J_PER_M3_K * copper / (MOST_W_PER_M2K * surface), LEAST_HEAT_S), HEAT_S)
 
 
 def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:

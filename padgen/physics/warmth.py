@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from padgen.core.units import COPPER_C, COPPER_PER_K, GRAVITY_M_PER_S2
+
 __all__ = [
     "AIR_W_PER_M_K",
     "WARM_ERROR",
@@ -30,18 +32,14 @@ AIR_DIFFUSIVITY_M2_PER_S = 2.3e-5
 AIR_VISCOSITY_M2_PER_S = 1.63e-5
 AIR_PRANDTL = 0.71
 """Air at 35 °C and 1 bar, half way between a warm pad and a room (Incropera, table A.4)."""
-GRAVITY_M_PER_S2 = 9.81
 EMISSIVITY = 0.9
-"""Of printed plastics, skin of a winding and wood: tables give 0.85 to 0.95."""
+"""Printed plastics, the skin of a winding and wood radiate alike: tables give 0.85 to 0.95."""
 KELVIN = 273.15
 ROUNDS = 20
 SETTLED_K = 0.01
 """Most solutions in turns with films and resistances, which end once no temperature moves by more than `SETTLED_K`."""
 LEAST_RISE_K = 0.01
 """Rise from which films are computed: without any, air at rest would conduct nothing."""
-COPPER_PER_K = 3.93e-3
-"""Relative rise of copper's resistance per K, from its value at 20 °C (IEC 60028)."""
-COPPER_C = 20.0
 WARM_ERROR = 0.3
 """Relative error of a rise over the room: films scatter by 15 to 25 %, conductivities by as much (docs/warm.md)."""
 
@@ -51,8 +49,8 @@ class WarmLayers(NamedTuple):
 
     `width_m` (c,) and `depth_m` (r,) are the cells' sides, `heat_w` (r, c) the heat of the coils at 20 °C,
     `sheet_w_per_k` (2, r, c) conductivity times thickness of each layer, `through_w_per_k` (r, c) the conductance
-    between the layers, `below_w_per_k` (r, c) that from the tray to the room through what lies below, and `height_m`
-    (2,) the heights of the layers' outer sides.
+    between the layers, `below_w_per_k` (r, c) that from the tray to the room through what lies below, `height_m` (2,)
+    the heights of the layers' outer sides, and `stored_j_per_k` (2, r, c) the cells' heat capacity.
     """
 
     width_m: np.ndarray
@@ -62,6 +60,7 @@ class WarmLayers(NamedTuple):
     through_w_per_k: np.ndarray
     below_w_per_k: np.ndarray
     height_m: np.ndarray
+    stored_j_per_k: np.ndarray
 
 
 def film_above(rise_k: float, length_m: float, room_c: float) -> float:

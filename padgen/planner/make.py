@@ -338,12 +338,12 @@ def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, o
 def finish(choice: Choice, quick: bool = False) -> Plan:
     """Return the plan of a choice, whose beams and models may have been changed since it was made.
 
-    The cures of its findings are untried proposals. With `quick`, few prints are simulated.
+    The cures of its findings are untried proposals. With `quick`, few prints are simulated, and recoil is worked out
+    only where the spec says how the pad is held: cures are judged by no other.
     """
     bare = _assemble(choice, *_driven(choice))
     spec = bare.spec
     prints = what_prints_keep(bare, quick)
-    # No cure of a pad that is held still is judged by how it would recoil.
     recoil = NO_RECOIL if quick and not spec.mount.is_said else planned_recoil(bare, prints)
     warm = planned_warmth(bare)
     coils = bare.coils.rows * bare.coils.columns

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import InfeasibleError
-from padgen.core.units import G_PER_CM3, MG, MM
+from padgen.core.units import COPPER_KG_PER_M3, COPPER_OHM_M, G_PER_CM3, MG, MM
 from padgen.physics.modes import RigidBody, box, combine, ring
 from padgen.planner.fixtures import Tray, plan_tray, washer_underside_mm
 from padgen.planner.layout import coil_axis_mm, corner_groove
@@ -25,8 +25,6 @@ from padgen.planner.taxel_model import TaxelModel
 
 __all__ = ["PadMass", "mode_momentum", "pad_mass"]
 
-COPPER_OHM_M = 1.72e-8
-COPPER_KG_PER_M3 = 8960.0
 IRON_KG_PER_M3 = 7850.0
 HEAD_SHARE = 1.0
 """Height of a cylinder head screw's head over the thread's diameter (ISO 4762)."""

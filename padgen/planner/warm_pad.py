@@ -1,4 +1,4 @@
-"""How warm a pad gets with all of its taxels on for good: coils, air gap and beams, and what that does to resonances.
+"""Work out how warm coils, air gap and beams get with all taxels on for good, and how far resonances fall.
 
 The pad lies on its tray, on a wooden table, in air at rest (`limits.room_c`). Steel in the pad is left out; it evens
 temperatures out.
@@ -8,8 +8,7 @@ from math import pi, sqrt
 
 import numpy as np
 
-from padgen.core.errors import InfeasibleError
-from padgen.core.units import G_PER_CM3, MM
+from padgen.core.units import COPPER_J_PER_M3_K, G_PER_CM3, MM
 from padgen.physics.warmth import (
     AIR_W_PER_M_K,
     WARM_ERROR,
@@ -18,9 +17,9 @@ from padgen.physics.warmth import (
     plate_on_half_space,
     temperatures,
 )
-from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE, plan_tray, washer_underside_mm
+from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE, washer_underside_mm
+from padgen.planner.pad_mass import PadMass
 from padgen.planner.plan import TURNS, Plan, Warm
-from padgen.spec import Spec
 
 __all__ = ["planned_warmth", "warm_layers"]
 
@@ -35,8 +34,7 @@ CONTACT_M = 2e-4
 TYPICAL_GAP_C = 40.0
 """Mean temperature for the radiation through the air gap; 20 K more are 7 % of the gap's conductance."""
 PLASTIC_J_PER_KG_K = 1500.0
-COPPER_J_PER_M3_K = 8960 * 385.0
-"""Heat that a kilogram of plastic and a cubic metre of winding take up per K; iron differs from copper by 2 %."""
+"""Heat that a kilogram of plastic takes up per K: 1200 to 1800. Coils count as copper throughout."""
 
 
 def planned_warmth(plan: Plan) -> Warm:
@@ -49,6 +47,7 @@ def planned_warmth(plan: Plan) -> Warm:
     coil_c = float(warm_c[0].max())
     beam_c = float(plates_c.max())
     heat_w = plan.load.copper_loss_w * plan.coils.rows * plan.coils.columns
+    stored_j = 4 * float((layers.stored_j_per_k * (warm_c - room_c)).sum())
     softer = -spec.material.softening_per_k / 2
     channel_rise_k = plates_c.mean((1, 2)) - room_c
     resonance_hz = np.array([channel.resonance_hz for channel in plan.channels])
@@ -60,7 +59,7 @@ def planned_warmth(plan: Plan) -> Warm:
         beam_c=beam_c,
         mean_beam_c=float(plates_c.mean()),
         error=WARM_ERROR,
-        warm_up_min=4 * _stored_j(spec, layers, warm_c - room_c) / heat_w / 60 if heat_w > 0 else 0.0,
+        warm_up_min=stored_j / heat_w / 60 if heat_w > 0 else 0.0,
         resonance_shift=softer * (beam_c - room_c),
         resonances_hz=tuple((resonance_hz * (1 + softer * channel_rise_k)).tolist()),
     )
@@ -146,7 +145,13 @@ def warm_layers(plan: Plan) -> WarmLayers:
     seat = np.where(is_border, rim, 1 / floor_w_per_m2_k)
     below = area / (seat + CONTACT_M / AIR_W_PER_M_K + 1 / table)
     heat = np.where(is_coil, plan.load.copper_loss_w * area / (side_mm * MM) ** 2, 0.0)
-    return WarmLayers(width, depth, heat, sheet, through, below, np.array([height, frame]))
+
+    plastic_j_per_m3_k = spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
+    tray_j_per_m2_k = plastic_j_per_m3_k * np.where(is_border, height, socket_top)
+    coil_j_per_m2_k = plastic_j_per_m3_k * floor + COPPER_J_PER_M3_K * (coil_top - floor)
+    pad_j_per_m2_k = np.full(area.shape, plastic_j_per_m3_k * frame)
+    stored = area * np.stack([np.where(is_coil, coil_j_per_m2_k, tray_j_per_m2_k), pad_j_per_m2_k])
+    return WarmLayers(width, depth, heat, sheet, through, below, np.array([height, frame]), stored)
 
 
 def _quarter(coils: int, pitch_mm: float, side_mm: float, border_mm: float) -> tuple[np.ndarray, np.ndarray]:
@@ -162,24 +167,9 @@ def _quarter(coils: int, pitch_mm: float, side_mm: float, border_mm: float) -> t
 
 def _tray_heights_mm(plan: Plan) -> tuple[float, float, float, float]:
     """Return the heights of floor, sockets, coils and rim in mm; of a tray of the usual ones where none can be made."""
-    try:
-        tray = plan_tray(plan)
-    except InfeasibleError:
+    tray = PadMass(plan).tray
+    if tray is None:
         coil = plan.spec.coil
         height_mm = FLOOR_MM + coil.length_mm + coil.gap_mm - washer_underside_mm(plan)
         return FLOOR_MM, FLOOR_MM + SOCKET_SHARE * coil.length_mm, FLOOR_MM + coil.length_mm, height_mm
     return tray.floor_mm, tray.socket_top_mm, tray.coil_top_mm, tray.height_mm
-
-
-def _stored_j(spec: Spec, layers: WarmLayers, rise_k: np.ndarray) -> float:
-    """Return the heat in J that a quarter of coils, tray and pad has taken up; what the table takes up is left out."""
-    per_m3_k = spec.material.density_g_per_cm3 * G_PER_CM3 * PLASTIC_J_PER_KG_K
-    area = layers.depth_m[:, None] * layers.width_m
-    socket_m = (FLOOR_MM + SOCKET_SHARE * spec.coil.length_mm) * MM
-    tray_m = np.full(area.shape, layers.height_m[0])
-    tray_m[1:, 1:] = socket_m
-    tray_j_per_k = per_m3_k * area * tray_m
-    is_coil = layers.heat_w > 0
-    tray_j_per_k[is_coil] = area[is_coil] * spec.coil.length_mm * MM * COPPER_J_PER_M3_K
-    pad_j_per_k = per_m3_k * area * layers.height_m[1]
-    return float((np.stack([tray_j_per_k, pad_j_per_k]) * rise_k).sum())
