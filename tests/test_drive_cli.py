@@ -1,6 +1,7 @@
 """`padgen drive`, `retune` and `play` as a user calls them: files, refusals, and that no file is lost."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -299,10 +300,16 @@ def test_held_slots_reach_their_levels(work, capsys):
     assert -0.6 < heard["smallest_on_db"] < 0
 
 
-def test_json_on_a_full_disk_is_one_sentence(work):
-    command = [sys.executable, "-m", "padgen", "drive", "paper-32", "--json", "-o", "o"]
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("options", [["drive", "paper-32", "--json", "-o", "o"], ["plan", "paper-32"], ["templates"]])
+def test_output_to_a_full_disk_is_one_sentence(work, options, unbuffered):
+    command = [sys.executable, "-m", "padgen", *options]
+    environment = {
+        **os.environ,
+        "PYTHONUNBUFFERED": unbuffered,
+    }  # empty: written when the buffer is full, or at the end
     with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

@@ -72,7 +72,9 @@ def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
     try:
         options = _parsed(arguments)
-        return int(options.command(options))
+        code_of_command = int(options.command(options))
+        sys.stdout.flush()  # here a full disk gets its sentence
+        return code_of_command
     except SystemExit:  # --help and --version
         return DONE
     except BrokenPipeError:
