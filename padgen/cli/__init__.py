@@ -72,9 +72,9 @@ def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
     try:
         options = _parsed(arguments)
-        code_of_command = int(options.command(options))
-        sys.stdout.flush()  # here a full disk gets its sentence
-        return code_of_command
+        exit_code = int(options.command(options))
+        sys.stdout.flush()  # a disk that is full by now gets its sentence
+        return exit_code
     except SystemExit:  # --help and --version
         return DONE
     except BrokenPipeError:
