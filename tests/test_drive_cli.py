@@ -304,10 +304,8 @@ def test_held_slots_reach_their_levels(work, capsys):
 @pytest.mark.parametrize("options", [["drive", "paper-32", "--json", "-o", "o"], ["plan", "paper-32"], ["templates"]])
 def test_output_to_a_full_disk_is_one_sentence(work, options, unbuffered):
     command = [sys.executable, "-m", "padgen", *options]
-    environment = {
-        **os.environ,
-        "PYTHONUNBUFFERED": unbuffered,
-    }  # empty: written when the buffer is full, or at the end
+    # Empty: output waits in a buffer until the end.
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment)
     assert done.returncode == 2
