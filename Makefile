@@ -7,7 +7,7 @@ CORES = $(shell env -u OMP_NUM_THREADS -u OMP_THREAD_LIMIT nproc 2>/dev/null || 
 TEMPLATES := $(basename $(notdir $(wildcard templates/*.toml)))
 
 .DEFAULT_GOAL := help
-.PHONY: help setup pad test soak hostile odd check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures lock sbom wheels clean $(TEMPLATES:%=variant-%)
+.PHONY: help setup pad test soak hostile odd board-drc check format variants slice bundle goldens performance selectivity accuracy waveforms docs pictures lock sbom wheels clean $(TEMPLATES:%=variant-%)
 
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -35,7 +35,8 @@ test: $(STAMP) ## the whole test suite (compilers and chromium, which some need,
 	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile
 
 soak: $(STAMP) ## throw random bytes and damaged sessions at the firmware, random specs at sound cards and verdicts (an hour)
-	$(BIN)/python -m pytest -m soak tests/test_firmware.py tests/test_sound_cards.py tests/test_verdict.py
+	$(BIN)/python -m pytest -m soak tests/test_firmware.py tests/test_sound_cards.py tests/test_verdict.py \
+	  tests/test_movers.py tests/test_board_coil.py tests/test_contactor.py
 
 hostile: $(STAMP) ## a thousand folders as strangers may send them, fifty under strace (installed from Debian if missing; an hour)
 	@command -v strace >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends strace; }
@@ -71,6 +72,11 @@ slice: $(STAMP) ## slice every template and ten odd pads with PrusaSlicer (insta
 	@{ command -v prusa-slicer && command -v slic3r; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends prusa-slicer slic3r; }
 	$(BIN)/python -m pytest -m slicer tests/test_slicer.py
+
+board-drc: $(STAMP) ## KiCad's design rules over boards of coils, and over broken ones (installs KiCad from Debian if missing)
+	@/usr/bin/python3 -c "import pcbnew" 2>/dev/null || \
+	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends kicad; }
+	$(BIN)/python -m pytest -m kicad tests/test_board_files.py
 
 PAGE := padgen/report/page
 

@@ -17,10 +17,10 @@ from padgen.ladders.extreme import dynamics_cases
 from padgen.ladders.rung import Solved
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import impedance
-from padgen.physics.propagation import DecayingTones, propagate, tones
 from padgen.planner import make_plan
 from padgen.spec import load_spec
 from padgen.verify.coupled import CoupledSystem, from_tones, make_system, scipy_motion, simulate
+from padgen.verify.propagation import DecayingTones, propagate, tones
 
 HERE = Path(__file__).parent
 MASS_KG = 1e-4

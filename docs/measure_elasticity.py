@@ -120,7 +120,7 @@ def layered_edges(folder: Path) -> list[int]:
     """Places of the edges that the solver would give layers."""
     from padgen.verify.elasticity import _drafted
 
-    return [int(name.removeprefix("edge")) for name in _drafted(taxel(folder, "base"))[1]]
+    return [int(name.removeprefix("edge")) for name in _drafted(taxel(folder, "base")).layered]
 
 
 def calculix(folder: Path) -> list[str]:

@@ -30,7 +30,7 @@ from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, t
 from padgen.physics.magnetics import MILD_STEEL, TEAM_STEEL, CoilSource, SteelRing, solenoid
 from padgen.physics.pull import BROUGHT, PullTable, leakage, make_table, parts_key, solved_pulls
 from padgen.planner import make_plan
-from padgen.planner.channels import magnetic_parts
+from padgen.planner.movers.washer import magnetic_parts
 from padgen.spec import Coil, Washer, load_spec
 from padgen.spec.fields import build
 from padgen.spec.load import catalogue, template_paths

@@ -3,8 +3,10 @@
 Finite volumes of a quarter of pad, tray, coils, air and table, from the sizes in a plan: frame, windows with their
 plates and the air around them, sockets, windings, cores, seats and their holes, the air between tray and pad with
 radiation through it, and wood to five times the pad's size. Only the films on outer faces are the correlations that a
-plan uses, too, written here once more. Prints a row a pad: rises over the room by plan and solution, their ratio, and
-the share of its end that the warmest plate reaches after the plan's warm-up time, the table's heat counted.
+plan uses, too, written here once more. Prints a row a pad: rises over the room by plan and solution, their ratio, the
+share of its end that the warmest plate reaches after the plan's warm-up time, the table's heat counted, and how many of
+these times it takes to 63 %. `python docs/measure_warm.py bases` prints how plans' rises on other bases compare with
+those on wood.
 """
 
 import os
@@ -18,13 +20,16 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from scipy.sparse import coo_matrix, diags
 from scipy.sparse.linalg import cg
 
+from padgen.physics.warmth import plate_on_half_space, temperatures
 from padgen.planner import make_plan
 from padgen.planner.fixtures import plan_tray
 from padgen.planner.plan import Plan
+from padgen.planner.warm_pad import warm_layers
 from padgen.spec import load_spec, make_spec
 
 PLASTIC = 0.2
 WOOD = 0.15
+FOAM = 0.035
 AIR = 0.0265
 WINDING = 2.0
 IRON = 50.0
@@ -67,15 +72,19 @@ def lines(inner: np.ndarray, end: float, ratio: float = 1.5) -> np.ndarray:
 
 
 class Solved(NamedTuple):
-    """Rises in K of the warmest coil and plate over the room; share of the plate's after `warm_up_min`, if stepped."""
+    """Rises in K of the warmest coil and plate over the room; if stepped, the share of the plate's after `warm_up_min`.
+
+    `times` is the time to 63 % of the plate's rise over `warm_up_min`.
+    """
 
     coil_k: float
     beam_k: float
     share: float
+    times: float
 
 
 def solved(plan: Plan, steps_in_time: int = 0) -> Solved:
-    """Solve the heat of a plan's pad, and step it up to its warm-up time in so many steps."""
+    """Solve the heat of a plan's pad, and step it up, its warm-up time in so many steps."""
     spec = plan.spec
     tray = plan_tray(plan)
     pad = spec.pad
@@ -217,19 +226,25 @@ def solved(plan: Plan, steps_in_time: int = 0) -> Solved:
     coils = [rise[index[wound == n]].mean() for n in range(1, len(tray.coils_mm) + 1) if (wound == n).any()]
     beams = {n: rise[index[plates == n]].mean() for n in range(1, len(plan.taxels) + 1) if (plates == n).any()}
     warmest = max(beams, key=lambda number: beams[number])
-    share = 0.0
+    shares = [0.0]
     if steps_in_time:
         stored = np.select([k == AIR, k == WOOD, k >= WINDING], [1.2e3, 1e6, 3.45e6], 1240 * 1500.0) * volume * 1e-9
         rate = stored[exists] * steps_in_time / (plan.warm.warm_up_min * 60)
         stepped = full + diags(rate)
         now = np.zeros(count)
-        for _ in range(steps_in_time):
+        while len(shares) <= steps_in_time or shares[-1] < SETTLED:
             now, failed = cg(
                 stepped, heat[exists] + rate * now, x0=now, rtol=1e-7, maxiter=20000, M=diags(1 / stepped.diagonal())
             )
             assert not failed
-        share = float(now[index[plates == warmest]].mean() / beams[warmest])
-    return Solved(float(max(coils)), float(beams[warmest]), share)
+            shares.append(float(now[index[plates == warmest]].mean() / beams[warmest]))
+    share = shares[steps_in_time]
+    times = float(np.interp(SETTLED, shares, np.arange(len(shares)) / max(steps_in_time, 1)))
+    return Solved(float(max(coils)), float(beams[warmest]), share, times)
+
+
+SETTLED = 1 - np.exp(-1)
+"""Share of a rise that a lag of the first order has reached after its time constant."""
 
 
 def quarter(share: np.ndarray) -> float:
@@ -258,20 +273,40 @@ def film_side(rise: float, height_m: float, room: float) -> float:
     return AIR / height_m * nusselt + EMISSIVITY * SIGMA * (hot**4 - cold**4) / (hot - cold)
 
 
+def bases() -> None:
+    """Print the rises of pads on a base of metal, on foam and in the air, over those on wood."""
+    print(f"{'pad':12} {'metal':>7} {'foam':>7} {'none':>7}")
+    for name in ("pad-32", "big-512", "quad-64"):
+        plan = plan_of(name)
+        room_c = plan.spec.limits.room_c
+        wood = warm_layers(plan)
+        size_m = 2 * wood.width_m.sum(), 2 * wood.depth_m.sum()
+        area = wood.depth_m[:, None] * wood.width_m
+        table = area / (size_m[0] * size_m[1]) * plate_on_half_space(*size_m)
+        seat = 1 / wood.below_w_per_k - 1 / (WOOD * table)
+        below = [1 / seat, wood.below_w_per_k, 1 / (seat + 1 / (FOAM * table)), 0 * area]
+        rises = [temperatures(wood._replace(below_w_per_k=one), room_c)[1].max() - room_c for one in below]
+        print(f"{name:12} " + " ".join(f"{rise / rises[1]:7.2f}" for rise in (rises[0], *rises[2:])))
+
+
 def main() -> None:
-    """Print a row for each pad."""
+    """Print a row for each pad, or those of `bases`."""
+    if sys.argv[1:] == ["bases"]:
+        bases()
+        return
     names = sys.argv[1:] or ["pad-32", "big-512", "calibration", "quad-64", "wide-11", *(one["name"] for one in OWN)]
     headings = f"{'plan K':>7} {'3-D K':>7} {'ratio':>6}"
-    print(f"{'pad':12} {'W':>6}  coils: {headings}  beams: {headings}  share after warm_up_min")
+    print(f"{'pad':12} {'W':>6}  coils: {headings}  beams: {headings}  share after warm_up_min, times to 63 %")
     for name in names:
         plan = plan_of(name)
         warm = plan.warm
-        coil_k, beam_k, share = solved(plan, steps_in_time=40)
+        coil_k, beam_k, share, times = solved(plan, steps_in_time=40)
         coil = warm.coil_c - warm.room_c
+        beam = warm.beam_rise_k
+        coils = f"{coil:7.1f} {coil_k:7.1f} {coil / coil_k:6.2f}"
+        beams = f"{beam:7.1f} {beam_k:7.1f} {beam / beam_k:6.2f}"
         print(
-            f"{plan.name:12} {warm.heat_w:6.2f}         {coil:7.1f} {coil_k:7.1f} {coil / coil_k:6.2f}"
-            f"         {warm.beam_rise_k:7.1f} {beam_k:7.1f} {warm.beam_rise_k / beam_k:6.2f} {share:6.2f}",
-            flush=True,
+            f"{plan.name:12} {warm.heat_w:6.2f}         {coils}         {beams} {share:6.2f} {times:6.2f}", flush=True
         )
 
 

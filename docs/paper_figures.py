@@ -14,10 +14,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.display import COLOURS, INK, plot_bytes, plot_style
 from padgen.core.units import GRAM, MH, MM, UM, decibel
 from padgen.physics.magnetics import impedance
-from padgen.physics.propagation import signal, squared, steady_lines, tones
 from padgen.physics.resonator import receptance
 from padgen.planner.plan import Plan
 from padgen.verify.coupled import from_tones, make_system, simulate
+from padgen.verify.propagation import signal, squared, steady_lines, tones
 from tests.finer_models import merged
 
 __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitted_q", "paper_figures"]

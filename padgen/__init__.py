@@ -37,7 +37,16 @@ if TYPE_CHECKING:
         template_text,
         write_report,
     )
-    from padgen.api.prints import bench, calibrate, retune, save_printer, save_retuned, simulate_print
+    from padgen.api.prints import (
+        bench,
+        calibrate,
+        fit_touch,
+        retune,
+        save_printer,
+        save_retuned,
+        save_touch,
+        simulate_print,
+    )
     from padgen.api.studies import read_sweep, run_sweep, study, study_extreme, sweep
     from padgen.core.errors import FileError, Finding, InfeasibleError, PadgenError, SolverError, SpecError
     from padgen.driver.drive_folder import Drive
@@ -46,7 +55,7 @@ if TYPE_CHECKING:
     from padgen.planner.plan import Plan
     from padgen.spec.model import Spec
 
-__version__ = "0.14.0"
+__version__ = "0.15.0"
 __all__ = [
     "Drive",
     "FileError",
@@ -72,6 +81,7 @@ __all__ = [
     "excite",
     "explain",
     "explore",
+    "fit_touch",
     "plan",
     "play",
     "play_wav",
@@ -88,6 +98,7 @@ __all__ = [
     "save_plan",
     "save_printer",
     "save_retuned",
+    "save_touch",
     "simulate_print",
     "spec_schema",
     "study",
@@ -104,6 +115,7 @@ _FUNCTIONS = {
     "build": "pads",
     "cache_info": "house",
     "calibrate": "prints",
+    "fit_touch": "prints",
     "check": "pads",
     "check_wiring": "drives",
     "clear_cache": "house",
@@ -129,6 +141,7 @@ _FUNCTIONS = {
     "save_plan": "pads",
     "save_printer": "prints",
     "save_retuned": "prints",
+    "save_touch": "prints",
     "simulate_print": "prints",
     "spec_schema": "house",
     "study": "studies",

@@ -17,7 +17,6 @@ import padgen.physics.pull as pull_module
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.beams import EndCompliance, tip_stiffness
 from padgen.physics.bounds import beam_inertia, core_polarisation, saturation_loss, washer_magnetised
-from padgen.physics.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
 from padgen.physics.magnetics import (
     MU_0,
     CoilSource,
@@ -32,7 +31,6 @@ from padgen.physics.magnetics import (
     winding_rings,
 )
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
-from padgen.physics.propagation import DecayingTones
 from padgen.physics.pull import PullAt, leakage
 from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.schemes import bias_a, current_lines_a
@@ -40,17 +38,19 @@ from padgen.planner.channels import (
     coil_modes,
     hanging_gap_um,
     heard_modes,
-    magnetic_parts,
     pulled_shares,
     site_wrenches,
 )
 from padgen.planner.drive_scheme import coils_around, placed_channels
+from padgen.planner.movers.washer import magnetic_parts
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.suspensions import BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
 from padgen.spec import Spec
 from padgen.verify.field_solid import PlacedWasher, PullQuestion, Steel, solid_force
+from padgen.verify.frame import AttachedBody, Element, Frame, divided, frame_modes, rectangle
 from padgen.verify.pad_frame import PadModes, peak_hz
+from padgen.verify.propagation import DecayingTones
 
 MOST_CHANNELS = 4
 AIR_KG_PER_M3 = 1.2

@@ -63,6 +63,12 @@ def quick() -> Plan:
     return make_plan(parse_spec(QUICK))
 
 
+@cache
+def magnets() -> Plan:
+    """Plan a pad of magnets, which the current itself pulls and pushes."""
+    return make_plan(parse_spec(QUICK + 'magnet = "disc-3x1"\ncoil.name = "air-10"\ndrive.level_um = 60\n'))
+
+
 QUICK = """
 name = "quick"
 resolution = 16
@@ -82,6 +88,7 @@ PADS: dict[str, tuple[Callable[[], Plan], int, float | None]] = {
     "eleven": (lambda: make_plan(load_spec("wide-11")), 16000, None),
     "biased": (lambda: drum("biased", 13, "biased"), 16000, None),
     "time-shared": (lambda: drum("time-shared", 11, "time-shared", 10), 8000, None),
+    "magnet": (magnets, 16000, None),
     "big": (lambda: make_plan(load_spec("big-512")), 8000, None),
 }
 """Pads by name: the function that plans each, its samples a second, its carrier in Hz. Some coils have fewer taxels."""

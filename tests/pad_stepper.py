@@ -3,9 +3,14 @@
 Unknowns are the pad's six motions about its centre of mass and each taxel's washer against the pad. The equations
 ``M a + C v + K y = F`` are integrated from rest by the classical Runge-Kutta method of the fourth order until what
 began with them has died away. Then sines of the tones are fitted to the last part.
+
+`stepped_wave` takes the coils' voltages from a WAV's bytes: current through R and L, its square, and the same system,
+stepped by its matrix exponential for forces that are straight between samples.
 """
 
 import numpy as np
+from scipy.io import wavfile
+from scipy.signal import cont2discrete, lfilter
 
 ALONG = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}
 STEPS = 40
@@ -115,3 +120,38 @@ def stepped_db(plan, driven):
     shares[channel_of[on], np.flatnonzero(on)] = 0.0
     heard = np.sqrt((shares**2).sum(0))
     return 20 * np.log10(own[on].min() / heard[~on].max())
+
+
+def stepped_wave(plan, path, full_scale_v):
+    """Return the rate of a WAV in Hz and the taxels' motions (n, samples) against the pad, from rest, while it plays.
+
+    Each motion is over the amplitude that the taxel's own line alone gives it on a pad that does not move.
+    """
+    rate, played = wavfile.read(path)
+    volts = played.astype(float) / 2.0**31 * full_scale_v
+    coil = plan["spec"]["coil"]
+    circuit = cont2discrete(([1.0], [coil.get("inductance_mh", 0.0) * 1e-3, coil["resistance_ohm"]]), 1 / rate, "foh")
+    current = lfilter(circuit[0].ravel(), circuit[1], volts, axis=0)
+    mass, damping, stiffness, channel_of = matrices(plan)
+    size = len(mass)
+    q, pull, line = (
+        np.array([channel[key] for channel in plan["channels"]])[channel_of]
+        for key in ("q", "force_constant_n_per_a2", "line_a2")
+    )
+    push = np.zeros((size, volts.shape[1]))
+    for i, taxel in enumerate(plan["taxels"]):
+        push[6 + i, taxel["coil"][0] * plan["coils"]["columns"] + taxel["coil"][1]] = pull[i]
+    rates = np.zeros((2 * size, 2 * size))
+    rates[:size, size:] = np.eye(size)
+    rates[size:] = np.linalg.solve(mass, np.concatenate([-stiffness, -damping], 1))
+    enters = np.concatenate([np.zeros(push.shape), np.linalg.solve(mass, push)])
+    reads = np.zeros((len(channel_of), 2 * size))
+    reads[range(len(channel_of)), range(6, size)] = np.diag(stiffness)[6:] / (pull * line * q)
+    steps, forces, out, through, _ = cont2discrete((rates, enters, reads, np.zeros(push[6:].shape)), 1 / rate, "foh")
+    entering = current**2 @ forces.T
+    state = np.zeros(2 * size)
+    kept = np.zeros((len(entering), 2 * size))
+    for k, force in enumerate(entering):
+        kept[k] = state
+        state = steps @ state + force
+    return rate, out @ kept.T + through @ (current**2).T

@@ -12,7 +12,7 @@ from scipy.signal import cont2discrete, lfilter
 
 import padgen as pg
 from padgen.measured.tuning import levels_um, planned_response_um_per_a2
-from padgen.planner.printed_pads import Spreads, coils_of, design_of, log_detuning, spreads_of
+from padgen.planner.printed_pads import Spreads, coils_of, design_of, drawn_prints, spreads_of
 from tests.recordings import modal, recorded
 
 HEARD_S = 2.0
@@ -23,7 +23,7 @@ RING_TAUS = 8.0
 def spreads_for(plan, sigma):
     """Return the plan's spreads, scaled by one factor so that ln f of its taxels has a root mean square of `sigma`."""
     spreads = spreads_of(plan.spec)
-    drawn = log_detuning(design_of(plan, None), spreads, 0, 0, 2048)[2]
+    drawn = drawn_prints(design_of(plan, None), spreads, 0, 0, 2048).log_x[2]
     scale = sigma / float(np.sqrt((drawn**2).mean()))
     return Spreads(*(value * scale for value in astuple(spreads)))
 

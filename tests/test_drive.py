@@ -29,8 +29,8 @@ from padgen.physics.magnetics import (
 from padgen.physics.pull import leakage, pull
 from padgen.physics.selectivity import Scheme
 from padgen.planner import make_plan, plan_from_json, plan_to_json
-from padgen.planner.channels import magnetic_parts
 from padgen.planner.drive_scheme import _heard, pull_in_share
+from padgen.planner.movers.washer import magnetic_parts
 from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad

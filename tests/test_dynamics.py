@@ -25,7 +25,10 @@ from padgen.core.errors import SolverError
 from padgen.ladders.extreme import dynamics_cases, exact_displacement
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
-from padgen.physics.propagation import (
+from padgen.planner import make_plan
+from padgen.spec import load_spec
+from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
+from padgen.verify.propagation import (
     STATED_ERROR,
     DecayingTones,
     circuit_current,
@@ -35,9 +38,6 @@ from padgen.physics.propagation import (
     steady_lines,
     tones,
 )
-from padgen.planner import make_plan
-from padgen.spec import load_spec
-from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
 from tests.finer_models import merged
 
 MASS = 1e-4

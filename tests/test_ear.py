@@ -25,13 +25,13 @@ from padgen.driver.ear import AROUND, circuit_filter, ear_findings, hear, heard_
 from padgen.driver.formats.wav import wave_json, write_wave
 from padgen.driver.waveform import Timeline, blend, make_drive, ramp_s, steady, timeline
 from padgen.measured.tuning import planned_tuning
-from padgen.physics.propagation import propagate, tones
 from padgen.physics.resonator import felt_energy, relative_energy
 from padgen.planner import make_plan
 from padgen.planner.channels import coil_modes, hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.spec import load_spec, parse_spec
 from padgen.verify.coupled import Source, make_system, simulate
+from padgen.verify.propagation import propagate, tones
 
 RATE = 48000
 
@@ -432,7 +432,7 @@ def test_findings_name_what_was_missed(pair, tmp_path):
     # The amplifier is set 10 % too low: i² falls by 19 %, 1.8 dB.
     (found,) = found_in(hear(plan, wave, sidecar | {"full_scale": 0.9 * sidecar["full_scale"]}))
     assert (found.level, found.code) == ("warning", "ear.level")
-    assert "(-1.8 dB)" in found.message and "4 of 4 ON levels miss" in found.message
+    assert "(-1.8 dB; " in found.message and "4 of 4 ON levels miss" in found.message
     strict = replace(plan, selectivity=replace(plan.selectivity, asked_db=30.0))
     (found,) = found_in(hear(strict, wave, sidecar))
     assert found.code == "ear.selectivity" and "keeps 20.6 dB" in found.message and "asked: 30.0 dB" in found.message

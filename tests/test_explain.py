@@ -139,6 +139,38 @@ def test_changes_are_ranked_by_what_prints_keep_then_by_what_they_buy(explained)
     assert any(c.change.startswith("q_min = ") and c.gained_in_band > 0 for c in changes)
 
 
+def test_movers_are_ranked_for_the_same_pad(explained):
+    """Those whose prints work come first, by heat; a row is what a plan of that mover says."""
+    _, plan, explanation = explained
+    rows = explanation.movers
+    assert len(rows) == 4
+    works = [(row.good_share or 0.0) >= plan.spec.print_share for row in rows]
+    assert works == sorted(works, reverse=True)
+    heat = [row.heat_w for row, good in zip(rows, works, strict=True) if good]
+    assert heat == sorted(heat)
+    (row,) = [row for row in rows if row.mover == "magnet disc-3x1"]
+    table = without_none(asdict(plan.spec))
+    for name in ("washer", "mover", "coil", "resonances_hz"):
+        table.pop(name, None)
+    table["drive"]["scheme"] = "auto"
+    again = make_plan(make_spec(table | {"magnet": "disc-3x1", "coil": "air-10"}))
+    coils = again.coils.rows * again.coils.columns
+    assert (row.coils, row.heat_w) == (coils, again.load.copper_loss_w * coils)
+    assert "magnet disc-3x1" in explanation_text(explanation)
+
+
+def test_movers_whose_prints_work_come_first_then_the_coolest(monkeypatch):
+    figures = iter([(3.0, 1.0), (None, None), (1.0, 0.5), (2.0, 0.95)])
+    names = iter("abcd")
+
+    def made(spec, kind, part, coil):
+        heat_w, share = next(figures)
+        return explain.MoverRow(next(names), coil, heat_w=heat_w, good_share=share)
+
+    monkeypatch.setattr(explain, "_with_mover", made)
+    assert [row.mover for row in explain._movers(parse_spec(FOUR))] == ["d", "a", "c", "b"]
+
+
 def test_the_limit_that_binds_is_named():
     room = load_spec("quad-64")
     limits = list(_limits(make_plan(room), 4, "biased"))

@@ -169,7 +169,7 @@ def test_manifest_holds_hashes_and_versions(folder):
 
 def test_formats_are_parsed_in_order():
     assert parse_formats("stl, step") == ("step", "stl")
-    with pytest.raises(SpecError, match=r"must be among 3mf, glb, step, stl, got 'stp'; did you mean 'step'\?"):
+    with pytest.raises(SpecError, match=r"must be among 3mf, board, glb, step, stl, got 'stp'; did you mean 'step'\?"):
         parse_formats("stp")
     with pytest.raises(SpecError, match="must name"):
         parse_formats(",")

@@ -96,19 +96,22 @@ def test_files_compile_without_a_warning_as_c_and_header_as_cpp(pad: Host):
         assert taxel.id in (pad.folder / "pad_drive.h").read_text()
 
 
-@pads("one", "tones", "spur-free", "no inductance", "carrier", "biased")
-def test_volts_are_those_of_the_waveform(pad: Host):
+@pads("one", "tones", "spur-free", "no inductance", "carrier", "biased", "magnet")
+@pytest.mark.parametrize("with_signs", [False, True])
+def test_volts_are_those_of_the_waveform(pad: Host, with_signs: bool):
     rate = pad.drive.rate_hz
     ramp = ceil(ramp_s(pad.plan) * rate)
     hold = rate // 10
     levels = frames(pad, 3)
-    run = played(pad, levels, ramp + hold)
+    signs = np.random.default_rng(5).choice([-1.0, 1.0], levels.shape) if with_signs else np.ones(levels.shape)
+    run = played(pad, levels * signs, ramp + hold)
     silent = np.zeros((1, levels.shape[1]))
     times = [0, ramp]
     for k in range(1, 4):
         times += [k * (ramp + hold), k * (ramp + hold) + ramp]
     states = np.concatenate([silent, np.repeat(levels, 2, 0), silent])
-    wanted = np.concatenate(list(volts(pad.drive, Timeline(np.array(times) / rate, states, False))))
+    signed = np.concatenate([silent + 1, np.repeat(signs, 2, 0), silent + 1])
+    wanted = np.concatenate(list(volts(pad.drive, Timeline(np.array(times) / rate, states, False, signs=signed))))
     got = run.volts[: len(wanted)]
     assert np.abs(wanted).max() > 1.0
     # One tone is as exact as the sine; roots and coils of several lose some digits.
@@ -156,11 +159,12 @@ def squared(pad: Host, run: Run) -> np.ndarray:
 
 
 @pads("one", "tones", "spur-free", "no inductance", "eleven", "biased", "carrier")
-@pytest.mark.parametrize("grey", [False, True])
-def test_lines_are_those_asked_for_at_any_level(pad: Host, grey: bool):
+@pytest.mark.parametrize(("grey", "with_signs"), [(False, False), (True, False), (True, True)])
+def test_lines_are_those_asked_for_at_any_level(pad: Host, grey: bool, with_signs: bool):
     rng = np.random.default_rng(3)
     shape = len(pad.plan.taxels)
     levels = rng.integers(0, 256, shape) / 255 if grey else rng.integers(0, 2, shape).astype(float)
+    levels *= rng.choice([-1.0, 1.0], shape) if with_signs else 1.0
     # Two whole periods, so that phases began anew in between.
     settle = pad.number("PADGEN_RAMP_SAMPLES") // pad.drive.period_samples + 1
     script = pad.hello + feed(frame_message(levels, 0)) + pad.wait((settle + 2) * pad.drive.period_samples)
@@ -177,7 +181,7 @@ def test_lines_are_those_asked_for_at_any_level(pad: Host, grey: bool):
             assert np.abs(got[own] - wanted).max() <= 1e-5 * scale
             assert np.abs(spurs[band]).max() <= 1e-5 * scale
             (exact,) = constant_a2(coil, levels[coil.taxels])
-            safe = ((1 + coil.margin) * coil.line_a2 * levels[coil.taxels]).sum()
+            safe = ((1 + coil.margin) * coil.line_a2 * np.abs(levels[coil.taxels])).sum()
             assert exact - 1e-5 * scale <= got[0].real <= safe + 1e-5 * scale
             if not grey and len(coil.taxels) <= 8:
                 assert got[0].real == pytest.approx(exact, abs=1e-5 * scale)
@@ -617,7 +621,7 @@ def test_no_message_and_it_falls_silent(pad: Host):
     ramp = pad.number("PADGEN_RAMP_SAMPLES")
     shown = feed(frame_message(np.ones(16), 0))
     run = pad.run(pad.hello + shown + f"run {dog + ramp + 2}\n")
-    assert run.log[:-1] == [f"begin 0 frame {'ff' * 16}", f"begin {dog - 1} silence", f"silent {dog - 1 + ramp}"]
+    assert run.log[:-1] == [f"begin 0 frame {'ff' * 16} 0000", f"begin {dog - 1} silence", f"silent {dog - 1 + ramp}"]
     assert run.volts[dog - 2].any() and not run.volts[-1].any()
     kept = pad.run(pad.hello + shown + (f"run {dog - 1}\n" + feed(Message(Kind.PING, 5))) * 3)
     assert kept.volts[-1].any()
@@ -713,6 +717,11 @@ def test_a_changed_byte_is_noticed(payload: bytes, place: int, change: int):
     packet[1 + place % (len(packet) - 2)] ^= change
     messages, _ = decode(bytes(packet))
     assert all(message is None for message in messages)
+
+
+def test_signs_follow_the_levels_where_a_taxel_is_turned_over():
+    assert frame_message(np.array([1.0, -1.0, 0.0]), 7) == Message(Kind.FRAME_BITS, 7, bytes([0b011, 0b010]))
+    assert frame_message(np.array([-0.2, 1.0]), 7) == Message(Kind.FRAME, 7, bytes([51, 255, 0b01]))
 
 
 def test_grey_frames_have_a_byte_and_others_a_bit_for_a_taxel():

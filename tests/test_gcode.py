@@ -21,9 +21,9 @@ import pytest
 import padgen as pg
 from padgen import cli
 from padgen.core.errors import FileError
-from padgen.measured.judge_laid import check_gcode
-from padgen.measured.laid_pad import read_layers, read_settings
 from padgen.planner import make_plan
+from padgen.sliced.judge_laid import check_gcode
+from padgen.sliced.laid_pad import read_layers, read_settings
 from padgen.spec import parse_spec
 
 REFERENCE = Path(__file__).parent / "reference" / "four-0.2mm.gcode.gz"

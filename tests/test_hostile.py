@@ -289,13 +289,9 @@ def mutated(rng: random.Random) -> dict:
         if "low" not in meta:
             continue
         low, high = meta["low"], meta["high"]
-        drawn = [
-            low,
-            high,
-            rng.uniform(low, high),
-            math.exp(rng.uniform(math.log(max(low, 1e-6)), math.log(high))),
-            1e300,
-        ]
+        drawn = [low, high, rng.uniform(low, high), 1e300]
+        if high > 0:
+            drawn.append(math.exp(rng.uniform(math.log(max(low, 1e-6)), math.log(high))))
         count = (meta.get("count") or rng.choice([1, 3, 30])) if kind not in (int, float) else 0
         values = [rng.choice(drawn) for _ in range(max(count, 1))]
         if kind is int or item.name == "grid":

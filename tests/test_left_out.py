@@ -328,11 +328,9 @@ def test_shielding_of_two_is_a_dipoles():
 # Random specs, some of those of `docs/measure_left_out.py random`.
 
 
-@pytest.mark.parametrize("number", [1, 23, 125, 367, 1100, 1218])
+@pytest.mark.parametrize("number", [9, 23, 125, 375, 1100, 1218])
 def test_bounds_of_random_specs_hold(number):
-    """Specs: a wide film, an edge in the side force, bridges that stretch and sag, four on a coil, two far above it, a
-    bridge that is nearly as thick as long.
-    """
+    """Random specs on one and on several channels a coil, cantilevers, folded beams and a bridge among them."""
     plan = finish(choose(make_spec(random_table(number))))
     bounds = {e.term: e.bound for e in left_out(plan) if e.status == "bounded"}
     quick = {**TRUE, "leakage": true_leakage, "shielding": true_shielding}
@@ -435,9 +433,12 @@ def test_constant_current_of_a_biased_coil_counts():
     assert entry("two sets", "motion").bound == pytest.approx(max(bound), rel=1e-9)
 
 
+PLASTIC = ("moisture", "modulus at the frequency of use")
+
+
 def test_a_washer_that_is_not_pulled_has_no_force_to_judge():
     _spec, plan = scene("paper-32")
     still = tuple(replace(c, force_constant_n_per_a2=0.0) for c in plan.channels)
     terms = {e.term for e in left_out(replace(plan, channels=still)) if e.status == "bounded"}
     unpulled = {"stretching", "large slopes", "air's mass", "air's damping"}
-    assert terms == {"beam inertia", "frame", "leakage", "far modes", "recoil", "warmth"} | unpulled
+    assert terms == {"beam inertia", "frame", "leakage", "far modes", "recoil", "warmth", *PLASTIC} | unpulled

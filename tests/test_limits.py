@@ -30,6 +30,7 @@ from padgen.driver.formats.c import boards_in_time, c_header, sample_mhz
 from padgen.driver.frames import state_frame
 from padgen.driver.loads import HEAT_S, excitation_load, heat_s, judge_limits, judge_load, load_of
 from padgen.driver.serial_line import frame_message
+from padgen.driver.signs import PlayedPad, choose_signs
 from padgen.driver.waveform import (
     CONTROLLER_RATES_HZ,
     RATES_HZ,
@@ -130,8 +131,10 @@ def test_within_all_limits_nothing_is_said(tmp_path, formats, scheme):
 def test_what_is_shown_is_judged_and_not_what_might_be(tmp_path, formats):
     coil, drive, _ = BEYOND["heat"]
     plan = planned(coil, drive.replace("biased", "tones"))
-    assert [f.code for f in written(plan, tmp_path / "a", formats, "1111").findings] == ["coil.heat"]
-    assert not written(plan, tmp_path / "b", formats, "0001").findings
+    # A WAV is judged by its warmth, too, as if it were played over and over.
+    warm = ["pad.hot"] if formats == "wav" else []
+    assert [f.code for f in written(plan, tmp_path / "a", formats, "1111").findings] == ["coil.heat", *warm]
+    assert [f.code for f in written(plan, tmp_path / "b", formats, "0001").findings] == warm
     # A host may show all.
     assert [f.code for f in written(plan, tmp_path / "c", "c", "0001").findings] == ["coil.heat"]
 
@@ -459,7 +462,9 @@ def judged_and_found(plan: Plan, rng: np.random.Generator, folder: Path, carrier
     Drive(plan, frames, each_s, rate_hz=48_000, carrier_hz=carrier_hz).save_folder(
         folder, ["wav", "hjif"], depth="float"
     )
-    shown = timeline(plan, frames, each_s)
+    held_s = timeline(plan, frames, each_s).frame_s - ramp_s(plan) / 2
+    signs = choose_signs(PlayedPad(plan, drive, None), frames, held_s, turns)
+    shown = timeline(plan, frames, each_s, signs=signs)
     load = load_of(plan, drive, shown)
     ohm = plan.spec.coil.resistance_ohm
     volt, ampere = integrated(folder, plan.spec.coil)

@@ -145,10 +145,10 @@ def look(page, name):
 
 def test_the_first_screen_has_verdict_picture_and_figures(page, paper_plan, paper_html):
     assert page.text_content("h1") == "paper-32"
-    assert "in 90% of prints ON taxels then vibrate at least 13.9 dB more" in page.text_content("#verdict")
+    assert "in 90% of prints ON taxels then vibrate at least 13.7 dB more" in page.text_content("#verdict")
     assert "Under a finger it does not choose its taxels" in page.text_content("#touched")
     assert page.locator(".figure h2").all_text_contents() == ["Untouched", "Under a finger", "Heat", "Outputs"]
-    assert page.locator(".figure .value").all_text_contents() == ["13.9 dB", "−2.9 dB", "0.93 W", "16"]
+    assert page.locator(".figure .value").all_text_contents() == ["13.7 dB", "−2.9 dB", "0.93 W", "16"]
     assert page.locator("#canvas").bounding_box()["y"] < 400
     assert page.locator("#shaken").is_hidden()
     assert len(paper_html.encode()) <= 1.5e6
@@ -342,6 +342,23 @@ def test_a_phone_shows_what_decides_first(opened, paper_html):
         )
 
 
+LETTERS_EM = 1.362
+"""Ascent and descent of Noto Sans, the highest of usual fonts, over its size."""
+
+
+@pytest.mark.parametrize("media", ["screen", "print"])
+@pytest.mark.parametrize("width", [390, 718, 1280])
+def test_lines_of_the_figures_are_as_high_as_the_letters_of_any_usual_font(opened, paper_html, media, width):
+    page = opened(paper_html, viewport={"width": width, "height": 844})
+    page.emulate_media(media=media)
+    ratios = page.evaluate(
+        "() => [...document.querySelectorAll('.figure p')].map(e => getComputedStyle(e))"
+        ".map(s => parseFloat(s.lineHeight) / parseFloat(s.fontSize))"
+    )
+    assert len(ratios) >= 8
+    assert min(ratios) >= LETTERS_EM
+
+
 def test_on_paper_no_sentence_and_no_figure_is_cut(opened, paper_html):
     sheet = opened(paper_html, viewport={"width": 718, "height": 1010})
     sheet.emulate_media(media="print")
@@ -456,7 +473,16 @@ def crowded(data):
     drive = {**data["drive"], "rows": 4 * data["drive"]["rows"]}
     finding = {"level": "warning", "code": "a.b", "where": "pad", "message": "much " * 400}
     many = {"findings": 40 * [finding], "bom": data["bom"] + 4 * data["bom"][1:]}
-    return {**data, **many, "channels": channels, "drive": drive, "ladder": 4 * data["ladder"]}
+    (ladder,) = data["charts"]["ladder"]
+    (panel,) = ladder["panels"]
+    (series,) = panel["marks"]
+    several = ("marks", "spans", "sigmas", "roles")
+    rows = {"rows": list(range(4 * len(series["rows"]))), **{name: 4 * series[name] for name in several}}
+    labels = [{**label, "at": k, "name": str(k)} for k, label in enumerate(4 * panel["row_labels"])]
+    high = {**panel["y"], "high": len(labels) - 0.4}
+    longer = {**panel, "y": high, "marks": [{**series, **rows}], "row_labels": labels}
+    charts = {"ladder": [{**ladder, "panels": [longer]}]}
+    return {**data, **many, "channels": channels, "drive": drive, "charts": charts}
 
 
 def count_pages(page):
@@ -467,8 +493,8 @@ EVIL = (
     "<script>window.ran = 1</script><img src=x onerror='window.ran = 2'>{{scripts}}]]>--></script>&quot;"
     "\u202e\u2028'\"`${1}"
 )
-NO_TEXT = {"shapes", "motion", "level", "worst_state", "colours", "palette"}
-"""Entries that are no words: base64, kinds of current, classes, colours of padgen's own."""
+NO_TEXT = {"shapes", "motion", "level", "colours", "palette", "kind", "role", "roles", "axis", "symbol", "float32"}
+"""Entries that are no words: base64, kinds of marks, classes, colours of padgen's own."""
 
 
 def spoiled(value, text, key=""):
@@ -575,10 +601,10 @@ def test_tables_sort_and_findings_mark_their_places(page, paper_plan):
 
 def test_histogram_and_verdict_are_of_the_same_prints(paper_plan, monkeypatch):
     """In bins so narrow that other prints of the same pad would show."""
-    monkeypatch.setattr("padgen.report.page.BINS", 20_000)
-    prints = page_data(paper_plan)["prints"]
-    edges = np.array(prints["edges_db"])
-    counts = np.array(prints["counts"])
+    monkeypatch.setattr("padgen.report.figures.kept.BINS", 20_000)
+    bars = page_data(paper_plan)["later_charts"]["kept"][0]["panels"][0]["marks"]
+    edges = np.array(bars[0]["edges"])
+    counts = np.array([each["counts"] for each in bars])
     assert counts.sum(1).tolist() == [paper_plan.prints.pads] * 2
     above = counts[1][::-1].cumsum()[::-1] / paper_plan.prints.pads
     kept = np.searchsorted(edges, paper_plan.prints.print_db) - 1
@@ -669,13 +695,20 @@ def test_a_plan_read_back_gives_the_same_page(paper_plan):
 
 def test_a_study_in_the_folder_is_shown(tmp_path, page, paper_plan):
     rung = {"model": "beam", "resolution": "6", "seconds": 1e-3, "error_at_most": 0.01, "is_bound": False}
-    table = {"ladders": [{"ladder": "structure", "quantity": "Hz", "rungs": [rung, {**rung, "seconds": 2.0}]}]}
+    slow = {**rung, "model": "solid", "resolution": "<b>7", "seconds": 2.0, "is_bound": True}
+    table = {"ladders": [{"ladder": "structure", "quantity": "Hz", "rungs": [rung, slow]}]}
     for text in ("{", "[]", '{"ladders": [1]}', json.dumps(table)[:-1]):
         (tmp_path / "study.json").write_text(text)
         assert study_of(tmp_path) is None
     (tmp_path / "study.json").write_text(json.dumps(table))
     page.evaluate("data => padgen.show(data)", {**whole(paper_plan), "study": study_of(tmp_path)})
     assert page.locator("#study-body circle").count() == 2 and "0.001 s" in page.text_content("#study-body")
+    places = page.locator("#study-body circle").evaluate_all(
+        "all => all.map(one => [one.cx.baseVal.value, one.style.fill])"
+    )
+    assert places[0][0] < places[1][0] and [fill == "none" for _, fill in places] == [False, True]
+    told = page.locator("#study-body circle title").all_text_contents()
+    assert told == ["beam, 6", "solid, <b>7"]
 
 
 def test_two_thousand_taxels_fit_six_megabytes(opened):

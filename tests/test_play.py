@@ -20,8 +20,9 @@ from padgen.driver import serial_line as play_serial
 from padgen.driver import sound_card as play_audio
 from padgen.driver.formats.wav import WavWriter
 from padgen.driver.serial_line import VERSION, Kind, Message, decode, encode, plan_hash, play_frames, serial_ports
+from padgen.driver.signs import PlayedPad, played_recoil
 from padgen.driver.sound_card import list_devices, play_wave
-from padgen.driver.waveform import ramp_s
+from padgen.driver.waveform import make_drive, ramp_s
 
 from .firmware_host import Host, compiled, host
 
@@ -155,6 +156,23 @@ def test_frames_arrive_in_order_and_it_ends_in_silence(pad: Host):
     assert "silence" in log[-3] and ends_silent(log)
 
 
+def test_frames_have_the_signs_that_keep_the_pad_still(pad: Host):
+    plan = pad.plan
+    frames = np.ones((2, len(plan.taxels)))
+    frames[1, ::3] = 0.0
+    with relayed(pad) as line:
+        play_frames(line.port, plan, frames, FRAME_S, reply_s=1.0)
+        log = line.finish()
+    told = [bytes.fromhex(line.split()[4]) for line in log if " frame " in line]
+    turned = np.array([np.unpackbits(np.frombuffer(one, np.uint8), bitorder="little") for one in told])
+    # Each at its own resonance, all of one frequency: what is left is little more than one taxel's recoil.
+    played = PlayedPad(plan, make_drive(plan, 8000))
+    recoil = played_recoil(played, frames, np.where(turned, -1.0, 1.0))
+    assert recoil.signed_db > recoil.in_step_db + 6
+    assert abs(int(turned[0].sum()) - frames.shape[1] // 2) <= 1
+    assert not turned[frames == 0].any()
+
+
 def test_a_frame_that_lasts_longer_than_one_is_held_is_sent_again(pad: Host, monkeypatch):
     monkeypatch.setattr(play_serial, "HOLD_SHARE", 0.02)  # of eight seconds
     frames = numbered(2)
@@ -232,10 +250,12 @@ def test_a_line_that_closes_leaves_the_device_silent(pad: Host, closes_after: in
 def test_a_line_that_goes_dead_is_told_of(pad: Host, monkeypatch):
     monkeypatch.setattr(play_serial, "TRIES", 3)
     with relayed(pad) as line:
-        dead = threading.Timer(0.2, lambda: setattr(line, "_damaged", lambda data: b""))
-        dead.start()
+
+        def cut(shown: int) -> None:
+            line._damaged = lambda data: b""  # type: ignore[method-assign]
+
         with pytest.raises(FileError, match="no answer in 3 tries"):
-            play_frames(line.port, pad.plan, numbered(20), FRAME_S, reply_s=0.1)
+            play_frames(line.port, pad.plan, numbered(20), FRAME_S, reply_s=0.1, on_shown=cut)
         log = line.finish()
     assert ends_silent(log)
 
@@ -340,7 +360,7 @@ def test_frames_that_cannot_be_shown_open_no_port(pad: Host, frames: np.ndarray,
 
 def test_frames_that_the_line_cannot_carry(pad: Host):
     with relayed(pad) as line:
-        with pytest.raises(SpecError, match=r"for a frame of 27 bytes at 300 baud, got 0\.2 s"):
+        with pytest.raises(SpecError, match=r"for a frame of 29 bytes at 300 baud, got 0\.2 s"):
             play_frames(line.port, pad.plan, np.full((1, 16), 0.5), 0.2, baud=300, reply_s=1.0)
         line.finish()
 

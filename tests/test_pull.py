@@ -33,10 +33,14 @@ from padgen.physics.magnetics import (
     toroidal,
     tube,
 )
-from padgen.physics.pull import OWN_ERROR, brought_table, make_table, pull, solved_pulls
-from padgen.planner import channels, make_plan
-from padgen.planner.channels import hanging_gap_um, magnetic_parts, pull_exponent, site_pulls
+from padgen.physics.pull import OWN_ERROR, brought_table, make_table, parts_key, pull, solved_pulls
+from padgen.planner import make_plan
+from padgen.planner.channels import hanging_gap_um, pull_exponent, site_pulls
+from padgen.planner.movers import mover_of
+from padgen.planner.movers import washer as washers
+from padgen.planner.movers.washer import magnetic_parts
 from padgen.spec import load_spec, parse_spec
+from padgen.verify.field_solid import axisymmetric_force
 
 REFERENCE = Path(__file__).parent / "reference"
 MAGNETS = json.loads((REFERENCE / "magnetostatics.json").read_text())
@@ -238,6 +242,24 @@ def test_a_table_is_as_good_as_it_states():
     assert found.moment == pytest.approx(solved.moment, abs=0.01 * (solved.pull * 2 * MM).max())
 
 
+CROWNS = [(3.5, 1.7, 1.2), (2.0, 0.0, 4.0), (5.0, 2.2, 2.0)]
+
+
+@pytest.mark.parametrize("crown_mm", CROWNS)
+def test_steel_on_top_of_a_washer(crown_mm):
+    """Against elements in the half plane; a crown as wide as the washer is a thicker washer."""
+    coil = COIL
+    washer = SteelRing(3.5 * MM, 1.7 * MM, 0.3 * MM, 300)
+    crowned = SteelRing(*washer[:4], *(size * MM for size in crown_mm))
+    found = pull(coil, crowned, 1 * MM, 0.0).axial
+    assert found == pytest.approx(axisymmetric_force(coil, crowned, 1 * MM).force_n, rel=0.008)
+    assert found < 2 * pull(coil, washer, 1 * MM, 0.0).axial < 0
+    if crown_mm == CROWNS[0]:
+        thicker = washer._replace(thickness=1.5 * MM)
+        assert found == pytest.approx(pull(coil, thicker, 1 * MM, 0.0).axial, rel=0.003)
+    assert parts_key(coil, washer) == parts_key(coil, crowned.alone) != parts_key(coil, crowned)
+
+
 def test_a_table_of_one_offset_knows_how_far_its_derivatives_are_off():
     """A wide washer that hangs low: doubts at the least gaps bend the pull. True are differences of solved pulls."""
     coil = COIL
@@ -264,19 +286,19 @@ def test_the_tables_that_padgen_brings_are_those_of_its_parts(monkeypatch):
     def never(*_):
         raise AssertionError("is brought")
 
-    monkeypatch.setattr(channels, "make_table", never)
+    monkeypatch.setattr(washers, "make_table", never)
     for name in ("paper-32", "wide-11", "resin-fine"):
         spec = load_spec(name)
         plan = make_plan(spec)
         gap = hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels])) * UM
         offset = np.array([c.site.coil_distance_mm for c in plan.channels]) * MM
-        found = channels.pulls(spec, gap, offset)
+        found = mover_of(spec).pulls(spec.coil, spec.moved, gap, offset)
         solved = solved_pulls(*magnetic_parts(spec), gap, offset)
         assert found.pull == pytest.approx(solved.pull, rel=0.003)
         assert found.slope == pytest.approx(solved.slope, rel=0.04)
         assert (np.abs(found.pull / solved.pull - 1) <= found.error).all()
     offset = np.linspace(0.3, 5.3, 8) * MM
-    found = channels.pulls(spec, np.full(8, 0.4 * MM), offset).pull
+    found = mover_of(spec).pulls(spec.coil, spec.moved, np.full(8, 0.4 * MM), offset).pull
     solved = np.array([-pull(*magnetic_parts(spec), 0.4 * MM, place).axial for place in offset])
     assert found == pytest.approx(solved, rel=0.01)
 
@@ -288,20 +310,20 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
     )
     gap = np.array([0.9, 0.5, 0.2, 1.0]) * MM
     offset = np.array([4.0, 4.0, 4.0, 0.0]) * MM
-    channels._own.cache_clear()
-    channels._table_beside.cache_clear()
-    found = channels.pulls(spec, gap, offset)
+    washers._own.cache_clear()
+    washers._table_beside.cache_clear()
+    found = mover_of(spec).pulls(spec.coil, spec.moved, gap, offset)
     solved = solved_pulls(*magnetic_parts(spec), gap, offset)
     assert found.pull == pytest.approx(solved.pull, rel=2e-3)
     assert found.slope == pytest.approx(solved.slope, rel=0.05)
-    channels._own.cache_clear()
-    channels._table_beside.cache_clear()
+    washers._own.cache_clear()
+    washers._table_beside.cache_clear()
 
     def never(*_):
         raise AssertionError("is in the cache")
 
-    monkeypatch.setattr(channels, "make_table", never)
-    assert channels.pulls(spec, gap, offset).pull == pytest.approx(found.pull, rel=1e-12)
+    monkeypatch.setattr(washers, "make_table", never)
+    assert mover_of(spec).pulls(spec.coil, spec.moved, gap, offset).pull == pytest.approx(found.pull, rel=1e-12)
 
 
 def test_a_plan_states_the_pull_where_its_washers_hang_and_its_error():

@@ -33,8 +33,8 @@ def test_pushes_and_skin_leave_a_gap_or_none(plan):
             gap_mm = 1 - channel.sag_um * 1e-3
             if push.push_mn is not None:
                 moved_mm = push.push_mn / channel.stiffness_n_per_m
-            else:  # skin of 2 E* a = E* · 2.5 mm in series with the spring, over 1 mm
-                skin = {"low": 30, "typical": 100, "high": 300}[push.skin] * 2.5
+            else:  # skin of 2 E* (a + a0), a = 1.25 mm, in series with the spring, over 1 mm
+                skin = {"low": 60 * 1.35, "typical": 160 * 1.55, "high": 500 * 1.65}[push.skin]
                 moved_mm = skin / (skin + channel.stiffness_n_per_m)
             assert push.deflection_mm[k] == pytest.approx(moved_mm, rel=0.01)
             assert push.gap_left_mm[k] == pytest.approx(max(gap_mm - push.deflection_mm[k], 0))
@@ -46,7 +46,7 @@ def test_pushes_and_skin_leave_a_gap_or_none(plan):
 def test_one_finding_tells_of_pushes_and_its_cure_holds(plan):
     (found,) = (f for f in plan.findings if f.code == "touch.push")
     assert (found.level, found.where) == ("warning", "channel 0")
-    assert "with 16 mN closes its gap of 0.93 mm" in found.message and "pushes it by 0.94 mm" in found.message
+    assert "with 16 mN closes its gap of 0.93 mm" in found.message and "pushes it by 0.93 mm" in found.message
     cured = make_plan(varied(plan.spec, found.cures[0]))
     assert not any(next(p for p in cured.pushed.pushes if p.skin == "typical").contact)
     assert [f.level for f in cured.findings if f.code == "touch.push"] == ["note"]

@@ -22,17 +22,21 @@ from padgen import cli
 from padgen.batch.definition import parse_sweep
 from padgen.core.errors import FileError, GeometryError, SpecError
 from padgen.core.registry import PAD_FORMATS, PLUGINS, USUAL_FORMATS, names_in
+from padgen.core.rules import Rule
 from padgen.driver import formats as drive_formats
 from padgen.driver.drive_folder import Drive, parse_formats
+from padgen.driver.loads import SIGNAL_RULES, refuse_frames
 from padgen.make.pad import parse_formats as parse_pad_formats
 from padgen.make.solid_tuning import solid_taxel
+from padgen.measured.fits import RECORDING_RULES, fit_measured
+from padgen.measured.read import read_measured_text
 from padgen.physics import schemes
-from padgen.physics.frame import frame_modes
 from padgen.physics.magnetics import SteelRing, solenoid
 from padgen.physics.pull import pull
 from padgen.physics.schemes import tones
 from padgen.planner import coils, make_plan, plan_from_json, plan_to_json
-from padgen.planner.channels import magnetic_parts
+from padgen.planner.judge import PLAN_RULES
+from padgen.planner.movers.washer import magnetic_parts
 from padgen.planner.sizing import reach
 from padgen.planner.suspensions import (
     Arrangement,
@@ -48,18 +52,19 @@ from padgen.planner.suspensions import (
     suspension,
     unregister,
 )
-from padgen.planner.taxel_frame import taxel_frame
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.solid import formats as pad_formats
-from padgen.solid.checks import check_pad
+from padgen.solid.checks import MESH_RULES, check_pad
 from padgen.solid.formats.step import write_taxel_step
 from padgen.solid.measure import measured
 from padgen.solid.mesh import as_manifold
 from padgen.solid.pad_solid import build_pad
 from padgen.solid.taxel import taxel_key, taxel_solid
 from padgen.spec import parse_spec
-from padgen.spec.load import spec_schema
+from padgen.spec.load import SPEC_RULES, spec_schema
 from padgen.verify.elasticity import solve_modes
+from padgen.verify.frame import frame_modes
+from padgen.verify.taxel_frame import taxel_frame
 from tests.conftest import SMALL
 from tests.test_solid import volume_by_hand
 
@@ -180,7 +185,9 @@ def test_auto_tries_what_is_registered(plan):
 
 def test_schema_and_refusals_name_what_is_registered(plan):
     def schema_names():
-        return spec_schema()["properties"]["suspension"]["properties"]["topology"]["enum"]
+        word, table = spec_schema()["properties"]["suspension"]["anyOf"]
+        assert word["enum"] == table["properties"]["topology"]["enum"]
+        return word["enum"]
 
     assert schema_names() == ["auto", "serpentine", "bridge", "cantilever", "folded", *SERPENTINES, NAME]
     with pytest.raises(SpecError, match="did you mean 'toy-spiral'"):
@@ -440,16 +447,16 @@ def test_help_and_refusals_name_the_pad_formats(capsys):
         assert cli.run(["build", "--help"]) == 0
         return " ".join(capsys.readouterr().out.split())
 
-    assert "of 3mf, glb, step, stl (default: stl,3mf,step)" in told()
+    assert "of 3mf, board, glb, step, stl (default: stl,3mf,step)" in told()
     assert {*USUAL_FORMATS} < {*PAD_FORMATS.names()}
     with registered_pad_format():
-        assert f"of 3mf, glb, step, stl, {PAD_FORMAT} (default" in told()
+        assert f"of 3mf, board, glb, step, stl, {PAD_FORMAT} (default" in told()
         with pytest.raises(SpecError, match="got 'toy-point'; did you mean 'toy-points'"):
             parse_pad_formats("stl,toy-point")
         with pytest.raises(SpecError, match="there is a pad format '3mf' already"):
             pad_formats.register("3mf", SimpleNamespace(write=write_points))
         assert parse_sweep(SWEEP).settings.formats == PAD_FORMAT
-    with pytest.raises(SpecError, match=r"formats: must be among 3mf, glb, step, stl, got 'toy-points'"):
+    with pytest.raises(SpecError, match=r"formats: must be among 3mf, board, glb, step, stl, got 'toy-points'"):
         parse_sweep(SWEEP)
     with pytest.raises(SpecError, match="'half' lacks write"):
         pad_formats.register("half", SimpleNamespace())
@@ -720,13 +727,13 @@ def test_schema_and_refusals_name_the_coils():
         return spec_schema()["properties"]["coil"]["anyOf"][1]["properties"]["kind"]["enum"]
 
     with registered_coil(flat_spirals):
-        assert kinds() == ["solenoid", COIL]
+        assert kinds() == ["board", "solenoid", COIL]
         with pytest.raises(SpecError, match=r"^coil\.kind: .*did you mean 'toy-spiral-coil'"):
             parse_spec(FLAT.replace(COIL, "toy-spiral-coli"))
         with pytest.raises(SpecError, match="there is a kind of coil 'solenoid' already"):
             coils.register("solenoid", SimpleNamespace(source=flat_spirals))
-    assert kinds() == ["solenoid"]
-    with pytest.raises(SpecError, match="no choice 'toy-spiral-coil'; known are solenoid"):
+    assert kinds() == ["board", "solenoid"]
+    with pytest.raises(SpecError, match="no choice 'toy-spiral-coil'; known are board, solenoid"):
         parse_spec(FLAT)
     with pytest.raises(SpecError, match="'half' lacks source"):
         coils.register("half", SimpleNamespace())
@@ -746,3 +753,71 @@ def test_a_solenoid_of_two_windings_is_the_same_solenoid():
         cut = whole._replace(windings=windings)
         assert axisymmetric_force(cut, washer, 1e-3).force_n == pytest.approx(force, rel=2e-3)
         assert pull(cut, washer, 1e-3, 0.0).axial == pytest.approx(force, rel=2e-3)
+
+
+@contextmanager
+def registered_rule(book, function):
+    book.register("toy", function)
+    try:
+        with pytest.raises(SpecError, match=f"there is a rule 'toy' of the {book.kind} already"):
+            book.register("toy", function)
+        yield
+    finally:
+        book.unregister("toy")
+
+
+def test_a_registered_rule_of_specs_refuses_them_with_its_cure(tmp_path, monkeypatch, capsys):
+    def low_bands(spec):
+        broken = f"must be below 2 Hz, got {spec.band_hz[0]:g} Hz"
+        yield Rule(spec.band_hz[0] < 2, "band_hz", broken, [{"band_hz": [1, spec.band_hz[1]]}])
+
+    monkeypatch.chdir(tmp_path)
+    Path("tiny.toml").write_text(SMALL)
+    with registered_rule(SPEC_RULES, low_bands):
+        assert cli.run(["plan", "tiny.toml"]) == 2
+        assert "band_hz: must be below 2 Hz, got 50 Hz; band_hz = [1, 200] would do" in capsys.readouterr().err
+        assert not Path("out").exists()
+    assert cli.run(["plan", "tiny.toml"]) in (0, 1)
+
+
+def test_registered_rules_of_plans_meshes_and_signals_are_findings(small_plan, tmp_path):
+    def few_taxels(plan):
+        yield Rule(len(plan.taxels) < 2, "pad", "has more than one taxel", (), "toy.taxels", "warning")
+
+    def coarse(printed):
+        most = len(printed.mesh.triangles) - 1
+        yield Rule(len(printed.mesh.triangles) <= most, "mesh", f"has over {most} triangles", code="toy.triangles")
+
+    def silent(signal):
+        yield Rule(signal.load.level.max() < 0.5, signal.where, "is louder than half", code="toy.loud")
+
+    def codes(findings):
+        return [(finding.code, finding.level) for finding in findings if finding.code.startswith("toy.")]
+
+    with registered_rule(PLAN_RULES, few_taxels):
+        assert codes(make_plan(small_plan.spec).findings) == [("toy.taxels", "warning")]
+    with registered_rule(MESH_RULES, coarse):
+        assert codes(check_pad(build_pad(small_plan), small_plan).findings) == [("toy.triangles", "error")]
+    loud = np.ones((1, len(small_plan.taxels)))
+    with registered_rule(SIGNAL_RULES, silent):
+        for frames in (loud, 0.4 * loud):
+            driven = Drive(small_plan, frames, held=True).save_folder(tmp_path / "d", ("wav",))
+            assert codes(driven.findings) == ([("toy.loud", "error")] if frames is loud else [])
+        with pytest.raises(SpecError, match=r"is not played: is louder than half; no lower drive.level_um"):
+            refuse_frames(small_plan, loud)
+    for findings in (make_plan(small_plan.spec).findings, driven.findings):
+        assert not codes(findings)
+
+
+def test_a_registered_rule_of_recordings_refuses_them(small_plan):
+    def of_all(recording):
+        due = len(recording.channels)
+        yield Rule(len(recording.measured.taxels) == due, recording.measured.where, f"must be of all {due} taxels")
+
+    taxel = small_plan.taxels[0]
+    text = f"taxel,resonance_hz\n{taxel.id},{small_plan.channels[taxel.channel].resonance_hz:.3f}\n"
+    measured = read_measured_text(text, small_plan, "m.csv")
+    refusal = rf"^m\.csv: must be of all {len(small_plan.taxels)} taxels$"
+    with registered_rule(RECORDING_RULES, of_all), pytest.raises(FileError, match=refusal):
+        fit_measured(measured, small_plan)
+    assert [fit.id for fit in fit_measured(measured, small_plan)] == [taxel.id]

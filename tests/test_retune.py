@@ -50,7 +50,7 @@ from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Channels, Scheme, off_energy
 from padgen.planner.make import choose, finish
-from padgen.planner.printed_pads import Spreads, design_of, log_detuning, sensitivities
+from padgen.planner.printed_pads import Spreads, design_of, drawn_prints, sensitivities
 from padgen.spec import parse_spec
 from tests.retuned_loop import spreads_for
 
@@ -581,7 +581,7 @@ def test_filing_follows_the_beam_model():
     (trim,) = retuned(plan, fits_of(moved(planned_tuning(plan), r0c1k0=66.0))).trims
     (step,) = trim.steps
     channel = plan.channels[0]
-    width, thickness, _ = sensitivities(plan)[0]
+    width, thickness, *_ = sensitivities(plan)[0]
     ratio = step.to_hz / step.from_hz
     thin = (1 - step.file_thickness_mm / channel.beam.thickness_mm) ** thickness
     narrow = (1 - step.file_width_mm / channel.beam.width_mm) ** width
@@ -670,7 +670,7 @@ def test_prints_are_seeded_and_scatter_as_asked():
     log = np.array(
         [np.log([t.resonance_hz for t in simulate_print(plan, s, spreads).taxels] / hz[channel]) for s in range(60)]
     )
-    many = log_detuning(design_of(plan, None), spreads, 9, 0, 4000)[2]
+    many = drawn_prints(design_of(plan, None), spreads, 9, 0, 4000).log_x[2]
     assert np.sqrt((many**2).mean()) == pytest.approx(0.08, rel=0.05)
     # Most of it is common to a print: as many independent numbers as prints.
     assert np.sqrt((log**2).mean()) == pytest.approx(0.08, rel=4 / np.sqrt(2 * 60))

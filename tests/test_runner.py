@@ -391,6 +391,23 @@ def test_idle_workers_that_have_ended_cost_no_job(started):
         assert own.run(process_of).kind == "value"
 
 
+def test_new_workers_that_end_before_their_first_job_cost_no_job(monkeypatch):
+    """A busy machine may give the parent no time until a worker has waited for longer than `idle_s`."""
+    ready = Runner._ready
+    late = []
+
+    def ready_but_late(own, worker):
+        ready(own, worker)
+        if not late:
+            late.append(worker.pid)
+            wait_until(lambda: not alive(worker.pid))
+        return worker
+
+    monkeypatch.setattr(Runner, "_ready", ready_but_late)
+    with Runner(idle_s=0.3) as own:
+        assert own.run(process_of).value not in (None, *late)
+
+
 def test_idle_workers_end_by_themselves():
     code = (
         "from tests.test_runner import *\nown = Runner(idle_s=0.1)\nfirst = own.run(process_of).value\n"

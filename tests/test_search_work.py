@@ -55,3 +55,21 @@ def test_the_layout_that_works_most_often_is_found_with_many_prints_of_few(monke
     found = make._best((make.Choice(spec, k, ()) for k in range(count)), make.MOST_PRINTED)
     assert shares[found.layout] == max(shares)
     assert len(sure) <= make.MOST_SURE
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"band_hz": [50, 200], "q_min": 15},  # plain tones of two channels fall short there, without spurs they do not
+        {"band_hz": [50, 400], "q_min": 10, "delta_y": 5},
+        {"band_hz": [20, 100], "q_min": 25},
+        {"band_hz": [80, 320], "q_min": 15, "delta_y": 5, "magnet": "disc-3x1", "coil": "air-10"},
+    ],
+)
+def test_gaps_that_are_not_computed_change_no_choice(monkeypatch, changes):
+    spec = make_spec({"name": "four", "resolution": 32, **changes})
+    chosen = make.choose(spec)
+    monkeypatch.setattr(make, "NO_HOPE_DB", inf)
+    every = make.choose(spec)
+    assert chosen.layout == every.layout
+    assert chosen.spec == every.spec

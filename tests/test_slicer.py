@@ -13,11 +13,11 @@ import pytest
 from padgen.core.errors import PadgenError
 from padgen.make.pad import Pad
 from padgen.make.planning import plan_for
-from padgen.measured.judge_laid import check_gcode
 from padgen.planner import plan_from_json
 from padgen.planner.plan import TURNS
 from padgen.planner.printing import PROFILE_FILE
 from padgen.planner.suspensions import names
+from padgen.sliced.judge_laid import check_gcode
 from padgen.spec import load_spec, parse_spec
 from padgen.spec.load import template_paths
 from tests.gcode import ROUND_EDGES, laid_recesses, read_gcode

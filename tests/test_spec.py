@@ -2,13 +2,14 @@
 
 import tomllib
 from dataclasses import FrozenInstanceError, fields
+from math import sqrt
 
 import jsonschema
 import pytest
 
 from padgen.core.errors import FileError, SpecError
 from padgen.planner import make_plan, plan_to_json
-from padgen.spec import catalogue, load_spec, parse_spec, template_paths
+from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.load import CATALOGUES, PARTS, spec_schema
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
@@ -131,8 +132,11 @@ def test_catalogue_entries_pass_their_own_checks(table):
         extra = ""
         if table in ("material", "spread"):
             extra = f'printer = "{"fdm-0.4" if entry["process"] == "fdm" else "resin-0.05"}"\n'
+        if table == "magnet":
+            extra = 'coil = "air-10"\n'
         if (name != "iso7089-m2-a2" and entry.get("outer_diameter_mm", 0) < 9.8) or table == "coil":
-            parse_spec(BASE + extra + f'{table} = "{name}"\n[taxel]\n')
+            high = "plate_thickness_mm = 16\n[pad]\nframe_thickness_mm = 16\n" if table == "ballast" else ""
+            parse_spec(BASE + extra + f'{table} = "{name}"\n[taxel]\n{high}')
 
 
 def test_schema_accepts_every_template_and_refuses_a_slip():
@@ -153,3 +157,50 @@ def test_a_plan_stands_for_its_spec(tmp_path):
         path.write_text(content)
         with pytest.raises(FileError, match=r"plan\.json: is no plan\.json"):
             load_spec(str(path))
+
+
+def test_materials_are_planned_by_their_modulus_in_use():
+    """As by a material of that modulus, to rounding: nothing else of a plan knows of the ratio."""
+    pla = catalogue("material")["pla"]
+    static = pla["youngs_modulus_gpa"]
+    for fields_in_use, ratio in (
+        ({"dynamic": True}, pla["dynamic_ratio"]),
+        ({"wet": True}, pla["wet_ratio"]),
+        ({"dynamic": True, "wet": True}, pla["dynamic_ratio"] * pla["wet_ratio"]),
+        ({}, 1.0),
+    ):
+        table = tomllib.loads(BASE) | {"material": {"name": "pla", **fields_in_use}}
+        plan = make_plan(make_spec(table))
+        like = make_plan(make_spec({**table, "material": {"name": "pla", "youngs_modulus_gpa": static * ratio}}))
+        for channel, other in zip(plan.channels, like.channels, strict=True):
+            assert channel.resonance_hz == pytest.approx(other.resonance_hz, rel=1e-9)
+            assert channel.beam.length_mm == pytest.approx(other.beam.length_mm, rel=1e-9)
+            assert channel.stiffness_n_per_m == pytest.approx(other.stiffness_n_per_m, rel=1e-9)
+        bounds = {entry.term: entry for entry in plan.left_out}
+        for name, term in (("dynamic", "modulus at the frequency of use"), ("wet", "moisture")):
+            entry = bounds[term]
+            assert entry.computed == (name in fields_in_use)
+            if not entry.computed:  # f goes with the root of the modulus
+                assert entry.bound == pytest.approx(abs(sqrt(pla[f"{name}_ratio"]) - 1))
+
+
+def test_a_material_of_ones_own_needs_no_figure_that_has_a_default():
+    own = {"name": "mine", "process": "fdm", "youngs_modulus_gpa": 3, "poisson_ratio": 0.36}
+    own |= {"density_g_per_cm3": 1.24, "fatigue_stress_mpa": 12}
+    table = tomllib.loads(BASE)
+    plan = make_plan(make_spec({**table, "material": own}))
+    unbounded = {entry.term for entry in plan.left_out if entry.status == "unbounded"}
+    assert {"moisture", "modulus at the frequency of use"} <= unbounded
+    for name in ("wet", "dynamic"):
+        with pytest.raises(SpecError, match=f"by which material.{name} = true plans 'mine'") as refused:
+            make_spec({**table, "material": {**own, name: True}})
+        assert refused.value.cures == ({f"material.{name}": False},)
+
+
+def test_a_suspension_may_be_one_word():
+    """As a drive scheme may; the schema that editors read takes it, too."""
+    spec = parse_spec(BASE + 'suspension = "folded"\n')
+    assert spec == parse_spec(BASE + 'suspension.topology = "folded"\n')
+    assert "folded" in str(spec_schema()["properties"]["suspension"])
+    with pytest.raises(SpecError, match=r"suspension.topology: there is no choice 'foldd'; did you mean 'folded'"):
+        parse_spec(BASE + 'suspension = "foldd"\n')

@@ -11,7 +11,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
-from math import inf, isnan, nan, sqrt
+from math import inf, isfinite, isnan, nan, sqrt
 
 import numpy as np
 import pytest
@@ -57,6 +57,7 @@ from padgen.ladders.study import (
     verdict_of,
 )
 from padgen.make.planning import parse_tolerance
+from padgen.report.rungs import extreme_figure, marks_of, marks_read, study_figure
 from tests.study_work import (
     EXACT,
     OWN_CASES,
@@ -329,6 +330,35 @@ def test_the_same_figures_draw_the_same_bytes(result):
     assert one[1].startswith(b"\x89PNG")
     verdicts = [CaseVerdict("a", "b", "c", 1e-9, 1e-6, verdict="right")]
     assert extreme_picture(verdicts) == extreme_picture(verdicts)
+
+
+def test_the_figure_has_every_rung_with_an_error_as_measured_and_as_read_back(result):
+    study = replace(_study(result), about={"name": "test"})
+    read = marks_read(json.loads(study_json(study)))
+    assert [rung[:5] for rung in read] == [rung[:5] for rung in marks_of(study) if isfinite(rung.error)]
+    (panel,) = study_figure("test", marks_of(study), study.tolerances).panels
+    crude, model = panel.points
+    assert (crude.label, model.label) == ("crude", "model") and len(model.x) == 4
+    assert crude.x == (1e-4,) and crude.y[0] == pytest.approx(1.3 / 1.0015625 - 1)
+    rows = [row for row in result.rows if row.rung.model == "model"]
+    assert model.y == pytest.approx([row.at_most if row.is_bound else row.error for row in rows])
+    assert model.hollow == tuple(row.is_bound for row in rows) and any(model.hollow) and not all(model.hollow)
+    assert model.rings == ("", "10 %", "1 %", "")
+    assert [line.at for line in panel.lines] == list(study.tolerances)
+    for scale, values in ((panel.x, (*crude.x, *model.x)), (panel.y, (*crude.y, *model.y))):
+        assert scale.low < min(values) and max(values) < scale.high
+    (again,) = study_figure("test", read).panels
+    assert [points.y for points in again.points] == [pytest.approx(points.y, rel=1e-9) for points in panel.points]
+
+
+def test_extreme_cases_lie_below_the_diagonal_where_they_are_right():
+    named = ("right", 1e-9, 1e-6), ("WRONG", 1e-4, 1e-6), ("right", 0.0, 0.0), ("refused", nan, nan)
+    verdicts = [CaseVerdict("a", str(k), "c", error, stated, verdict=v) for k, (v, error, stated) in enumerate(named)]
+    (panel,) = extreme_figure(verdicts).panels
+    (points,) = panel.points
+    assert points.names == ("0", "1", "2") and points.roles == ("right", "wrong", "right")
+    assert [y <= x for x, y in zip(points.x, points.y, strict=True)] == [True, False, True]
+    assert panel.x.low < points.x[2] == points.y[2], "an error of 0 is drawn at the least one"
 
 
 def test_a_ladder_without_reference_is_drawn_and_told(result):

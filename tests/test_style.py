@@ -36,7 +36,24 @@ def is_text_times_condition(node: ast.AST) -> bool:
     return text and asks
 
 
-@pytest.mark.parametrize(("kind", "most"), [(is_packed, 32), (is_chained, 0), (is_text_times_condition, 0)])
+COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+
+
+def depth(node: ast.AST) -> int:
+    """Return how many comprehensions are within each other in an expression, itself counted."""
+    inner = max((depth(child) for child in ast.iter_child_nodes(node)), default=0)
+    return inner + isinstance(node, COMPREHENSIONS)
+
+
+def is_three_deep(node: ast.AST) -> bool:
+    """Return whether a comprehension holds others that are two deep."""
+    return isinstance(node, COMPREHENSIONS) and depth(node) > 2
+
+
+KINDS = [(is_packed, 31), (is_chained, 0), (is_text_times_condition, 0), (is_three_deep, 0)]
+
+
+@pytest.mark.parametrize(("kind", "most"), KINDS)
 def test_code_says_one_thing_a_line(kind, most):
     """The number only sinks: a new one is unpacked, or an old one goes."""
     found = [

@@ -292,7 +292,7 @@ def test_constraints_that_cannot_be_worked_out(text):
         (HEAD + "[axes]\nq_min = [1]\n[[linked]]\nq_min = [1]", "axes.q_min: is varied twice"),
         (HEAD + "stages = 1\n" + GRID, "sweep|spec: there is no key 'stages'; did you mean 'stage'"),
         (HEAD + "stage = 'bild'\n" + GRID, "stage: there is no choice 'bild'; did you mean 'build'"),
-        (HEAD + "formats = 'stl,obj'\n" + GRID, "formats: must be among 3mf, glb, step, stl, got 'obj'"),
+        (HEAD + "formats = 'stl,obj'\n" + GRID, "formats: must be among 3mf, board, glb, step, stl, got 'obj'"),
         (HEAD + "constraints = 'q_min > 1'\n" + GRID, "constraints: must be a list of conditions as text"),
         (HEAD + "constraints = ['quality > 1']\n" + GRID, "constraint 'quality > 1': names 'quality'"),
         (HEAD + GRID + "[sample]\nmethod = 'sobol'", "sample.count: must be at least 1 for method 'sobol'"),

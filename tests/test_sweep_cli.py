@@ -146,7 +146,7 @@ def test_a_sweep_that_is_stopped_says_how_to_go_on(work):
         while json.loads(process.stdout.readline())["kind"] != "done":
             pass
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate()
+        out, err = process.communicate(timeout=60)
     assert process.returncode == 2
     assert err == "padgen: interrupted; the same command goes on where it stopped\n"
     summary = events(out)[-1]

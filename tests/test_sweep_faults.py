@@ -19,6 +19,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent import futures
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -141,7 +142,7 @@ def test_kill_9_of_the_parent(place):
     wait_until(lambda: len(ran(place)) >= 6 and kept.exists() and kept.read_bytes().count(b"\n") >= 3)
     workers = workers_of(process.pid)
     process.kill()
-    process.communicate()
+    process.communicate(timeout=60)
     assert len(workers) == 2
     wait_until(lambda: not any(alive(pid) for pid in workers))
     # The lock is free, and what the journal holds is not made again.
@@ -194,6 +195,33 @@ def test_waiting_takes_no_lock_of_a_future():
     future, tasks = window.take(1)
     assert isinstance(future, Finished) and tasks == []
     assert window.take(0.01) is None and not window.pending
+
+
+def test_ctrl_c_while_a_task_is_handed_over_leaves_no_lock_held(monkeypatch):
+    """It used to end `Condition.__enter__` with the lock taken, and the sweep waited for ever to end its workers."""
+    enter = threading.Condition.__enter__
+    begun = threading.Event()
+    left = [1]
+
+    def enter_and_interrupt(condition):
+        entered = enter(condition)
+        if left and threading.current_thread() is threading.main_thread():
+            left.pop()
+            signal.raise_signal(signal.SIGINT)
+        return entered
+
+    with ThreadPoolExecutor(1) as executor:
+        executor.submit(int).result(20)  # its thread has started
+        window = Window(executor, 1, lambda tasks: begun.wait(20))
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(threading.Condition, "__enter__", enter_and_interrupt)
+            window.give([])
+        assert not left, "it came amid the handing over"
+        ((future, _),) = window.pending.values()
+        begun.set()
+        free = ThreadPoolExecutor(1).submit(future.result, 20)
+        assert free.result(20) is True
+    assert window.take(20) is not None
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
@@ -317,7 +345,7 @@ def test_two_sweeps_into_one_folder(place):
         run_sweep(sweep(40), place / "out", Inline(sweep_work.counted))
     assert "wait until it has ended" in str(error.value)
     (place / "go").touch()
-    first.communicate()
+    first.communicate(timeout=60)
     assert sorted(ran(place)) == list(range(40)), "the second made nothing"
     assert run_sweep(sweep(40), place / "out", Inline(sweep_work.counted)).kept == 40
 

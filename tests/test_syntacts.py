@@ -221,6 +221,17 @@ def test_whole_sequences_are_those_of_the_wave(library, scheme, more):
 
 
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free", "time-shared"])
+def test_signs_are_those_of_the_wave(library, scheme):
+    """Taxels that begin in counter-phase, and some that turn over while they stay on."""
+    plan = small(scheme)
+    drive = make_drive(plan, RATE_HZ)
+    frames = grey(plan)
+    signs = np.random.default_rng(4).choice([-1.0, 1.0], frames.shape)
+    assert ((signs[1:] != signs[:-1]) & (frames[1:] > 0) & (frames[:-1] > 0)).any()
+    assert error_of(plan, drive, timeline(plan, frames, signs=signs)) < 1e-7
+
+
+@pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free", "time-shared"])
 def test_steady_states_go_on_for_ever(library, scheme):
     plan = small(scheme)
     drive = make_drive(plan, RATE_HZ)

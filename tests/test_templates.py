@@ -118,9 +118,61 @@ def resin_fine(plan):
     assert all(c.beam.layers >= 3 for c in plan.channels)
 
 
+def skin_probe(plan):
+    """Plates of bridges move like pistons, so that skin loads them through a lever of 1."""
+    assert resonances(plan) == pytest.approx([150, 300], rel=0.02)
+    assert all(channel.pin.load_lever == pytest.approx(1, abs=1e-6) for channel in plan.channels)
+
+
 def big_512(plan):
     assert len(plan.taxels) == 512
     assert resonances(plan) == spread_slots(50, 200, 5, 4)
+
+
+def magnet_32(plan):
+    """The level needs F = k D/Q, by hand of the first channel; the current is that over the force per ampere."""
+    first = plan.channels[0]
+    assert resonances(plan) == spread_slots(80, 320, 5, 4)
+    force_n = first.stiffness_n_per_m * 10e-6 / 15
+    assert first.force_mn == pytest.approx(force_n * 1e3, rel=1e-9)
+    # A disc of 3 x 1 mm, 1 mm above the middle of 1000 turns of 10 x 10 mm pulls with 0.090 N/A, 3.6 mm aside less.
+    assert 0.02 < first.force_constant_n_per_a2 < 0.045
+    assert first.line_a2 == pytest.approx(force_n / first.force_constant_n_per_a2, rel=1e-9)
+
+
+def board_32(plan):
+    """Resistance by hand: 49 turns of 16.8 mm in the mean, 0.15 mm wide, half of them 35 and half 15.2 µm thick."""
+    turn_mm = np.pi * (9.6 + 1.8) / 2
+    ohm = 1.72e-8 * 24.5 * turn_mm * 1e-3 / 0.15e-3 * (1 / 35e-6 + 1 / 15.2e-6)
+    assert plan.spec.coil.resistance_ohm == pytest.approx(ohm, rel=0.05)
+    assert resonances(plan) == spread_slots(80, 320, 5, 4)
+    # A disc of 3 x 1 mm, 1 mm above the middle, pulls with 0.0162 N/A (tests/test_board_coil.py), aside less.
+    for channel in plan.channels:
+        assert 0.002 < channel.force_constant_n_per_a2 < 0.0162
+        force_n = channel.stiffness_n_per_m * channel.level_um * 1e-6 / channel.q
+        assert channel.line_a2 == pytest.approx(force_n / channel.force_constant_n_per_a2, rel=1e-6)
+    assert plan.load.copper_loss_w < plan.spec.coil.power_limit_w / 10
+
+
+def fingertip_24(plan):
+    """One taxel per cm² that keeps 14 dB in nine of ten prints and fingers, felt on every channel."""
+    assert len(plan.taxels) / (plan.spec.pad.width_mm * plan.spec.pad.depth_mm / 100) >= 1
+    assert plan.touch.good_share >= 0.9
+    assert plan.touch.print_db >= 14
+    assert len(plan.sets[0]) == 2
+    # Loaded by 2 · 80 kPa · 0.75 mm of skin through its pin's lever: the rise of the lowest resonance.
+    first = plan.channels[0]
+    through = first.pin.lever**2 + 2 / 3 * first.pin.sway**2
+    stiffer = 1 + through * 2 * 80e3 * (0.45e-3 + 0.3e-3) / first.stiffness_n_per_m
+    assert plan.touch.resonance_hz[0] / first.resonance_hz == pytest.approx(stiffer**0.5, rel=0.003)
+    assert min(plan.felt.on_db) > 0
+
+
+def palm_24(plan):
+    assert plan.touch.contact == "palm"
+    assert plan.touch.good_share >= 0.9
+    assert plan.touch.print_db >= 14
+    assert min(plan.felt.on_db) > 0
 
 
 PHYSICS = {name: globals().get(name.replace("-", "_")) for name in TEMPLATES}

@@ -14,10 +14,14 @@
 | capacity that prints, closed form | Monte-Carlo of the ladders | 1 channel | of all lines one comes near |
 | same, two channels in turn | normal law of their ratio | 1e-9 | the same formula, by another distribution function |
 | spread of a ratio | sample of simulated prints | 4 sigma | sampling only |
+| slope of f over stiffness across beads | 3-D elasticity, beads as laid | a third | ends are filled differently |
+| sigma of the pull | pull's exponent over the gap | 4 sigma | sampling only |
+| what templates keep | a program that reads plan.json alone | 0.3 dB, 2 % | beams of its own, no modes that roll |
 | intervals | Wilson's formula | 1e-3 of the width | whole numbers of independent taxels |
 """
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import asdict, astuple, replace
@@ -30,6 +34,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from padgen.physics.beams import torsion_constant
 from padgen.physics.ladder import LevelLaw, geometric_ladder, ladder_ratio
 from padgen.physics.pull import Leakage
 from padgen.physics.resonator import receptance
@@ -49,9 +54,23 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
 from measure_yield import random_spec, shortfall
 
 SCHEMES = in_order()
-NONE = Spreads(*[0.0] * 8)
-USUAL = Spreads(0.05, 0.01, 0.02, 0.05, 0.02, 0.1, 2.0, 0.05)
+NONE = Spreads(*[0.0] * len(module.NAMES))
+USUAL = Spreads(
+    *(0.05, 0.01, 0.02, 0.05, 0.02, 0.1, 2.0, 0.05),
+    common_beads=0.1,
+    across_beads=0.2,
+    beads=0.05,
+    common_gap_mm=0.1,
+    gap_mm=0.05,
+    common_glue_mg=3.0,
+)
 DB = 1e-9
+FOUR = 'name = "four"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\n'
+
+
+@cache
+def template(name: str) -> Plan:
+    return make_plan(load_spec(name))
 
 
 @cache
@@ -71,7 +90,7 @@ delta_y = {delta_y}
 resonances_hz = {list(hz)}
 pad = {{ width_mm = {25 * columns}, depth_mm = {25 * rows} }}
 coil = {{ grid = [{rows}, {columns}], outer_diameter_mm = 24, inner_diameter_mm = 10, core_diameter_mm = 10 }}
-drive = {{ scheme = "{scheme}", level_law = {law} }}
+drive = {{ scheme = "{scheme}", level_law = {law}, remanent_share = 0.25 }}
 """)
     )
     return bare(plan)
@@ -158,6 +177,9 @@ def test_tuning_never_costs_yield_where_channels_are_far_apart():
         ("thickness_mm", 0.002, lambda c: 1.5 / c.beam.thickness_mm, 0.98, 1.02),
         ("length_mm", 0.05, lambda c: 1.5 / c.beam.length_mm, 0.6, 1.0),
         ("glue_mg", 3.0, lambda c: 0.5 / (c.effective_mass_g * 1e3), 1, 1),
+        ("common_glue_mg", 3.0, lambda c: 0.5 / (c.effective_mass_g * 1e3), 1, 1),
+        ("gap_mm", 0.05, lambda c: c.pull_shift * (c.pull_exponent + 1) / (1 - c.sag_um / 1000), 1, 1),
+        ("common_gap_mm", 0.05, lambda c: c.pull_shift * (c.pull_exponent + 1) / (1 - c.sag_um / 1000), 1, 1),
     ],
 )
 def test_sigma_of_one_spread_is_by_the_rule(name, sigma, per_unit, low, high):
@@ -173,7 +195,8 @@ def test_sigma_of_one_spread_is_by_the_rule(name, sigma, per_unit, low, high):
 
 def test_sigma_of_all_spreads_adds_in_squares():
     plan = plan_of()
-    z = replace(USUAL, modulus=0.0, common_z_mm=0.0, field_z_mm=0.0, washer_mm=0.0)
+    rest = ("modulus", "common_z_mm", "field_z_mm", "washer_mm", "gap_mm", "beads", *module.OF_A_PRINT)
+    z = replace(USUAL, **dict.fromkeys(rest, 0.0))
     for channel, found in zip(plan.channels, print_yield(plan, 4000, spreads=z).channels, strict=True):
         terms = (
             found.per_width * z.width_mm / channel.beam.width_mm,
@@ -184,13 +207,71 @@ def test_sigma_of_all_spreads_adds_in_squares():
         assert found.sigma_f == pytest.approx(sqrt(sum(t**2 for t in terms)), rel=4 / sqrt(2 * 16000))
 
 
+BEADS = re.compile(r"\| (pad-32|quad-64|wide-11), (\d+) \| [^|]* \| [0-9.]+ \| ([0-9.]+) \| ([0-9.]+) \|")
+
+
+def test_resonances_feel_stiffness_across_beads_as_solids_do():
+    """By 3-D elasticity (print_spread.md), its ends' part times the six tenths of their plastic that lie across.
+
+    A third of it is the bar: how much of what holds a beam lies across differs from beam to beam by that.
+    """
+    rows = BEADS.findall((Path(__file__).parent / "reference" / "print_spread.md").read_text())
+    assert len(rows) == 11
+    for name, channel, beam, ends in rows:
+        slope = module.sensitivities(template(name))[int(channel), 3]
+        assert slope == pytest.approx(float(beam) + 0.6 * float(ends), rel=1 / 3), (name, channel)
+
+
+def test_twist_feels_stiffness_across_beads_and_bending_does_not():
+    """A flat strip's twist goes with the shear between beads, a tall one's with that between layers (Lekhnitskii)."""
+    flat, tall = (torsion_constant(w, t, beads=0.8) / torsion_constant(w, t) for w, t in ((50.0, 1.0), (1.0, 50.0)))
+    assert flat == pytest.approx(0.8, rel=1e-2)
+    assert tall == pytest.approx(1.0, rel=1e-2)
+    # Both ratios alike are a softer shear modulus.
+    assert torsion_constant(2.0, 1.0, 0.7, 0.7) == pytest.approx(0.7 * torsion_constant(2.0, 1.0), rel=1e-12)
+    legs, straight = (
+        make_plan(parse_spec(f'{FOUR}[coil]\ngrid = [4, 4]\n[suspension]\ntopology = "{name}"\n'))
+        for name in ("serpentine-5", "cantilever")
+    )
+    twisting, bending = (module.sensitivities(plan)[:, 3] for plan in (legs, straight))
+    assert twisting.min() > 2 * bending.max()
+
+
+def test_beads_move_channels_apart_alike_in_every_print():
+    plan = template("quad-64")
+    design = module.design_of(plan, None)
+    x = module.drawn_prints(design, only(across_beads=log(1 / 0.8)), 0, 0, 3).log_x
+    slope = module.sensitivities(plan)[:, 3]
+    assert x == pytest.approx(np.broadcast_to(((slope - slope.mean()) * log(0.8))[design.channel, None], x.shape))
+    assert abs(x).max() > 0.004
+    # They are no spread.
+    assert module.ratio_spread(design, only(across_beads=0.3)) == 0
+    assert module.missed_spreads(design, only(across_beads=0.3)) == (0, 0, 0, 0)
+
+
+def test_pulls_go_with_their_gaps():
+    plan = plan_of()
+    design = module.design_of(plan, None)
+    pads = 4000
+    drawn = module.drawn_prints(design, only(common_gap_mm=0.05, gap_mm=0.03), 3, 0, pads)
+    wanted = [c.pull_exponent / (1 - c.sag_um / 1000) for c in plan.channels]
+    for rows, sigma in ((slice(0, 2), 0.05), (slice(2, 3), hypot(0.05, 0.03))):
+        found = drawn.log_pull[rows].std(-1) / sigma
+        assert found == pytest.approx(
+            np.broadcast_to(np.array(wanted)[design.channel], found.shape), rel=4 / sqrt(2 * pads)
+        )
+    # A wider gap pulls less, and its smaller softening leaves a higher resonance.
+    rise = np.corrcoef(drawn.log_x[2, 0], drawn.log_pull[2, 0])[0, 1]
+    assert rise == pytest.approx(-1, abs=1e-9)
+
+
 def test_the_field_runs_smoothly_over_the_bed():
     """The sample covariance of 4000 pads is exp(−d²/L²) plus that of all other causes, within 4 sigma of sampling."""
     plan = plan_of(coils=(2, 3))
     design = module.design_of(plan, None)
     pads = 4000
     for spreads in (only(field_z_mm=0.01), USUAL):
-        x = module.log_detuning(design, spreads, 3, 0, pads)[2]
+        x = module.drawn_prints(design, spreads, 3, 0, pads).log_x[2]
         expected = module.covariance(design, spreads)
         sigma = np.sqrt(np.diag(expected))
         found = x @ x.T / pads / np.outer(sigma, sigma)
@@ -222,7 +303,8 @@ def test_a_coupon_shares_what_is_common_alone():
     total = module.covariance(design, USUAL, np.array([0, 1]))
     taxels = len(plan.taxels)
     weight = np.array(astuple(USUAL))[:, None] * design.weight
-    common = weight[:2].T @ weight[:2]
+    weight = weight[[module.NAMES.index(name) for name in module.OF_A_PRINT]]
+    common = weight.T @ weight
     assert total[taxels:, :taxels] == pytest.approx(common[:2][:, design.channel], rel=1e-12)
 
 
@@ -248,27 +330,31 @@ def test_the_papers_five_replicas_are_likely_by_the_typical_spread_and_not_by_a_
 # One printed coil, state by state
 
 
-def lines_of(scheme, tone, force, ratio, state):
-    """Return lines of i² as (frequency, amplitude, channel whose harmonic it is), by multiplying the sines out."""
+def lines_of(scheme, tone, force, ratio, rho, state):
+    """Return lines of i² + ρ i as (frequency, amplitude, channel whose own it is), by multiplying the sines out."""
     active = np.flatnonzero(state)
     lines = [(tone[j], force[j], None) for j in active]
-    if scheme == "tones":
+    if scheme in ("tones", "time-shared"):
         current = np.sqrt(2 * force)
         at = tone / 2
-    elif scheme == "biased":
+        lines += [(at[j], rho * current[j], j) for j in active]
+    if scheme == "biased":
         bias = sqrt(ratio * force.max() / 2)
         current = force / (2 * bias)
         at = tone
         lines += [(2 * at[j], current[j] ** 2 / 2, j) for j in active]
-    else:
+    if scheme not in ("tones", "biased"):
         return lines
     for a, b in combinations(active, 2):
         lines += [(f, current[a] * current[b], None) for f in (at[a] + at[b], abs(at[a] - at[b]))]
     return lines
 
 
-def states_db(plan, off_by, retuned):
-    """Return the smallest ON over largest OFF amplitude in dB of a coil with resonances `off_by` times the plan's."""
+def states_db(plan, off_by, pulled, retuned):
+    """Return the smallest ON over largest OFF amplitude in dB of a coil.
+
+    Its resonances are `off_by` times the plan's, the pulls on its washers `pulled` times.
+    """
     names = ("resonance_hz", "q", "effective_mass_g", "force_constant_n_per_a2")
     planned, q, mass, pull = (np.array([getattr(c, name) for c in plan.channels]) for name in names)
     drive = plan.spec.drive
@@ -276,18 +362,23 @@ def states_db(plan, off_by, retuned):
     hz = planned * off_by
     tone = hz if retuned else planned
     level = tone**-drive.level_law
-    force = level / np.abs(receptance(tone, tone, mass, q)) / pull
+    force = level / np.abs(receptance(tone, tone, mass, q)) / (pull * pulled if retuned else pull)
+    pull = pull * pulled
     on = []
     off = []
     for state in product((0, 1), repeat=len(hz)):
-        lines = lines_of(scheme, tone, force, drive.bias_ratio, state)
+        rho = sqrt(plan.scheme.remanence * force.max())
+        lines = lines_of(scheme, tone, force, drive.bias_ratio, rho, state)
         for i, active in enumerate(state):
             heard = [
-                abs(a * pull[i] * receptance(f, hz[i], mass[i], q[i]) / level[i]) ** 2
+                (own != i) * abs(a * pull[i] * receptance(f, hz[i], mass[i], q[i]) / level[i]) ** 2
                 for f, a, own in lines
-                if own != i
             ]
-            energy = max(heard, default=0.0) if scheme == "time-shared" else sum(heard)
+            energy = sum(heard)
+            if scheme == "time-shared":
+                # Each channel's turn has its tone and its line by remanence.
+                turns = sum(state)
+                energy = max((heard[k] + heard[k + turns] for k in range(turns)), default=0.0)
             (on if active else off).append(energy)
     return 10 * np.log10(min(on) / max(off))
 
@@ -297,11 +388,13 @@ def states_db(plan, off_by, retuned):
 def test_a_printed_coil_state_by_state(scheme, seed):
     plan = plan_of(scheme=scheme, coils=(1, 1), law=0.7)
     design = module.design_of(plan, None)
-    off_by = np.exp(module.log_detuning(design, USUAL, seed, 0, module.MOST_DRAWN)[2, :, 0])
+    drawn = module.drawn_prints(design, USUAL, seed, 0, module.MOST_DRAWN)
+    off_by, pulled = (np.exp(part[2, :, 0]) for part in drawn)
     result = print_yield(plan, 1, seed, spreads=USUAL)
     assert np.abs(off_by - 1).max() > 0.01
-    assert result.planned.median_db == pytest.approx(states_db(plan, off_by, False), abs=DB)
-    assert result.retuned.median_db == pytest.approx(states_db(plan, off_by, True), abs=DB)
+    assert plan.scheme.remanence > 0
+    assert result.planned.median_db == pytest.approx(states_db(plan, off_by, pulled, False), abs=DB)
+    assert result.retuned.median_db == pytest.approx(states_db(plan, off_by, pulled, True), abs=DB)
 
 
 # Yields
@@ -399,10 +492,24 @@ def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND
     """Share of simulated pads that are good: a ladder over so many coils, each taxel with a sigma of its own."""
     hz = geometric_ladder(*band_hz, count)
     one = np.ones(count)
-    weight = np.zeros((8, count))
+    weight = np.zeros((len(module.NAMES), count))
     weight[module.NAMES.index("thickness_mm")] = 1.0
     design = module.Design(
-        *(hz, q * one, one, one, np.zeros((2, count)), 1.0, law, scheme, need, 1.0, weight, np.zeros((count, 3))),
+        *(
+            hz,
+            q * one,
+            one,
+            one,
+            np.zeros((2, count)),
+            1.0,
+            law,
+            scheme,
+            need,
+            1.0,
+            weight,
+            0 * hz,
+            np.zeros((count, 3)),
+        ),
         *(np.tile(np.arange(count), coils), np.zeros((count * coils, 2)), 50.0),
         (module.Coils(np.arange(count), np.arange(count * coils).reshape(coils, count).T),),
     )
@@ -457,7 +564,7 @@ def test_spread_of_a_ratio_and_coils_of_a_plan():
     design = module.design_of(plan, None)
     spreads = spreads_of(plan.spec)
     pads = 4000
-    log_x = module.log_detuning(design, spreads, 3, 0, pads)
+    log_x = module.drawn_prints(design, spreads, 3, 0, pads).log_x
     # Of both sets of resonances.
     pairs = [np.diff(log_x[2, module.coils_of(plan)[coil]], axis=0) for coil in ((0, 0), (0, 1))]
     sampled = np.std(pairs, axis=-1).max()
@@ -544,7 +651,7 @@ def test_planning_does_not_load_it():
 
 @cache
 def four_lines() -> Plan:
-    return make_plan(parse_spec('name = "four"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\n'))
+    return make_plan(parse_spec(FOUR))
 
 
 def test_the_four_line_spec_prints():
@@ -560,6 +667,28 @@ def test_the_four_line_spec_prints():
     assert np.mean(kept_db(data, pads=1000, leak=False) >= 20) >= 0.9
     assert np.quantile(told, 0.1) == pytest.approx(plan.prints.print_db, abs=0.5)
     assert plan.prints.good_share >= plan.spec.print_share
+
+
+TEMPLATES = ("calibration", "pad-32", "paper-32", "quad-64", "resin-fine", "triple-48", "wide-11")
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_what_templates_keep_by_a_program_of_its_own(name):
+    """Within 0.3 dB and 2 % by plan.json and print_spread.md, whose terms it works out in its own way.
+
+    As drawn they agree within 0.02 dB. Modes that roll cost prints of triple-48, whose drive makes many lines, 1.2 dB
+    more than they cost the pad as drawn, which is what padgen counts (docs/yield.md).
+    """
+    plan = template(name)
+    data = json.loads(plan_to_json(plan))
+    told = kept_db(data, pads=4000)
+    rolls_db = 0.0
+    if name == "triple-48":
+        drawn = kept_db(data, level=None, pads=1)[0]
+        assert drawn == pytest.approx(compared_prints(plan, np.inf, 0.0)[0], abs=0.02)
+        rolls_db = -1.2
+    assert plan.prints.print_db == pytest.approx(np.quantile(told, 0.1) - rolls_db, abs=0.3)
+    assert plan.prints.good_share == pytest.approx(np.mean(told >= plan.selectivity.asked_db), abs=0.02)
 
 
 @pytest.mark.parametrize("seed", [None, 13, 147])

@@ -33,9 +33,12 @@ def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
     return read(Path(path), plan)
 
 
-def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan") -> "Tuning | None":
-    """Return the tuning that is given, or that of the file that is."""
-    return read_tuning(tuning, plan) if isinstance(tuning, (str, Path)) else tuning
+def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan", warm: bool = False) -> "Tuning | None":
+    """Return the tuning that is given, or that of the file that is, of the pad as it is when it is `warm`."""
+    from padgen.measured.tuning import warm_tuning
+
+    known = read_tuning(tuning, plan) if isinstance(tuning, (str, Path)) else tuning
+    return warm_tuning(plan, known) if warm else known
 
 
 def read_frames(paths: "str | Path | Sequence[str | Path]", plan: "Plan") -> "Frames":
@@ -66,6 +69,7 @@ def drive(
     tuning: "Tuning | str | Path | None" = None,
     progress: Progress = _silent,
     brake: bool = False,
+    warm: bool = False,
 ) -> "Drive":
     """Drive the coils of a plan with a state or with frames; ``.save`` writes tables, waveforms or firmware.
 
@@ -98,6 +102,9 @@ def drive(
         Called with one line of text at each step.
     brake : bool
         Stop taxels that go OFF, in a WAV: their line in counter-phase at the end of their last frame.
+    warm : bool
+        For a pad that all taxels on for good have warmed (``plan.warm``): tones, levels and voltages as they are then;
+        of a print whose tuning was measured at room temperature, too.
 
     Returns
     -------
@@ -118,9 +125,10 @@ def drive(
     """
     from padgen.driver.drive_folder import Drive, levels_of
 
-    tuning = _tuning_of(tuning, plan)
+    known = _tuning_of(tuning, plan, warm)
     levels = levels_of(plan, state, frames, text, pattern)
-    return Drive(plan, levels, seconds, state is not None, loop, rate_hz, signal, carrier_hz, tuning, progress, brake)
+    held = state is not None
+    return Drive(plan, levels, seconds, held, loop, rate_hz, signal, carrier_hz, known, progress, brake, warm)
 
 
 class Excited(NamedTuple):
@@ -202,6 +210,7 @@ def play(
     repeat: int = 1,
     baud: int = 115_200,
     tuning: "Tuning | str | Path | None" = None,
+    warm: bool = False,
     on_shown: Callable[[int, int], None] = lambda shown, total: None,
 ) -> "Played":
     """Show frames on a pad whose microcontroller runs the firmware of `drive`, over a serial port.
@@ -222,6 +231,8 @@ def play(
         Baud rate of the port.
     tuning : Tuning or path, optional
         The tuning.json that the firmware was written for.
+    warm : bool
+        The firmware was written for the warm pad.
     on_shown : callable
         Called with the number of frames that are shown, and of all.
 
@@ -252,7 +263,7 @@ def play(
         plan,
         repeated,
         seconds,
-        tuning=_tuning_of(tuning, plan),
+        tuning=_tuning_of(tuning, plan, warm),
         baud=baud,
         on_shown=lambda shown: on_shown(shown, len(repeated)),
     )

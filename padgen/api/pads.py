@@ -10,10 +10,10 @@ if TYPE_CHECKING:
     from typing_extensions import TypeIs
 
     from padgen.make.pad import Pad
-    from padgen.measured.judge_laid import LaidReport
     from padgen.planner.explain import Explanation
     from padgen.planner.plan import Plan, Recoil
     from padgen.planner.print_yield import PrintYield
+    from padgen.sliced.judge_laid import LaidReport
     from padgen.solid.checks import Report
     from padgen.spec.model import Spec
 
@@ -227,7 +227,8 @@ def recoil(
 ) -> "Recoil":
     """Tell how much the taxels that are ON shake the pad that they hang on, and what OFF taxels hear of that.
 
-    Drives move all taxels of a channel in step; a plan's verdict counts that where its spec has a mount.
+    The driver table moves all taxels of a channel in step; a plan's verdict counts that where its spec has a mount.
+    What `drive` writes chooses signs, frame by frame.
 
     Parameters
     ----------
@@ -249,8 +250,9 @@ def recoil(
     Returns
     -------
     Recoil
-        ``.clamped_db`` on a pad that does not move, ``.in_step_db`` as drives have it, ``.signed_db`` if the sign of
-        each taxel's motion were chosen, ``.base_g``: glued to a plate of this mass it would lose at most 2 dB then.
+        ``.clamped_db`` on a pad that does not move, ``.in_step_db`` as the driver table has it, ``.signed_db`` with
+        the sign of each taxel's motion chosen as `drive` does, ``.base_g``: glued to a plate of this mass it would
+        lose at most 2 dB then.
 
     Raises
     ------
@@ -335,7 +337,8 @@ def build(
     plan : Plan, or what `padgen.plan` takes
         The pad's plan or spec.
     parts : sequence of str
-        Parts beside the pad: 'tray' (holds the coils), 'coupon' (one taxel of each kind), 'coupon-tray'.
+        Parts beside the pad: 'tray' (holds the coils), 'coupon' (one taxel of each kind), 'coupon-tray',
+        'guard' (the plate round the pins).
     tolerance : float or str, optional
         As in `padgen.plan`, where a spec is given.
     progress : callable
@@ -385,7 +388,8 @@ def draw(
     folder : path
         Where the files go; it is made if it is not there.
     only : sequence of str
-        Some of 'pad', 'section', 'exploded', 'ladder', 'responses', 'selectivity', 'prints', 'wiring'; none: all.
+        Some of 'pad', 'section', 'exploded', 'prints', 'wiring', 'responses', 'selectivity', 'ladder', 'kept', and
+        figures that were registered; none: all.
     formats : sequence of str
         'svg', 'png' or both.
     progress : callable
@@ -409,10 +413,10 @@ def draw(
     from padgen.core.display import plot_bytes
     from padgen.core.files import OutputFolder
     from padgen.core.registry import names_in
-    from padgen.report.charts import PICTURES, SHEETS, picture
+    from padgen.report.charts import picture, picture_names
 
     # A sheet of several of these pictures is not drawn beside them.
-    known = tuple(name for name in PICTURES if name not in SHEETS)
+    known = picture_names(with_sheets=False)
     names = names_in(",".join(only), known, "--only") if only else known
     kinds = names_in(",".join(formats), PICTURE_FORMATS, "--format")
     planned = _planned(plan, progress)
@@ -484,7 +488,7 @@ def check(
 
     progress("reading")
     if gcode:
-        from padgen.measured.judge_laid import check_gcode
+        from padgen.sliced.judge_laid import check_gcode
 
         if spec is None:
             raise SpecError("is needed to check G-code: a template, a TOML file or a plan.json", "spec")

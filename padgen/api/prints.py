@@ -8,13 +8,23 @@ from padgen.api.drives import _tuning_of
 from padgen.core.errors import SpecError
 
 if TYPE_CHECKING:
-    from padgen.driver.sound_card import Bench
+    from padgen.driver.bench import Bench
     from padgen.measured.printer_fit import Calibration
+    from padgen.measured.touched_skin import FingerFit
     from padgen.measured.tune import Retuned, RetunedFolder
     from padgen.measured.tuning import Tuning
     from padgen.planner.plan import Plan
 
-__all__ = ["bench", "calibrate", "retune", "save_printer", "save_retuned", "simulate_print"]
+__all__ = [
+    "bench",
+    "calibrate",
+    "fit_touch",
+    "retune",
+    "save_printer",
+    "save_retuned",
+    "save_touch",
+    "simulate_print",
+]
 
 Progress = Callable[[str], None]
 
@@ -160,6 +170,75 @@ def save_retuned(
     )
 
 
+def fit_touch(
+    plan: "Plan",
+    measured: "str | Path | Sequence[str | Path]",
+    touched: "str | Path | Sequence[str | Path]",
+    *,
+    excitation: str = "current",
+    sensor: str | None = None,
+    nearest: bool = False,
+) -> "FingerFit":
+    """Fit stiffness, damping and mass of a finger to taxels of a print that were measured untouched and touched.
+
+    Parameters
+    ----------
+    plan : Plan
+        The printed plan.
+    measured : path, or sequence of paths
+        Measurements of the untouched taxels, as in `retune`.
+    touched : path, or sequence of paths
+        Measurements of the same taxels with a finger on them: writes a [touch] table of one's own, touch.toml.
+    excitation, sensor, nearest
+        As in `retune`.
+
+    Returns
+    -------
+    FingerFit
+        k in N/m, c in N s/m and m in g, with one sigma of each, and what each taxel says.
+
+    Raises
+    ------
+    FileError, SpecError, SolverError
+        The measurements cannot be read, or show no resonance, or no taxel that the finger raises.
+    """
+    from padgen.measured.fits import fitted
+    from padgen.measured.read import read_measured
+    from padgen.measured.touched_skin import fit_finger
+
+    fits = []
+    for files in (measured, touched):
+        paths = [Path(each) for each in ([files] if isinstance(files, str | Path) else files)]
+        # A finger may damp some taxels so much that they show no resonance: the others tell of it.
+        shown, _, refused = fitted(read_measured(paths, plan, excitation, sensor), plan, nearest)
+        if refused is not None and not shown:
+            raise refused
+        fits.append(shown)
+    untouched, pressed = fits
+    return fit_finger(plan, untouched, pressed)
+
+
+def save_touch(plan: "Plan", finger: "FingerFit", folder: "str | Path") -> tuple[str, ...]:
+    """Write a finger as ``touch.toml``, a ``[touch]`` table for a spec, and as ``touch.json`` with all taxels.
+
+    Raises
+    ------
+    FileError
+        A file cannot be written.
+    """
+    from dataclasses import asdict
+
+    from padgen.core.files import OutputFolder, json_text
+    from padgen.measured.touched_skin import finger_toml
+
+    files = {"touch.toml": finger_toml(plan, finger), "touch.json": json_text(asdict(finger))}
+    with OutputFolder(Path(folder)) as out:
+        for name, text in files.items():
+            out.write(name, text)
+        out.commit()
+    return tuple(files)
+
+
 def bench(
     plan: "Plan",
     folder: "str | Path",
@@ -204,7 +283,7 @@ def bench(
     EngineMissingError
         The extra ``play`` is not installed.
     """
-    from padgen.driver.sound_card import bench as begin
+    from padgen.driver.bench import bench as begin
 
     return begin(plan, Path(folder), device, record, rate_hz, port, baud, _tuning_of(tuning, plan))
 

@@ -229,7 +229,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class PointSample:
-    """The choice of the points."""
+    """Choice of points from the axes: all combinations, or a seeded sample of them."""
 
     method: str = choice("grid", of=METHODS, doc="grid: all combinations; the others: `count` points, seeded")
     count: int = quantity(0, unit="variants", low=0, high=10_000_000, doc="of a sample")
@@ -246,7 +246,7 @@ class VariantLimits:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """The top level of a sweep's TOML, but its tables."""
+    """Fields at the top level of a sweep's TOML, outside its tables."""
 
     name: str = folder_name(doc="name of the sweep and of its folder", most=72)
     base: str = text(doc="a spec's file (beside the sweep's) or the name of a template")

@@ -160,7 +160,7 @@ def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
 
 
 class _Pool:
-    """Points of one kind, taken in block by block: the front so far with its rows, the rest thinned."""
+    """Points of one kind, added block by block: those on the front are kept with their rows, of the others some."""
 
     def __init__(self, objectives: Sequence[str]) -> None:
         self.objectives = tuple(objectives)
@@ -186,7 +186,7 @@ class _Pool:
 
 
 def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tuple[str, ...]]]) -> Overview:
-    """Go once through records with their rows of the index, whose columns `header` names."""
+    """Summarise all records in one pass; each comes with its row of the index, whose columns `header` names."""
     names = [name for name in OBJECTIVES if name in header]
     pools = {kind: _Pool(names) for kind in KINDS}
     counts: Counter[str] = Counter()

@@ -35,7 +35,7 @@ from padgen.core.cache import code_hash, limit_bytes, version, versions
 from padgen.core.errors import LONGEST_PART, EngineMissingError, FileError, PadgenError, SpecError, number
 from padgen.core.files import answer_within, locked, open_plain, reason, take_away
 from padgen.core.registry import PLUGINS, plugin_code
-from padgen.core.runner import Runner, core_count, refuse_unshared, uninterrupted
+from padgen.core.runner import Runner, core_count, interrupted_later, refuse_unshared, uninterrupted
 
 __all__ = [
     "IMPORTS",
@@ -98,13 +98,14 @@ class Window:
         StoppedError
             The executor takes none.
         """
-        try:
-            future = self._executor.submit(self._function, tasks, *self._rest)
-        except Exception as error:
-            raise StoppedError(f"takes no more tasks ({told(error)})", "executor") from error
-        self.pending[id(future)] = future, tasks
-        if hasattr(future, "add_done_callback"):
-            future.add_done_callback(lambda future: self._finished.put(id(future)))
+        with interrupted_later():
+            try:
+                future = self._executor.submit(self._function, tasks, *self._rest)
+            except Exception as error:
+                raise StoppedError(f"takes no more tasks ({told(error)})", "executor") from error
+            self.pending[id(future)] = future, tasks
+            if hasattr(future, "add_done_callback"):
+                future.add_done_callback(lambda future: self._finished.put(id(future)))
 
     def take(self, wait_s: float) -> tuple[Any, list[Task]] | None:
         """Return a future that is finished, with its tasks; None when `wait_s` went by without one."""

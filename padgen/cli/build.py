@@ -14,11 +14,11 @@ from padgen.cli.common import (
     code_of,
     names,
     progress_line,
-    refuse,
     spec_and_folder,
 )
 from padgen.core.errors import plain
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
+from padgen.core.rules import Rule, refuse
 
 __all__ = ["add_build", "add_check"]
 
@@ -79,8 +79,8 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _check(options: argparse.Namespace) -> int:
-    both = (options.mesh is None) == (options.gcode is None)
-    refuse((both, "padgen check", "needs either a mesh or --gcode FILE; padgen check --help tells more"))
+    is_one = (options.mesh is None) != (options.gcode is None)
+    refuse(Rule(is_one, "padgen check", "needs either a mesh or --gcode FILE; padgen check --help tells more"))
     with progress_line() as progress:
         report = check(
             options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from padgen.core.errors import FileError, SpecError, plain
+from padgen.core.errors import FileError, plain
 
 __all__ = [
     "BAD_INPUT",
@@ -27,7 +27,6 @@ __all__ = [
     "names",
     "plan_of",
     "progress_line",
-    "refuse",
     "show",
     "spec_and_folder",
 ]
@@ -120,13 +119,6 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(text.split(","))
 
 
-def refuse(*cases: tuple[Any, str, str]) -> None:
-    """Refuse the first of these cases that holds: a condition, the option that is wrong, and the sentence about it."""
-    for wrong, where, sentence in cases:
-        if wrong:
-            raise SpecError(sentence, where)
-
-
 def spec_and_folder(options: argparse.Namespace, recorded: bool = True) -> tuple[Any, Path]:
     """Return the spec with the model that the command line asks for, and the folder of the results.
 
@@ -204,14 +196,31 @@ def code_of(findings: Any) -> int:
 
 @contextmanager
 def progress_line(log: bool = False) -> Iterator[Any]:
-    """Give a function that shows the current step: on one line of a terminal, elsewhere a line each if `log`."""
+    """Give a function that shows the current step: on one line of a terminal, elsewhere a line each if `log`.
+
+    A step that knows its share (`core.display.Step`) has a bar.
+    """
     if not sys.stderr.isatty():
         yield lambda step: print(plain(step), file=sys.stderr, flush=True) if log else None
         return
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    class ShareColumn(BarColumn):
+        """A bar where the share that is done is known, else nothing."""
+
+        def render(self, task: Task) -> Any:
+            return "" if task.total is None else super().render(task)
+
+    text = TextColumn("{task.description}", markup=False)
+    columns = (SpinnerColumn(), text, ShareColumn(bar_width=20), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("")
-        yield lambda step: bar.update(task, description=plain(step))
+        task = bar.add_task("", total=None)
+
+        def tell(step: str) -> None:
+            share = getattr(step, "share", None)
+            # A total of None means "unknown", but rich takes it for "unchanged" in an update.
+            bar.tasks[0].total = None if share is None else 1.0
+            bar.update(task, description=plain(step), completed=share or 0.0)
+
+        yield tell

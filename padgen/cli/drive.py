@@ -16,10 +16,10 @@ from padgen.cli.common import (
     names,
     plan_of,
     progress_line,
-    refuse,
 )
 from padgen.core.errors import number, plain
 from padgen.core.registry import FORMATS
+from padgen.core.rules import Rule, refuse
 
 __all__ = ["add_drive", "add_play"]
 
@@ -58,6 +58,7 @@ def add_drive(commands: Any) -> None:
     add_option(parser, drive, "signal", metavar="voltage|current")
     add_option(parser, drive, "carrier_hz", "--carrier", metavar="HZ", type=float)
     add_option(parser, drive, "tuning", metavar="FILE")
+    add_option(parser, drive, "warm")
     parser.add_argument(
         "--hear", action="store_true", help="play the written file on a simulated pad and say what fingers feel of it"
     )
@@ -85,7 +86,7 @@ def _add_frames(parser: argparse.ArgumentParser) -> None:
 def _shown_of(options: argparse.Namespace, plan: Any) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return what the command line asks to show, as arguments of `padgen.drive`, and notes about it."""
     seconds = 1.0 if options.seconds is None else options.seconds
-    refuse((not 0 < seconds < 1e6, "--seconds", f"must be above 0 s and below 1e6 s, got {number(seconds)} s"))
+    refuse(Rule(0 < seconds < 1e6, "--seconds", f"must be above 0 s and below 1e6 s, got {number(seconds)} s"))
     asked = {name: getattr(options, name) for name in (*SHOWN, "seconds")}
     if options.frames is not None:
         frames = read_frames(options.frames, plan)
@@ -100,23 +101,23 @@ def _shows(options: argparse.Namespace) -> bool:
 
 
 def _drive(options: argparse.Namespace) -> int:
-    refuse((options.depth not in DEPTHS, "--depth", f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}"))
+    refuse(Rule(options.depth in DEPTHS, "--depth", f"must be one of {', '.join(DEPTHS)}, got {options.depth!r}"))
     if options.excite is not None:
         return _excite(options)
     if options.wiring is not None:
         return _wiring(options)
-    still = not _shows(options)
+    shows = _shows(options)
     of_wav = "is of a WAV; add --state or --frames"
     refuse(
-        (
-            options.signal not in ("voltage", "current"),
+        Rule(
+            options.signal in ("voltage", "current"),
             "--signal",
             f"must be voltage or current, got {options.signal!r}",
         ),
-        (still and options.depth != "24", "--depth", of_wav),
-        (still and options.signal != "voltage", "--signal", of_wav),
-        (options.gap and not options.hear, "--gap", "is about how the file is listened to; add --hear"),
-        (options.together, "--together", "is for --excite"),
+        Rule(shows or options.depth == "24", "--depth", of_wav),
+        Rule(shows or options.signal == "voltage", "--signal", of_wav),
+        Rule(options.hear or not options.gap, "--gap", "is about how the file is listened to; add --hear"),
+        Rule(not options.together, "--together", "is for --excite"),
     )
     with progress_line() as progress:
         plan = plan_of(options, progress)
@@ -130,14 +131,18 @@ def _drive(options: argparse.Namespace) -> int:
             carrier_hz=options.carrier,
             tuning=options.tuning,
             brake=options.brake,
+            warm=options.warm,
             progress=progress,
         )
         folder = folder_of(options, plan.name)
         if shown.frames is not None and options.tuning is None and (folder / "tuning.json").exists():
             notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
         driven = shown.save_folder(folder, options.formats, options.depth, options.hear, options.gap)
+    from padgen.report.plans import warm_drive_line
     from padgen.report.results import driven_table, driven_text
 
+    if options.warm:
+        notes = (*notes, warm_drive_line(plan))
     answer(options, driven_table(plan, driven, notes), driven_text(plan, driven, shown.frames, notes, options.verbose))
     return code_of((*plan.findings, *driven.findings))
 
@@ -155,10 +160,13 @@ def _wiring(options: argparse.Namespace) -> int:
 
 def _excite(options: argparse.Namespace) -> int:
     given = [name for name in ("formats", *SHOWN, "carrier", "tuning", "wiring") if getattr(options, name) is not None]
-    given += [name for name in ("loop", "brake", "hear", "gap") if getattr(options, name)]
+    given += [name for name in ("loop", "brake", "warm", "hear", "gap") if getattr(options, name)]
     given += ["signal"] * (options.signal != "voltage")
     refuse(
-        *((True, "--excite", f"writes excitation.wav and nothing else; --{name} does not go with it") for name in given)
+        *(
+            Rule(False, "--excite", f"writes excitation.wav and nothing else; --{name} does not go with it")
+            for name in given
+        )
     )
     with progress_line() as progress:
         plan = plan_of(options, progress)
@@ -203,6 +211,7 @@ def add_play(commands: Any) -> None:
     )
     _add_frames(parser)
     add_option(parser, play, "tuning", metavar="FILE")
+    add_option(parser, play, "warm")
     add_option(parser, play, "baud", metavar="N", type=int)
     add_option(parser, play, "repeat", metavar="N", type=int)
     add_model(parser)
@@ -215,7 +224,7 @@ def _play(options: argparse.Namespace) -> int:
 
 
 def _serial(options: argparse.Namespace) -> int:
-    refuse((not _shows(options), "--port", "needs something to show; add --state or --frames"))
+    refuse(Rule(_shows(options), "--port", "needs something to show; add --state or --frames"))
     with progress_line() as progress:
         plan = plan_of(options, progress)
         asked, notes = _shown_of(options, plan)
@@ -226,6 +235,7 @@ def _serial(options: argparse.Namespace) -> int:
             repeat=options.repeat,
             baud=options.baud,
             tuning=options.tuning,
+            warm=options.warm,
             on_shown=lambda shown, total: progress(f"frame {shown} of {total}"),
         )
     count = "1 frame" if played.frames == 1 else f"{played.frames} frames"
@@ -242,9 +252,9 @@ def _serial(options: argparse.Namespace) -> int:
 
 
 def _audio(options: argparse.Namespace) -> int:
-    for name in (*SHOWN, "seconds", "tuning"):
+    for name in (*SHOWN, "seconds", "tuning", "warm"):
         reason_why = f"plays a WAV file of padgen drive as it is; --{name} goes with padgen drive"
-        refuse((getattr(options, name) is not None, "--audio", reason_why))
+        refuse(Rule(getattr(options, name) in (None, False), "--audio", reason_why))
     with progress_line() as progress:
         played = play_wav(options.spec, options.audio or None, repeat=options.repeat, progress=progress)
     late = f"; gaps are heard where the computer was too late: {played.missed}" if played.missed else ""

@@ -12,11 +12,11 @@ from padgen.cli.common import (
     code_of,
     plan_of,
     progress_line,
-    refuse,
     show,
     spec_and_folder,
 )
 from padgen.core.errors import plain
+from padgen.core.rules import Rule, refuse
 
 __all__ = ["add"]
 
@@ -49,7 +49,7 @@ def add(commands: Any) -> None:
 def _plan(options: argparse.Namespace) -> int:
     from padgen.core.files import json_text
 
-    refuse((options.pads is None and options.seed != 0, "--seed", "is for --yield"))
+    refuse(Rule(options.pads is not None or options.seed == 0, "--seed", "is for --yield"))
     explanation = None
     printed = None
     with progress_line() as progress:

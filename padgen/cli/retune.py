@@ -5,7 +5,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from padgen.api.prints import bench, calibrate, retune, save_printer, save_retuned, simulate_print
+from padgen.api.prints import (
+    bench,
+    calibrate,
+    fit_touch,
+    retune,
+    save_printer,
+    save_retuned,
+    save_touch,
+    simulate_print,
+)
 from padgen.cli.common import (
     DONE,
     add_model,
@@ -17,10 +26,10 @@ from padgen.cli.common import (
     folder_of,
     plan_of,
     progress_line,
-    refuse,
     show,
 )
 from padgen.core.errors import EngineMissingError, FileError, SolverError, SpecError, plain, plural
+from padgen.core.rules import Rule, refuse
 
 __all__ = ["add_bench", "add_calibrate", "add_retune"]
 
@@ -45,6 +54,7 @@ def add_retune(commands: Any) -> None:
         " several or a folder of them, each named after its taxel or coil",
     )
     add_option(parser, retune, "coupon", metavar="FILE")
+    add_option(parser, fit_touch, "touched", metavar="FILE", nargs="+", default=None)
     add_option(parser, retune, "estimate_rest")
     add_option(parser, retune, "nearest")
     add_option(parser, retune, "excitation", metavar="current|voltage")
@@ -57,8 +67,12 @@ def add_retune(commands: Any) -> None:
 
 def _retune(options: argparse.Namespace) -> int:
     simulated = None
-    both = "needs MEASURED, a file or a folder, or --simulate SEED, and not both"
-    refuse((bool(options.measured) == (options.simulate is not None), "padgen retune", both))
+    is_one = bool(options.measured) != (options.simulate is not None)
+    refuse(Rule(is_one, "padgen retune", "needs MEASURED, a file or a folder, or --simulate SEED, and not both"))
+    if options.touched is not None:
+        needs = "needs MEASURED, the same taxels untouched; --simulate makes no fingers"
+        refuse(Rule(bool(options.measured), "--touched", needs))
+        return _touched(options)
     with progress_line() as progress:
         plan = plan_of(options, progress)
         if options.simulate is not None:
@@ -77,6 +91,33 @@ def _retune(options: argparse.Namespace) -> int:
             progress=progress,
         )
     return _tell(options, plan, written)
+
+
+def _touched(options: argparse.Namespace) -> int:
+    """Fit a finger to touched and untouched taxels, and write its table."""
+    with progress_line() as progress:
+        plan = plan_of(options, progress)
+        progress("fitting the finger")
+        finger = fit_touch(
+            plan,
+            options.measured,
+            options.touched,
+            excitation=options.excitation,
+            sensor=options.sensor,
+            nearest=options.nearest,
+        )
+        folder = folder_of(options, plan.name)
+        files = save_touch(plan, finger, folder)
+    mass = "measured" if finger.mass_is_measured else "taken as typical"
+    summary = (
+        f"the finger under {finger.diameter_mm:g} mm: {finger.k_n_per_m:.4g} ± {finger.k_error_n_per_m:.2g} N/m,"
+        f" {finger.c_n_s_per_m:.3g} ± {finger.c_error_n_s_per_m:.2g} N s/m, {finger.m_g:.2g} ± {finger.m_error_g:.1g} g"
+        f" ({mass}); {len(finger.taxels)} taxel{plural(len(finger.taxels))}"
+    )
+    place = plain(str(folder))
+    use = f"written to {place}: {', '.join(files)}; put the [touch] of touch.toml into the spec to plan for this finger"
+    answer(options, finger, summary, use)
+    return DONE
 
 
 def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
@@ -120,7 +161,7 @@ def add_bench(commands: Any) -> None:
 def _bench(options: argparse.Namespace) -> int:
     for name, most in (("tries", MOST_TRIES), ("baud", 10**8), ("rate", 10**7)):
         value = getattr(options, name)
-        refuse((value is not None and not 1 <= value <= most, f"--{name}", f"must be 1 … {most}, got {value}"))
+        refuse(Rule(value is None or 1 <= value <= most, f"--{name}", f"must be 1 … {most}, got {value}"))
     with progress_line() as progress:
         plan = plan_of(options, progress)
     folder = folder_of(options, plan.name)
@@ -239,7 +280,8 @@ def add_calibrate(commands: Any) -> None:
 
 def _calibrate(options: argparse.Namespace) -> int:
     path = Path(options.output)
-    refuse((path.suffix != ".toml", "--output", f"must be a file of the kind my-printer.toml, got {options.output!r}"))
+    kind = f"must be a file of the kind my-printer.toml, got {options.output!r}"
+    refuse(Rule(path.suffix == ".toml", "--output", kind))
     with progress_line() as progress:
         plan = plan_of(options, progress, recorded=False)
         progress("fitting")

@@ -22,11 +22,11 @@ from padgen.cli.common import (
     folder_of,
     names,
     progress_line,
-    refuse,
     show,
 )
 from padgen.cli.small import add_cache, use_cache
 from padgen.core.errors import plain
+from padgen.core.rules import Rule, refuse
 
 __all__ = ["add_study", "add_sweep"]
 
@@ -64,17 +64,21 @@ def _study(options: argparse.Namespace) -> int:
     limit_s = LONGEST_S if options.time_limit is None else options.time_limit
     is_of_a_spec = any(value is not None for value in (options.spec, options.only, options.tolerance))
     refuse(
-        (
-            not 0 < limit_s <= LONGEST_S,
+        Rule(
+            0 < limit_s <= LONGEST_S,
             "--time-limit",
             f"must be above 0 and at most {LONGEST_S:g} s, got {limit_s:g} s",
         ),
-        (
-            not options.extreme and options.spec is None,
+        Rule(
+            options.extreme or options.spec is not None,
             "SPEC",
             "is missing; name a TOML file or a template, or ask for --extreme",
         ),
-        (options.extreme and is_of_a_spec, "--extreme", "has its own cases and takes no SPEC, --only or --tolerance"),
+        Rule(
+            not (options.extreme and is_of_a_spec),
+            "--extreme",
+            "has its own cases and takes no SPEC, --only or --tolerance",
+        ),
     )
     _end_as_by_ctrl_c()
     timer = Timer(limit_s, interrupt_main)

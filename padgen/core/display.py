@@ -12,6 +12,7 @@ __all__ = [
     "COLOURS",
     "INK",
     "PALE",
+    "Step",
     "channel_colours",
     "plot_bytes",
     "plot_style",
@@ -46,6 +47,18 @@ STYLE = {
     "xtick.color": INK,
     "ytick.color": INK,
 }
+
+
+class Step(str):
+    """A step of work as text for people, with the share (0 … 1) of it that is done."""
+
+    share: float
+
+    def __new__(cls, text: str, share: float) -> "Step":
+        """Make a step from its text and share."""
+        step = super().__new__(cls, text)
+        step.share = share
+        return step
 
 
 def channel_colours(count: int) -> list[str]:

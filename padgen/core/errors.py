@@ -171,7 +171,7 @@ class Verdict:
     sentence : str
         The first line: the level, with its figure or the reason.
     touched : str
-        The second line: what a finger does to the pad.
+        What a finger does to the pad.
     limit : str
         Code of the fact that decides, as findings have it; empty where nothing limits the pad.
     cure : str

@@ -18,7 +18,10 @@ from padgen.core.errors import LONGEST_PART, SpecError, shown
 
 __all__ = [
     "COILS",
+    "CONTACTS",
+    "FIGURES",
     "FORMATS",
+    "MOVERS",
     "PAD_FORMATS",
     "PLUGINS",
     "SCHEMES",
@@ -224,5 +227,15 @@ USUAL_FORMATS = ("stl", "3mf", "step")
 """Formats of `PAD_FORMATS` in which a pad is saved by default."""
 SCHEMES: Registry[Any] = Registry("drive scheme", "padgen.physics.schemes", "DriveScheme", reserved=("auto",))
 """Modules or objects with the names of `padgen.physics.schemes.DriveScheme`."""
+MOVERS: Registry[Any] = Registry("mover", "padgen.planner.movers", "Mover")
+"""Modules or objects with the names of `padgen.planner.movers.Mover`."""
+OTHER_PICTURES = ("pad", "section", "exploded", "prints", "overview")
+OTHER_SECTIONS = ("bom", "checks", "drive", "figures", "manual", "origin", "study", "taxels", "view")
+FIGURES: Registry[Any] = Registry(
+    "figure", "padgen.report.figures", "FigureKind", reserved=(*OTHER_PICTURES, *OTHER_SECTIONS)
+)
+"""Modules or objects with the names of `padgen.report.figures.FigureKind`; drawings and sections are no figures."""
 COILS: Registry[Any] = Registry("kind of coil", "padgen.planner.coils", "CoilKind")
 """Modules or objects with the names of `padgen.planner.coils.CoilKind`."""
+CONTACTS: Registry[Any] = Registry("contact model", "padgen.physics.contact", "ContactModel", reserved=("none",))
+"""Modules or objects with the names of `padgen.physics.contact.ContactModel`."""

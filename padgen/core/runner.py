@@ -39,6 +39,7 @@ __all__ = [
     "Answer",
     "Runner",
     "core_count",
+    "interrupted_later",
     "memory_mb",
     "peak_mb",
     "refuse_unshared",
@@ -168,7 +169,8 @@ class Runner:
 
     def submit(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> "Future[Answer]":
         """Call `run` in a thread and return its future."""
-        return self.threads.submit(self.run, function, *arguments, **options)
+        with interrupted_later():
+            return self.threads.submit(self.run, function, *arguments, **options)
 
     def prepare(self, count: int) -> None:
         """Start workers until there are `count`, without waiting; if none starts, the next `run` raises the error."""
@@ -182,8 +184,9 @@ class Runner:
                     worker = self._new(conditions)
                 self._release(self._ready(worker), inf)
 
-        for _ in range(count):
-            self.threads.submit(start)
+        with interrupted_later():
+            for _ in range(count):
+                self.threads.submit(start)
 
     def close(self) -> None:
         """End all workers, even during a job."""
@@ -307,7 +310,7 @@ class _Worker:
     ) -> Answer | None:
         """Return the answer to a pickled job, and end the worker if it exceeds a limit or is not `wanted` any more.
 
-        None where this worker, `rested`, had ended before it took the job.
+        None where this worker ended before it took the job, since it had waited for one too long or had `rested`.
         """
         taken = False
         peak = 0.0
@@ -341,7 +344,8 @@ class _Worker:
                 self.kill()
                 return Answer("failed", None, SolverError(said), now - start, peak or None, limit)
             if message is None:
-                if self.rested and not taken:
+                waited_too_long = self._process.returncode == 0
+                if not taken and (self.rested or waited_too_long):
                     return None
                 return Answer("failed", None, SolverError(self._cause_of_end()), perf_counter() - start, peak or None)
             if taken:
@@ -445,6 +449,26 @@ def uninterrupted() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def interrupted_later() -> Iterator[None]:
+    """Heed a Ctrl-C that comes inside the block at the block's end.
+
+    For what takes locks written in Python, such as handing a job to a thread: an exception between the taking of such a
+    lock and the block that frees it leaves it held, and the thread waits for it for ever.
+    """
+    if current_thread() is not main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            signal.raise_signal(signal.SIGINT)
 
 
 def memory_mb(pid: int) -> float:

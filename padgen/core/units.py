@@ -1,4 +1,4 @@
-"""The only unit conversions of padgen, the fall of bodies, and copper.
+"""Unit conversions, all that padgen has; the acceleration of gravity, and constants of copper.
 
 Specs and plans use millimetre, gram and gigapascal, as drawings and catalogues do; `physics` uses SI. ``length_mm *
 MM`` is metres and ``length_m / MM`` is millimetres; the others work alike.
@@ -16,6 +16,7 @@ __all__ = [
     "GRAM",
     "GRAVITY_M_PER_S2",
     "G_PER_CM3",
+    "KPA",
     "MA",
     "MG",
     "MH",
@@ -33,6 +34,7 @@ GRAM = 1e-3
 MG = 1e-6
 GPA = 1e9
 MPA = 1e6
+KPA = 1e3
 G_PER_CM3 = 1e3
 MH = 1e-3
 MN = 1e-3

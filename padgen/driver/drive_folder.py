@@ -6,7 +6,7 @@ file is read back where it can be.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import ceil
+from math import ceil, inf
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,15 +20,18 @@ from padgen.driver.ear import SETTLED_TAUS, Heard, ear_findings
 from padgen.driver.excitation import SAMPLES_OF_HIGHEST, Excitation, excitation
 from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
+from padgen.driver.formats.wav import FILE as WAV
 from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
-from padgen.driver.loads import excitation_load, judge_limits, judge_load
+from padgen.driver.loads import excitation_load, judge_limits, judge_load, judge_warmth
 from padgen.driver.outputs import Outputs, needed_outputs
+from padgen.driver.signs import PlayedPad, PlayedRecoil, choose_signs, played_recoil
 from padgen.driver.slots import FrameContrast, frame_contrast, slot_findings
 from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, brake_of, drive_at, ramp_s, steady, timeline
 from padgen.measured.shaking import measuring_band_hz
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
 from padgen.planner.plan import Plan, plan_to_json
+from padgen.planner.warm_pad import planned_warmth
 
 __all__ = [
     "DEPTHS",
@@ -42,6 +45,7 @@ __all__ = [
 DEPTHS = ("24", "float")
 BRAKED = ("csv", "json", "wav")
 """Formats that go with a brake: the WAV that has it, and tables, which show no frames."""
+UNSIGNED = "has all taxels of a channel in step: with the signs that keep the pad still it"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,6 +53,8 @@ class Driven:
     """The result of writing a drive: its files, findings, what was heard, and what is predicted.
 
     `contrast` is that of its frames, and `outputs` those that it needs, None where the spec names what feeds the coils.
+    `recoil` is what the moving pad keeps of its frames. `beam_rise_k` is the most by which a WAV that is played over
+    and over warms the beams over the room: as if each coil had the heat of the one that has most of it.
     """
 
     folder: Path
@@ -59,6 +65,8 @@ class Driven:
     findings: tuple[Finding, ...]
     contrast: FrameContrast | None = None
     outputs: Outputs | None = None
+    beam_rise_k: float | None = None
+    recoil: PlayedRecoil | None = None
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
@@ -129,7 +137,7 @@ def write_excitation(
     return played, findings
 
 
-def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray) -> Timeline:
+def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray, signs: np.ndarray | float = 1.0) -> Timeline:
     plan = request.plan
     seconds = request.seconds
     in_turns = request.plan.scheme.takes_turns
@@ -141,14 +149,14 @@ def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray) -> Timeline
             seconds = 2 * len(plan.sets[0]) * half_slot if in_turns else ramp_s(plan) + settled + drive.period_s
             if request.brake:
                 seconds += brake_of(plan, request.tuning).seconds
-        return timeline(plan, frames, seconds, request.brake, request.tuning)
+        return timeline(plan, frames, seconds, request.brake, request.tuning, signs)
     if in_turns:
         raise SpecError("is for drives that play all channels at once, this one takes turns", "--loop")
     seconds = seconds or drive.period_s
     periods = round(seconds / drive.period_s)
     if periods < 1:
         raise SpecError(f"of a loop must be at least {number(drive.period_s)} s, got {number(seconds)} s", "--seconds")
-    return steady(frames[0], periods * drive.period_s)
+    return steady(frames[0], periods * drive.period_s, signs)
 
 
 def levels_of(
@@ -184,7 +192,7 @@ class Drive:
     """The frames that a plan's coils are to show; made by `padgen.drive`, whose parameters these are.
 
     `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states. With `brake`
-    a WAV stops taxels that go OFF in counter-phase.
+    a WAV stops taxels that go OFF in counter-phase. Where the pad is driven `warm`, so is the `tuning`.
     """
 
     plan: Plan
@@ -198,6 +206,7 @@ class Drive:
     tuning: Tuning | None = None
     progress: Callable[[str], None] = lambda step: None
     brake: bool = False
+    warm: bool = False
 
     def __repr__(self) -> str:
         shown = "tables" if self.frames is None else f"{len(self.frames)} frames"
@@ -280,9 +289,19 @@ class Drive:
             for broken, sentence in rules:
                 if broken:
                     raise SpecError(sentence, "--brake")
-        self.progress("choosing phases")
+        self.progress("choosing phases and signs")
         drive = drive_at(self.plan, RATES_HZ, self.rate_hz, self.tuning, self.carrier_hz)
-        shown = None if self.frames is None else _timeline(drive, self, self.frames)
+        shown = None
+        signs: np.ndarray | float = 1.0
+        pad = None
+        in_step = None
+        if self.frames is not None:
+            pad = PlayedPad(self.plan, drive, self.tuning)
+            in_step = _timeline(drive, self, self.frames)
+            held_s = (in_step.frame_s or inf) - ramp_s(self.plan) / 2
+            held_s -= brake_of(self.plan, self.tuning).seconds if self.brake else 0.0
+            signs = choose_signs(pad, self.frames, held_s, self.plan.scheme.takes_turns)
+            shown = _timeline(drive, self, self.frames, signs)
         job = DriveJob(self.plan, self, self.progress, drive, shown, depth, hear, gap)
         for each in written.values() if shown else ():
             getattr(each, "refuse", lambda job: None)(job)
@@ -292,22 +311,46 @@ class Drive:
         where = min(played, key=lambda each: ("frames", "drive", "plan").index(each.MADE_OF), default=None)
         if where and shown:
             job.shown = judge_limits(where.FILE, self.plan, drive, shown, self.tuning)
+            # With other signs a spur-free force may need a larger constant.
+            if job.shown and in_step and not judge_limits(where.FILE, self.plan, drive, in_step, self.tuning):
+                job.findings.append(Finding("note", "signs.limit", where.FILE, f"{UNSIGNED} {job.shown[0].message}"))
+                job.timeline = shown = in_step
+                job.shown = ()
+                signs = 1.0
         elif where and len(played) == len(written):
             job.findings += judge_limits(where.FILE, self.plan, drive, tuning=self.tuning)
         contrast = None
-        if shown and self.frames is not None:
+        if shown and self.frames is not None and pad is not None:
+            job.recoil = played_recoil(pad, self.frames, np.broadcast_to(signs, self.frames.shape))
             contrast = frame_contrast(self.plan, drive, shown, self.tuning)
-            job.findings += slot_findings(self.plan, drive, self.frames, shown, self.brake, self.tuning)
+            job.findings += slot_findings(self.plan, drive, self.frames, shown, self.brake, self.tuning, signs)
         with OutputFolder(folder) as out:
             out.write("plan.json", plan_to_json(self.plan))
             for each in written.values():
                 each.write(out, job)
             # What was heard of a wave that is written anew does not stay.
             stale = out.commit(remove=["hear.json"] if job.report is not None and job.heard is None else [])
+        rise_k = None
+        if job.report is not None:
+            # A plan's heat is that of coils at 20 °C; the warmth counts what the copper's rise adds.
+            cold = self.plan.spec.coil.resistance_ohm / drive.resistance_ohm
+            heat = replace(self.plan.load, copper_loss_w=max(job.report.copper_loss_w) * cold)
+            rise_k = planned_warmth(replace(self.plan, load=heat)).beam_rise_k
         findings = (*job.findings, *(job.report.findings if job.report else job.shown))
+        if rise_k is not None:
+            findings += tuple(judge_warmth(WAV, self.plan, rise_k))
         if job.heard:
             findings += tuple(ear_findings(job.heard))
         outputs = None if self.plan.spec.feeds else needed_outputs(self.plan, drive, self.tuning)
         return Driven(
-            folder, out.names, tuple(stale), job.report, job.heard, findings, contrast=contrast, outputs=outputs
+            folder,
+            out.names,
+            tuple(stale),
+            job.report,
+            job.heard,
+            findings,
+            contrast=contrast,
+            outputs=outputs,
+            beam_rise_k=rise_k,
+            recoil=job.recoil,
         )

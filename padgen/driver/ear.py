@@ -4,6 +4,9 @@ Samples → what a sound card's high-pass leaves of them → the coil's current 
 washer → every taxel's motion, all modes → what is felt on the boss in every state that is held, block by block. Left
 out: the coils beside (see `Plan.reuse`), the voltage that a moving washer induces, and what an amplifier adds.
 
+All is heard twice: on a pad that is held still, and on its mount, where all coils shake the pad and each taxel's
+working mode is shaken by that (`padgen.physics.recoil_in_time`), as by the pull at the hanging gap.
+
 The circuit's and each mode's pole p is stepped exactly, ``y(t + T) = e^(pT) y(t) + ∫ e^(p(T−τ)) s(t + τ) dτ``, and
 `scipy.signal.lfilter` runs it. Between samples the voltage is the band-limited signal by a windowed sinc (lines below
 0.4 of the sample rate are off by 2e-5 at most), the squared current the cubic through four samples (off by 8e-6 for
@@ -28,14 +31,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import FileError, Finding, at_least, number
-from padgen.core.units import MH, MM, UM
+from padgen.core.units import GRAM, MH, MM, UM
 from padgen.core.wav_reader import Wave
+from padgen.driver.signs import mount_text, printed_taxels
 from padgen.driver.slots import slots_of, worst_contrast
-from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning
+from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning, tuned_spec
+from padgen.physics.recoil_in_time import MOST_UNKNOWNS, THROUGH, WEIGHT, WITHIN, PadMotion, unknowns
 from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import hanging_gap_um
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.shaken_pad import ShakenPad
+from padgen.spec import Coil
 
 __all__ = [
     "MISSED_DB",
@@ -58,10 +65,6 @@ LOOP_TAUS = 12.0
 # Samples on each side of an instant that make the voltage there, and Kaiser's β of their window.
 AROUND = 16
 KAISER = 10.0
-# Where a step of 1 is integrated, exact to rounding for |p| up to 40, and the cubics there through its end and the
-# three samples before, of which each is 1 at one of them.
-WITHIN, WEIGHT = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
-THROUGH = np.linalg.solve(np.vander([1.0, 0.0, -1.0, -2.0]).T, np.vander(WITHIN, 4).T)
 # Time constants of the circuit in a sample, at most: with less inductance the current is that much late.
 STIFFEST = 40.0
 # Below a Q of a half there is no vibration; it is taken for critical damping.
@@ -82,7 +85,7 @@ class Span(NamedTuple):
     """One state that the file holds: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
 
     Levels are taken from `window_s` on, over a `whole` period of the comb or not. `in_turns` tells that it is a frame
-    of slots. `levels` (taxels,) are shares of the ON amplitudes.
+    of slots. `levels` (taxels,) are shares of the ON amplitudes, `signs` those of the motion.
     """
 
     begin_s: float
@@ -92,6 +95,17 @@ class Span(NamedTuple):
     whole: bool
     in_turns: bool
     levels: np.ndarray
+    signs: np.ndarray
+
+
+class Shaken(NamedTuple):
+    """Levels as `Heard` has them, of the pad as it moves; how it is held, if the spec states that, and what moves."""
+
+    mount: str
+    is_stated: bool
+    moving_g: float
+    level_um: np.ndarray
+    frame_um: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +119,7 @@ class Heard:
     heard settled, over a whole period of the comb. `coils` are rows of what flows in each over the whole file, its
     `signal_peak` and `signal_mean` in V, or A if the file holds that. `frames` (f, n) are the levels of the frames,
     each of `frame_s`, that follow each other in the file, `frame_um` (f, n) what is felt on average over each slot.
+    `shaken` is what is heard on the moving pad; None where it does not move, or `unshaken` says why that is not known.
     """
 
     name: str
@@ -127,6 +142,8 @@ class Heard:
     frame_s: float | None = None
     frames: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     frame_um: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    shaken: Shaken | None = None
+    unshaken: str = ""
 
     @property
     def slot_contrast(self) -> tuple[float, int, int] | None:
@@ -165,12 +182,28 @@ class Heard:
     @property
     def selectivity_db(self) -> float | None:
         """Worst ratio of ON to OFF taxels in dB over all held states; None without taxels of both kinds."""
-        on = self.on
-        off = self.off
-        if np.isnan(on).all() or np.isnan(off).all():
+        return self._worst_db(self.level_um)
+
+    @property
+    def shaken_db(self) -> float | None:
+        """The same of the moving pad; None where that is not heard."""
+        return None if self.shaken is None else self._worst_db(self.shaken.level_um)
+
+    @property
+    def shaken_slot_contrast(self) -> tuple[float, int, int] | None:
+        """`slot_contrast` of the moving pad; None where that is not heard."""
+        if self.shaken is None:
             return None
-        loudest = float(np.nanmax(off))
-        return float(20 * np.log10(np.nanmin(on) / loudest)) if loudest > 0 else float("inf")
+        return worst_contrast(self.frames, (self.shaken.frame_um / self.wanted_um) ** 2, self.coil_of)
+
+    def _worst_db(self, level_um: np.ndarray) -> float | None:
+        shares = self.shares
+        relative = level_um / self.wanted_um
+        quietest = float((relative[shares > 0] / shares[shares > 0]).min(initial=np.inf))
+        loudest = float(relative[shares <= 0].max(initial=-1.0))
+        if np.isinf(quietest) or loudest < 0:
+            return None
+        return float(20 * np.log10(quietest / loudest)) if loudest > 0 else float("inf")
 
 
 def hear(
@@ -193,7 +226,8 @@ def hear(
     """
     line_hz, coil_of = (np.array([taxel[key] for taxel in sidecar["taxels"]]) for key in ("force_hz", "wav_channel"))
     step = max(round(COURSE_PERIODS / 2 / float(line_hz.min(initial=1e9)) * sidecar["rate_hz"]), 2)
-    known = (tuning or planned_tuning(plan)).taxels
+    heard_print = tuning or planned_tuning(plan)
+    known = heard_print.taxels
     resonance = np.array([taxel.resonance_hz for taxel in known])
     tau_s = np.array([taxel.q for taxel in known]) / (np.pi * resonance)
     spans = _spans(sidecar, len(plan.sets[0]), float(tau_s.max()), float(line_hz.min()))
@@ -202,25 +236,32 @@ def hear(
     alike: dict[tuple, list[int]] = {}
     for k, (taxel, level) in enumerate(zip(plan.taxels, levels_um(plan, resonance).tolist(), strict=True)):
         alike.setdefault((taxel.channel, level, tuning and tuning.taxels[k]), []).append(k)
-    groups = [
-        _Alike(plan, plan.channels[channel], level, tuned, np.array(which), sidecar, step, spans, gap)
-        for (channel, level, tuned), which in alike.items()
-    ]
-    coils = _play(plan, wave, sidecar, groups, gap)
-    order = np.argsort(np.concatenate([group.which for group in groups]))
-    level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = (
-        np.concatenate(parts, axis=-1)[..., order] for parts in zip(*(group.found() for group in groups), strict=True)
-    )
+
+    def all_alike() -> list[_Alike]:
+        return [
+            _Alike(plan, plan.channels[channel], level, tuned, np.array(which), sidecar, step, spans, gap)
+            for (channel, level, tuned), which in alike.items()
+        ]
+
+    groups = all_alike()
+    pad = ShakenPad(plan)
+    recoil = None
+    if pad.moving_kg is not None:
+        recoil = _Recoil(pad, tuning, coil_of, wave.channels, sidecar["rate_hz"], all_alike())
+    coils = _play(plan, tuned_spec(plan, heard_print.coil_c).coil, wave, sidecar, groups, gap, recoil)
+    level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = _found(groups)
     at_s = np.arange(len(course_m)) * (step / sidecar["rate_hz"])
     settled = np.zeros(level_m.shape, bool)
     rise_s = np.full(level_m.shape, np.nan)
     # A file that does nothing but hold one state, and loops, has done so for ever.
     since_s = np.full(len(tau_s), -np.inf if sidecar["loops"] and len(spans) == 1 else 0.0)
     before = spans[0].levels if sidecar["loops"] else np.zeros(len(tau_s))
+    sign = spans[0].signs
     for h, span in enumerate(spans):
         if span.in_turns:
-            level_m[h] = tone_m[h] = course_m[(at_s > span.start_s) & (at_s <= span.stop_s)].max(0, initial=0.0)
-        switched = np.isin(coil_of, coil_of[span.levels != before])
+            level_m[h] = tone_m[h] = _largest_of(course_m, at_s, span)
+        switched = np.isin(coil_of, coil_of[span.levels * span.signs != before * sign])
+        sign = span.signs
         since_s = np.where(switched, span.start_s, since_s)
         settled[h] = span.in_turns | (span.window_s - since_s >= SETTLED_TAUS * tau_s * (1 - 1e-6))
         risen = (course_m >= RISEN * level_m[h]) & (at_s > span.begin_s)[:, None]
@@ -235,6 +276,15 @@ def hear(
         time_s, levels = (np.array([key[name] for key in keys], float) for name in ("time_s", "levels"))
         frames = slots_of(time_s, levels, frame_s, Scheme(sidecar["scheme"]).takes_turns)[1]
         frame_m = _slot_levels(at_s, course_m, np.arange(len(frames) + 1) * frame_s)
+    shaken = None
+    if recoil is not None and recoil.groups:
+        level_shaken, _, _, course_shaken, _, _ = _found(recoil.groups)
+        for h, span in enumerate(spans):
+            if span.in_turns:
+                level_shaken[h] = _largest_of(course_shaken, at_s, span)
+        frame_shaken = _slot_levels(at_s, course_shaken, np.arange(len(frames) + 1) * frame_s) if frame_s else frame_m
+        moving_g = (pad.moving_kg or 0.0) / GRAM
+        shaken = Shaken(mount_text(pad), pad.mount.is_said, moving_g, level_shaken / UM, frame_shaken / UM)
     return Heard(
         name=plan.name,
         ids=tuple(taxel.id for taxel in plan.taxels),
@@ -256,7 +306,58 @@ def hear(
         frame_s=frame_s,
         frames=frames,
         frame_um=frame_m / UM,
+        shaken=shaken,
+        unshaken="" if recoil is None else recoil.refused,
     )
+
+
+def _found(groups: "Sequence[_Alike]") -> list[np.ndarray]:
+    """Return what `groups` found, taxels in the plan's order."""
+    order = np.argsort(np.concatenate([group.which for group in groups]))
+    figures = zip(*(group.found() for group in groups), strict=True)
+    return [np.concatenate(parts, axis=-1)[..., order] for parts in figures]
+
+
+def _largest_of(course_m: np.ndarray, at_s: np.ndarray, span: Span) -> np.ndarray:
+    """Return the largest of a course (t, n) in a span."""
+    return np.asarray(course_m[(at_s > span.start_s) & (at_s <= span.stop_s)].max(0, initial=0.0))
+
+
+class _Recoil:
+    """The moving pad, and the taxels that hear it; without these where it is too large, which `refused` says."""
+
+    def __init__(
+        self,
+        pad: ShakenPad,
+        tuning: Tuning | None,
+        coil_of: np.ndarray,
+        coils: int,
+        rate_hz: int,
+        groups: "list[_Alike]",
+    ) -> None:
+        taxels = pad.taxels
+        pull = pad.pull
+        if tuning is not None:
+            taxels, pull = printed_taxels(pad, tuning)
+        self.groups = groups
+        self.refused = ""
+        count = unknowns(taxels)
+        if count > MOST_UNKNOWNS:
+            self.groups = []
+            self.refused = f"has {count} motions that shake it, up to {MOST_UNKNOWNS} are heard"
+            return
+        push = np.zeros((len(coil_of), coils))
+        push[np.arange(len(coil_of)), coil_of] = pull
+        self.motion = PadMotion(pad.base, taxels, push, rate_hz)
+        # A washer that its coil does not pull is not moved by it.
+        self.reacts = -taxels.momentum / np.where(pull > 0, pull, np.inf)[:, None]
+
+    def hear(self, first: int, square_a2: np.ndarray) -> None:
+        """Take in i² (coils, s) of all coils from sample `first` on."""
+        if self.groups:
+            shaken = self.reacts @ self.motion.acceleration(square_a2)
+            for group in self.groups:
+                group.hear(first, square_a2, shaken[group.which])
 
 
 def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> np.ndarray:
@@ -275,13 +376,15 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
     """
     time_s = [frame["time_s"] for frame in sidecar["keyframes"]]
     levels = np.array([frame["levels"] for frame in sidecar["keyframes"]], float)
+    signs = np.array([frame.get("signs", np.ones(levels.shape[1])) for frame in sidecar["keyframes"]], float)
     period_s = sidecar["period_s"]
     spans: list[Span] = []
     if Scheme(sidecar["scheme"]).takes_turns and len(time_s) > 2:
         each = 2 * slots if (len(time_s) - 1) % (2 * slots) == 0 else 2
         for k in range(0, len(time_s) - each, each):
             start_s, stop_s = time_s[k], time_s[k + each]
-            spans.append(Span(start_s, start_s, stop_s, start_s, False, True, levels[k : k + each + 1].max(0)))
+            shown = levels[k : k + each + 1].max(0)
+            spans.append(Span(start_s, start_s, stop_s, start_s, False, True, shown, signs[k + 1]))
         return tuple(spans)
     same = (np.abs(np.diff(levels, axis=0)).max(1) <= 1e-9).tolist()
     begin_s = time_s[0]
@@ -299,19 +402,25 @@ def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: floa
                 window_s = max(min(latest_s, (start_s + stop_s) / 2), start_s)
             if frame_s := sidecar.get("frame_s"):  # a brake before the frame is no part of its switching
                 begin_s = max(begin_s, np.floor(start_s / frame_s + 1e-9) * frame_s)
-            spans.append(Span(begin_s, start_s, stop_s, window_s, whole, False, levels[first]))
+            spans.append(Span(begin_s, start_s, stop_s, window_s, whole, False, levels[first], signs[first]))
             begin_s = stop_s
     return tuple(spans)
 
 
 def _play(
-    plan: Plan, wave: Wave, sidecar: Mapping[str, Any], groups: "Sequence[_Alike]", gap: bool
+    plan: Plan,
+    coil: Coil,
+    wave: Wave,
+    sidecar: Mapping[str, Any],
+    groups: "Sequence[_Alike]",
+    gap: bool,
+    recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
-    """Let all `groups` hear the file; return the figures of what flows in each coil."""
+    """Play the file to every group of taxels that are alike, and to the pad that moves; return each coil's currents."""
     from scipy.signal import lfilter
 
-    resistance = plan.spec.coil.resistance_ohm
-    inductance = plan.spec.coil.inductance_mh * MH
+    resistance = coil.resistance_ohm
+    inductance = coil.inductance_mh * MH
     rate_hz = sidecar["rate_hz"]
     late = 0
     coefficients = (np.ones(1), np.ones(1))
@@ -335,7 +444,9 @@ def _play(
             left, passed = lfilter(*passing, signal, zi=passed)
         current, memory = lfilter(*coefficients, left, zi=memory)
         for group in groups:
-            group.hear(first - late, current**2)
+            group.hear(first - late, current**plan.spec.force_order)
+        if recoil is not None:
+            recoil.hear(first - late, current**plan.spec.force_order)
         current, signal = (part[:, max(late - first, 0) :] for part in (current, signal))
         most_a = np.maximum(most_a, np.abs(current).max(1, initial=0.0))
         most = np.maximum(most, np.abs(signal).max(1, initial=0.0))
@@ -432,6 +543,7 @@ class _Alike:
         self.spans = spans
         self.gain = gain.T
         self.filters = [mode_filter(float(each), q, rate_hz) for each in hz[:-1]]
+        self.working = int(np.argmax(channel.mode_shares))
         self.memory = [np.zeros((len(which), len(THROUGH)))] * len(self.filters)
         self.gap_m = float(hanging_gap_um(plan.spec, channel.sag_um)) * UM if gap else None
         self.exponent = max(channel.pull_exponent, 0.0)
@@ -452,9 +564,12 @@ class _Alike:
         self.course_m = [np.zeros((1, len(which)))]
         self.tail = np.zeros((3, len(which), 0))
 
-    def hear(self, first: int, square_a2: np.ndarray) -> None:
-        """Take in i² (coils, s) of all coils from sample `first` on."""
-        felt = self._felt(square_a2[self.coil])
+    def hear(self, first: int, square_a2: np.ndarray, shaken_a2: np.ndarray | float = 0.0) -> None:
+        """Take in i² (coils, s) of all coils from sample `first` on; i itself where the force goes with that.
+
+        `shaken_a2` (taxels, s) is what would pull as the moving pad does.
+        """
+        felt = self._felt(square_a2[self.coil], shaken_a2)
         for h, (begin, start, stop) in enumerate(np.clip(self.edges - first, 0, felt.shape[2]).tolist()):
             if stop == begin:
                 continue
@@ -478,13 +593,18 @@ class _Alike:
                 self.course_m.append(np.sqrt(2 * np.maximum(energy, 0.0)).T)
             self.tail = joined[:, :, count * self.step :]
 
-    def _felt(self, square_a2: np.ndarray) -> np.ndarray:
+    def _felt(self, square_a2: np.ndarray, shaken_a2: np.ndarray | float) -> np.ndarray:
         """Return the felt motion (3, taxels, s) in m for i² (taxels, s); its first part is vertical, at the axis."""
         from scipy.signal import lfilter
 
         pull = square_a2
         for _ in range(MOST_PULLS):
-            moved = [lfilter(*each, pull, zi=held) for each, held in zip(self.filters, self.memory, strict=True)]
+            pulls = [pull] * len(self.filters)
+            pulls[self.working] = pull + shaken_a2
+            moved = [
+                lfilter(*each, pulled, zi=held)
+                for each, pulled, held in zip(self.filters, pulls, self.memory, strict=True)
+            ]
             felt = np.tensordot(self.gain, [*(motion for motion, _ in moved), pull], 1)
             if self.gap_m is None:
                 break
@@ -514,7 +634,8 @@ def heard_table(heard: Heard) -> dict[str, Any]:
     In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
     most; None where no taxel is ON, or OFF. `slot_db` is `Heard.slot_contrast`, `held_db` is `Heard.held_contrast`; in
-    `frames` the levels are averages over each frame's whole slot.
+    `frames` the levels are averages over each frame's whole slot. `recoil` is of the moving pad, all coils at once:
+    `selectivity_db` and `slot_db` as in the summary, None where it does not move.
     """
     tone = _tone_db(heard)
     of_coils = ("peak_a", "rms_a", "copper_loss_w", "signal_peak", "signal_mean")
@@ -535,6 +656,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             **{figure: max((coil[figure] for coil in heard.coils), key=abs) for figure in of_coils},
             "all_settled": bool(heard.settled.all()),
         },
+        "recoil": _shaken_table(heard),
         "coils": list(heard.coils),
         "rows": list(_rows(heard)),
         "taxels": list(heard.ids),
@@ -548,6 +670,7 @@ def heard_table(heard: Heard) -> dict[str, Any]:
                 "in_turns": span.in_turns,
                 "levels": span.levels.tolist(),
                 "level_um": heard.level_um[h].tolist(),
+                "shaken_um": None if heard.shaken is None else heard.shaken.level_um[h].tolist(),
                 "tone_um": heard.tone_um[h].tolist(),
                 "peak_um": heard.peak_um[h].tolist(),
                 "rise_s": heard.rise_s[h].tolist(),
@@ -560,6 +683,18 @@ def heard_table(heard: Heard) -> dict[str, Any]:
             {"start_s": k * (heard.frame_s or 0.0), "levels": levels, "level_um": felt}
             for k, (levels, felt) in enumerate(zip(heard.frames.tolist(), heard.frame_um.tolist(), strict=True))
         ],
+    }
+
+
+def _shaken_table(heard: Heard) -> dict[str, Any] | None:
+    if heard.shaken is None:
+        return {"not_heard": heard.unshaken} if heard.unshaken else None
+    slot = heard.shaken_slot_contrast
+    return {
+        "mount": heard.shaken.mount,
+        "moving_g": heard.shaken.moving_g,
+        "selectivity_db": heard.shaken_db,
+        "slot_db": None if slot is None else slot[0],
     }
 
 
@@ -620,9 +755,9 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             "warning",
             "ear.level",
             heard.ids[i],
-            f"is to be felt with {number(span.levels[i] * heard.wanted_um[i])} µm in the state that ends at"
-            f" {number(span.stop_s)} s, has {number(heard.tone_um[h, i])} µm ({tone[h, i]:+.1f} dB), allowed are"
-            f" {MISSED_DB:g} dB, which {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
+            f"should move by {number(span.levels[i] * heard.wanted_um[i])} µm in the state that ends at"
+            f" {number(span.stop_s)} s, and moves by {number(heard.tone_um[h, i])} µm ({tone[h, i]:+.1f} dB; up to"
+            f" {MISSED_DB:g} dB is allowed); {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
             f" miss; {'frames that last longer' if hurried else 'padgen retune, or a lower level,'} would do",
         )
     asked = heard.asked_db
@@ -635,6 +770,16 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             WHERE,
             f"keeps {kept:.1f} dB between the smallest ON and the loudest OFF taxel, {heard.ids[i]} in the state that"
             f" ends at {number(heard.spans[h].stop_s)} s; asked: {asked:.1f} dB (Δy)",
+        )
+    shaken_db = heard.shaken_db
+    is_stated = heard.shaken is not None and heard.shaken.is_stated
+    if is_stated and shaken_db is not None and kept is not None and shaken_db < asked <= kept:
+        yield Finding(
+            "warning",
+            "ear.recoil",
+            WHERE,
+            f"keeps {shaken_db:.1f} dB between the smallest ON and the loudest OFF taxel of the pad as it moves, asked"
+            f" are {asked:.1f} dB (Δy); held still it keeps {kept:.1f} dB",
         )
     late = ~heard.settled.all(1)
     if late.any():

@@ -122,19 +122,21 @@ def excitation(
             f"{number(sweep)} s of sweep are too many samples at {number(rate_hz)} Hz; {would_do}", "--seconds"
         )
     line = shaking_line_a2(plan)
+    order = plan.spec.force_order
     swept = round(sweep * rate_hz)
     total = round((sweep + ring_s(plan)) * rate_hz)
     if kind == "chirp":
         time = np.arange(total) / rate_hz
-        current, slope = chirp_current_a(time, swept / rate_hz, band, line)
+        current, slope = chirp_current_a(time, swept / rate_hz, band, line, order)
     else:
         q = float(np.median([channel.q for channel in plan.channels]))
         silence = (0, total - swept)
-        current, slope = (np.pad(v, silence) for v in noise_current_a(swept, rate_hz, band, line, q, seed))
+        noise = noise_current_a(swept, rate_hz, band, line, q, seed, order)
+        current, slope = (np.pad(part, silence) for part in noise)
     coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
     volts = _through(volts, plan.spec.corner_hz, rate_hz)
-    between = cos(pi * band[1] / (2 if kind == "chirp" else 1) / rate_hz)
+    between = cos(pi * band[1] / (order if kind == "chirp" else 1) / rate_hz)
     square = float((current[:swept] ** 2).mean())
     headroom = plan.spec.drive.headroom
     planned = max(
@@ -152,7 +154,9 @@ def excitation(
     loss_w = share * square * swept / total * coil.resistance_ohm
     current = current * factor
     volts = volts * factor
-    return Excitation(kind, rate_hz, band, swept / rate_hz, together, places, current, volts, share, loss_w, between)
+    return Excitation(
+        kind, rate_hz, band, swept / rate_hz, together, places, current, volts, factor**order, loss_w, between
+    )
 
 
 def _through(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
@@ -204,6 +208,8 @@ def sweep_table(plan: Plan) -> FirmwareSweep:
     except SpecError:
         return FirmwareSweep(SHORTEST_S, np.zeros(2), np.zeros(2))
     coil = plan.spec.coil
-    ohms = np.hypot(coil.resistance_ohm, np.pi * hz * coil.inductance_mh * MH)
+    order = plan.spec.force_order
+    ohms = np.hypot(coil.resistance_ohm, 2 * np.pi * hz / order * coil.inductance_mh * MH)
+    current_a = line if order == 1 else np.sqrt(2 * line)
     fade = np.clip(np.minimum(np.arange(SWEEP_ROWS), np.arange(SWEEP_ROWS)[::-1]) / 4, 0, 1)
-    return FirmwareSweep(sweep_s(plan), hz / 2, ohms * np.sqrt(2 * line) * fade)
+    return FirmwareSweep(sweep_s(plan), hz / order, ohms * current_a * fade)

@@ -269,7 +269,7 @@ def _on_taxels(grid: np.ndarray, image: np.ndarray) -> np.ndarray:
 
 
 def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
-    """Read the frames of files, folders and patterns (``frames/*.png``), one after the other.
+    """Read the frames of files, folders and file name patterns (``frames/*.png``), one after the other.
 
     What is in a folder or matches a pattern comes in order of names, numbers in them by value. The files:
     `padgen.driver.frames`. Pixels where the pad has no taxel are left out; lit ones are counted in a note.
@@ -652,7 +652,8 @@ def _felt_rows(plan: Plan, path: Path) -> Rows:
 
 def _moved_findings(plan: Plan, moved: dict[Coil, Coil], tried: set[Coil]) -> Iterator[Finding]:
     """Yield a finding for a plug that is on the wrong way, else for each pair that is swapped, else for each coil."""
-    rows, columns = plan.coils.rows, plan.coils.columns
+    rows = plan.coils.rows
+    columns = plan.coils.columns
     whole: dict[str, Callable[[int, int], Coil]] = {
         "in the opposite order, the last first": lambda r, c: (rows - 1 - r, columns - 1 - c),
         "with left and right exchanged, as seen from the coils' side": lambda r, c: (r, columns - 1 - c),

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import Finding, SpecError, at_least, at_most, number
+from padgen.core.rules import RuleBook
 from padgen.core.units import COPPER_J_PER_M3_K, COPPER_OHM_M, MM
 from padgen.driver.excitation import Excitation
 from padgen.driver.waveform import (
@@ -36,26 +37,32 @@ from padgen.driver.waveform import (
     ramp_s,
     timeline,
 )
-from padgen.measured.tuning import Tuning, planned_tuning, printed_channels
+from padgen.measured.tuning import Tuning, played_tuning, printed_channels, tuned_spec
 from padgen.physics.crest import least_constant
 from padgen.physics.magnetics import impedance
 from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
-from padgen.planner.limits import SMALLEST_LEVEL_UM, Demand, Moved, exceeded
+from padgen.physics.selectivity import SQUARE
+from padgen.planner.limits import LOWER, SMALLEST_LEVEL_UM, Demand, Moved, exceeded
 from padgen.planner.plan import CARRIER_OVER_RESONANCE, Plan
 from padgen.spec import Coil
 
 __all__ = [
     "HEAT_S",
+    "SIGNAL_RULES",
     "Load",
+    "Signal",
     "carrier_text",
     "excitation_load",
     "group_channels",
     "heat_s",
     "judge_limits",
     "judge_load",
+    "judge_warmth",
     "least_constants",
     "load_of",
     "refuse_frames",
+    "signed_channels",
+    "signed_constants",
 ]
 
 PER_CYCLE = 32
@@ -73,6 +80,8 @@ BLOCK = 1 << 15
 SMALLEST = 1e-100
 GROUP_CHANNELS = 8
 """Channels whose on/off states have their least constants in a table: 256 numbers, 1 KiB, at most."""
+SIGNED_CHANNELS = 4
+"""The same for states off, on and in counter-phase: 81 numbers at most."""
 ROUNDING = 1e-6
 """Largest rounding error of `least_constant`, relative to the sum of the lines."""
 HEAT_S = 10.0
@@ -194,7 +203,7 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
 
 def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndarray:
     """Return the mean of i² (k,) in A² of a coil at each keyframe, as if it were held."""
-    levels = timeline.levels[:, coil.taxels]
+    levels = timeline.signed[:, coil.taxels]
     if not len(coil.taxels):
         return np.zeros(len(levels))
     if drive.scheme.is_root:
@@ -203,6 +212,8 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
         fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
         tones = levels * current_lines_a(drive.scheme, coil.line_a2)
         return np.asarray(fed * (coil.bias_a**2 + (tones**2).sum(1) / 2))
+    if drive.scheme.force_order == 1:
+        return np.asarray(levels**2 @ coil.line_a2**2 / 2)
     return np.asarray(np.abs(levels) @ coil.line_a2)
 
 
@@ -228,7 +239,7 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
     if drive.scheme.is_root:
         state = _root_bound_v(drive, coil, asked.level[None], np.array([asked.square_a2]))
         return float(state[0]) + _ramp_v(drive, coil, asked, ramp)
-    share = asked.level if drive.scheme.is_biased else np.sqrt(asked.level)
+    share = asked.level if drive.scheme.goes_with_level else np.sqrt(asked.level)
     volts = np.abs(_tones_v(drive, coil)) * share
     steady = volts.max() if drive.scheme.takes_turns else volts.sum()
     return float(drive.resistance_ohm * coil.bias_a + steady) + _ramp_v(drive, coil, asked, ramp)
@@ -244,7 +255,7 @@ def _bound_a(drive: PadDrive, coil: CoilDrive, asked: _Asked) -> float:
     if drive.scheme.is_root:
         square = asked.square_a2 + float(asked.level @ coil.line_a2)
         return float(np.sqrt(square if drive.carrier_hz is None else 2 * square))
-    share = asked.level if drive.scheme.is_biased else np.sqrt(asked.level)
+    share = asked.level if drive.scheme.goes_with_level else np.sqrt(asked.level)
     tones = share * current_lines_a(drive.scheme, coil.line_a2)
     return float(coil.bias_a + (tones.max(initial=0.0) if drive.scheme.takes_turns else tones.sum()))
 
@@ -392,6 +403,27 @@ def _least_constants(
     return float(all_on), tuple(groups)
 
 
+def signed_channels(channels: int) -> int:
+    """Return the channels of a group whose signs count, as `group_channels` does."""
+    return ceil(channels / ceil(channels / SIGNED_CHANNELS))
+
+
+def signed_constants(coil: CoilDrive, size: int) -> tuple[tuple[float, ...], ...]:
+    """Return the least constants in A² of each group of `size` channels in all states, of a digit of base 3 a channel.
+
+    A digit is 0 for off, 1 for on, 2 for in counter-phase; the first channel's is the lowest.
+    """
+    groups = []
+    for start in range(0, len(coil.line_a2), size):
+        part = slice(start, start + size)
+        line = coil.line_a2[part]
+        digits = np.arange(3**size)[:, None] // 3 ** np.arange(size) % 3
+        states = np.where(digits == 2, -1.0, digits)[:, : len(line)] * line
+        least = least_constant(coil.harmonic[part], states, coil.phase_rad[part]) + ROUNDING * np.abs(states).sum(1)
+        groups.append(tuple(least.tolist()))
+    return tuple(groups)
+
+
 TRIES = 6
 
 
@@ -409,32 +441,70 @@ def judge_limits(
 
 
 def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) -> None:
-    """Raise if frames (k, taxels) that the firmware is to show are beyond a limit: what harms a coil is not played."""
+    """Raise if frames (k, taxels) that the firmware is to show are beyond a limit: what harms a coil is not played.
+
+    Levels below 0 are of taxels that move in counter-phase.
+    """
     drive = replace(drive_at(plan, CONTROLLER_RATES_HZ, tuning=tuning), corner_hz=0.0)
     if any(judge_load("", plan, load_of(plan, drive), tuning)):
-        findings = judge_limits("", plan, drive, timeline(plan, np.unique(frames, axis=0)), tuning)
+        states = np.unique(frames, axis=0)
+        shown = timeline(plan, np.abs(states), signs=np.where(states < 0, -1.0, 1.0))
+        findings = judge_limits("", plan, drive, shown, tuning)
         if findings:
             raise SpecError(f"is not played: {findings[0].message}", plan.name)
 
 
 def judge_load(where: str, plan: Plan, load: Load, tuning: Tuning | None = None) -> Iterator[Finding]:
     """Yield errors about a load."""
-    for one in exceeded(plan.spec, _demand(plan, load, tuning)):
-        averaged = f", averaged over {number(heat_s(plan.spec.coil))} s" if one.limit.code == "coil.heat" else ""
-        yield Finding("error", one.limit.code, where, one.sentence + averaged)
+    return SIGNAL_RULES.findings(Signal(where, plan, load, tuning))
+
+
+class Signal(NamedTuple):
+    """A signal to be written or played: its file or port, plan, load on coils and taxels, and tuning, if any."""
+
+    where: str
+    plan: Plan
+    load: Load
+    tuning: Tuning | None
+
+
+def _limits_kept(signal: Signal) -> Iterator[Finding]:
+    """Yield an error for each limit that the signal exceeds."""
+    spec = signal.plan.spec
+    for one in exceeded(spec, _demand(signal.plan, signal.load, signal.tuning)):
+        averaged = f", averaged over {number(heat_s(spec.coil))} s" if one.limit.code == "coil.heat" else ""
+        yield Finding("error", one.limit.code, signal.where, one.sentence + averaged)
+
+
+SIGNAL_RULES: RuleBook[Signal] = RuleBook("signal", _limits_kept)
+"""Rules that a signal must keep before it is written or played: the limits, and registered ones."""
+
+
+def judge_warmth(where: str, plan: Plan, beam_rise_k: float) -> Iterator[Finding]:
+    """Yield a warning where a file that is played over and over warms the beams more than the plastic bears."""
+    for one in exceeded(plan.spec, Demand(0.0, 0.0, 0.0, 0.0, beam_rise_k=beam_rise_k)):
+        yield Finding("warning", one.limit.code, where, f"played over and over, {one.sentence}")
 
 
 def _demand(plan: Plan, load: Load, tuning: Tuning | None) -> Demand:
-    """Return what a load asks of the coils and of the taxels as they are printed."""
-    resistance_ohm = plan.spec.coil.resistance_ohm
-    channels = printed_channels(plan, tuning or planned_tuning(plan))
+    """Return what a load asks of the coils and of the taxels as they are printed.
+
+    Before coils are as warm as the tuning has them, voltages let more current flow: its peak and the mean pull count
+    so.
+    """
+    known = played_tuning(plan, tuning)
+    resistance_ohm = tuned_spec(plan, known.coil_c).coil.resistance_ohm
+    more = max(resistance_ohm / plan.spec.coil.resistance_ohm, 1.0)
+    channels = printed_channels(plan, known)
     coil_of = [taxel.coil[0] * plan.coils.columns + taxel.coil[1] for taxel in plan.taxels]
+    pulling = load.square_a2 if plan.spec.force_order == SQUARE else np.zeros(len(load.square_a2))
     moved = {
-        Moved(channel, float(load.square_a2[coil]), level)
+        Moved(channel, float(pulling[coil]) * more**2, level)
         for coil, channel, level in zip(coil_of, channels, load.level.tolist(), strict=True)
     }
     coil_w = resistance_ohm * float(load.warm_a2.max(initial=0.0))
-    return Demand(load.peak_v, load.peak_a, coil_w, resistance_ohm * load.total_a2, tuple(moved))
+    pad_w = resistance_ohm * load.total_a2
+    return Demand(load.peak_v, load.peak_a * more, coil_w, pad_w, tuple(moved))
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
@@ -442,7 +512,7 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
     for _ in range(TRIES):
         # All currents go with the root of the level.
         broken = exceeded(plan.spec, _demand(plan, load, tuning))
-        part = min(one.limit.share_of_level(plan.spec, one.asked) for one in broken)
+        part = min((one.limit.share_of_level(plan.spec, one.asked) for one in broken), default=LOWER)
         text = at_most(plan.spec.drive.level_um * part)
         if float(text) < SMALLEST_LEVEL_UM:
             break

@@ -26,7 +26,9 @@ import numpy as np
 from padgen.core.errors import EngineMissingError, FileError, SpecError, at_least, number
 from padgen.driver.excitation import sweep_table
 from padgen.driver.loads import refuse_frames
-from padgen.driver.waveform import timeline
+from padgen.driver.signs import PlayedPad, choose_signs
+from padgen.driver.waveform import CONTROLLER_RATES_HZ, drive_at, ramp_s, timeline
+from padgen.driver.waveform import frame_s as planned_frame_s
 from padgen.measured.tuning import Tuning, tuning_to_json
 from padgen.planner.plan import Plan, plan_to_json
 
@@ -195,14 +197,21 @@ def decode(stream: bytes) -> tuple[list[Message | None], bytes]:
 
 
 def frame_message(levels: np.ndarray, sequence: int) -> Message:
-    """Pack levels (taxels,) in 0 … 1, in the plan's order: a bit each where all are 0 or 1, else a byte each.
+    """Pack levels (taxels,) in −1 … 1, in the plan's order: a bit each where all are 0 or ±1, else a byte each.
 
-    Bits fill bytes from the lowest on; bytes are in steps of 1/255.
+    Bits fill bytes from the lowest on; bytes are in steps of 1/255. Where a level is below 0, a bit each follows: 1 for
+    a taxel that moves in counter-phase.
     """
-    values = np.asarray(levels, float)
+    values = np.abs(np.asarray(levels, float))
+    turned = np.asarray(levels) < 0
+    signs = _bits(turned) if turned.any() else b""
     if np.isin(values, (0.0, 1.0)).all():
-        return Message(Kind.FRAME_BITS, sequence, np.packbits(values.astype(bool), bitorder="little").tobytes())
-    return Message(Kind.FRAME, sequence, np.rint(values * FULL_LEVEL).astype(np.uint8).tobytes())
+        return Message(Kind.FRAME_BITS, sequence, _bits(values == 1) + signs)
+    return Message(Kind.FRAME, sequence, np.rint(values * FULL_LEVEL).astype(np.uint8).tobytes() + signs)
+
+
+def _bits(values: np.ndarray) -> bytes:
+    return np.packbits(values, bitorder="little").tobytes()
 
 
 def greeting(message: Message) -> Greeting:
@@ -273,8 +282,9 @@ def play_frames(
 ) -> Played:
     """Show frames (k, taxels) of levels in 0 … 1, each for `frame_s` (None: the device's), then silence.
 
-    The device must hold the firmware of this plan and `tuning`. `on_shown` hears how many are shown. An answer is
-    waited for `reply_s` (None: by what the line needs).
+    Taxels of one frequency have the signs with which they shake the pad least. The device must hold the firmware of
+    this plan and `tuning`. `on_shown` hears how many are shown. An answer is waited for `reply_s` (None: by what the
+    line needs).
 
     Raises
     ------
@@ -288,6 +298,7 @@ def play_frames(
     timeline(plan, frames, frame_s)
     frames = np.atleast_2d(np.asarray(frames, float))
     refuse_frames(plan, frames, tuning)
+    frames = frames * _signs(plan, frames, frame_s, tuning)
     bytes_each = max(len(encode(frame_message(frame, 0))) for frame in frames)
     least_s = bytes_each * BITS_A_BYTE / baud
     reply_s = max(LEAST_REPLY_S, 4 * least_s) if reply_s is None else reply_s
@@ -306,6 +317,18 @@ def play_frames(
             link.ask(Kind.SILENCE)
             link.wait_for([State.SILENT])
         return Played(link.device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
+
+
+def _signs(plan: Plan, frames: np.ndarray, each_s: float | None, tuning: Tuning | None) -> np.ndarray:
+    """Return the signs (k, taxels) with which frames keep the pad still; all +1 where those are beyond a limit."""
+    drive = drive_at(plan, CONTROLLER_RATES_HZ, tuning=tuning)
+    held_s = (each_s or planned_frame_s(plan)) - ramp_s(plan) / 2
+    signs = choose_signs(PlayedPad(plan, drive, tuning), frames, held_s, plan.scheme.takes_turns)
+    try:
+        refuse_frames(plan, frames * signs, tuning)
+    except SpecError:
+        return np.ones(frames.shape)
+    return signs
 
 
 def excite(port: str, plan: Plan, coil: int, *, tuning: Tuning | None = None, baud: int = BAUD) -> None:
@@ -470,7 +493,7 @@ class _Link:
         raise FileError(f"no answer in {TRIES} tries of {number(self._reply_s)} s each; {self._what_then}", self._port)
 
     def _refused(self, reason: int) -> str:
-        if reason == Reason.KIND:
+        if reason in (Reason.KIND, Reason.LENGTH):
             return "the device's firmware is an older one; write it anew with padgen drive --formats c, and compile it"
         if reason in (Reason.STRANGER, Reason.ORDER):
             return "the device began anew while it played: was it reset, or does another program use its port?"

@@ -85,8 +85,8 @@ def frame_contrast(plan: Plan, drive: PadDrive, shown: Timeline, tuning: Tuning 
     turns = drive.scheme.takes_turns
     slot, levels = slots_of(shown.time_s, shown.levels, shown.frame_s, turns)
     count = len(levels)
-    amplitude, energy = follow(shown.time_s, shown.levels, taus_s(plan, tuning))
-    played = overlap(shown.time_s, shown.levels, shown.levels)
+    amplitude, energy = follow(shown.time_s, shown.signed, taus_s(plan, tuning))
+    played = overlap(shown.time_s, shown.signed, shown.signed)
     size = np.abs(shown.levels)
     slots, power, ends = np.zeros((3, count, len(plan.taxels)))
     for k in range(count):
@@ -112,7 +112,7 @@ def frame_contrast(plan: Plan, drive: PadDrive, shown: Timeline, tuning: Tuning 
             both = np.stack([both[slot == k].sum(0) for k in range(count)])
             product = state[:, first] * state[:, second]
             # A tone has the root of its level, a biased one the level itself.
-            once = product if drive.scheme.has_constant else np.ones(product.shape)
+            once = product if drive.scheme.at_resonance else np.ones(product.shape)
             slots[:, coil.taxels] += (both / shown.frame_s * once) @ heard.spurs.T
             ends[:, coil.taxels] += (product * once) @ heard.spurs.T
         if not turns:
@@ -147,7 +147,7 @@ def _beats(
     phase = coil.phase_rad
     line = coil.line_a2
     first = second = np.arange(len(line))
-    if not drive.scheme.has_constant:
+    if not drive.scheme.at_resonance:
         pairs = np.triu_indices(len(line), 1)
         first = np.append(first, pairs[0])
         second = np.append(second, pairs[1])
@@ -161,8 +161,7 @@ def _beats(
     apart = 2 * np.pi * (made_hz - line_hz[:, None])
     turned = made_phase - phase[:, None]
     share = blend(np.arange(STEPS + 1) / STEPS)[:, None]
-    levels = shown.levels[:, coil.taxels]
-    size = np.abs(shown.levels[:, coil.taxels])
+    levels = shown.signed[:, coil.taxels]
     count = int(slot.max())
     motion = np.zeros((count, len(line)))
     for k in range(count):
@@ -175,7 +174,8 @@ def _beats(
         begin_s = shown.time_s[key]
         seconds = shown.time_s[key + 1] - shown.time_s[key]
         decaying = np.einsum("atn,an->tn", course(tau_s, seconds), np.stack([begun, before, after]))
-        level = np.sqrt((1 - share) * size[key] + share * size[key + 1])
+        # The root of a line, turned by a quarter of its period where that is in counter-phase.
+        level = np.sqrt((1 - share) * before + share * after + 0j).conj()
         weight = np.full(STEPS + 1, seconds / STEPS)
         weight[[0, -1]] /= 2
         time_s = begin_s + np.arange(STEPS + 1) * (seconds / STEPS)
@@ -186,7 +186,7 @@ def _beats(
         rest_s = shown.time_s[key + 2] - shown.time_s[key + 1] if slot[key + 1] == k else 0.0
         rate = 1 / tau_s[:, None] - 1j * apart
         rings = (decaying[-1] - after)[:, None] * (1 - np.exp(-rate * rest_s)) / rate
-        total += rings * np.sqrt(size[key + 1][first] * size[key + 1][second]) * turn[-1]
+        total += rings * level[-1, first] * level[-1, second] * turn[-1]
         motion[k] = 2 * (heard * total).real.sum(1)
     return motion
 
@@ -207,7 +207,9 @@ def _heard(plan: Plan, drive: PadDrive, coil: CoilDrive, tuning: Tuning | None) 
     channels = [plan.channels[plan.taxels[k].channel] for k in coil.taxels]
     which = Channels(np.array([t.resonance_hz for t in taxels]), np.array([t.q for t in taxels]), coil.line_a2)
     modes = coil_modes(plan.spec, channels) if tuning is None else None
-    heard = np.concatenate([line_energy(which, part, modes) for part in own_lines(which, drive.scheme)], 2)
+    # Remanence, a second line of each channel, is left out as in all that plays in time.
+    scheme = drive.scheme._replace(remanence=0.0)
+    heard = np.concatenate([line_energy(which, part, modes) for part in own_lines(which, scheme)], 2)
     heard[:, 0][np.diag_indices(len(channels))] = 0.0
     if not drive.scheme.has_pair_spurs or len(channels) > MOST_WITH_SPURS:
         return _Heard(heard.sum(1), None, ())
@@ -216,7 +218,13 @@ def _heard(plan: Plan, drive: PadDrive, coil: CoilDrive, tuning: Tuning | None) 
 
 
 def slot_findings(
-    plan: Plan, drive: PadDrive, frames: np.ndarray, shown: Timeline, brake: bool, tuning: Tuning | None = None
+    plan: Plan,
+    drive: PadDrive,
+    frames: np.ndarray,
+    shown: Timeline,
+    brake: bool,
+    tuning: Tuning | None = None,
+    signs: np.ndarray | float = 1.0,
 ) -> tuple[Finding, ...]:
     """Warn of frames that follow each other faster than keeps what is asked over their slots, with a length that does.
 
@@ -228,7 +236,7 @@ def slot_findings(
         return ()
 
     def kept_db(seconds: float, braked: bool) -> float:
-        one = frame_contrast(plan, drive, timeline(plan, frames, seconds, braked, tuning), tuning)
+        one = frame_contrast(plan, drive, timeline(plan, frames, seconds, braked, tuning, signs), tuning)
         assert one is not None
         return one.slot_db
 

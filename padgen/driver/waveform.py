@@ -18,7 +18,9 @@ biased       B + Σ g_j A_j/(2B) cos(2π r_j t + φ_j)              g blended; B
 ===========  ==================================================  ================================
 
 A level below 0, as a brake has it, is the line in counter-phase; a tone of the current is then a quarter of its period
-late. No blend of tones leads through 0. The voltage is ``R i + L di/dt`` with the analytic slope, the blend's too.
+late. Each taxel also has a sign, times which its level counts. One that turns over between two keyframes passes
+through 0: a tone goes down over the first half of the transition and comes up over the second, so that no blend of
+tones leads through 0. The voltage is ``R i + L di/dt`` with the analytic slope, the blend's too.
 
 Where a sound card has a high-pass of corner f_h, the file has what comes out of it as that voltage u:
 ``u + 2π f_h ∫ u dt``, which is each line at f times ``1 − j f_h/f``; on a carrier, all lines as the carrier's. In a
@@ -43,7 +45,7 @@ import numpy as np
 
 from padgen.core.errors import SpecError, at_least, number
 from padgen.core.units import MH, MS
-from padgen.measured.tuning import Tuning, levels_um, planned_tuning
+from padgen.measured.tuning import Tuning, levels_um, played_tuning, tuned_spec
 from padgen.physics.crest import (
     ALIAS_DB,
     SHORTEST_S,
@@ -167,7 +169,7 @@ def coil_lines(drive: PadDrive, coil: CoilDrive) -> tuple[np.ndarray, np.ndarray
     with the level; where the scheme has no constant, with its root, at half the force's frequency.
     """
     height = coil.line_a2 if drive.scheme.is_root else current_lines_a(drive.scheme, coil.line_a2)
-    if drive.scheme.has_constant:
+    if drive.scheme.at_resonance:
         return coil.harmonic, height * np.exp(1j * coil.phase_rad)
     return coil.harmonic // 2, height * np.exp(0.5j * coil.phase_rad)
 
@@ -191,8 +193,8 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
         `rate_hz` is too low for the highest line of the current, a carrier is outside its bounds, or a coil cannot move
         a taxel.
     """
-    tuning = tuning or planned_tuning(plan)
-    spec = plan.spec
+    tuning = played_tuning(plan, tuning)
+    spec = tuned_spec(plan, tuning.coil_c)
     scheme = plan.scheme
     known = np.array([(taxel.resonance_hz, taxel.q, taxel.response_um_per_a2) for taxel in tuning.taxels])
     resonance, q, response = known.T
@@ -205,7 +207,7 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
             "--rate",
         )
     # A tone of the current at half the force's frequency must fit the period too.
-    step = 1 if scheme.has_constant else 2
+    step = 1 if scheme.at_resonance else 2
     period_s = comb_period_s(resonance, q, step, rate_hz)
     harmonic = on_comb(resonance, period_s, step)
     if carrier_hz is not None:
@@ -222,7 +224,7 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
         """Return phases (n,) and margin of a coil; many coils of a pad are alike."""
         k = np.array(harmonics, int)
         line = np.array(lines)
-        if scheme.has_constant:
+        if scheme.at_resonance:
             phase = low_crest_phases(k, line) if len(k) else np.zeros(0)
         else:  # a tone's phase in i² is twice the current's
             alone = scheme.takes_turns or not len(k)
@@ -339,7 +341,7 @@ def drive_at(
 
 def highest_hz(plan: Plan, tuning: Tuning | None) -> float:
     """Return the highest resonance of the plan's channels, or of the print's taxels."""
-    return max(one.resonance_hz for one in (plan.channels if tuning is None else tuning.taxels))
+    return max(taxel.resonance_hz for taxel in played_tuning(plan, tuning).taxels)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -347,13 +349,20 @@ class Timeline:
     """Keyframes: `time_s` (k,), rising from 0, and `levels` (k, taxels) in −1 … 1, taxels as in the plan.
 
     A level below 0 is a brake's. `loops` tells that the end leads over into the beginning; `frame_s` is how long each
-    of the frames lasts that are shown one after the other, from 0 on, None where it is one state.
+    of the frames lasts that are shown one after the other, from 0 on, None where it is one state. `signs` (k, taxels)
+    are those of the taxels' motion, +1 and −1 (`padgen.driver.signs`).
     """
 
     time_s: np.ndarray
     levels: np.ndarray
     loops: bool
     frame_s: float | None = None
+    signs: np.ndarray | float = 1.0
+
+    @property
+    def signed(self) -> np.ndarray:
+        """Levels (k, taxels) with their signs: the shares of the lines that are played."""
+        return self.levels * self.signs
 
     @property
     def seconds(self) -> float:
@@ -374,7 +383,7 @@ def ramp_s(plan: Plan) -> float:
 
 def taus_s(plan: Plan, tuning: Tuning | None = None) -> np.ndarray:
     """Return the time constants (taxels,) of the taxels as planned, or of the print that `tuning` tells of."""
-    known = (tuning or planned_tuning(plan)).taxels
+    known = played_tuning(plan, tuning).taxels
     return np.array([ring_up_time(taxel.resonance_hz, taxel.q) for taxel in known])
 
 
@@ -400,9 +409,9 @@ def braked_s(plan: Plan, tuning: Tuning | None = None) -> float:
     return ramp_s(plan) + brake.blend_s + brake.seconds
 
 
-def steady(levels: np.ndarray, seconds: float) -> Timeline:
+def steady(levels: np.ndarray, seconds: float, signs: np.ndarray | float = 1.0) -> Timeline:
     """Hold the same levels (taxels,) all the time: a loop without seam if `seconds` are whole periods of the comb."""
-    return Timeline(np.array([0.0, seconds]), np.stack([levels, levels]), True)
+    return Timeline(np.array([0.0, seconds]), np.stack([levels, levels]), True, signs=signs)
 
 
 def timeline(
@@ -411,8 +420,9 @@ def timeline(
     seconds_each: float | None = None,
     brake: bool = False,
     tuning: Tuning | None = None,
+    signs: np.ndarray | float = 1.0,
 ) -> Timeline:
-    """Show frames (k, taxels) one after the other, from silence to silence.
+    """Show frames (k, taxels) one after the other, from silence to silence, with `signs` (k, taxels) of their motion.
 
     `seconds_each` is a frame's length (None: by the planned refresh rate). Where the channels of a coil take
     turns, a frame is a slot for each channel, up over its one half and down over the other. With `brake`, taxels that
@@ -440,7 +450,7 @@ def timeline(
     if seconds_each is not None and not (np.isfinite(seconds_each) and seconds_each > 0):
         raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
     if plan.scheme.takes_turns and not brake:
-        return _in_turns(plan, frames, seconds_each)
+        return _in_turns(plan, frames, seconds_each, signs)
     ramp = ramp_s(plan)
     length = seconds_each or frame_s(plan, brake)
     stop = None
@@ -457,10 +467,19 @@ def timeline(
             "frames",
         )
     taus = taus_s(plan, tuning) if stop else None
-    return Timeline(*keyframes(frames, length, ramp, stop, taus), False, length)
+    return _signed(*keyframes(frames, length, ramp, stop, taus, signs), length, frames, signs)
 
 
-def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Timeline:
+def _signed(
+    time_s: np.ndarray, levels: np.ndarray, length: float, frames: np.ndarray, signs: np.ndarray | float
+) -> Timeline:
+    """Return the timeline of frames (k, n) of `length` s whose `signs` are theirs until the last moment of each."""
+    frame = np.ceil(time_s / length - 1e-9).astype(int) - 1
+    of_frames = np.broadcast_to(signs, frames.shape)
+    return Timeline(time_s, levels, False, length, of_frames[np.clip(frame, 0, len(frames) - 1)])
+
+
+def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None, signs: np.ndarray | float = 1.0) -> Timeline:
     order = {channel.index: k for channel_set in plan.sets for k, channel in enumerate(channel_set)}
     turn = np.array([order[taxel.channel] for taxel in plan.taxels])
     slots = len(plan.sets[0])
@@ -476,7 +495,7 @@ def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None) -> Tim
     for k, frame in enumerate(frames):
         for s in range(slots):
             levels[2 * (k * slots + s) + 1] = np.where(turn == s, frame, 0.0)
-    return Timeline(times, levels, False, slot * slots)
+    return _signed(times, levels, slot * slots, frames, signs)
 
 
 BLOCK = 1 << 17
@@ -543,7 +562,7 @@ def blocks(
     form = _FORMS[drive.scheme.kind.CURRENT]
     for key, (first, last) in enumerate(pairwise(edges(drive, timeline))):
         end = last
-        if periods and np.array_equal(*timeline.levels[key : key + 2]):
+        if periods and np.array_equal(*timeline.signed[key : key + 2]):
             end = min(last, first + drive.period_samples)
         for start in range(first, end, size):
             stop = min(start + size, end)
@@ -574,7 +593,7 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
         constant = np.zeros((0, len(coils)))
         if drive.scheme.is_root:
             weight = gain * weight
-            levels = timeline.levels[:, taxels]
+            levels = timeline.signed[:, taxels]
             constant = gain**2 * np.stack([constant_a2(c, levels[:, m]) for m, c in enumerate(coils)], 1)
         angle = 2 * np.pi * k / drive.period_samples * (np.arange(ROW) % drive.period_samples)[:, None]
         table = np.concatenate([np.cos(angle), np.sin(angle), np.ones((ROW, 1))], 1)
@@ -596,8 +615,12 @@ def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
 
 def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
-    begin = timeline.time_s[where.key]
-    end = timeline.time_s[where.key + 1]
+    return _ramp_between(drive, where, timeline.time_s[where.key], timeline.time_s[where.key + 1])
+
+
+def _ramp_between(
+    drive: PadDrive, where: _Stretch, begin: float, end: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     share = (np.arange(where.start, where.stop) / drive.rate_hz - begin) / (end - begin)
     share = np.clip(share, 0.0, 1.0)[:, None]
     # 1 − b(s) is b(1 − s), which keeps its digits where it is small: its root is taken.
@@ -629,8 +652,9 @@ Part = tuple[np.ndarray, np.ndarray] | None
 
 
 def _levels(timeline: Timeline, group: _Group, key: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return levels (m, n) at a keyframe and at the next."""
-    return timeline.levels[key][group.taxels], timeline.levels[key + 1][group.taxels]
+    """Return levels with their signs (m, n) at a keyframe and at the next."""
+    before, after = timeline.signed[key : key + 2]
+    return before[group.taxels], after[group.taxels]
 
 
 def _blended(
@@ -691,6 +715,13 @@ def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
     return value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
+def _linear(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
+    if not timeline.levels[where.key : where.key + 2, group.taxels].any():
+        return None
+    value, slope = _blended(drive, timeline, group, where, (0.0, 0.0))
+    return group.lift * value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
+
+
 def is_fed(timeline: Timeline, key: int) -> bool:
     """Tell whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
     ends = key in (0, len(timeline.time_s) - 1)
@@ -702,22 +733,47 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
     if not (before.any() or after.any()):
         return None
     steady = before == after
-    # i² is in counter-phase where the tone is a quarter of its own period late.
-    turned = group.weight * np.where(np.minimum(before, after) < 0, -1j, 1)
-    before = np.abs(before)
-    after = np.abs(after)
-    value, slope = _sums(drive, group, where, np.sqrt(before) * steady * turned)
-    falling, rising, steepness = _ramp(drive, timeline, where)
-    for j in np.flatnonzero((~steady).any(0)):
-        one = (before != after) & (np.arange(before.shape[1]) == j)
-        tone, tone_slope = _sums(drive, group, where, one * turned)
-        low, high = before[:, j], after[:, j]
-        envelope = np.sqrt(low * falling + high * rising)
-        envelope_slope = group.tau_s * steepness * (high - low) / (2 * np.maximum(envelope, SMALLEST))
-        value = value + tone * envelope
-        slope = slope + tone_slope * envelope + tone * envelope_slope
+    value, slope = _sums(drive, group, where, np.sqrt(np.abs(before)) * steady * _turned(group, before))
+    for levels, settled, ramp in _blends(drive, timeline, where, before, after):
+        falling, rising, steepness = ramp
+        # i² is in counter-phase where the tone is a quarter of its own period late.
+        turned = _turned(group, np.minimum(levels, settled))
+        low = np.abs(levels)
+        high = np.abs(settled)
+        for j in np.flatnonzero((low != high).any(0)):
+            one = (low != high) & (np.arange(low.shape[1]) == j)
+            tone, tone_slope = _sums(drive, group, where, one * turned)
+            envelope = np.sqrt(low[:, j] * falling + high[:, j] * rising)
+            change = steepness * (high[:, j] - low[:, j])
+            envelope_slope = group.tau_s * change / (2 * np.maximum(envelope, SMALLEST))
+            value = value + tone * envelope
+            slope = slope + tone_slope * envelope + tone * envelope_slope
     return group.lift * value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
+def _turned(group: _Group, levels: np.ndarray) -> np.ndarray:
+    """Return the tones' amplitudes, a quarter of their own period late where levels (m, n) are below 0."""
+    return group.weight * np.where(levels < 0, -1j, 1)
+
+
+def _blends(
+    drive: PadDrive, timeline: Timeline, where: _Stretch, before: np.ndarray, after: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]]:
+    """Yield blends of levels (m, n) that lead through no 0: levels before and after, and the ramp between these.
+
+    Those that turn over go to 0 in the first half of the transition, and from there in the second.
+    """
+    turns = before * after < 0
+    ramp = _ramp(drive, timeline, where)
+    yield np.where(turns, 0.0, before), np.where(turns, 0.0, after), ramp
+    if turns.any():
+        begin = timeline.time_s[where.key]
+        end = timeline.time_s[where.key + 1]
+        middle = (begin + end) / 2
+        silent = np.zeros(before.shape)
+        yield np.where(turns, before, 0.0), silent, _ramp_between(drive, where, begin, middle)
+        yield silent, np.where(turns, after, 0.0), _ramp_between(drive, where, middle, end)
+
+
 Form = Callable[[PadDrive, Timeline, _Group, _Stretch], Part]
-_FORMS: dict[str, Form] = {"root": _spur_free, "biased": _biased, "tones": _tones}
+_FORMS: dict[str, Form] = {"root": _spur_free, "biased": _biased, "tones": _tones, "linear": _linear}

@@ -1,4 +1,4 @@
-"""List stiff and extreme cases of every model: its figure, the reference's, and whether its error covers the gap.
+"""List stiff and extreme cases of every model, each with its answer, the error that it states, and a reference.
 
 Structure: foils and blocks, ribbons and blades, feathers and anvils at the tip: the frame of Timoshenko elements
 against the roots of the frequency equation in forty digits, and the beam model of taxels against 3-D elasticity of
@@ -29,7 +29,6 @@ from padgen.core.errors import PadgenError, SolverError, number
 from padgen.ladders.rung import Solved
 from padgen.ladders.stages import axisymmetric_pull, charges_pull, three_d_pull
 from padgen.make.planning import plan_for
-from padgen.physics.frame import AttachedBody, Element, Frame, checked_frame_modes, divided, rectangle
 from padgen.physics.ladder import LevelLaw, capacity, geometric_ladder
 from padgen.physics.magnetics import (
     MILD_STEEL,
@@ -40,15 +39,6 @@ from padgen.physics.magnetics import (
     solenoid,
 )
 from padgen.physics.modes import RigidBody
-from padgen.physics.propagation import (
-    STATED_ERROR,
-    DecayingTones,
-    circuit_current,
-    propagate,
-    squared,
-    steady_lines,
-    tones,
-)
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.make import BROKEN_DOWN
 from padgen.planner.plan import lost_figures
@@ -61,6 +51,16 @@ from padgen.verify import mpmath, occ
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, scipy_motion, simulate
 from padgen.verify.elasticity import Elastic, SolidTaxel, converged_modes, solve_modes
 from padgen.verify.field_solid import PullQuestion
+from padgen.verify.frame import AttachedBody, Element, Frame, checked_frame_modes, divided, rectangle
+from padgen.verify.propagation import (
+    STATED_ERROR,
+    DecayingTones,
+    circuit_current,
+    propagate,
+    squared,
+    steady_lines,
+    tones,
+)
 
 __all__ = [
     "BlockTaxel",
@@ -453,11 +453,12 @@ def random_pull(index: int) -> PullQuestion:
     bore = max(core, 2e-3) * (1 + 0.3 * draw())
     outer = bore + 2e-3 * (1 + 4 * draw())
     length = 5e-3 * 8 ** draw()
-    sizes = [1e-3 * ring[key] for key in ("outer_diameter_mm", "inner_diameter_mm", "thickness_mm")]
     coil = solenoid(outer, bore, length, 1000, core, 1000)
-    return PullQuestion(
-        coil, SteelRing._make([*sizes, ring["relative_permeability"]]), 2e-4 * 25 ** draw(), 15e-3 * draw()
+    outer_m, inner_m, thickness_m = (
+        1e-3 * ring[key] for key in ("outer_diameter_mm", "inner_diameter_mm", "thickness_mm")
     )
+    washer = SteelRing(outer_m, inner_m, thickness_m, ring["relative_permeability"])
+    return PullQuestion(coil, washer, 2e-4 * 25 ** draw(), 15e-3 * draw())
 
 
 def _planned_case(name: str, pull: PullQuestion) -> ExtremeCase:
@@ -742,8 +743,11 @@ FREE = (
     "name",
     "source",
     "power_w",
+    "dynamic_ratio",
+    "wet_ratio",
 )
-"""Fields of the spec that are not drawn among the odd ones: without bounds, or drawn always."""
+"""Fields of the spec that are not drawn among the odd ones: without bounds, drawn always, or of no use without another.
+"""
 
 
 def spec_cases() -> Iterator[ExtremeCase]:
@@ -811,7 +815,9 @@ def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
     draw = random.random
     low = 10 * 20 ** draw()
     side_mm = 30 * 5 ** draw()
-    material, made = random.choice(sorted(catalogue("material").items()))
+    # Rubbers are too soft for nearly all of these bands.
+    stiff = [each for each in sorted(catalogue("material").items()) if each[1]["glass_c"] is not None]
+    material, made = random.choice(stiff)
     printers = [name for name, entry in sorted(catalogue("printer").items()) if entry["process"] == made["process"]]
     table: dict[str, Any] = {
         "name": f"random-{number}",

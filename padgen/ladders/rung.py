@@ -347,7 +347,8 @@ def observed_order(steps: Sequence[float], differences: Sequence[float]) -> floa
     def ratio(order: float) -> float:
         return float((coarse**order - middle**order) / (middle**order - 1))
 
-    low, high = 0.01, 20.0
+    low = 0.01
+    high = 20.0
     if not ratio(low) < wanted < ratio(high):
         return None
     from scipy.optimize import brentq

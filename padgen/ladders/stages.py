@@ -10,10 +10,10 @@ Dynamics: where a coil's taxels are after switching on; phasors leave out the tr
 propagation only the latter.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import pi
+from math import inf, pi
 from pathlib import Path
 from typing import Any
 
@@ -32,19 +32,22 @@ from padgen.ladders.rung import (
     run_apart,
     write_steps,
 )
+from padgen.physics.contact import Contactor
+from padgen.physics.contact.half_space import HalfSpace, layer_radius
 from padgen.physics.ladder import geometric_ladder, optimal_ladder
 from padgen.physics.magnetics import impedance, paper_force_constant
-from padgen.physics.propagation import DecayingTones, propagate, signal, squared, steady_lines, tones
 from padgen.physics.pull import solved_pulls
 from padgen.physics.schemes import bias_a
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db
-from padgen.planner.channels import magnetic_parts
+from padgen.planner.movers.washer import magnetic_parts
 from padgen.planner.plan import Channel, Plan, level_law, scheme_named
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, simulate
 from padgen.verify.field_solid import PullQuestion, axisymmetric_force, solid_pull
+from padgen.verify.layered_skin import LAYERED, SkinQuestion, solve_skin
+from padgen.verify.propagation import DecayingTones, propagate, signal, squared, steady_lines, tones
 
 __all__ = [
     "LADDERS",
@@ -64,6 +67,8 @@ __all__ = [
     "frame_hz",
     "geometry_ladders",
     "graded_hz",
+    "layered_skin",
+    "lumped_skin",
     "mesh_volumes",
     "optimal_ratio",
     "pad_hz",
@@ -71,6 +76,7 @@ __all__ = [
     "paper_pull",
     "planned_hz",
     "rule_hz",
+    "skin_ladders",
     "structure_ladders",
     "taxel_solids",
     "three_d_pull",
@@ -470,7 +476,7 @@ GRADED = ((2, 0), (2, 1), (3, 1), (3, 2), (4, 3), (5, 4))
 ELEMENTS = (1, 2, 4, 8)
 FULL = 4
 FRAME = "frame, cubic elements"
-FRAMES = ("padgen.planner.taxel_frame",)
+FRAMES = ("padgen.verify.taxel_frame",)
 REFERENCE = "solid, graded"
 THEORY = {
     FRAME: Theory(4, "frequencies by cubic shapes and consistent mass; what the flares' fixed slices err by stays"),
@@ -530,8 +536,8 @@ def beam_hz(spec: Spec, channel: Channel) -> Solved:
 
 def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool = False) -> Solved:
     """Return the resonance by a frame of `elements` along each beam, with motions within the elements or without."""
-    from padgen.physics.frame import frame_modes
-    from padgen.planner.taxel_frame import taxel_frame
+    from padgen.verify.frame import frame_modes
+    from padgen.verify.taxel_frame import taxel_frame
 
     model = _model(spec, channel)
     frame = taxel_frame(model, elements)
@@ -601,11 +607,72 @@ def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
     return Solved(planned_hz(plan).values * moved, unknowns=modes.unknowns)
 
 
+SKIN_STEPS = ((2, 0.1), (3, 0.05), (4, 0.02))
+"""(order of the elements, size of the smallest one over the radius)."""
+LAYERS = "layers by elements"
+SKIN_ENGINE = ("ngsolve", "netgen.meshing", "scipy.sparse.linalg", "padgen.verify.layered_skin")
+GUARD_RATIO = 2.0
+
+
+def skin_ladders(scene: Scene) -> Iterator[Ladder]:
+    """Yield two ladders on what typical skin adds to a taxel: free, and held by a plate round the contactor."""
+    plan = scene.plan
+    radius = plan.plate.boss_diameter_mm / 2 * MM
+    hz = tuple(dict.fromkeys((plan.channels[0].resonance_hz, plan.channels[-1].resonance_hz)))
+    for ratio, place in ((inf, "free skin"), (GUARD_RATIO, f"in a plate's hole {GUARD_RATIO:g} times as wide")):
+        contactor = Contactor(radius, ratio)
+        yield Ladder(
+            "skin",
+            f"{place}, contactor of {plan.plate.boss_diameter_mm:g} mm",
+            f"dynamic stiffness at {' and '.join(number(each) for each in hz)} Hz, real and imaginary",
+            "N/m",
+            (
+                Rung("half-space", "as wide as the contactor", partial(lumped_skin, contactor, hz, False)),
+                Rung("half-space", "with an outer layer, as planned", partial(lumped_skin, contactor, hz, True)),
+                *(
+                    Rung(
+                        LAYERS,
+                        f"order-{order} elements from {finest:g} radii on",
+                        partial(layered_skin, contactor, hz, order, finest),
+                        LAYERS,
+                        imports=SKIN_ENGINE,
+                    )
+                    for order, finest in SKIN_STEPS
+                ),
+            ),
+            LAYERS,
+            note="layers of the typical fingertip; what real skin is differs by far more (docs/touch.md)",
+        )
+
+
+def lumped_skin(contactor: Contactor, hz: Sequence[float], is_layered: bool) -> Solved:
+    """Return real and imaginary part of the dynamic stiffness by closed forms, with or without the outer layer."""
+    outer, below = LAYERED
+    layer = layer_radius(outer.thickness, outer.shear, below.shear) if is_layered else 0.0
+    skin = HalfSpace(4 * below.shear, layer, below.time)
+    stiffness = skin.impedance(np.array(hz), contactor).dynamic_stiffness(hz)
+    return Solved(_parts(stiffness), float(skin.error(np.array(hz), contactor).max()))
+
+
+def layered_skin(contactor: Contactor, hz: Sequence[float], order: int, finest: float) -> Solved:
+    """Return real and imaginary part of the dynamic stiffness by finite elements of the layers."""
+    asked = (SkinQuestion(float(contactor.radius), each, LAYERED, float(contactor.hole_ratio)) for each in hz)
+    answers = [solve_skin(question, order, finest) for question in asked]
+    stiffness = np.array([answer.stiffness for answer in answers])
+    residual = max(answer.residual for answer in answers)
+    return Solved(_parts(stiffness), residual=residual, unknowns=sum(answer.unknowns for answer in answers))
+
+
+def _parts(values: np.ndarray) -> np.ndarray:
+    return np.stack([values.real, values.imag])
+
+
 LADDERS: dict[str, Callable[[Scene], Iterable[Ladder]]] = {
     "allocation": allocation_ladders,
     "geometry": geometry_ladders,
     "dynamics": dynamics_ladders,
     "force": force_ladders,
+    "skin": skin_ladders,
     "structure": structure_ladders,
     "pad": pad_ladders,
 }

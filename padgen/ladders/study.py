@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields
 from functools import partial
-from itertools import cycle
-from math import ceil, floor, isfinite, isnan, log10, nan
+from math import isfinite, isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +20,7 @@ import numpy as np
 
 from padgen import __version__
 from padgen.core.cache import version
-from padgen.core.display import COLOURS, INK, PALE, plot_bytes, plot_style, seconds_text, table
+from padgen.core.display import plot_bytes, seconds_text, table
 from padgen.core.errors import percent
 from padgen.core.files import OutputFolder, csv_cell, file_hash, json_text
 from padgen.core.registry import names_in
@@ -47,7 +46,6 @@ from padgen.ladders.rung import (
     Scene,
     Solved,
     apart,
-    by_ladder,
     judged,
     measured,
     picks,
@@ -217,14 +215,10 @@ class Study:
 
     def plot(self) -> Any:
         """Draw every rung's error against its run time, recommended ones ringed; a `matplotlib.figure.Figure`."""
-        with plot_style():
-            panels = by_ladder(self.ladders)
-            figure, axes = _figure(max(len(panels), 1))
-            for axis, (ladder, rows) in zip(axes, panels.items(), strict=False):
-                _panel(axis, ladder, rows, self.tolerances)
-            title = f"{self.name}: error against run time\nringed: the quickest rung for a tolerance"
-            figure.suptitle(title, fontsize=10)
-        return figure
+        from padgen.report.charts import draw_grid
+        from padgen.report.rungs import marks_of, study_figure
+
+        return draw_grid(study_figure(self.name, marks_of(self), self.tolerances))
 
 
 @dataclass(frozen=True)
@@ -571,88 +565,9 @@ def _extreme_text(study: ExtremeStudy) -> str:
     return "\n".join([*lines, TIMES, f"{len(study.verdicts)} cases: {counted_verdicts}"])
 
 
-MARKS = ("o", "s", "D", "^", "v", "P", "X", "*")
-VERDICT_COLOURS = {"right": COLOURS[2], "WRONG": COLOURS[1], "unchecked": COLOURS[4], "refused": PALE}
-PANEL_INCHES = (5.6, 4.2)
-LEAST = 1e-13
-"""Errors below are drawn here."""
-
-
 def extreme_picture(verdicts: Sequence[CaseVerdict]) -> bytes:
     """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
-    with plot_style():
-        figure, (axis,) = _figure(1)
-        axis.plot([LEAST, 10], [LEAST, 10], color=PALE, linewidth=1)
-        marks = dict(zip(dict.fromkeys(verdict.domain for verdict in verdicts), cycle(MARKS), strict=False))
-        for verdict in verdicts:
-            if isfinite(verdict.error) and isfinite(verdict.stated_error):
-                place = (max(verdict.stated_error, LEAST), max(verdict.error, LEAST))
-                colour = VERDICT_COLOURS[verdict.verdict]
-                axis.plot(*place, marks[verdict.domain], color=colour, markersize=5, linestyle="none")
-        for domain, mark in marks.items():
-            axis.plot([], [], mark, color=INK, linestyle="none", label=domain)
-        axis.set(xscale="log", yscale="log", xlabel="stated relative error", ylabel="relative error")
-        axis.set_title("extreme cases: green below the line is right, red is worse than stated")
-        if marks:
-            axis.legend(frameon=False)
-        axis.grid(alpha=0.25)
-        return plot_bytes(figure, "svg")
+    from padgen.report.charts import draw_grid
+    from padgen.report.rungs import extreme_figure
 
-
-def _figure(count: int) -> tuple[Any, list[Any]]:
-    from matplotlib.figure import Figure
-
-    columns = min(count, 2)
-    rows = -(-count // columns)
-    figure = Figure(figsize=(PANEL_INCHES[0] * columns, PANEL_INCHES[1] * rows + 0.4), layout="constrained")
-    axes = list(figure.subplots(rows, columns, squeeze=False).ravel())
-    for spare in axes[count:]:
-        spare.set_axis_off()
-    return figure, axes[:count]
-
-
-def _panel(axis: Any, ladder: str, results: Sequence[Judged], tolerances: Sequence[float]) -> None:
-    models = dict.fromkeys(row.rung.model for result in results for row in result.rows)
-    colours = dict(zip(models, cycle(COLOURS), strict=False))
-    marked = list(zip(results, cycle(MARKS), strict=False))
-    drawn = [
-        (row, mark, holds)
-        for result, mark in marked
-        for row, holds in zip(result.rows, recommended_for(result, tolerances), strict=True)
-        if isfinite(row.error) and isfinite(row.measured.seconds) and isfinite(row.at_most)
-    ]
-    axis.set_title(f"{ladder}: {results[0].ladder.quantity}")
-    if not drawn:
-        axis.text(0.5, 0.5, "no reference, so no errors", ha="center", va="center", transform=axis.transAxes)
-        axis.set_axis_off()
-        return
-    for row, mark, holds in drawn:
-        colour = colours[row.rung.model]
-        # What cannot be told from the reference's own error is hollow: the error is at most this.
-        fill = "white" if row.is_bound else colour
-        axis.plot(*_place(row), mark, color=colour, markerfacecolor=fill, markersize=6, zorder=3)
-        if names := [percent(tolerance, 3) for tolerance in holds]:
-            axis.plot(*_place(row), "o", color="black", markerfacecolor="none", markersize=12, zorder=2)
-            right = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 4}
-            axis.annotate(", ".join(names), _place(row), **right, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
-    for model in dict.fromkeys(row.rung.model for row, *_ in drawn):
-        axis.plot([], [], "o", color=colours[model], label=model)
-    for result, mark in marked if len(results) > 1 else ():
-        axis.plot([], [], mark, color=INK, label=result.ladder.subject)
-    places = [_place(row) for row, *_ in drawn]
-    axis.set(xscale="log", yscale="log", xlabel="run time, s", ylabel="relative error (hollow: at most)")
-    axis.set(xlim=_decades([x for x, _ in places]), ylim=_decades([y for _, y in places] + list(tolerances)))
-    for tolerance in tolerances:
-        axis.axhline(tolerance, color=PALE, linewidth=0.8, linestyle=(0, (2, 4)), zorder=1)
-    axis.grid(alpha=0.2)
-    axis.legend(frameon=False, fontsize=8)
-
-
-def _decades(values: Sequence[float]) -> tuple[float, float]:
-    """Return whole decades around `values`, so that every axis has labels."""
-    low, high = (10.0 ** round_(log10(value)) for round_, value in ((floor, min(values)), (ceil, max(values))))
-    return (low / 2, high * 3) if high > low else (low / 2, high * 10)
-
-
-def _place(row: JudgedRung) -> tuple[float, float]:
-    return max(row.measured.seconds, 1e-7), max(row.at_most if row.is_bound else row.error, LEAST)
+    return plot_bytes(draw_grid(extreme_figure(verdicts)), "svg")

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PARTS", "Built", "Pad", "parse_formats", "parse_parts", "up_to_date"]
 
-PARTS = ("coupon", "coupon-tray", "tray")
+PARTS = ("coupon", "coupon-tray", "tray", "guard")
 """Names of the parts that can be made beside the pad, see `padgen.solid.parts`."""
 
 

@@ -1,7 +1,7 @@
 """Tune the width of beams until the printed solids resonate at their planned frequencies.
 
 The planner's beam model proposes widths, and finite elements of the printed solid decide: each distinct taxel's width
-is corrected by a secant that starts from the paper's ``f ∝ w^½``. Solutions are kept (`padgen.core.cache`), so that a
+is corrected by a secant that starts from the beam model's slope. Solutions are kept (`padgen.core.cache`), so that a
 plan whose taxels are all known loads neither a CAD kernel nor an engine.
 """
 
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from padgen.core import cache
+from padgen.core.display import Step
 from padgen.core.errors import EngineMissingError, SolverError, SpecError, number, plural
 from padgen.core.units import G_PER_CM3, GPA, GRAM
 from padgen.physics.resonator import TaxelModes
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
 
 __all__ = ["TaxelSolver", "plan_tuned_to_solid", "solid_taxel", "solve_step"]
 
-RULE_SLOPE = 0.5
-"""d ln f / d ln w of the paper's rule, the first slope of the secant."""
+WIDER = 1.01
+"""Width over the first one, of the beam model's taxel from which the secant has its first slope."""
 STEEPEST = 2.0
 FLATTEST = 0.1
 ROUNDS = 5
@@ -45,7 +46,7 @@ ENGINE = ("ngsolve", "padgen.verify.elasticity")
 """Modules that a solving process loads while the first taxel is modelled."""
 STEEL_GPA = 200.0
 STEEL_POISSON = 0.3
-"""Elastic constants of the washer, which is forty times stiffer than the print and hardly bends."""
+"""Elastic constants of washer and ballast, which are forty times stiffer than the print and hardly bend."""
 CODE = ("physics/resonator.py", "planner/suspensions/__init__.py", "planner/layout.py", "solid/taxel.py", "verify")
 Progress = Callable[[str], None]
 Task = tuple[Channel, int]
@@ -131,7 +132,7 @@ def _next_trial(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: floa
     last = tried[-1]
     if min(abs(trial.miss) for trial in tried) <= enough:
         return last.sized
-    width = last.sized.beam.width_mm * exp(last.miss / _slope(tried))
+    width = last.sized.beam.width_mm * exp(last.miss / _slope(spec, tried))
     plate = plate_shape(spec)
     widest = suspension(last.sized.topology).widest(room(spec, choice.layout), plate, spec.printer.smallest_gap_mm)
     beam = last.sized.beam._replace(width_mm=float(on_grid(spec, width, widest)))
@@ -141,13 +142,19 @@ def _next_trial(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: floa
     return SizedChannel(last.sized.target_hz, last.sized.topology, beam, model)
 
 
-def _slope(tried: Sequence[Trial]) -> float:
-    """Return d ln f / d ln w from the last two solutions, or the rule's after the first."""
+def _slope(spec: Spec, tried: Sequence[Trial]) -> float:
+    """Return d ln f / d ln w from the last two solutions, or the beam model's after the first."""
+    last = tried[-1].sized
     if len(tried) < 2:
-        return RULE_SLOPE
-    before, last = tried[-2:]
-    step = log(last.sized.beam.width_mm / before.sized.beam.width_mm)
-    return float(np.clip((before.miss - last.miss) / step, FLATTEST, STEEPEST)) if step else RULE_SLOPE
+        wider = last.beam._replace(width_mm=last.beam.width_mm * WIDER)
+        model = type(last.model)(spec, last.topology, plate_shape(spec), wider)
+        step = log(WIDER)
+        rise = log(float(model.resonance_hz / last.model.resonance_hz))
+    else:
+        before = tried[-2]
+        step = log(last.beam.width_mm / before.sized.beam.width_mm)
+        rise = before.miss - tried[-1].miss
+    return float(np.clip(rise / step, FLATTEST, STEEPEST)) if step else FLATTEST
 
 
 class TaxelSolver:
@@ -181,7 +188,6 @@ class TaxelSolver:
                 known |= _from_cache(unknown)  # others may have stored them during the wait
                 missing = {key: task for key, task in zip(keys, tasks, strict=True) if key not in known}
                 if missing:
-                    self._progress(f"solving {len(missing)} taxel{plural(len(missing))} by finite elements")
                     known |= dict(zip(missing, self._computed(plan, list(missing.values())), strict=True))
                 for key in missing:
                     cache.store(KIND, key, _to_plain(known[key]))
@@ -194,7 +200,8 @@ class TaxelSolver:
         return {
             **shape_inputs(plan, channel),
             "material": asdict(spec.material),
-            "washer": asdict(spec.washer),
+            "washer": asdict(spec.moved),
+            **({"ballast": asdict(spec.ballast)} if spec.ballast else {}),
             "glue_mg": spec.taxel.glue_mg,
             "tolerance": self.tolerance,
             "setting": setting,
@@ -217,11 +224,17 @@ class TaxelSolver:
 
         with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             jobs = []
+            count = f"{len(tasks)} taxel{plural(len(tasks))}"
+            self._progress(f"modelling {count}")
             for channel, setting in tasks:
                 path = Path(folder) / f"taxel-{channel.index}.step"
                 write_taxel_step(plan, channel, path)
                 jobs.append(self._runner.submit(solve_step, solid_taxel(plan, channel, path), self.tolerance, setting))
-            return [_modes_of(job.result(), channel) for job, (channel, _) in zip(jobs, tasks, strict=True)]
+            solved: list[SolvedTaxel] = []
+            for job, (channel, _) in zip(jobs, tasks, strict=True):
+                self._progress(Step(f"solving {count} by finite elements", len(solved) / len(jobs)))
+                solved.append(_modes_of(job.result(), channel))
+            return solved
 
 
 def _modes_of(answer: "Answer", channel: Channel) -> SolvedTaxel:
@@ -249,8 +262,9 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
 
     spec = plan.spec
     material = spec.material
-    washer = spec.washer
-    printed = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
+    washer = spec.moved
+    ballast = spec.ballast
+    printed = Elastic(material.modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     ring_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)
     return SolidTaxel(
         step,
@@ -260,6 +274,8 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
         float(plan.arrangement(channel).washer_x_mm),
         spec.taxel.glue_mg * 1e-3 * GRAM,
         name=f"{plan.name}, channel {channel.index}",
+        ballast=Elastic(STEEL_GPA * GPA, STEEL_POISSON, ballast.density_g_per_cm3 * G_PER_CM3) if ballast else None,
+        ballast_volume_mm3=ballast.area_mm2 * ballast.height_mm if ballast else 0.0,
     )
 
 

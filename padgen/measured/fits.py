@@ -1,15 +1,17 @@
 """Fit every taxel's data by `physics/resonance_fit.py`: resonance, Q and response with their errors; draw the fits."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import log
 from textwrap import fill
+from typing import NamedTuple
 
 import numpy as np
 
 from padgen.core.display import COLOURS, PALE, plot_bytes, plot_style
 from padgen.core.errors import FileError, SolverError, number
+from padgen.core.rules import Rule, RuleBook
 from padgen.core.units import MS
 from padgen.measured.read import Measured, Spectrum, TaxelRecord, TaxelRow
 from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, looked_at, rough_hz
@@ -109,8 +111,7 @@ def fitted(
         Nearly all frequencies look like kHz, mHz, or frequencies of the current.
     """
     channels = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
-    if not measured.stated:
-        _refuse_units(measured, channels)
+    RECORDING_RULES.refuse(Recording(measured, channels), FileError)
     fits: dict[str, TaxelFit] = {}
     curves = []
     refused = []
@@ -236,8 +237,18 @@ def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord) -> Ta
 # Units
 
 
-def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
-    """Refuse frequencies that are nearly all a thousand times, a thousandth or half of the plan's."""
+class Recording(NamedTuple):
+    """Measurements of a print, and the planned channels of its taxels by the taxels' names."""
+
+    measured: Measured
+    channels: dict[str, Channel]
+
+
+def _unit_rules(recording: Recording) -> Iterator[Rule]:
+    """Yield the rules that frequencies are not nearly all a thousand times, a thousandth or half of the plan's."""
+    measured, channels = recording
+    if measured.stated:
+        return
     roughs = [_rough_hz(part) for part in measured.taxels]
     ratios = np.array(
         [rough / channels[part.id].resonance_hz for rough, part in zip(roughs, measured.taxels, strict=True) if rough]
@@ -253,15 +264,18 @@ def _refuse_units(measured: Measured, channels: dict[str, Channel]) -> None:
     shown = f"{peak} is at {number(rough)} Hz, planned is {number(planned)} Hz"
     is_time = isinstance(part, TaxelRecord)
     for factor, *wrong in WRONG_UNITS:
-        if abs(log(ratio / factor)) < log(3):
-            raise FileError(f"{shown}: {wrong[is_time]}", measured.where)
-    if not is_time and abs(log(2 * ratio)) < 0.2 and log(1 / ratio) > 2 * spread:
-        raise FileError(
-            f"{shown}, half of it as for nearly all taxels: these look like frequencies of the current, half"
-            " of those of the motion; say '# frequency: drive' in the first line, or '# frequency: motion' if they are"
-            " right",
-            measured.where,
-        )
+        yield Rule(abs(log(ratio / factor)) >= log(3), measured.where, f"{shown}: {wrong[is_time]}")
+    yield Rule(
+        is_time or abs(log(2 * ratio)) >= 0.2 or log(1 / ratio) <= 2 * spread,
+        measured.where,
+        f"{shown}, half of it as for nearly all taxels: these look like frequencies of the current, half"
+        " of those of the motion; say '# frequency: drive' in the first line, or '# frequency: motion' if they are"
+        " right",
+    )
+
+
+RECORDING_RULES: RuleBook[Recording] = RuleBook("recording", _unit_rules)
+"""Rules that a whole recording must keep before any taxel of it is fitted."""
 
 
 WRONG_UNITS = (

@@ -18,6 +18,7 @@ from padgen.measured.fits import TaxelFit
 from padgen.planner.plan import Plan
 from padgen.planner.printed_pads import covariance, design_of, log_resonances, spreads_of
 from padgen.spec import Spec
+from padgen.spec.load import without_none
 
 __all__ = ["Calibration", "calibrated", "printer_toml"]
 
@@ -218,6 +219,6 @@ def printer_toml(spec: Spec, calibration: Calibration, name: str) -> str:
     lines = []
     for table, part in (("printer", printer), ("spread", spread), ("material", material)):
         # JSON's words for what a spec has are TOML's too.
-        rows = (f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in asdict(part).items())
+        rows = (f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in without_none(asdict(part)).items())
         lines += [f"[{table}]", *rows, ""]
     return "\n".join(lines)

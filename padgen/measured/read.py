@@ -34,6 +34,7 @@ import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_most, number
 from padgen.core.files import read_as_one, read_bounded, reason
+from padgen.core.rules import Rule, refuse
 from padgen.core.units import MH
 from padgen.core.wav_reader import Wave, read_wav
 from padgen.physics.resonance_fit import MOST_SAMPLES, SENSORS, current_of_voltage
@@ -233,13 +234,16 @@ def _lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> i
 
 
 def _squared_current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, where: str) -> np.ndarray:
-    """Return the coil's i², from its 'current' or its 'voltage'; the sentence about silence begins with `what`."""
+    """Return the coil's i², or i where the force goes with that, from its 'current' or its 'voltage'.
+
+    The sentence about silence begins with `what`.
+    """
     if np.ptp(column**2) < SMALLEST:
         raise FileError(f"{what} is {number(float(abs(column[0])))} throughout; leave it out for a free decay", where)
     if kind == "voltage":
         coil = plan.spec.coil
         column = current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
-    return np.asarray(column**2)
+    return np.asarray(column**plan.spec.force_order)
 
 
 # WAV
@@ -443,25 +447,19 @@ def _csv(text: str, where: str, ids: tuple[str, ...], plan: Plan, alone: bool) -
     )
 
 
-def _refuse(where: str, *cases: tuple[bool, str]) -> None:
-    """Refuse the file `where` by the first of these cases that holds: a condition, and the sentence about it."""
-    for wrong, sentence in cases:
-        if wrong:
-            raise FileError(sentence, where)
-
-
 def _sheet(text: str, where: str, alone: str) -> _Sheet:
     text = text.replace("\r\n", "\n").replace("\r", "\n")
     count = text.count("\n")
     shorter = "shorter records would do, or a WAV"
-    _refuse(
-        where,
-        (
-            len(text) > MOST_CHARACTERS,
+    refuse(
+        Rule(
+            len(text) <= MOST_CHARACTERS,
+            where,
             f"has {len(text) / 1e6:.0f} million characters, at most {MOST_CHARACTERS / 1e6:.0f} million are read;"
             f" {shorter}",
         ),
-        (count > MOST_LINES, f"has {count} lines, at most {MOST_LINES} are read; {shorter}"),
+        Rule(count <= MOST_LINES, where, f"has {count} lines, at most {MOST_LINES} are read; {shorter}"),
+        error=FileError,
     )
     notes: dict[str, str] = {}
     lines = []
@@ -482,17 +480,18 @@ def _sheet(text: str, where: str, alone: str) -> _Sheet:
     separated = "its columns are separated by"
     by_commas = "they must be by commas (and decimals by points)"
     frequency = notes.get("frequency", MOTION)
-    _refuse(
-        where,
-        (";" in heading and "," not in heading, f"{separated} semicolons, {by_commas}"),
-        ("\t" in heading and "," not in heading, f"{separated} tabs, {by_commas}"),
-        (
-            all(re.fullmatch(r"[-+.\de]+", name) for name in names),
+    refuse(
+        Rule("," in heading or ";" not in heading, where, f"{separated} semicolons, {by_commas}"),
+        Rule("," in heading or "\t" not in heading, where, f"{separated} tabs, {by_commas}"),
+        Rule(
+            not all(re.fullmatch(r"[-+.\de]+", name) for name in names),
+            where,
             f"has no headings: the first line is {heading[:40]!r}; it must name the columns",
         ),
-        (not body, "has headings, but no lines of numbers below them"),
-        (frequency not in (DRIVE, MOTION), f"'# frequency:' must be {DRIVE} or {MOTION}, got {frequency!r}"),
-        (count > 1, f"has {count} columns named {most_common!r}; keep one"),
+        Rule(bool(body), where, "has headings, but no lines of numbers below them"),
+        Rule(frequency in (DRIVE, MOTION), where, f"'# frequency:' must be {DRIVE} or {MOTION}, got {frequency!r}"),
+        Rule(count == 1, where, f"has {count} columns named {most_common!r}; keep one"),
+        error=FileError,
     )
     return _Sheet(where, notes, names, body)
 
@@ -505,13 +504,14 @@ def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
     """Return whether the responses are absolute, with a unit of `UNITS`, and the power that the file states."""
     unit = sheet.notes.get("unit", RELATIVE)
     sensor = sheet.notes.get("sensor")
-    _refuse(
-        sheet.where,
-        (
-            unit not in (*UNITS[axis], RELATIVE),
+    refuse(
+        Rule(
+            unit in (*UNITS[axis], RELATIVE),
+            sheet.where,
             f"'# unit:' must be {', '.join(UNITS[axis])} or {RELATIVE}, got {unit!r}",
         ),
-        (sensor not in (*SENSORS, None), f"'# sensor:' must be {', '.join(SENSORS)}, got {sensor!r}"),
+        Rule(sensor in (*SENSORS, None), sheet.where, f"'# sensor:' must be {', '.join(SENSORS)}, got {sensor!r}"),
+        error=FileError,
     )
     if unit != RELATIVE:
         return True, UNITS[axis].index(unit)
@@ -520,14 +520,19 @@ def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
 
 def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     known = f"{', '.join(TABLE[:2])} and, where known, {', '.join(TABLE[2:])}"
-    _refuse(
-        sheet.where,
-        *((name not in TABLE, f"a table has no column {name!r}; its columns are {known}") for name in sheet.names),
-        ("resonance_hz" not in sheet.names, "a table must have a column 'resonance_hz', in Hz"),
-        (
-            ("level_um" in sheet.names) != ("line_a2" in sheet.names),
+    where = sheet.where
+    refuse(
+        *(
+            Rule(name in TABLE, where, f"a table has no column {name!r}; its columns are {known}")
+            for name in sheet.names
+        ),
+        Rule("resonance_hz" in sheet.names, where, "a table must have a column 'resonance_hz', in Hz"),
+        Rule(
+            ("level_um" in sheet.names) == ("line_a2" in sheet.names),
+            where,
             "'level_um' and 'line_a2' (of the line of i² that made it) must stand together",
         ),
+        error=FileError,
     )
     rows: dict[str, TaxelRow] = {}
     for line, raw in sheet.lines:
@@ -538,13 +543,14 @@ def _table(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         if taxel in rows:
             raise FileError(f"line {line} is a second line of {taxel}; keep one", sheet.where)
         values = {name: _positive(sheet, line, name, cell) for name, cell in cells.items() if cell}
-        _refuse(
-            sheet.where,
-            ("resonance_hz" not in values, f"line {line}, column 'resonance_hz' is empty; leave out the line"),
-            (
-                ("level_um" in values) != ("line_a2" in values),
+        refuse(
+            Rule("resonance_hz" in values, where, f"line {line}, column 'resonance_hz' is empty; leave out the line"),
+            Rule(
+                ("level_um" in values) == ("line_a2" in values),
+                where,
                 f"line {line} has one of 'level_um' and 'line_a2'; give both or none",
             ),
+            error=FileError,
         )
         rows[taxel] = TaxelRow(
             taxel,

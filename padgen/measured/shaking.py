@@ -1,9 +1,10 @@
 """Currents that shake taxels while they are measured: chirps and noise with their fades, as strong as the plan needs.
 
-The force goes with i², so the current is designed by i². A chirp ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos φ)``: a
-chirp of the force without harmonics, at twice the current's frequency. Noise is the root of a constant and lines on a
-comb, as in the spur-free drive. The force at each frequency would move a taxel of the plan that resonates there as its
-ON tone does: with the same root mean square under noise, with at most the same amplitude under a chirp.
+The force on steel goes with i², so the current is designed by i². A chirp ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos
+φ)``: a chirp of the force without harmonics, at twice the current's frequency. Noise is the root of a constant and
+lines on a comb, as in the spur-free drive. The force at each frequency would move a taxel of the plan that resonates
+there as its ON tone does: with the same root mean square under noise, with at most the same amplitude under a chirp.
+The force on a magnet goes with the current, which is then the chirp or the noise itself.
 """
 
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from padgen.core.errors import SpecError
+from padgen.physics.selectivity import SQUARE
 from padgen.planner.plan import Plan
 
 __all__ = ["chirp_current_a", "measuring_band_hz", "noise_current_a", "ring_s", "shaking_line_a2", "sweep_s"]
@@ -68,7 +70,7 @@ def shaking_line_a2(plan: Plan) -> Line:
     order = np.argsort(hz)
     order = order[line[order] > 0]
     if not len(order):
-        raise SpecError("no washer is pulled by its coil, so that nothing can be measured", plan.name)
+        raise SpecError(f"no {plan.spec.mover.kind} is pulled by its coil, so that nothing can be measured", plan.name)
     log_hz = np.log(hz[order])
     log_line = np.log(line[order])
 
@@ -79,9 +81,11 @@ def shaking_line_a2(plan: Plan) -> Line:
 
 
 def chirp_current_a(
-    time_s: np.ndarray, seconds: float, band_hz: tuple[float, float], line_a2: Line
+    time_s: np.ndarray, seconds: float, band_hz: tuple[float, float], line_a2: Line, force_order: int = SQUARE
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the current in A and its slope in A/s, both (n,), of a chirp of the force up through `band_hz`.
+
+    Where the force goes with the current itself (`force_order` 1), the current is at its frequency, not at half of it.
 
     It spends equal times in equal octaves and ends after `seconds`; then there is silence. It fades in over four
     periods of the lowest frequency, and out over four of the highest, each at most a tenth of its length.
@@ -91,21 +95,30 @@ def chirp_current_a(
     inside = (time_s >= 0) & (time_s <= seconds)
     time = np.where(inside, time_s, 0.0)
     frequency = low * np.exp(rate * time)
-    half_phase = np.pi * low / rate * np.expm1(rate * time)
-    amplitude = np.sqrt(2 * line_a2(frequency))
+    phase = 2 * np.pi * low / rate * np.expm1(rate * time) / force_order
+    amplitude = line_a2(frequency) if force_order == 1 else np.sqrt(2 * line_a2(frequency))
     step = 1e-4
-    bend = (np.log(line_a2(frequency * (1 + step))) - np.log(line_a2(frequency * (1 - step)))) / (4 * step) * rate
+    steepness = (np.log(line_a2(frequency * (1 + step))) - np.log(line_a2(frequency * (1 - step)))) / (2 * step)
+    bend = steepness / force_order * rate
     fade, fade_slope = _fade(time, seconds, low, high)
-    sine = np.sin(half_phase)
-    cosine = np.cos(half_phase)
-    slope = (fade_slope + fade * bend) * sine + fade * cosine * np.pi * frequency
+    sine = np.sin(phase)
+    cosine = np.cos(phase)
+    slope = (fade_slope + fade * bend) * sine + fade * cosine * 2 * np.pi * frequency / force_order
     return np.where(inside, amplitude * fade * sine, 0.0), np.where(inside, amplitude * slope, 0.0)
 
 
 def noise_current_a(
-    samples: int, rate_hz: float, band_hz: tuple[float, float], line_a2: Line, q: float, seed: int
+    samples: int,
+    rate_hz: float,
+    band_hz: tuple[float, float],
+    line_a2: Line,
+    q: float,
+    seed: int,
+    force_order: int = SQUARE,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a current in A and its slope in A/s, both (samples,), whose square is noise in `band_hz`.
+
+    Where the force goes with the current itself (`force_order` 1), the current is that noise.
 
     It begins and ends in silence. The lines lie on the comb of the record's length and have random phases, which are
     then moved so that i² needs a small constant (by clipping and restoring the lines: Van der Ouderaa et al. 1988).
@@ -123,6 +136,8 @@ def noise_current_a(
     swing_slope = np.fft.irfft(2j * np.pi * frequency * spectrum, samples)
     force = swing - swing.min() * (1 + MARGIN)
     fade, fade_slope = _fade(np.arange(samples) / rate_hz, samples / rate_hz, band_hz[0], band_hz[0])
+    if force_order == 1:
+        return swing * fade, swing * fade_slope + swing_slope * fade
     current = np.sqrt(force * fade)
     bend = force * fade_slope + swing_slope * fade
     return current, np.divide(bend, 2 * current, out=np.zeros(samples), where=current > 1e-9 * current.max())

@@ -42,10 +42,12 @@ from padgen.measured.tuning import (
     one_coil_spec,
     planned_response_um_per_a2,
     planned_tuning,
+    played_tuning,
     predicted,
     printed_channels,
     refuse_tuning,
     tones_at,
+    tuned_spec,
     tuning_to_json,
     worst_db,
 )
@@ -197,7 +199,7 @@ def retuned(
         before_db=worst_db(before),
         after_db=worst_db(after),
         after_low_db=min((coil.after_low_db for coil in coils if coil.after_low_db is not None), default=None),
-        schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in in_order()),
+        schemes_db=tuple((name, _scheme_db(plan, tuning, name)) for name in in_order(plan.spec.force_order)),
         tuning=tuning,
         coils=coils,
         trims=trims(plan, tuning, after),
@@ -426,7 +428,7 @@ def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFig
 def _step(plan: Plan, tuning: Tuning, index: int, share: float, sensitivity: np.ndarray) -> TrimStep:
     taxel = tuning.taxels[index]
     channel = plan.channels[plan.taxels[index].channel]
-    width, thickness, _ = sensitivity[channel.index].tolist()
+    width, thickness, *_ = sensitivity[channel.index].tolist()
     sizes = (channel.beam.thickness_mm, thickness), (channel.beam.width_mm, width)
     filed = (size * (1 - (1 - share) ** (1 / s)) if s > 0 else inf for size, s in sizes)
     add_mg = channel.effective_mass_g * GRAM / MG * ((1 - share) ** -2 - 1)
@@ -738,7 +740,8 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[tuple[str, DriveRow], ...]:
 
     Where currents have a constant, the coils with theirs follow.
     """
-    spec = plan.spec
+    tuning = played_tuning(plan, tuning)
+    spec = tuned_spec(plan, tuning.coil_c)
     channels = printed_channels(plan, tuning)
     scheme = plan.scheme
     carrier = carrier_hz(spec, scheme, max(taxel.resonance_hz for taxel in tuning.taxels))

@@ -1,4 +1,4 @@
-"""One print of a plan: as measured (`Tuning`, and its JSON file), as predicted under given tones, and as simulated.
+"""One print of a plan: as measured (`Tuning`, and its JSON file), warm, as predicted under given tones, as simulated.
 
 Predictions are of the ON and OFF amplitudes and of the selectivity of every coil. The tones need not lie on the print's
 resonances; the planned tones do not. All else is as in `padgen.physics.selectivity`: motion is steady, and lines of
@@ -16,6 +16,7 @@ import io
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, astuple, dataclass, replace
+from math import hypot
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,13 +24,16 @@ import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_least, at_most, number
 from padgen.core.files import file_hash, json_text, read_bounded
-from padgen.core.units import MN, MS, UM
+from padgen.core.units import COPPER_C, GRAM, MN, MS, UM
 from padgen.measured.shaking import chirp_current_a, measuring_band_hz, ring_s, shaking_line_a2, sweep_s
+from padgen.physics.contact import loaded_resonance
 from padgen.physics.resonator import ModalTaxels, ring_up_time
 from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
 from padgen.planner.channels import coil_modes, driven, wanted_line_a2
 from padgen.planner.plan import Channel, Plan, level_law, read_as, scheme_named
-from padgen.planner.printed_pads import Spreads, coils_of, design_of, log_detuning, spreads_of
+from padgen.planner.printed_pads import Spreads, coils_of, design_of, drawn_prints, spreads_of
+from padgen.planner.touch import contact_of, contactor_of
+from padgen.planner.warm_pad import copper_ohm
 from padgen.spec import Spec
 
 __all__ = [
@@ -46,6 +50,7 @@ __all__ = [
     "planned_response_um_per_a2",
     "planned_tuning",
     "played",
+    "played_tuning",
     "predicted",
     "printed_channels",
     "read_tuning",
@@ -53,9 +58,12 @@ __all__ = [
     "simulate_print",
     "simulated_measurement",
     "tones_at",
+    "tuned_spec",
     "tuning_from_json",
     "tuning_hash",
     "tuning_to_json",
+    "warm_plan",
+    "warm_tuning",
     "worst_db",
 ]
 
@@ -73,6 +81,9 @@ A print changes it by less than ten; beyond the limit, another unit must have be
 """
 LARGEST_ERROR = 1e6
 """Largest error of a figure, over the figure itself."""
+COLDEST_C = -100.0
+HOTTEST_C = 500.0
+"""Bounds of the copper's temperature, far beyond those that a coil bears."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +108,14 @@ class TunedTaxel:
 
 @dataclass(frozen=True, slots=True)
 class Tuning:
-    """All taxels of one print, in the plan's order; `name` is the plan's name."""
+    """All taxels of one print, in the plan's order; `name` is the plan's name.
+
+    `coil_c` is the temperature in °C of the copper whose resistance gives voltages and heat; coils are stated at 20 °C.
+    """
 
     name: str
     taxels: tuple[TunedTaxel, ...]
+    coil_c: float = COPPER_C
 
 
 def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = None, q: float | None = None) -> float:
@@ -117,12 +132,90 @@ def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = No
 
 def planned_tuning(plan: Plan) -> Tuning:
     """Return the tuning of a print that came out exactly as planned."""
-    named = ((taxel.id, plan.channels[taxel.channel]) for taxel in plan.taxels)
-    taxels = (
-        TunedTaxel(name, c.resonance_hz, 0.0, c.q, 0.0, planned_response_um_per_a2(c), 0.0, False, False)
-        for name, c in named
+    return Tuning(plan.name, tuple(_planned_taxel(plan.channels[taxel.channel], taxel.id) for taxel in plan.taxels))
+
+
+def _planned_taxel(channel: Channel, name: str) -> TunedTaxel:
+    response = planned_response_um_per_a2(channel)
+    return TunedTaxel(name, channel.resonance_hz, 0.0, channel.q, 0.0, response, 0.0, False, False)
+
+
+def warm_tuning(plan: Plan, cold: Tuning | None = None) -> Tuning:
+    """Return the tuning of a pad that is warm from all taxels on for good, as `Plan.warm` has it.
+
+    `cold` is the print as measured in the room (None: as planned). Each resonance falls by the share by which its
+    channel's does, and the response rises as the stiffness falls; Q stays. Coils are at their mean temperature.
+
+    Raises
+    ------
+    SpecError
+        `cold` is of a warm pad already.
+    """
+    cold = cold or planned_tuning(plan)
+    if cold.coil_c != COPPER_C:
+        sentence = f"is of a pad whose coils are at {number(cold.coil_c)} °C already; drive it without --warm"
+        raise SpecError(sentence, "tuning")
+    pairs = zip(plan.taxels, cold.taxels, strict=True)
+    return Tuning(
+        plan.name,
+        tuple(_warmed(plan, plan.channels[taxel.channel], tuned) for taxel, tuned in pairs),
+        plan.warm.mean_coil_c,
     )
-    return Tuning(plan.name, tuple(taxels))
+
+
+def _warmed(plan: Plan, channel: Channel, cold: TunedTaxel) -> TunedTaxel:
+    """Return a taxel of a channel as it is on the warm pad."""
+    x = plan.warm.resonances_hz[channel.index] / channel.resonance_hz
+    unsure_hz = plan.warm.error * (1 - x) * cold.resonance_hz
+    return replace(
+        cold,
+        resonance_hz=cold.resonance_hz * x,
+        resonance_error_hz=hypot(cold.resonance_error_hz * x, unsure_hz),
+        response_um_per_a2=cold.response_um_per_a2 / x**2,
+        response_error=cold.response_error / x**2,
+    )
+
+
+def played_tuning(plan: Plan, bare: Tuning | None = None) -> Tuning:
+    """Return the tuning for which a drive is made: of the touched pad, where the plan has a contact.
+
+    `bare` is the print as measured untouched (None: as planned). Its tones are then those under typical skin, or stay,
+    as the plan's `Touch` says.
+    """
+    bare = bare or planned_tuning(plan)
+    touch = plan.touch
+    if touch is None or touch.tones == "untouched":
+        return bare
+    contact = contact_of(plan.spec, "typical")
+    contactor = contactor_of(plan.spec)
+    channels = [plan.channels[taxel.channel] for taxel in plan.taxels]
+    mass = np.array([channel.effective_mass_g * GRAM for channel in channels])
+    hz = _of(bare, "resonance_hz")
+    q = _of(bare, "q")
+    response = _of(bare, "response_um_per_a2")
+    stiffness = mass * (2 * np.pi * hz) ** 2
+    lever = np.array(touch.lever)[[channel.index for channel in channels]]
+    touched_hz, touched_q = loaded_resonance(contact, contactor, stiffness, mass, q, lever)
+    added = contact.impedance(touched_hz, contactor).through(lever)
+    response = response * (stiffness / q) * touched_q / (stiffness + added.stiffness)
+    changed = zip(bare.taxels, touched_hz.tolist(), touched_q.tolist(), response.tolist(), strict=True)
+    taxels = tuple(replace(t, resonance_hz=h, q=quality, response_um_per_a2=r) for t, h, quality, r in changed)
+    return replace(bare, taxels=taxels)
+
+
+def tuned_spec(plan: Plan, coil_c: float) -> Spec:
+    """Return the plan's spec with the resistance of coils whose copper is at `coil_c`."""
+    spec = plan.spec
+    return replace(spec, coil=replace(spec.coil, resistance_ohm=copper_ohm(spec.coil.resistance_ohm, coil_c)))
+
+
+def warm_plan(plan: Plan) -> Plan:
+    """Return a plan whose channels and coil are those of the warm pad, for tables of channels."""
+    tuned = [_warmed(plan, channel, _planned_taxel(channel, "")) for channel in plan.channels]
+    levels = levels_um(plan, np.array(plan.warm.resonances_hz)).tolist()
+    spec = tuned_spec(plan, plan.warm.mean_coil_c)
+    channels = [_printed_channel(*each) for each in zip(plan.channels, tuned, levels, strict=True)]
+    return replace(plan, spec=spec, channels=driven(spec, channels, plan.scheme))
 
 
 def tuning_to_json(tuning: Tuning) -> str:
@@ -161,7 +254,7 @@ def tuning_from_json(text: str, plan: Plan, where: str = "tuning.json") -> Tunin
     """
     try:
         tuning: Tuning = read_as(Tuning, json.loads(text, parse_int=float), "tuning")
-        if any(None in astuple(taxel) for taxel in tuning.taxels):
+        if tuning.coil_c is None or any(None in astuple(taxel) for taxel in tuning.taxels):
             raise ValueError("a figure is null")
         due = [taxel.id for taxel in plan.taxels]
         ids = [taxel.id for taxel in tuning.taxels]
@@ -187,6 +280,9 @@ def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
     FileError
         A figure is outside its bounds, which are named.
     """
+    if not COLDEST_C <= tuning.coil_c <= HOTTEST_C:
+        bounds = f"{number(COLDEST_C)} … {number(HOTTEST_C)} °C"
+        raise FileError(f"coil_c must be {bounds}, got {number(tuning.coil_c)} °C", where)
     for tuned, taxel in zip(tuning.taxels, plan.taxels, strict=True):
         for name, value, low, high, why in _bounded(tuned, plan.channels[taxel.channel]):
             # The bounds are widened, since files round to ten digits.
@@ -264,10 +360,19 @@ class CoilFigures:
 
 
 def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
-    """Return the ON amplitudes (t,) in µm that the plan's level law gives at these resonances."""
+    """Return the ON amplitudes (t,) in µm that the plan's level law gives at these resonances.
+
+    Under a contact, they are of touched taxels at the tones, with the level that the plan has in hand.
+    """
     law = level_law(plan.spec)
-    lowest = law(np.array([plan.channels[0].resonance_hz]))[0]
-    return np.asarray(law(resonance_hz) * (plan.spec.drive.level_um / lowest))
+    touch = plan.touch
+    lowest_hz = plan.channels[0].resonance_hz
+    level_um = plan.spec.drive.level_um
+    if touch is not None:
+        lowest_hz = touch.tone_hz[0]
+        level_um = level_um * 10 ** (touch.in_hand_db / 20)
+    lowest = law(np.array([lowest_hz]))[0]
+    return np.asarray(law(resonance_hz) * (level_um / lowest))
 
 
 def tones_at(plan: Plan, tuning: Tuning) -> WantedLines:
@@ -289,45 +394,48 @@ def one_coil_spec(plan: Plan) -> Spec:
 def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
     """Return the taxels of a print as channels, one for each taxel of the plan.
 
-    Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse. The response
-    gives the pull. The effects of the mean pull are those of the coil below the taxel.
+    The response gives the pull. The effects of the mean pull are those of the coil below the taxel.
     """
     levels = levels_um(plan, _of(tuning, "resonance_hz")).tolist()
     spec = one_coil_spec(plan)
-    moved = []
-    for taxel, tuned, level_um in zip(plan.taxels, tuning.taxels, levels, strict=True):
-        channel = plan.channels[taxel.channel]
-        hz = tuned.resonance_hz
-        q = tuned.q
-        x = hz / channel.resonance_hz
-        stiffness = channel.stiffness_n_per_m * x**2
-        tau_ms = float(ring_up_time(hz, q)) / MS
-        force_mn = level_um * UM * stiffness / q / MN
-        force_constant = tuned.response_um_per_a2 * UM * stiffness / q
-        moved.append(
-            replace(
-                channel,
-                resonance_hz=hz,
-                q=q,
-                stiffness_n_per_m=stiffness,
-                ring_up_ms=tau_ms,
-                ring_down_ms=channel.ring_down_ms * tau_ms / channel.ring_up_ms,
-                level_um=level_um,
-                modes_hz=tuple(mode * x for mode in channel.modes_hz),
-                rest_motion=tuple(motion / x**2 for motion in channel.rest_motion),
-                second_mode_hz=channel.second_mode_hz * x,
-                sag_um=channel.sag_um / x**2,
-                root_stress_mpa=channel.root_stress_mpa * level_um / channel.level_um,
-                force_mn=force_mn,
-                force_constant_n_per_a2=force_constant,
-                line_a2=wanted_line_a2(force_mn, force_constant),
-            )
-        )
+    channels = (plan.channels[taxel.channel] for taxel in plan.taxels)
+    moved = [_printed_channel(*each) for each in zip(channels, tuning.taxels, levels, strict=True)]
     for index in coils_of(plan).values():
         driven_set = driven(spec, [moved[i] for i in index], plan.scheme)
         for i, channel in zip(index, driven_set, strict=True):
             moved[i] = channel
     return tuple(moved)
+
+
+def _printed_channel(channel: Channel, tuned: TunedTaxel, level_um: float) -> Channel:
+    """Return the channel of one taxel of a print, the effects of the mean pull still the plan's.
+
+    Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse.
+    """
+    hz = tuned.resonance_hz
+    q = tuned.q
+    x = hz / channel.resonance_hz
+    stiffness = channel.stiffness_n_per_m * x**2
+    tau_ms = float(ring_up_time(hz, q)) / MS
+    force_mn = level_um * UM * stiffness / q / MN
+    force_constant = tuned.response_um_per_a2 * UM * stiffness / q
+    return replace(
+        channel,
+        resonance_hz=hz,
+        q=q,
+        stiffness_n_per_m=stiffness,
+        ring_up_ms=tau_ms,
+        ring_down_ms=channel.ring_down_ms * tau_ms / channel.ring_up_ms,
+        level_um=level_um,
+        modes_hz=tuple(mode * x for mode in channel.modes_hz),
+        rest_motion=tuple(motion / x**2 for motion in channel.rest_motion),
+        second_mode_hz=channel.second_mode_hz * x,
+        sag_um=channel.sag_um / x**2,
+        root_stress_mpa=channel.root_stress_mpa * level_um / channel.level_um,
+        force_mn=force_mn,
+        force_constant_n_per_a2=force_constant,
+        line_a2=wanted_line_a2(force_mn, force_constant),
+    )
 
 
 def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> TaxelEnergies:
@@ -352,7 +460,7 @@ def predicted(
     `wanted_um` (t,) are the levels that ON taxels should have (None: those of the level law at the print's resonances).
     The drive scheme is the plan's unless another is named.
     """
-    scheme = scheme_named(plan.spec, scheme_name or plan.selectivity.drive)
+    scheme = scheme_named(plan.spec, scheme_name or plan.selectivity.drive, plan.channels)
     channels = printed_channels(plan, tuning)
     spec = one_coil_spec(plan)
     hz = _of(tuning, "resonance_hz")
@@ -406,7 +514,7 @@ SIMULATED = ("spectrum", "chirp", "pluck")
 Q_SPREAD = 0.10
 """Relative spread of Q from taxel to taxel, as layers bond and glue damps differently. An assumption."""
 PULL_SPREAD = 0.10
-"""Relative spread of the pull: 0.1 mm of gap or half a millimetre of place. An assumption."""
+"""Relative spread of the pull beside that of its gap: half a millimetre of place, or other steel. An assumption."""
 POINTS_PER_BANDWIDTH = 10
 REACH_BANDWIDTHS = 6
 """Bandwidths on either side of each resonance at which a spectrum of high Q gets close points."""
@@ -421,11 +529,11 @@ def simulate_print(plan: Plan, seed: int, spreads: Spreads | None = None) -> Tun
     """Return one simulated print, known exactly; the same seed gives the same print."""
     spreads = spreads or spreads_of(plan.spec)
     design = design_of(plan, None)
-    x = np.exp(np.clip(log_detuning(design, spreads, seed, 0, 1)[2, :, 0], -1.0, 1.0))
+    x, pull = (np.exp(np.clip(part[2, :, 0], -1.0, 1.0)) for part in drawn_prints(design, spreads, seed, 0, 1))
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0, 100)))
     q_factor, pull_factor = np.exp(rng.standard_normal((2, len(x))) * [[Q_SPREAD], [PULL_SPREAD]])
     taxels = []
-    for taxel, off, better, stronger in zip(plan.taxels, x, q_factor, pull_factor, strict=True):
+    for taxel, off, better, stronger in zip(plan.taxels, x, q_factor, pull * pull_factor, strict=True):
         channel = plan.channels[taxel.channel]
         hz = channel.resonance_hz * float(off)
         q = max(channel.q * float(better), 0.5)
@@ -517,10 +625,10 @@ def _chirp(plan: Plan, truth: Tuning, response: Response, rng: np.random.Generat
             "--kind",
         )
     time = np.arange(int((sweep + ring) * rate)) / rate
-    current = chirp_current_a(time, sweep, (low, high), shaking_line_a2(plan))[0]
+    current = chirp_current_a(time, sweep, (low, high), shaking_line_a2(plan), plan.spec.force_order)[0]
     # Twice as long, so that motion at the end does not wrap round to the beginning.
     size = 2 * len(time)
-    force = np.fft.rfft(current**2, size)
+    force = np.fft.rfft(current**plan.spec.force_order, size)
     frequency = np.fft.rfftfreq(size, 1 / rate)
     columns = {"time_s": time, "current_a": current}
     for i, taxel in enumerate(truth.taxels):

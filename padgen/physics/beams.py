@@ -15,8 +15,12 @@ were fitted to 3-D elasticity of random printed taxels (`docs/measure_campaign.p
 - An end turns about as much as a piece of beam that is as long as the beam is thick, less where the beam is flared. A
   root turns no more than a piece as long as the frame behind it is deep. Frame and plate reach higher than the beam, so
   the ends turn about points above its axis.
-- The tip bends the wall between the plate's edge and the recess, or twists and bends the yoke that carries the plate.
-- Layers that hold less well to each other make the ends softer, by a power of the ratio of the two stiffnesses.
+- The tip bends the wall between the plate's edge and the recess, or twists and bends the yoke that carries the plate:
+  its crossbar bends under a force as far out as the middle of a wide beam, its neck under a moment that falls towards
+  the plate.
+- Layers that hold less well to each other make the ends softer, a wide beam's as a half-plane's edge (`layered_edge`).
+  Beads of a layer that do so, too: a half-plane whose beads run along its edge gives way under a load on the edge as
+  the power −5/8 of their ratio (Lekhnitskii), and some six tenths of the plastic at the ends lie like that.
 - Ends keep the section from curling (anticlastic curvature): a beam is stiffer near its ends, as a plate is (`curl`).
 - Ends keep the section from warping (Vlasov: each end shortens a ribbon in torsion by about ``w √((1+ν)/24)``).
 """
@@ -34,6 +38,8 @@ __all__ = [
     "BeamSection",
     "EndCompliance",
     "Flexibility",
+    "PinFoot",
+    "PinMotion",
     "Slices",
     "Surroundings",
     "YokeSize",
@@ -45,9 +51,12 @@ __all__ = [
     "flexibility",
     "largest_inverse_square",
     "largest_stress",
+    "layered_edge",
     "matrices",
     "on_elastic_ends",
+    "on_pin",
     "piece_twist",
+    "pushed_stress",
     "root_load",
     "sharp_energies",
     "sliced",
@@ -63,6 +72,8 @@ Array = Any
 
 SHORTEST_M = 1e-12
 """Smallest length in divisions, for pieces of length 0 such as corners."""
+LEAST_PIECE_M = 1e-7
+"""Shortest piece of a beam between its flare and a pin."""
 _NO_PIECE = 0.0, 0.0, np.inf
 """Length, curvature and straight length at root and tip."""
 
@@ -243,7 +254,9 @@ class EndCompliance(NamedTuple):
     by keeping the section from curling, under a constant moment and under one that is zero at half the length. The ends
     turn about points `root_height` and `tip_height` (m) above the beam's axis, since frame and plate reach higher than
     the beam; this stiffens a beam that cannot move along itself. `warping` is the length in m over which the ends of
-    each straight piece of a bent beam keep its section from warping.
+    each straight piece of a bent beam keep its section from warping. `yoke_turn` (m), `yoke_both` (m²) and `yoke_lift`
+    (m³) are what a yoke that bends adds to the beam's ∫ (l−s)^p ds, p = 0, 1, 2: its neck runs back beside the beams.
+    `mount_held` is what a crossbar with ends that are free to warp would add to `mount`.
     """
 
     root: Array = 0.0
@@ -260,9 +273,20 @@ class EndCompliance(NamedTuple):
     stretch: Array = 0.0
     mount: Array = 0.0
     warping: Array = 0.0
+    yoke_turn: Array = 0.0
+    yoke_both: Array = 0.0
+    yoke_lift: Array = 0.0
+    mount_held: Array = 0.0
 
 
 RIGID = EndCompliance()
+
+
+class PinFoot(NamedTuple):
+    """A pin on a beam: the place of its axis as a share of the beam's length from the root, and its diameter in m."""
+
+    share: Array
+    diameter: Array
 
 
 class BeamSection(NamedTuple):
@@ -271,7 +295,9 @@ class BeamSection(NamedTuple):
     `fillet` is the radius of the flares on both sides of the root. `ends` is the compliance of the ends
     (`padgen.physics.beams`), zero by default. `path` holds length in m and turn (rad, left positive) of each piece
     of a beam that bends, from the root; it is empty for a straight beam. The flare must end on the first piece.
-    `across` is the stiffness of the print across its layers, which lie flat, over the stiffness along them.
+    `across` is the stiffness of the print across its layers, which lie flat, over the stiffness along them. `beads` is
+    the stiffness across the beads of a layer over that along them. Beads run along the beam; more than half of what
+    holds its ends runs across it. A `pin` that stands on the beam stiffens it where it stands.
     """
 
     width: Array
@@ -281,14 +307,16 @@ class BeamSection(NamedTuple):
     ends: EndCompliance = RIGID
     path: tuple[tuple[Array, Array], ...] = ()
     across: Array = 1.0
+    beads: Array = 1.0
+    pin: PinFoot | None = None
 
 
 class Flexibility(NamedTuple):
     """Motion of a beam's tip per unit load on it, by cause, in m/N, 1/N or 1/(N·m).
 
-    `up` and `side` are bending of the beam itself, as ∫ (l−s)^p ds/EI for p = 0, 1, 2. `root` to `lateral_tip` are
-    rotations of the ends in both planes. `shear` and `lateral_shear` belong to the beam, `end_shear` and
-    `lateral_end_shear` to its ends, and so do `twist` and `end_twist`; `stretch` is of both.
+    `up` and `side` are bending of the beam itself, and `up` of a yoke, too, as ∫ (l−s)^p ds/EI for p = 0, 1, 2. `root`
+    to `lateral_tip` are rotations of the ends in both planes. `shear` and `lateral_shear` belong to the beam,
+    `end_shear` and `lateral_end_shear` to its ends, and so do `twist` and `end_twist`; `stretch` is of both.
     """
 
     up: tuple[Array, Array, Array]
@@ -306,18 +334,19 @@ class Flexibility(NamedTuple):
     stretch: Array
 
 
-def torsion_constant(width: Array, thickness: Array, across: Array = 1.0) -> Array:
+def torsion_constant(width: Array, thickness: Array, across: Array = 1.0, beads: Array = 1.0) -> Array:
     """Return the torsion constant in m⁴ of a rectangle (Roark's formula for a solid rectangle, within 0.5 %).
 
-    `across` is the shear modulus in the direction of `thickness` over the one in the direction of `width`. The constant
-    is then exactly that of an isotropic rectangle ``thickness/√across`` thick, times ``across^{3/2}`` (Lekhnitskii,
-    Theory of Elasticity of an Anisotropic Body, 1963, on torsion of orthotropic bars).
+    `across` and `beads` are the shear moduli in the directions of `thickness` and of `width` over the one that the
+    constant is multiplied with. It is exactly that of an isotropic rectangle ``thickness √(beads/across)`` thick, times
+    ``across^{3/2}/beads^{1/2}`` (Lekhnitskii, Theory of Elasticity of an Anisotropic Body, 1963, on torsion of
+    orthotropic bars).
     """
-    tall = thickness / np.sqrt(across)
+    tall = thickness * np.sqrt(beads / across)
     a = np.maximum(width, tall)
     b = np.minimum(width, tall)
     slim = b / a
-    return a * b**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)) * across**1.5
+    return a * b**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)) * across**1.5 / np.sqrt(beads)
 
 
 def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibility:
@@ -333,9 +362,12 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
     bending = modulus * width * thickness**3 / 12
     lateral = modulus * thickness * width**3 / 12
     area = width * thickness
-    torsion = torsion_constant(width, thickness, section.across)
+    torsion = torsion_constant(width, thickness, section.across, section.beads)
     up, (side0, side1, side2), inverse_area, inverse_torsion = _flared(section)
-    up0, up1, up2 = (free / modulus - held / bending for free, held in zip(up, curl_held(section), strict=True))
+    yoke = (ends.yoke_turn, ends.yoke_both, ends.yoke_lift)
+    up0, up1, up2 = (
+        free / modulus + (more - held) / bending for free, more, held in zip(up, yoke, curl_held(section), strict=True)
+    )
     return Flexibility(
         (up0, up1, up2),
         (side0 / modulus, side1 / modulus, side2 / modulus),
@@ -344,7 +376,7 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
         ends.lateral_root / lateral,
         ends.lateral_tip / lateral,
         inverse_area / (sheared * section.across),
-        inverse_area / sheared,
+        inverse_area / (sheared * section.beads),
         ends.shear / (area * sheared),
         ends.lateral_shear / (area * sheared),
         inverse_torsion / shear_modulus,
@@ -390,8 +422,11 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     """Return the stiffness of the tip, shape (…, 6, 6), in N/m, N and N·m (per radian).
 
     A Timoshenko beam by the unit-load method: the flexibility is integrated along the flared width and inverted, so
-    that the flare is exact within beam theory.
+    that the flare is exact within beam theory. A pin takes its part of the flexibility away (`on_pin`).
     """
+    if section.pin:
+        bare = np.linalg.inv(tip_stiffness(section._replace(pin=None), modulus, poisson))
+        return np.linalg.inv(bare - on_pin(section, modulus, poisson).held)
     if section.path:
         return _of_planes([np.linalg.inv(plane.flexibility) for plane in _planes(section, modulus, poisson)])
     length = np.asarray(section.length, float)
@@ -447,7 +482,7 @@ def tip_mass(section: BeamSection, density: float, poisson: Array = 0.3) -> np.n
 
 def tip_matrices(section: BeamSection, modulus: Array, poisson: Array, density: float) -> tuple[np.ndarray, np.ndarray]:
     """Return `tip_stiffness` and `tip_mass` of a beam at once, which takes half the time where it is bent."""
-    if section.path:
+    if section.path and not section.pin:
         return _bent_matrices(section, modulus, poisson, density)
     return tip_stiffness(section, modulus, poisson), tip_mass(section, density, poisson)
 
@@ -464,6 +499,130 @@ def _bent_matrices(
         stiffnesses.append(stiffness)
         masses.append(density * stiffness @ _squared(shape, plane.inertia) @ stiffness)
     return _of_planes(stiffnesses), _of_planes(masses)
+
+
+class PinMotion(NamedTuple):
+    """Motion of a beam under its pin, in the beam's axes there: as at the tip, x along the beam, z up.
+
+    `shape` (…, 6, 6) is its motion per motion of the tip without load on the pin, `local` (…, 6, 6) its flexibility
+    under loads at the pin while the tip is held, and `held` (…, 6, 6) the part of the tip's flexibility that the pin
+    takes away.
+    """
+
+    shape: np.ndarray
+    local: np.ndarray
+    held: np.ndarray
+
+
+def on_pin(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
+    """Return the motion of a beam under its pin, by the unit-load method along the path to it.
+
+    The pin holds the beam over its diameter, but for what the beam turns at both ends of the foot, as it does at a
+    root: together about a piece as long as `PIN_ENDS` times the thickness. A pin much narrower than the beam holds less
+    of it (`PIN_SPREAD`).
+    """
+    pin = section.pin
+    assert pin is not None, "the beam has a pin"
+    length = np.asarray(section.length, float)
+    at = pin.share * length
+    half = np.asarray(pin.diameter) / 2
+    bare = section._replace(path=_cut_round_pin(section))
+    width, thickness = (np.asarray(v, float) for v in section[:2])
+    spread = np.minimum(PIN_SPREAD * pin.diameter / width, 1.0)
+    share = np.clip(spread - PIN_ENDS * thickness / pin.diameter, 0.0, 1.0)
+    bending = np.asarray(modulus * width * thickness**3 / 12)[..., None, None]
+    yokes = _yoke_at_tip(section.ends) / bending, 0.0
+    parts = []
+    for plane, yoke in zip(_planes(bare, modulus, poisson), yokes, strict=True):
+        along, station = _stations(plane.slices)
+        under = np.abs(along - at[..., None]) < half
+        taken = plane.compliance * (share[..., None] * under)[..., None]
+        held = _squared(plane.within, taken * plane.slices.running[-1][:, None])
+        stiff = plane._replace(compliance=plane.compliance - taken)
+        back = stiff.back[..., station, :, :]
+        moved = back @ stiff.running_to(slice(station, station + 1))[..., 0, :, :]
+        shape = moved @ np.linalg.inv(plane.flexibility - held + yoke)
+        local = moved @ np.swapaxes(back, -1, -2) - shape @ np.swapaxes(moved, -1, -2)
+        parts.append((shape, local, held))
+    return PinMotion(*(_of_planes(list(planes)) for planes in zip(*parts, strict=True)))
+
+
+def _yoke_at_tip(ends: EndCompliance) -> np.ndarray:
+    """Return what a yoke adds to the flexibility (…, 3, 3) of a tip upwards, times the beam's EI: no slice has it."""
+    turn, both, lift = (np.asarray(part)[..., None, None] for part in (ends.yoke_turn, ends.yoke_both, ends.yoke_lift))
+    bent = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    tilted = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    turned = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(lift * bent + both * tilted + turn * turned)
+
+
+def _stations(slices: Slices) -> tuple[np.ndarray, int]:
+    """Return the distance (…, k) of the slices of a path that `_cut_at` made from the root, and the pin's slice."""
+    weight = slices.running[-1] * slices.share
+    # The middle of each slice, whose weights add up to the length of its piece.
+    along = np.cumsum(weight, -1) - weight / 2
+    return along, int(np.flatnonzero((slices.share == 0).reshape(-1, slices.share.shape[-1]).all(0))[1])
+
+
+def pushed_stress(section: BeamSection, tip: np.ndarray, modulus: Array, poisson: Array) -> Array:
+    """Return the largest stress in Pa along one beam while its pin is pushed down by 1 N, without notch factors.
+
+    `tip` (6,) is the motion in m of the tip under this push. Bending in both planes and torsion count as in
+    `largest_stress` of bent beams; what the pin stiffens does not.
+    """
+    pin = section.pin
+    assert pin is not None, "the beam has a pin"
+    length = np.asarray(section.length, float)
+    at = pin.share * length
+    half = np.asarray(pin.diameter) / 2
+    bare = section._replace(path=_cut_round_pin(section))
+    push = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    bending = modulus * section.width * section.thickness**3 / 12
+    yokes = _yoke_at_tip(section.ends) / bending, 0.0
+    parts = []
+    for plane, index, yoke in zip(_planes(bare, modulus, poisson), (_UP, _SIDE), yokes, strict=True):
+        along, station = _stations(plane.slices)
+        # The push as a load on the tip that makes the same loads before the pin, and what the held tip adds.
+        carried = plane.back[station].T @ push[index]
+        loose = plane.running_to(slice(station, station + 1))[0] @ carried
+        load = np.linalg.solve(plane.flexibility + yoke, tip[index] - loose)
+        before = along < at - half / 2
+        inside = np.einsum("kij,kj->ki", plane.within, load + before[:, None] * carried)
+        parts.append(inside)
+    loads = np.concatenate(parts, -1)[..., np.argsort(_UP + _SIDE)]
+    return _mises(loads, plane.slices.width, np.asarray(section.thickness, float)[..., None]).max(-1)
+
+
+def _cut_round_pin(section: BeamSection) -> tuple[tuple[Array, Array], ...]:
+    """Return the path of a beam, cut on both sides of its pin and at the pin's axis.
+
+    A search also tries beams too short for the pin. There the cuts move beyond the flare, which must end on the first
+    piece, and stay on the beam.
+    """
+    pin = section.pin
+    assert pin is not None, "the beam has a pin"
+    length = np.asarray(section.length, float)
+    at = pin.share * length
+    half = np.asarray(pin.diameter) / 2
+    first = np.asarray(section.fillet) + LEAST_PIECE_M
+    cuts = [np.clip(cut, first, np.maximum(length, first)) for cut in (at - half, at, at + half)]
+    return _cut_at(section.path or ((length, 0.0 * length),), cuts)
+
+
+def _cut_at(path: Sequence[tuple[Array, Array]], cuts: Sequence[Array]) -> tuple[tuple[Array, Array], ...]:
+    """Return a path whose pieces end at three distances from the root; at the middle one is a piece of no length."""
+    ends = np.cumsum([np.broadcast_arrays(length, *cuts)[0] for length, _ in path], axis=0)
+    low = 0.0 * ends[-1]
+    pieces: list[tuple[Array, Array]] = []
+    for number, high in enumerate((*cuts, ends[-1])):
+        if number == 2:
+            pieces.append((0.0 * low, 0.0 * low))
+        for end, (length, turn) in zip(ends, path, strict=True):
+            inside = np.clip(np.minimum(end, high) - np.maximum(end - length, low), 0.0, None)
+            if (inside > 0).any():
+                pieces.append((inside, turn * inside / np.maximum(length, SHORTEST_M)))
+        low = np.asarray(high)
+    return tuple(pieces)
 
 
 def largest_inverse_square(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
@@ -500,12 +659,7 @@ def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
     thickness = np.asarray(section.thickness, float)
     if section.path:
         loads, width = _loads(section, load)
-        t = thickness[..., None]
-        slim = np.minimum(width, t) / np.maximum(width, t)
-        pulled = (np.abs(loads[..., 4]) / t + np.abs(loads[..., 5]) / width) * 6 / (width * t)
-        series = 1 + slim * (0.6095 + slim * (0.8865 + slim * (-1.8023 + slim * 0.91)))
-        twisted = 3 * loads[..., 3] / (width * t * np.minimum(width, t)) * series
-        return np.sqrt(pulled**2 + 3 * twisted**2).max(-1)
+        return _mises(loads, width, thickness[..., None]).max(-1)
     stations: list[tuple[Any, Any]] = [
         (0.0, section.width + 2 * np.asarray(section.fillet)),
         (section.fillet, section.width),
@@ -518,6 +672,15 @@ def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
     return np.maximum.reduce(np.broadcast_arrays(*stresses))
 
 
+def _mises(loads: np.ndarray, width: Array, t: Array) -> Array:
+    """Return the stress (…, k) in Pa after von Mises of sections `t` thick under internal loads (…, k, 6)."""
+    slim = np.minimum(width, t) / np.maximum(width, t)
+    pulled = (np.abs(loads[..., 4]) / t + np.abs(loads[..., 5]) / width) * 6 / (width * t)
+    series = 1 + slim * (0.6095 + slim * (0.8865 + slim * (-1.8023 + slim * 0.91)))
+    twisted = 3 * loads[..., 3] / (width * t * np.minimum(width, t)) * series
+    return np.sqrt(pulled**2 + 3 * twisted**2)
+
+
 def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Array]:
     """Return the integrals of a beam whose width flares at the root, without its moduli.
 
@@ -525,7 +688,7 @@ def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Arra
     the flare.
     """
     width, thickness, length, fillet = (np.asarray(v, float) for v in section[:4])
-    across = np.asarray(section.across, float)
+    across, beads = (np.asarray(v, float) for v in (section.across, section.beads))
     start = np.minimum(fillet, length)
     at = _NODES * start[..., None]
     radius = fillet[..., None]
@@ -549,8 +712,8 @@ def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Arra
         moments(flared * t**3 / 12, width * thickness**3 / 12),
         moments(t * flared**3 / 12, thickness * width**3 / 12),
         (weight / (flared * t)).sum(-1) + straight / (width * thickness),
-        (weight / torsion_constant(flared, t, across[..., None])).sum(-1)
-        + straight / torsion_constant(width, thickness, across),
+        (weight / torsion_constant(flared, t, across[..., None], beads[..., None])).sum(-1)
+        + straight / torsion_constant(width, thickness, across, beads),
     )
 
 
@@ -585,9 +748,13 @@ class _Plane(NamedTuple):
     @property
     def running(self) -> Array:
         """Flexibility (…, k, 3, 3) of the part between root and each slice, for loads on the tip."""
+        return self.running_to(slice(None))
+
+    def running_to(self, stations: slice) -> Array:
+        """Flexibility (…, n, 3, 3) of the part between root and each of n slices, for loads on the tip."""
         per_slice = np.swapaxes(self.within, -1, -2) @ (self.compliance[..., None] * self.within)
         grown = per_slice.reshape(*per_slice.shape[:-2], 9)
-        running = self.slices.running @ grown
+        running = self.slices.running[stations] @ grown
         return running.reshape(*running.shape[:-1], 3, 3) + self._at_root[..., None, :, :]
 
     @property
@@ -619,10 +786,10 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     width = slices.width
     shear_modulus = modulus / (2 * (1 + poisson))
     sheared = 10 * (1 + poisson) / (12 + 11 * poisson) * shear_modulus
-    across = np.asarray(section.across, float)[..., None]
+    across, beads = (np.asarray(v, float)[..., None] for v in (section.across, section.beads))
     area = width * thickness
     line = plain * thickness
-    torsion = torsion_constant(width, thickness, across)
+    torsion = torsion_constant(width, thickness, across, beads)
     bending = modulus / (1 - held) * width * thickness**3 / 12
     lateral = modulus * thickness * width**3 / 12
     high = plain * thickness**3 / 12
@@ -651,7 +818,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
         slices,
         within_side(slices),
         matrices(pull, push, [zero, zero, 1 + zero]),
-        columns([1 / (area * modulus), 1 / (area * sheared), 1 / lateral]) * share,
+        columns([1 / (area * modulus), 1 / (area * sheared * beads), 1 / lateral]) * share,
         columns([0 * slip, slip, parts.lateral_root]),
         columns([0 * slip, slip, parts.lateral_tip]),
         columns([line, line, wide]) * weight,
@@ -719,8 +886,7 @@ CURL_PURE = 0.0181, 0.3519, 0.3579, 0.2695, 0.4135
 CURL_GUIDED = 0.0947, 0.0782, 0.2293, 0.1086, 0.0301
 """Coefficients of `curl` in powers of length over width: the first and second above, the first to third below."""
 CURL_NARROW = 3.56
-CURL_YOKE = 0.57
-"""How much thickness over width adds to narrow beams' slenderness, and the share of `curl` that a yoke's ends hold."""
+"""Factor of thickness over width, by which `curl` counts narrow beams longer than their length over width says."""
 ROOT = 0.655
 ROOT_HEIGHT = 0.996
 FRAME = 0.874
@@ -739,11 +905,14 @@ SLIDE = 0.22
 TWIST = 0.34
 WARPING = 0.59
 LAYERS = 0.35
+LAYERS_SPREAD = 0.4
 LAYERS_WALL = 0.71
-BAR_WARPING = 0.254
+BEADS = 0.5
+PIN_ENDS = 0.9
+PIN_SPREAD = 2.5
+BAR_END = 1.4
 BAR_SIDE = 2.39
 BAR_PULL = 1.62
-NECK = 0.42
 SHORTEST_THICKNESSES = 1.2
 SHORTEST_WIDTHS = 0.25
 """Shortest beams that the laws were fitted to: length over thickness, and length over width."""
@@ -781,23 +950,29 @@ class Surroundings(NamedTuple):
 def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) -> BeamSection:
     """Return the beam with the compliance of its ends filled in; sizes are numbers, or arrays of one shape, in m."""
     width, thickness, length = (np.asarray(v, float) for v in section[:3])
-    across = np.asarray(section.across, float)
-    softer = across**-LAYERS
+    across, beads = (np.asarray(v, float) for v in (section.across, section.beads))
+    softer = layered_edge(across, poisson) ** (width / (width + LAYERS_SPREAD * thickness)) * beads**-BEADS
+    softer_sideways = across**-LAYERS * beads**-BEADS
     flared = np.sqrt(width / (width + 2 * np.asarray(section.fillet)))
     side = 1 / (SIDE * width) + SIDE_NARROW / thickness
-    mount, sideways, twisted, stretched = (
-        _yoke_compliance(section, around.yoke, poisson) if around.yoke else _wall_compliance(section, around)
-    )
-    tall = thickness / np.sqrt(across)
+    if around.yoke:
+        mount, unheld = _crossbar_twist(section, around.yoke, poisson)
+        sideways, twisted, stretched = _yoke_compliance(section, around.yoke, poisson)
+        turn, both, lift = _yoke_bending(section, around.yoke, poisson)
+    else:
+        mount = _wall_compliance(section, around)
+        sideways = twisted = stretched = unheld = turn = both = lift = 0.0
+    tall = thickness * np.sqrt(beads / across)
     held = _warping_length(WARPING, width, tall, inf if section.path else length, poisson)
     # A narrow beam is held over less length than a plate of its width.
     held_pure, held_guided = curl(length / width * (1 + CURL_NARROW * thickness / width))
-    held_share = poisson**2 * (CURL_YOKE if around.yoke else 1.0)
+    # Curling is the product of both Poisson's ratios, and the one across the beads is smaller by `beads`.
+    held_share = poisson**2 * beads
     ends = EndCompliance(
         root=softer * flared / (1 / (ROOT * thickness) + 1 / (FRAME * around.frame)),
         tip=softer / (1 / (TIP * thickness) + NARROW / width) + mount,
-        lateral_root=softer * flared**4 / (side + 1 / (FRAME * around.frame)),
-        lateral_tip=softer / side + sideways,
+        lateral_root=softer_sideways * flared**4 / (side + 1 / (FRAME * around.frame)),
+        lateral_tip=softer_sideways / side + sideways,
         shear=softer / (1 / (DROP * thickness) + DROP_NARROW / width),
         lateral_shear=SLIDE * width,
         twist=TWIST / (1 / width + 1 / thickness) - (0.0 if section.path else held) + twisted,
@@ -809,8 +984,28 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
         mount=mount,
         # Bends (about the vertical) keep a tall strip from warping; the warping of a flat one goes on round them.
         warping=np.where(tall > width, held, 0.0) if section.path else 0.0,
+        yoke_turn=turn,
+        yoke_both=both,
+        yoke_lift=lift,
+        mount_held=unheld,
     )
     return section._replace(ends=ends)
+
+
+def layered_edge(across: Array, poisson: Array) -> Array:
+    """Return how many times more the edge of a half-plane yields to pressure where layers hold less well to each other.
+
+    The layers lie along the pressure. `across` is the stiffness across them over that along them.
+
+    Notes
+    -----
+    Lekhnitskii, Theory of Elasticity of an Anisotropic Body, 1963, on the orthotropic half-plane: the edge sinks in
+    proportion to ``s₁₁ (μ₁ + μ₂)/i``, with ``(μ₁ + μ₂)² = −(2 √(s₁₁ s₃₃) + 2 s₁₃ + s₅₅)/s₁₁``. Here
+    ``s₃₃ = s₁₁/across``, ``s₁₃ = −ν s₁₁`` and ``s₅₅ = 2 (1 + ν) s₁₁/across``, as in `padgen.verify.elasticity.layered`.
+    Under a beam much narrower than thick the material beside it holds, too, along its layers: `on_elastic_ends` takes
+    a power of this.
+    """
+    return np.sqrt((1 / np.sqrt(across) - poisson + (1 + poisson) / across) / 2)
 
 
 def fitted(width: Array, thickness: Array, length: Array) -> Array:
@@ -818,11 +1013,11 @@ def fitted(width: Array, thickness: Array, length: Array) -> Array:
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
-def _wall_compliance(section: BeamSection, around: Surroundings) -> tuple[Array, ...]:
-    """Compliance of the wall between edge and recess: in bending, and zero in lateral bending, twist and stretch.
+def _wall_compliance(section: BeamSection, around: Surroundings) -> Array:
+    """Return the compliance in bending of the wall between edge and recess, as a length in m of beam.
 
-    Each is a length of beam of equal compliance in m. The wall hangs from the roof of the recess like a plate, as high
-    as the recess is deep, and spreads the moment over that height. A thick beam reaches the roof itself.
+    The wall hangs from the roof of the recess like a plate, as high as the recess is deep, and spreads the moment over
+    that height. A thick beam reaches the roof itself.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     depth = np.asarray(around.recess_depth, float)
@@ -830,27 +1025,63 @@ def _wall_compliance(section: BeamSection, around: Surroundings) -> tuple[Array,
     wall = around.wall + width**2 / (24 * around.recess_radius)
     hanging = np.maximum(1 - thickness / (BURIED * depth), 0)
     bent = WALL * depth * hanging * (thickness / wall) ** THIN * width / (width + SPREAD * depth)
-    return bent * np.asarray(section.across, float) ** -LAYERS_WALL, 0.0, 0.0, 0.0
+    across, beads = (np.asarray(v, float) for v in (section.across, section.beads))
+    return bent * across**-LAYERS_WALL * beads**-BEADS
 
 
 def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, ...]:
-    """Compliance of the yoke: in bending, lateral bending, twist and stretch.
+    """Return the compliance of the yoke in lateral bending, twist of the beam and stretch, by bending of its crossbar.
 
-    Each is a length of beam of equal compliance in m: the beam's section constant over the bar's. Twist of the crossbar
-    and bending of the neck add to bending; bending of the bar adds to the other three.
+    Each is a length of beam of equal compliance in m: the beam's section constant over the bar's.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     across = np.asarray(section.across, float)
-    arm, bar, height, neck_length, neck_width = yoke
-    free = arm + bar - _warping_length(BAR_WARPING, bar, height / np.sqrt(across), arm, poisson)
-    bending = width * thickness**3
+    arm, bar, height, _, _ = yoke
     shear = 2 * (1 + poisson)
-    mount = bending / 12 * shear * free / torsion_constant(bar, height, across)
-    # The neck carries the moments of two beams.
-    mount = mount + NECK * 2 * neck_length * bending / (neck_width * height**3)
     sideways = BAR_SIDE * arm * thickness * width**3 / (height * bar**3)
-    twisted = arm * torsion_constant(width, thickness, across) * 12 / shear / (bar * height**3)
-    return mount, sideways, twisted, BAR_PULL * 4 * arm**3 * width * thickness / (height * bar**3)
+    twisted = arm * torsion_constant(width, thickness, across, section.beads) * 12 / shear / (bar * height**3)
+    return sideways, twisted, BAR_PULL * 4 * arm**3 * width * thickness / (height * bar**3)
+
+
+def _crossbar_twist(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, Array]:
+    """Return a crossbar's twist as a length in m of beam in bending, and what its held warping takes from that."""
+    across = np.asarray(section.across, float)
+    arm, bar, height, _, _ = yoke
+    held = _warping_length(WARPING, bar, height / np.sqrt(across), arm, poisson)
+    inertia = np.asarray(section.width, float) * np.asarray(section.thickness, float) ** 3 / 12
+    softness = inertia * 2 * (1 + poisson) / torsion_constant(bar, height, across)
+    return softness * (arm + BAR_END * bar - held), softness * held
+
+
+def _yoke_bending(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, Array, Array]:
+    """Return what a yoke that bends up and down adds to a beam's ∫ (l−s)^p ds, p = 0, 1, 2, in m, m² and m³.
+
+    Neck and crossbar are beams in Euler's theory (Timoshenko, Strength of Materials), each clamped in what holds it as
+    elastically as a beam in a frame (`ROOT`). The neck carries both beams' moments, which change with the distance from
+    the tips as in the beam beside it. The crossbar is a cantilever from the neck to the middle of a beam: the beam's
+    force bends it, its resistance to twist bends it back, and it shears.
+    """
+    width, thickness, length = (np.asarray(v, float) for v in section[:3])
+    across = np.asarray(section.across, float)
+    arm, bar, height, neck_length, neck_width = yoke
+    inertia = width * thickness**3 / 12
+    held = ROOT * height
+    shear = 2 * (1 + poisson)
+    neck = 2 * 12 * inertia / (neck_width * height**3)
+    crossbar = 12 * inertia / (bar * height**3)
+    reach = arm + width / 2
+    lifted = reach**3 / 3 + held * reach**2
+    both = reach**2 / 2 + held * reach
+    turned = reach + held
+    # The beam's stiffness in twist over that of the crossbar in bending, per length.
+    back = torsion_constant(width, thickness, across, section.beads) / (shear * length) * crossbar / inertia
+    bent = lifted - both**2 * back / (1 + turned * back)
+    sheared = 1.2 * shear * reach * inertia / (bar * height * across)
+    return (
+        neck * (neck_length + held),
+        neck * (neck_length**2 / 2 + held * neck_length),
+        neck * (neck_length**3 / 3 + held * neck_length**2) + crossbar * bent + sheared,
+    )
 
 
 def _warping_length(share: float, one: Array, other: Array, length: Array, poisson: Array) -> Array:

@@ -19,8 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.physics.ladder import Descent, descend
-
 __all__ = [
     "ALIAS_DB",
     "EXACT",
@@ -51,7 +49,7 @@ DRAWS = 1024
 STARTS = 16
 """Largest number of starts."""
 SAMPLES = 4096
-"""Most angles used by the choice of the starts."""
+"""Most angles at which random phases are compared, so as to choose the starts."""
 FIRST_STEPS = 4
 LAST_STEPS = 25
 BEST = 3
@@ -193,8 +191,8 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     # The first phase stays 0, since a shift in time changes nothing.
     free = np.append(0.0, np.full(len(k) - 1, np.inf))
 
-    def improved(at: Descent, steps: int) -> Descent:
-        return descend(lambda phase: _dips(k, a, phase), at, -free, free, steps, SETTLED)
+    def improved(at: _Descent, steps: int) -> _Descent:
+        return _descend(lambda phase: _dips(k, a, phase), at, -free, free, steps, SETTLED)
 
     # The starts are Schroeder's phases and the best random ones.
     points = _points(k)
@@ -206,11 +204,67 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
     depth = -(np.hstack([np.cos(angle), np.sin(angle)]) @ np.hstack([a * np.cos(draws), -a * np.sin(draws)]).T).min(0)
     depth[0] = 0.0  # Schroeder's phases always rank first.
     few = min(STARTS, 2 * (len(k) - 1), max(LONG // (2 * points), FEWEST))
-    begun = [improved(Descent(draws[at], np.inf, TRUST), FIRST_STEPS) for at in np.argsort(depth, kind="stable")[:few]]
+    begun = [improved(_Descent(draws[at], np.inf, TRUST), FIRST_STEPS) for at in np.argsort(depth, kind="stable")[:few]]
     begun.sort(key=lambda descent: descent.largest)
     best = min((improved(descent, LAST_STEPS) for descent in begun[:BEST]), key=lambda descent: descent.largest).place
     # Later digits may differ between machines, and have no effect on the depth.
     return tuple(np.round(best % (2 * np.pi), 6).tolist())
+
+
+_Lines = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""A function of a place (n,): values (m,) and their slopes (m, n); m may differ from place to place."""
+
+
+class _Descent(NamedTuple):
+    """State of a descent: a place (n,), the largest value there, and the half width of the trust region."""
+
+    place: np.ndarray
+    largest: float
+    reach: float
+
+
+def _descend(
+    lines: _Lines,
+    at: _Descent,
+    low: np.ndarray,
+    high: np.ndarray,
+    programs: int,
+    settled: float,
+) -> _Descent:
+    """Return the descent between `low` and `high` (n,) after up to `programs` linear programs.
+
+    It ends when a program predicts a decrease of less than `settled`. The trust region is a box (Madsen, J. Inst. Maths
+    Applics 16 (1975) 321).
+    """
+    from scipy.optimize import linprog
+
+    here = at.place
+    reach = at.reach
+    values, slope = lines(here)
+    for _ in range(programs):
+        # The step within the reach that most lowers the linearised largest value. Only values that could become the
+        # largest, in units of the reach, so that the program is scaled alike each time.
+        swing = reach * np.abs(slope).sum(1)
+        near = values + swing >= (values - swing).max()
+        matrix = np.hstack([slope[near] * reach, -np.ones((near.sum(), 1))])
+        limit = values.max() - values[near]
+        lower = np.maximum(-1, (low - here) / reach)
+        upper = np.minimum(1, (high - here) / reach)
+        bounds = np.column_stack([np.append(lower, -np.inf), np.append(upper, 0.0)])
+        best = linprog(np.append(np.zeros(len(here)), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs").x
+        if best is None or -best[-1] < settled:
+            break
+        there = np.clip(here + best[:-1] * reach, low, high)
+        trial = lines(there)
+        kept = (values.max() - trial[0].max()) / -best[-1]
+        if kept > 0:
+            here = there
+            values, slope = trial
+        if kept > 0.75:
+            reach *= 2
+        elif not kept > 0.25:  # nor where the step predicts no gain, and the ratio is no number
+            reach *= 0.3
+    return _Descent(here, float(values.max()), reach)
 
 
 def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

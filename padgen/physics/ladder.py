@@ -4,14 +4,11 @@
 makes all channels equally bad. On an evenly spaced (geometric) ladder the middle channels hear neighbours on both
 sides, and the end ones on one side only. With pair spurs there are many local optima: sets whose spurs miss every third
 channel. The search starts from many random sets, moves each channel to the best of a few places, drops the worse half
-of the sets, and repeats. Linear programs then move the last sets to their local optimum. This does not prove that
-nothing is better; docs/selectivity.md states what is proven and how near the search comes.
-
-`descend` minimises the largest of several functions by linear programs in a trust region that is a box (Madsen, J.
-Inst. Maths Applics 16 (1975) 321).
+of the sets, and repeats. A descent then moves the last sets to their local optimum. This does not prove that nothing
+is better; docs/selectivity.md states what is proven and how near the search comes.
 """
 
-from collections.abc import Callable
+from functools import lru_cache
 from math import atanh, exp, floor, inf, log
 from typing import NamedTuple
 
@@ -20,10 +17,8 @@ import numpy as np
 from padgen.physics.selectivity import Scheme, all_states, channels, off_energy, tone_energy
 
 __all__ = [
-    "Descent",
     "LevelLaw",
     "capacity",
-    "descend",
     "geometric_ladder",
     "ladder_ratio",
     "optimal_ladder",
@@ -104,7 +99,7 @@ WORK = 1e8
 MOST_SETS = 400
 DRAWS = 10
 LAST_SETS = 5
-"""Most random sets that are improved, random sets drawn for each of these, and sets left for linear programs."""
+"""Most random sets that are improved, random sets drawn for each of these, and sets left for descents."""
 PLACES = 24
 """Places tried for a channel, one at random in each equal part of the band in octaves."""
 SOFTNESS = 0.1
@@ -115,15 +110,14 @@ MOST = 128
 MOST_WITH_SPURS = 16
 """Most channels that are optimised without and with pair spurs; for more the result is the geometric ladder."""
 MANY = 40
-"""Number of channels above which the only start is the ladder over the whole band."""
+"""Number of channels above which the only start is the ladder over the whole band, and a descent takes fewer steps."""
 PARTS = ((0.0, 1.0), (0.0, 0.75), (0.25, 1.0), (0.0, 0.5))
 """Parts of the band whose geometric ladders are starts: under a steep level law the best ladder leaves an end empty."""
-PROGRAMS = 40
-SETTLED = 1e-5
-"""Most linear programs for one ladder, and the predicted decrease of log energy at which it is settled (4e-5 dB)."""
+STEPS = 60
+SETTLED = 1e-8
+"""Most steps of one descent, and the decrease of log energy in a step at which it is settled (4e-8 dB)."""
 CLOSEST = 1e-3
-TIGHTEST = 1e-9
-"""Smallest distance of neighbours and smallest trust region, over the spacing of the geometric ladder."""
+"""Smallest distance of neighbours over the spacing of the geometric ladder."""
 
 
 class _Case(NamedTuple):
@@ -148,12 +142,20 @@ class _Case(NamedTuple):
 
 
 def optimal_ladder(
-    low_hz: float, high_hz: float, count: int, q: float, law: LevelLaw, scheme: Scheme, effort: float = 1.0
+    low_hz: float,
+    high_hz: float,
+    count: int,
+    q: float,
+    law: LevelLaw,
+    scheme: Scheme,
+    effort: float = 1.0,
+    near_hz: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return `count` ascending resonances in Hz within [low, high] with the largest all-state selectivity found.
 
     For equal masses and one Q. Deterministic, and never worse than the geometric ladder from end to end. Takes one or
-    two seconds with pair spurs, otherwise a tenth of one; less with an `effort` below 1.
+    two seconds with pair spurs, otherwise a tenth of one; less with an `effort` below 1. With `near_hz` (n,), the
+    optimum of a similar band, only the local optimum near that is looked for, which takes a twentieth.
     """
     even: np.ndarray = np.clip(geometric_ladder(low_hz, high_hz, count), low_hz, high_hz)
     spurs = scheme.has_pair_spurs and count > 2
@@ -162,14 +164,26 @@ def optimal_ladder(
     low = log(low_hz)
     high = log(high_hz)
     case = _Case(low, high, count, q, law, scheme)
-    if spurs:
+    if near_hz is not None:
+        starts = _fitted(np.log(near_hz), low, high)[None]
+    elif spurs:
         starts = _search_by_exchange(case._replace(q=min(q, SMOOTH_Q)), effort * WORK)
     else:
         ends = low + np.array(PARTS[:1] if count > MANY else PARTS) * (high - low)
         starts = np.linspace(ends[:, 0], ends[:, 1], count, axis=1)
+    # The time of a step grows with the cube of the channels.
+    steps = round(effort * STEPS * min(1.0, MANY / count))
     # The logarithm's rounding must not push an end out of the band.
-    optima = [np.clip(np.exp(_descend(case, start, round(effort * PROGRAMS))), low_hz, high_hz) for start in starts]
+    optima = [np.clip(np.exp(_descend(case, start, steps)), low_hz, high_hz) for start in starts]
     return max([even, *optima], key=lambda hz: all_states(channels(hz, q, law(hz)), scheme).db)
+
+
+def _fitted(log_hz: np.ndarray, low: float, high: float) -> np.ndarray:
+    """Return log resonances (n,) shifted into a band, or compressed to its width if they are wider."""
+    width = log_hz[-1] - log_hz[0]
+    if width > high - low:
+        return np.asarray(low + (log_hz - log_hz[0]) * ((high - low) / width))
+    return np.clip(log_hz[0], low, high - width) + (log_hz - log_hz[0])
 
 
 def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
@@ -204,82 +218,56 @@ def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
         sets = sets[: max(len(sets) // 2, LAST_SETS)]
 
 
-def _descend(case: _Case, start: np.ndarray, programs: int) -> np.ndarray:
-    """Return log resonances (n,) near `start` (n,) that minimise the largest log energy."""
-    spacing = (case.high - case.low) / (case.size - 1)
+def _descend(case: _Case, start: np.ndarray, steps: int) -> np.ndarray:
+    """Return log resonances (n,) near `start` (n,) that minimise the largest log energy, in up to `steps` steps.
+
+    The largest energy is a variable of its own, which no log energy exceeds, and is minimised by sequential quadratic
+    programming.
+    """
+    from scipy.optimize import minimize
+
+    size = case.size
+    width = case.high - case.low
+    closest = CLOSEST * width / (size - 1)
     # The step of the differences: far below a resonance's width, far above the rounding of a logarithm.
     aside = min(1e-5, 1e-2 / case.q)
-    shifts = aside * np.concatenate([np.zeros((case.size, 1)), np.eye(case.size), -np.eye(case.size)], 1)
+    shifts = aside * np.concatenate([np.zeros((size, 1)), np.eye(size), -np.eye(size)], 1)
+    # Variables: distances from the low end over the spacing of the geometric ladder, and the largest log energy.
+    spacing = width / (size - 1)
 
-    def lines(log_hz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        now, above, below = np.split(case.log_energy(log_hz[:, None] + shifts), [1, 1 + case.size], 1)
+    def log_hz(variables: np.ndarray) -> np.ndarray:
+        return np.clip(case.low + variables[:-1] * spacing, case.low, case.high)
+
+    @lru_cache(maxsize=1)  # values and slopes are asked for one after the other
+    def lines(of: bytes) -> tuple[np.ndarray, np.ndarray]:
+        now, above, below = np.split(case.log_energy(np.frombuffer(of)[:, None] + shifts), [1, 1 + size], 1)
         return now[:, 0], (above - below) / (2 * aside)
 
+    def below_largest(variables: np.ndarray) -> np.ndarray:
+        values, _ = lines(log_hz(variables).tobytes())
+        return np.asarray(variables[-1] - values)
+
+    def slope_below_largest(variables: np.ndarray) -> np.ndarray:
+        _, slope = lines(log_hz(variables).tobytes())
+        return np.hstack([-slope * spacing, np.ones((len(slope), 1))])
+
     # Two channels of a start may coincide; this moves them apart.
-    apart = start + 2 * CLOSEST * (np.linspace(case.low, case.high, case.size) - start)
-    bounds = np.full(case.size, case.low), np.full(case.size, case.high)
-    at = Descent(apart, inf, spacing / 4)
-    return descend(lines, at, *bounds, programs, SETTLED, CLOSEST * spacing, TIGHTEST * spacing).place
-
-
-Lines = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""A function of a place (n,): values (m,) and their slopes (m, n); m may differ from place to place."""
-
-
-class Descent(NamedTuple):
-    """State of a descent: a place (n,), the largest value there, and the half width of the trust region."""
-
-    place: np.ndarray
-    largest: float
-    reach: float
-
-
-def descend(
-    lines: Lines,
-    at: Descent,
-    low: np.ndarray,
-    high: np.ndarray,
-    programs: int,
-    settled: float,
-    closest: float | None = None,
-    tightest: float = 0.0,
-) -> Descent:
-    """Return the descent between `low` and `high` (n,) after up to `programs` linear programs.
-
-    Coordinates that have an order stay at least `closest` apart. The descent ends when a program predicts a decrease of
-    less than `settled`, or when the trust region is below `tightest`.
-    """
-    from scipy.optimize import linprog
-
-    here = at.place
-    reach = at.reach
-    values, slope = lines(here)
-    for _ in range(programs):
-        # The step within the reach that most lowers the linearised largest value. Only values that could become the
-        # largest, in units of the reach, so that the program is scaled alike each time.
-        swing = reach * np.abs(slope).sum(1)
-        near = values + swing >= (values - swing).max()
-        matrix = np.hstack([slope[near] * reach, -np.ones((near.sum(), 1))])
-        limit = values.max() - values[near]
-        if closest is not None:
-            gaps = np.diff(here)
-            order = np.eye(len(here), len(here) + 1) - np.eye(len(here), len(here) + 1, k=1)
-            matrix = np.vstack([matrix, order[:-1] * reach])
-            limit = np.concatenate([limit, gaps - min(closest, gaps.min())])
-        lower = np.maximum(-1, (low - here) / reach)
-        upper = np.minimum(1, (high - here) / reach)
-        bounds = np.column_stack([np.append(lower, -np.inf), np.append(upper, 0.0)])
-        best = linprog(np.append(np.zeros(len(here)), 1.0), A_ub=matrix, b_ub=limit, bounds=bounds, method="highs").x
-        if best is None or -best[-1] < settled or reach < tightest:
-            break
-        there = np.clip(here + best[:-1] * reach, low, high)
-        trial = lines(there)
-        kept = (values.max() - trial[0].max()) / -best[-1]
-        if kept > 0:
-            here = there
-            values, slope = trial
-        if kept > 0.75:
-            reach *= 2
-        elif not kept > 0.25:  # nor where the step predicts no gain, and the ratio is no number
-            reach *= 0.3
-    return Descent(here, float(values.max()), reach)
+    apart = start + 2 * CLOSEST * (np.linspace(case.low, case.high, size) - start)
+    largest = lines(apart.tobytes())[0].max()
+    gaps = np.diff(np.eye(size, size + 1), axis=0)
+    least_gap = min(closest, np.diff(apart).min()) / spacing
+    only_largest = np.eye(size + 1)[-1]
+    optimum = minimize(
+        lambda variables: variables[-1],
+        np.append((apart - case.low) / spacing, largest),
+        jac=lambda variables: only_largest,
+        bounds=[(0, size - 1)] * size + [(None, None)],
+        constraints=[
+            {"type": "ineq", "fun": below_largest, "jac": slope_below_largest},
+            {"type": "ineq", "fun": lambda variables: gaps @ variables - least_gap, "jac": lambda variables: gaps},
+        ],
+        method="SLSQP",
+        options={"maxiter": steps, "ftol": SETTLED},
+    )
+    place = log_hz(optimum.x)
+    return place if lines(place.tobytes())[0].max() < largest else apart

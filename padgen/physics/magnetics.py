@@ -35,6 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 __all__ = [
+    "BLOCK",
     "CORE_ORDERS",
     "MILD_STEEL",
     "MOST_RINGS",
@@ -139,13 +140,50 @@ def solenoid(
     return CoilSource((winding,), core_diameter, length, core_permeability)
 
 
+LEAST_SIDE = 1e-6
+"""Length in m below which sides of an outline are left out."""
+
+
 class SteelRing(NamedTuple):
-    """A washer: diameters and thickness in m, and its relative permeability."""
+    """A washer: diameters and thickness in m, and its relative permeability.
+
+    On top of it may lie another ring of steel, its crown: ballast of the given diameters and height.
+    """
 
     outer_diameter: float
     inner_diameter: float
     thickness: float
     permeability: float
+    crown_outer_diameter: float = 0.0
+    crown_inner_diameter: float = 0.0
+    crown_height: float = 0.0
+
+    @property
+    def alone(self) -> "SteelRing":
+        """The washer without its crown."""
+        return SteelRing(*self[:4])
+
+    def outline(self, nodes: tuple[int, int]) -> "tuple[Side, ...]":
+        """Return its outline with its underside at 0; `nodes` are the numbers on each face and on each rim."""
+        outer = self.outer_diameter / 2
+        inner = self.inner_diameter / 2
+        top = self.thickness
+        wide = self.crown_outer_diameter / 2
+        bore = self.crown_inner_diameter / 2
+        high = top + self.crown_height
+        sides = tube(outer, inner, 0.0, top, nodes)
+        if high == top or bore >= outer or wide <= inner:
+            return sides
+        face, rim = nodes
+        faces = [(inner, outer, 0.0, -1), (bore, wide, high, 1)]
+        # What of either ring's face the other one does not cover.
+        faces += [(inner, min(bore, outer), top, 1), (max(wide, inner), outer, top, 1)]
+        faces += [(bore, min(inner, wide), top, -1), (max(outer, bore), wide, top, -1)]
+        rims = [(outer, 0.0, top, 1), (inner, 0.0, top, -1), (wide, top, high, 1), (bore, top, high, -1)]
+        return (
+            *(Side((low, z), (up, z), (0, way), face) for low, up, z, way in faces if up > low + LEAST_SIDE),
+            *(Side((r, low), (r, up), (way, 0), rim) for r, low, up, way in rims if r > LEAST_SIDE),
+        )
 
 
 def impedance(resistance: float, inductance: float, frequency: Any) -> Any:
@@ -284,6 +322,8 @@ LOST = 1e7
 ORDERS_ABOVE = 12
 """Orders above the highest wanted at which the downward recurrence starts: its starting error then decays to 1e-8."""
 NEAREST = 1e-15
+BLOCK = 1 << 13
+"""Values of a function that are computed at a time: few enough for a processor's cache, which halves the time."""
 
 
 @lru_cache(maxsize=256)
@@ -313,13 +353,11 @@ def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
         x_far = x[far]
         down = np.empty((most + 1, x_far.size))
         ratio = 1 / (2 * x_far)
-        below = np.empty_like(x_far)
         for m in range(most + ORDERS_ABOVE, 0, -1):
             # (2m − 1)/(4m x − (2m + 1) ratio), in place, since a field takes most of its time here.
-            np.multiply(4 * m, x_far, out=below)
-            ratio *= 2 * m + 1
-            np.subtract(below, ratio, out=ratio)
-            np.divide(2 * m - 1, ratio, out=ratio)
+            ratio *= (2 * m + 1) / (4 * m)
+            np.subtract(x_far, ratio, out=ratio)
+            np.divide((2 * m - 1) / (4 * m), ratio, out=ratio)
             if m <= most:
                 down[m] = ratio
         down[0] = result[0][far]
@@ -370,6 +408,20 @@ def ring_potential(
 
     The four arrays, in m, broadcast. A radius on the axis is replaced by a ten-thousandth of the ring's.
     """
+    pairs = np.broadcast_arrays(radius, height, ring_radius, ring_height)
+    shape = pairs[0].shape
+    r, z, ring_r, ring_z = (part.ravel() for part in pairs)
+    result = np.empty((3, most + 1, r.size))
+    for start in range(0, r.size, BLOCK):
+        block = slice(start, start + BLOCK)
+        result[..., block] = _of_pairs(r[block], z[block], ring_r[block], ring_z[block], most, at_ring)
+    return RingPotential(*result.reshape(3, most + 1, *shape))
+
+
+def _of_pairs(
+    radius: np.ndarray, height: np.ndarray, ring_radius: np.ndarray, ring_height: np.ndarray, most: int, at_ring: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the three parts of `ring_potential` for points and rings (n,) in pairs."""
     ring_radius = np.maximum(ring_radius, 1e-12)
     radius = np.maximum(radius, 1e-4 * ring_radius)
     gap = height - ring_height
@@ -378,13 +430,13 @@ def ring_potential(
     q = toroidal(above_one, most + 1)
     x = 1 + above_one
     share = ring_radius / (2 * pi * np.sqrt(product))
-    m = np.arange(1, most + 1).reshape(-1, *(1,) * above_one.ndim)
+    m = np.arange(1, most + 1)[:, None]
     slope = np.concatenate([-0.5 * (x * q[:1] - q[1:2]), (m - 0.5) * (x * q[1:-1] - q[:-2])])
     slope *= share / (above_one * (above_one + 2))
     value = q[:-1] * share
     here, there = (ring_radius, radius) if at_ring else (radius, ring_radius)
     along_r = slope * (1 / there - x / here) - value / (2 * here)
-    return RingPotential(value, along_r, slope * ((-gap if at_ring else gap) / product))
+    return value, along_r, slope * ((-gap if at_ring else gap) / product)
 
 
 POINTS_ABOVE = 16

@@ -28,6 +28,7 @@ from padgen.physics.beams import (
     curl_held,
     flexibility,
     largest_stress,
+    on_pin,
     root_load,
     sharp_energies,
     tip_matrices,
@@ -113,11 +114,15 @@ def combine(*bodies: RigidBody) -> RigidBody:
 
 
 class BeamPlacement(NamedTuple):
-    """A beam and its place on the body: `tip` (…, 3) in m, `direction` (…, 2) of the beam there, away from its root."""
+    """A beam and its place on the body: `tip` (…, 3) in m, `direction` (…, 2) of the beam there, away from its root.
+
+    `pin` is the rigid pin that stands on it, in axes at the middle of the beam's thickness below it; None without one.
+    """
 
     section: BeamSection
     tip: np.ndarray
     direction: np.ndarray
+    pin: RigidBody | None = None
 
 
 class Modes(NamedTuple):
@@ -169,9 +174,7 @@ def suspended_modes(
         The stiffness is not positive definite: a beam of no length or thickness.
     """
     stiffness: Any = 0.0
-    mass: Any = np.zeros((*np.shape(body.mass), 6, 6))
-    mass[..., [0, 1, 2], [0, 1, 2]] = body.mass[..., None]
-    mass[..., 3:, 3:] = body.inertia
+    mass: Any = _inertia(body)
     # Most beams share a section, and with it the matrices.
     sections = {id(beam.section): beam.section for beam in beams}
     known = {key: tip_matrices(section, modulus, poisson, density) for key, section in sections.items()}
@@ -181,6 +184,9 @@ def suspended_modes(
         carried = np.swapaxes(carry, -1, -2)
         stiffness = stiffness + carried @ at_tip @ carry
         mass = mass + carried @ tip_masses @ carry
+        if beam.pin:
+            ridden = _at_centroid(beam.pin) @ on_pin(beam.section, modulus, poisson).shape @ carry
+            mass = mass + np.swapaxes(ridden, -1, -2) @ _inertia(beam.pin) @ ridden
     # Of the flexibility form M φ = (1/ω²) K φ the largest values are the lowest modes, which are exact to rounding
     # however far above them the stiffest mode is.
     root = np.linalg.inv(np.linalg.cholesky(stiffness))
@@ -189,6 +195,24 @@ def suspended_modes(
     inverse, vectors = np.linalg.eigh((symmetric + np.swapaxes(symmetric, -1, -2)) / 2)
     angular = 1 / np.sqrt(np.maximum(inverse[..., ::-1], 1e-300))
     return Modes(angular / (2 * np.pi), rooted @ vectors[..., ::-1] * angular[..., None, :], body.centroid)
+
+
+def _inertia(body: RigidBody) -> np.ndarray:
+    """Return the mass matrix (…, 6, 6) of a body for motions at its centroid."""
+    mass = np.zeros((*np.shape(body.mass), 6, 6))
+    mass[..., [0, 1, 2], [0, 1, 2]] = body.mass[..., None]
+    mass[..., 3:, 3:] = body.inertia
+    return mass
+
+
+def _at_centroid(body: RigidBody) -> np.ndarray:
+    """Return the matrix (…, 6, 6) from motions of a body at its origin to those at its centroid, right above it."""
+    height = body.centroid[..., 2]
+    carry = np.zeros((*np.shape(height), 6, 6))
+    carry[..., range(6), range(6)] = 1.0
+    carry[..., 0, 4] = height
+    carry[..., 1, 3] = -height
+    return carry
 
 
 def bending_stress(
@@ -297,7 +321,7 @@ def level_kept(alpha: Any, q: float, amplitude: Any, offset: Any = 0.0) -> Any:
     return high
 
 
-FLOOR = 0.006
+FLOOR = 0.0075
 """Relative error that remains for slender beams: mass of the flares, rounding of the edges, the references' own error.
 """
 OTHERS = 2.5
@@ -306,29 +330,33 @@ OTHERS_RISE = 0.008
 """For all modes but the working one: a factor on the error from the uncertainties, its floor, and the floor's rise per
 unit of frequency ratio to the working mode.
 """
-BENT = 0.013
+BENT = 0.012
 """Floor for beams that bend round corners, from serpentines (docs/accuracy.md). Modes where the beams themselves swing,
 far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`).
 """
 UNCERTAINTY = {
-    "root": 0.47,
-    "tip": 0.097,
-    "mount": 0.33,
-    "curl": 0.3,
+    "root": 0.11,
+    "tip": 0.19,
+    "mount": 0.32,
+    "crossbar": 0.13,
+    "yoke": 0.58,
+    "curl": 0.066,
     "lateral root": 0.81,
     "lateral tip": 0.81,
-    "shear": 0.99,
+    "shear": 0.85,
     "lateral shear": 1.1,
     "twist": 0.54,
-    "plate": 0.2,
+    "plate": 0.155,
     "yoke pulled": 0.45,
     "yoke sideways": 0.7,
-    "layers": 0.2,
-    "bends": 0.7,
-    "warping": 0.4,
+    "layers": 0.16,
+    "bends": 0.5,
+    "warping": 0.32,
 }
 """Relative uncertainty of each flexibility, in the order of `uncertain_energies`; the last two are `sharp_energies`.
 
+'mount' is the wall between the plate's edge and the recess, 'crossbar' the twist and 'yoke' the bending of what takes
+its place. Root and wall are less certain by thickness over width, since their laws are those of wide strips.
 What a yoke gives when it is pulled and sideways counts in other modes than the working one; 'layers' is what ends and
 shear of a print whose layers hold less well to each other add to that of an isotropic one.
 """
@@ -337,16 +365,23 @@ YOKE_SIDE = 4.0
 PLATE = list(UNCERTAINTY).index("plate")
 """Place of the plate among them."""
 
+HELD_BAR = 2.5
+"""Weight of what held warping takes from the crossbar's twist, in the twist that is uncertain."""
+
 MOST_SOFTER = 0.8
 """Largest share of all flexibility that is taken as missing."""
 
 
 class RigidPlate(NamedTuple):
-    """The plate that the model takes as rigid, in m; `thickness` is that of the part above the recess."""
+    """The plate that the model takes as rigid, in m; `thickness` is that of the part above the recess.
+
+    `neck` is the length of the neck that runs back to it from the beams' tips; None where the beams meet the plate.
+    """
 
     length: Array
     width: Array
     thickness: Array
+    neck: Array | None = None
 
 
 def uncertain_energies(
@@ -359,7 +394,8 @@ def uncertain_energies(
     width, thickness, length, fillet = (_beside_modes(v) for v in beam.section[:4])
     ends = EndCompliance(*(_beside_modes(v) for v in beam.section.ends))
     path = tuple((_beside_modes(length), _beside_modes(turn)) for length, turn in beam.section.path)
-    section = BeamSection(width, thickness, length, fillet, ends, path, _beside_modes(beam.section.across))
+    across, beads = (_beside_modes(v) for v in (beam.section.across, beam.section.beads))
+    section = BeamSection(width, thickness, length, fillet, ends, path, across, beads)
     tip = to_tip(beam, modes.reference) @ modes.shape
     load = np.swapaxes(tip_stiffness(beam.section, modulus, poisson) @ tip, -1, -2)
     parts = flexibility(section, modulus, poisson)
@@ -367,30 +403,48 @@ def uncertain_energies(
     _, root_y, root_z = np.moveaxis(root_load(section, load)[..., 3:], -1, 0)
     at_tip = (about_y - ends.tip_height * along) ** 2
     mount = parts.tip * ends.mount / np.where(ends.tip, ends.tip, 1.0)
-    plate_inertia = plate.width * plate.thickness**3 / 12
-    held0, held1, held2 = curl_held(section)
-    curled = (held2 * up**2 - 2 * held1 * up * about_y + held0 * about_y**2) / (modulus * width * thickness**3 / 12)
+    mounted = mount * at_tip
+    bending = modulus * width * thickness**3 / 12
+    plate_bending = _beside_modes(modulus * plate.width * plate.thickness**3 / 12)
+    # Moments at the plate's edge and at the washer's axis, between which they change evenly.
+    backwards = plate.neck is not None
+    edge = about_y - _beside_modes(plate.neck) * up if backwards else about_y
+    half = _beside_modes(plate.length) / 2
+    axis = edge - half * up if backwards else edge + half * up
+    plate_bent = half / 3 * (edge**2 + edge * axis + axis**2) / plate_bending
+
+    curled = _bent_energy(curl_held(section), up, about_y) / bending
+    yoked = _bent_energy((ends.yoke_turn, ends.yoke_both, ends.yoke_lift), up, about_y) / bending
+    narrow = 1 + thickness / width
     side0, side1, side2 = parts.side
     bent_sideways = side2 * side**2 + 2 * side1 * side * about_z + side0 * about_z**2
     at_root = parts.root * (root_y - ends.root_height * along) ** 2
     weak = at_root + parts.tip * at_tip + (parts.shear + parts.end_shear) * up**2
     energies = [
-        at_root,
+        narrow * at_root,
         (parts.tip - mount) * at_tip,
-        mount * at_tip,
+        0.0 * up if backwards else narrow * mounted,
+        mounted * (1 + HELD_BAR * ends.mount_held / ends.mount) if backwards else 0.0 * up,
+        yoked,
         0.0 * up if path else curled,
         parts.lateral_root * root_z**2,
         parts.lateral_tip * about_z**2,
         parts.end_shear * up**2,
         parts.lateral_end_shear * side**2,
         parts.twist * np.minimum(np.maximum(width, thickness) / length, 1) * about_x**2,
-        _beside_modes(plate.length / (modulus * plate_inertia)) * about_y**2,
+        plate_bent,
         ends.stretch / (width * thickness * modulus) * along**2,
         np.where(ends.stretch > 0, np.minimum(YOKE_SIDE * width / length, 1), 0.0) * bent_sideways,
         np.maximum(1 - section.across, 0) * weak,
         *(sharp_energies(section, load, modulus, poisson) if path else (0.0 * up, 0.0 * up)),
     ]
     return np.stack(np.broadcast_arrays(*energies), -1)
+
+
+def _bent_energy(integrals: tuple[Array, Array, Array], up: Array, about_y: Array) -> Array:
+    """Return twice the energy of bending times EI, from ∫ (l−s)^p ds (p = 0, 1, 2) and the load on the tip."""
+    turn, both, lift = integrals
+    return lift * up**2 - 2 * both * up * about_y + turn * about_y**2
 
 
 def relative_error(

@@ -18,7 +18,7 @@ Harris' Shock and Vibration Handbook, 5th edition, 2002, chapters 3 and 6.
 
 The sign of each ON taxel's motion is free. `balanced_signs` chooses them so that forces and moments cancel: the largest
 first, each against what is left (largest differencing, after Karmarkar and Karp, 1982), then single and paired flips as
-long as these lower the rest.
+long as these lower the rest. A taxel that vibrates already turns over only where that lowers it by enough.
 """
 
 from typing import NamedTuple
@@ -119,40 +119,45 @@ class MovingPad:
         return np.asarray(np.linalg.qr(moved / max(len(listeners), 1) ** 0.5, mode="r"))
 
 
-def balanced_signs(parts: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
+def balanced_signs(parts: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
     """Return signs (n,) of +1 and −1 with which the sum of `parts` (n, d), real or complex, is small.
 
-    Signs that `kept` (n,) has already (not 0) stay. The same input gives the same signs.
+    Signs that `kept` (n,) has already (not 0) stay, but where another lowers the sum's square by more than a share
+    `turn` of the largest part's (None: `TURN`). The same input gives the same signs.
 
     >>> balanced_signs(np.array([[1.0], [1.0], [2.0], [1.0]])).tolist()
     [-1.0, -1.0, 1.0, 1.0]
     """
     real = np.concatenate([parts.real, parts.imag], 1)
-    gram = real @ real.T
-    sizes = np.diag(gram)
+    sizes = (real**2).sum(1)
     signs = np.zeros(len(parts)) if kept is None else np.sign(np.asarray(kept, float))
     free = np.flatnonzero(signs == 0)
+    largest = max(float(sizes.max(initial=0.0)), np.finfo(float).tiny)
+    price = (TURN if turn is None else turn) * largest * signs
+    least = FLIP * largest
+    rest = signs @ real
     for i in free[np.argsort(-sizes[free].round(ROUND - _digits(sizes)), kind="stable")]:
-        signs[i] = -1.0 if gram[i] @ signs > 0 else 1.0
-    if len(free) < 2:
-        return signs
-    each = gram[np.ix_(free, free)]
-    least = FLIP * max(float(sizes.max()), np.finfo(float).tiny)
-    for _ in range(MOST_FLIPS * len(free)):
-        gain = 4 * (sizes[free] - signs[free] * (gram[free] @ signs))
-        if len(free) > MOST_PAIRED:
+        signs[i] = -1.0 if real[i] @ rest > least else 1.0
+        rest = rest + signs[i] * real[i]
+    gram = real @ real.T if len(parts) <= MOST_PAIRED else None
+    for _ in range(MOST_FLIPS * len(parts)):
+        # The price of a kept sign is paid when it turns, and paid back when it turns back.
+        gain = 4 * (sizes - signs * (real @ (signs @ real))) + price * signs
+        if gram is None:
             i = int((gain / least).round().argmin())
             if gain[i] >= -least:
                 break
-            signs[free[i]] *= -1.0
+            signs[i] *= -1.0
             continue
-        pairs = gain[:, None] + gain + 8 * np.outer(signs[free], signs[free]) * each
+        pairs = gain[:, None] + gain + 8 * np.outer(signs, signs) * gram
         # One alone stands on the diagonal.
         np.fill_diagonal(pairs, gain)
         i, j = np.unravel_index(int((pairs / least).round().argmin()), pairs.shape)
         if pairs[i, j] >= -least:
             break
-        signs[[free[i], free[j]]] *= -1.0
+        signs[i] *= -1.0
+        if i != j:
+            signs[j] *= -1.0
     return signs
 
 
@@ -160,6 +165,8 @@ ROUND = 9
 FLIP = 1e-9
 """Digits of a size that count, and the share of the largest by which a flip must improve the rest: so that rounding on
 another machine changes no sign."""
+TURN = 0.1
+"""Share of the largest part's square by which a kept sign must lower the rest's to turn: docs/recoil.md has others."""
 MOST_FLIPS = 4
 MOST_PAIRED = 48
 """Flips for each taxel, at most; and the most taxels of which pairs are flipped: of more, single flips leave little."""

@@ -1,4 +1,4 @@
-"""Response of one resonator (paper Eq. 1-3), of a taxel with all its modes, and of one that a finger touches.
+"""Response of one resonator (paper Eq. 1-3), and of a taxel with all its modes.
 
 Each mode of a taxel is a resonator of its own. The pull's wrench along the mode's motion excites it. A finger feels the
 vertical motion of the boss, as the mean square over the boss' disc of radius a: ``z² + a²/4 (θx² + θy²)``, so that
@@ -9,11 +9,6 @@ rolling of the plate counts, too. All modes add as complex amplitudes,
 with the mass-normalised motion φ_k of the washer, the wrench W for one newton of pull, and ``o(φ) = (φ_z, a/2 φ_θx, a/2
 φ_θy)``, three parts whose energies add. (Modal superposition with one loss factor: Ewins, *Modal Testing*, 2nd ed.
 2000, 2.5.) `TaxelModes` is the common result of all rungs of the structure ladder.
-
-Skin is a spring, a damper and a mass beside the taxel's own. A flat contactor of radius a has ``k = 2 E* a``, ``c = τ
-k``, ``m = 4/3 ρ a³`` (contact of a rigid punch with a half-space, Johnson, Contact Mechanics, 3.4). No measurements of
-contactors of 0.5 to 4 mm on glabrous skin were found: the constants are scaled from data on whole finger pads and are
-provisional (docs/accuracy.md lists them).
 """
 
 from math import pi, sqrt
@@ -24,22 +19,19 @@ import numpy as np
 __all__ = [
     "HAND_LIMIT_M_PER_S2",
     "LEFT_OUT",
-    "LOADED",
-    "SKINS",
     "STATIC_HZ",
     "UPWARD",
     "ModalTaxels",
-    "Skin",
     "TaxelModes",
     "felt_energy",
     "felt_gains",
+    "felt_response",
     "modal_taxels",
     "natural_frequency",
     "receptance",
     "relative_energy",
     "ring_up_time",
     "rule_stiffness",
-    "touched",
     "weighted_acceleration",
     "without_quiet_modes",
 ]
@@ -140,6 +132,15 @@ class ModalTaxels(NamedTuple):
     gain: np.ndarray
     left_out: np.ndarray
 
+    @property
+    def responses(self) -> int:
+        """Number of responses that are worked out for each line: one of each mode."""
+        return self.frequency_hz.shape[1]
+
+    def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return `felt_energy` of these taxels."""
+        return felt_energy(self, rows, frequency, rest)
+
 
 def felt_gains(
     modes: TaxelModes, wrench: np.ndarray, rest_motion: np.ndarray, boss_radius_m: float
@@ -177,6 +178,18 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
     `frequency` is (lines,), or (rows, lines) for lines of each taxel's own; `rest` is its rounding error, as in
     `relative_energy`.
     """
+    real, imaginary = felt_response(taxels, rows, frequency, rest)
+    return (real * real + imaginary * imaginary).sum(1)
+
+
+def felt_response(
+    taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the felt amplitudes (rows, 3, lines) that `felt_energy` is the energy of, in phase and a quarter behind.
+
+    The parts are those of `felt_gains`: up, and by tilting about both axes. Under ``cos ωt`` a part moves as
+    ``real cos ωt + imaginary sin ωt``.
+    """
     mode = taxels.frequency_hz[rows, :, None]
     gain = taxels.gain[rows].transpose(0, 2, 1)
     frequency = np.asarray(frequency)[..., None, :]
@@ -193,9 +206,7 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
     scale += loss * loss
     stiff /= scale
     loss /= scale
-    real = gain @ stiff
-    imaginary = gain @ loss
-    return (real * real + imaginary * imaginary).sum(1)
+    return gain @ stiff, gain @ loss
 
 
 def without_quiet_modes(
@@ -208,7 +219,8 @@ def without_quiet_modes(
     twice the highest tone. The root sum square of all lines (n,) of a scheme is at most twice the sum of the wanted
     ones; for the biased scheme with a constant below half the tone, 1/`bias_ratio` times that sum.
     """
-    peak = taxels.q / np.sqrt(1 - 1 / (4 * taxels.q**2))
+    # Below a Q of 1/√2, as of touched taxels, no response is larger than that at rest.
+    peak = np.maximum(taxels.q / np.sqrt(np.maximum(1 - 1 / (4 * taxels.q**2), 0.25)), 1.0)
     above = 1 - (2 * own_hz.max() / taxels.frequency_hz) ** 2
     largest = 1 / np.maximum(above, 1 / peak[:, None])
     size = np.sqrt((taxels.gain**2).sum(-1)) * largest * (max(2.0, 1 / bias_ratio) * line.sum() / line)[:, None]
@@ -231,40 +243,6 @@ def without_quiet_modes(
         gain=gain[:, :most],
         left_out=np.divide(missing, heard, out=np.zeros(len(heard)), where=heard > 0),
     )
-
-
-DENSITY_KG_PER_M3 = 1100.0
-LOADED = 0.1
-"""Largest stiffness of skin over a taxel's that counts as not loading it; the resonance is then 5 % higher."""
-
-
-class Skin(NamedTuple):
-    """Reduced modulus E* in Pa and time constant τ in s of skin."""
-
-    modulus: float
-    time: float
-
-
-SKINS = {"low": Skin(30e3, 0.4e-3), "typical": Skin(100e3, 1.0e-3), "high": Skin(300e3, 1.6e-3)}
-"""Typical: a finger pad pressed with less than 0.5 N has 1000 N/m and 1.5 N·s/m (Grigorii et al. 2021), over an assumed
-contact radius of 5 mm. Low: E = 25 kPa; high: a margin for firmer touch.
-"""
-
-
-def touched(skin: Skin, radius: float, stiffness: Any, mass: Any, q: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return resonance in Hz, Q and stiffness in N/m of taxels under skin, from those in air.
-
-    All in SI units; `mass` is the effective one, `radius` that of the contact.
-
-    >>> hz, q, k = touched(SKINS["typical"], 1.25e-3, 17.95, 1.45e-4, 15.0)
-    >>> f"{hz:.0f} Hz, Q {q:.1f}, {k:.0f} N/m"
-    '214 Hz, Q 0.8, 268 N/m'
-    """
-    added = 2 * skin.modulus * radius
-    stiffer = np.asarray(stiffness + added)
-    heavier = mass + 4 / 3 * DENSITY_KG_PER_M3 * radius**3
-    damping = np.sqrt(stiffness * mass) / q + skin.time * added
-    return np.sqrt(stiffer / heavier) / (2 * pi), np.sqrt(stiffer * heavier) / damping, stiffer
 
 
 HAND_LIMIT_M_PER_S2 = 5.0

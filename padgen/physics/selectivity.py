@@ -6,11 +6,14 @@ wanted line at its resonance r; all other lines are spurs:
 ===========  =======================================  ==================================
 scheme       current                                  spurs of channels a, b
 ===========  =======================================  ==================================
-tones        sum of sines at r/2 (paper Eq. 4-5)      (r_a + r_b)/2 and abs(r_a − r_b)/2
+tones        sum of sines at r/2 (paper Eq. 4-5)      (r_a + r_b)/2 and abs(r_a − r_b)/2; r_a/2
 spur-free    square root of the wanted force          none
 biased       a constant and sines at r                r_a + r_b, abs(r_a − r_b) and 2 r_a
-time-shared  one channel at a time, a sine at r/2     none, and never two tones at once
+time-shared  one channel at a time, a sine at r/2     r_a/2, and never two tones at once
 ===========  =======================================  ==================================
+
+The lines at r/2 are of steel that has kept some magnetisation, so that the pull has a part that goes with the current
+itself (`padgen.physics.remanence`); with a constant current that part is at the resonances, and only changes levels.
 
 All figures are of the steady state: currents are switched in ramps that are slow against the ring-down of the taxels
 (time-shared, in every slot). Lines of distinct frequency add as energies, and energies only add, so that an OFF taxel
@@ -21,16 +24,16 @@ A taxel is one resonator, or several modes (`padgen.physics.resonator`), whose a
 its response to each line differs, but the lines' energies still only add.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from itertools import islice
 from math import erfc
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from padgen.core.registry import SCHEMES
-from padgen.physics.resonator import ModalTaxels, felt_energy, relative_energy
+from padgen.physics.resonator import relative_energy
 
 if TYPE_CHECKING:
     from padgen.physics.schemes import DriveScheme
@@ -39,6 +42,7 @@ __all__ = [
     "AllStates",
     "Channels",
     "Lines",
+    "Responses",
     "Scheme",
     "all_states",
     "channels",
@@ -61,15 +65,21 @@ LEAST = 1e-300
 """Beyond so many sigma nothing comes too near; what stands for no energy at all."""
 
 
+SQUARE = 2
+"""Order in the current of the pull on steel, which goes with its square; that on a magnet is of order 1."""
+
+
 class Scheme(NamedTuple):
     """A drive scheme; `bias_ratio` is the constant current over the largest tone's (biased only).
 
-    `version` distinguishes, in caches, schemes that were registered one after the other under one name.
+    `version` distinguishes, in caches, schemes that were registered one after the other under one name. `remanence` is
+    ρ² over the coil's largest wanted line, for a pull as i² + ρ i (`padgen.physics.remanence`).
     """
 
     name: str
     bias_ratio: float = 5.0
     version: int = 0
+    remanence: float = 0.0
 
     @property
     def kind(self) -> "DriveScheme":
@@ -84,7 +94,17 @@ class Scheme(NamedTuple):
     @property
     def pair_scale(self) -> float:
         """Frequency of a pair's spur over the sum or difference of its resonances."""
-        return 1.0 if self.has_constant else 0.5
+        return 1.0 if self.at_resonance else 0.5
+
+    @property
+    def force_order(self) -> int:
+        """Order in the current of the forces that the scheme is for."""
+        return int(getattr(self.kind, "FORCE_ORDER", SQUARE))
+
+    @property
+    def at_resonance(self) -> bool:
+        """True where a channel's line of current is at its resonance, false where it is at half of that."""
+        return self.kind.CURRENT != "tones"
 
     def pair_square(self, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
         """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
@@ -104,9 +124,14 @@ class Scheme(NamedTuple):
         return self.kind.CURRENT == "biased"
 
     @property
+    def goes_with_level(self) -> bool:
+        """True where a tone of the current goes with its taxel's level, false where it goes with the level's root."""
+        return self.kind.CURRENT in ("biased", "linear")
+
+    @property
     def has_constant(self) -> bool:
-        """True where the current has a constant part, so that a channel's line of current is at its resonance."""
-        return self.kind.CURRENT != "tones"
+        """True where the current has a constant part."""
+        return self.kind.CURRENT in ("biased", "root")
 
     @property
     def takes_turns(self) -> bool:
@@ -124,6 +149,17 @@ class Channels(NamedTuple):
     resonance_hz: np.ndarray
     q: np.ndarray
     line: np.ndarray
+
+
+class Responses(Protocol):
+    """Taxels that are not one resonator each: those with all their modes, and those that are touched."""
+
+    @property
+    def responses(self) -> int:
+        """Number of responses that are worked out for each line."""
+
+    def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the energy (rows, lines) under lines, over that under a line of 1 at the taxel's own resonance."""
 
 
 class Lines(NamedTuple):
@@ -170,7 +206,7 @@ def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
 
 
 def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
-    """Yield the wanted lines of channels (n, …), with the second harmonics of biased tones.
+    """Yield the wanted lines of channels (n, …), with the second harmonics of biased tones, or those by remanence.
 
     Each yield has up to `most` channels.
     """
@@ -183,6 +219,10 @@ def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]
         if scheme.is_biased:
             hz = np.concatenate([hz, 2 * hz])
             square = np.concatenate([square, scheme.pair_square(line, line, of.line.max(0)) / 4])
+        elif scheme.remanence and not scheme.has_constant:
+            # A tone of i whose square has the line a is √2a strong.
+            hz = np.concatenate([hz, hz / 2])
+            square = np.concatenate([square, 2 * scheme.remanence * of.line.max(0) * line])
         yield Lines(hz, np.zeros(1), square, (each[block],))
 
 
@@ -219,7 +259,7 @@ def pair_lines(
     return Lines(hz * scheme.pair_scale, rest * scheme.pair_scale, square[None], makers)
 
 
-def line_energy(which: Channels, part: Lines, modes: ModalTaxels | None = None) -> np.ndarray:
+def line_energy(which: Channels, part: Lines, modes: Responses | None = None) -> np.ndarray:
     """Return the energy (n, k, l) of taxels under lines, over that of their own ON states."""
     return _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
 
@@ -227,15 +267,17 @@ def line_energy(which: Channels, part: Lines, modes: ModalTaxels | None = None) 
 def off_energy(
     which: Channels,
     scheme: Scheme,
-    modes: ModalTaxels | None = None,
+    modes: Responses | None = None,
     drivers: Channels | None = None,
     one_hot: bool = False,
+    weight: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
     """Return the largest energy (n, …) of each OFF taxel over all states, over that of its own ON state.
 
     Further axes are further coils (prints, candidates), without `modes`. The `drivers` (None: the channels themselves)
     need not be at the taxels' resonances; ``which.line`` is then the line that moves a taxel by its level at its own
-    resonance, ``drivers.line`` the one that is played. With `one_hot`, only states with one other channel on count.
+    resonance, ``drivers.line`` the one that is played. With `one_hot`, only states with one other channel on count. A
+    line's energy counts `weight` times, a function of its frequency in Hz.
 
     O(n²) without spurs, O(n³) with them, times the number of modes; memory O(n²) at most.
     """
@@ -243,12 +285,13 @@ def off_energy(
     result = np.zeros(np.broadcast(which.resonance_hz, *drivers).shape)
     parts = own_lines if one_hot else scheme_lines
     join = np.maximum if one_hot or scheme.takes_turns else np.add
-    each = result[0].size * (1 if modes is None else modes.frequency_hz.shape[1])
+    each = result[0].size * (1 if modes is None else modes.responses)
     for part in parts(drivers, scheme, max(BLOCK // each, 1)):
         rows = max(BLOCK // (each * part.hz.shape[0] * part.hz.shape[1]), 1)
         for start in range(0, len(result), rows):
             block = slice(start, start + rows)
-            heard = _line_response(which, part, modes, block).sum(1)
+            response = _line_response(which, part, modes, block)
+            heard = (response if weight is None else response * weight(part.hz)).sum(1)
             # A taxel's own lines are left out before adding; subtracting them later would leave rounding errors.
             for maker in part.makers:
                 there = np.flatnonzero((maker >= start) & (maker < start + rows))
@@ -259,7 +302,7 @@ def off_energy(
     return result / which.line**2
 
 
-def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> AllStates:
+def all_states(which: Channels, scheme: Scheme, modes: Responses | None = None) -> AllStates:
     """Return the selectivity over all 2ⁿ states: smallest ON amplitude over largest OFF amplitude, in closed form."""
     count = len(which.line)
     if count < 2:
@@ -273,7 +316,7 @@ def all_states(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None
     return AllStates(_below_db(float(energy[worst])), state, worst)
 
 
-def one_hot_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> float:
+def one_hot_db(which: Channels, scheme: Scheme, modes: Responses | None = None) -> float:
     """Return the selectivity in dB with one channel on at a time, ``−20 log10 max_{i≠j} M_ij``; inf for one channel."""
     if len(which.line) < 2:
         return float("inf")
@@ -281,11 +324,11 @@ def one_hot_db(which: Channels, scheme: Scheme, modes: ModalTaxels | None = None
 
 
 def loudest_line(
-    which: Channels, scheme: Scheme, off: int, modes: ModalTaxels | None = None
+    which: Channels, scheme: Scheme, off: int, modes: Responses | None = None
 ) -> tuple[tuple[int, ...], str]:
     """Return channels and kind of the line that an OFF taxel hears loudest.
 
-    The kind is 'tone', 'harmonic', 'sum' or 'difference'.
+    The kind is 'tone', 'harmonic', 'remanence', 'sum' or 'difference'.
     """
     loudest = -1.0
     loudest_of = (tuple[int, ...]((off,)), "tone")
@@ -295,7 +338,8 @@ def loudest_line(
         kind, at = np.unravel_index(int(heard.argmax()), heard.shape)
         if heard[kind, at] > loudest:
             loudest = heard[kind, at]
-            kinds = ("tone", "harmonic") if len(part.makers) == 1 else ("sum", "difference")
+            single = ("tone", "harmonic" if scheme.has_constant else "remanence")
+            kinds = single if len(part.makers) == 1 else ("sum", "difference")
             loudest_of = tuple(int(maker[at]) for maker in part.makers), kinds[kind]
     return loudest_of
 
@@ -373,14 +417,14 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.triu_indices(count, 1)
 
 
-def _line_response(which: Channels, part: Lines, modes: ModalTaxels | None, rows: slice) -> np.ndarray:
+def _line_response(which: Channels, part: Lines, modes: Responses | None, rows: slice) -> np.ndarray:
     """Return the energy (rows, k, l, …) of taxels under lines, over that under a line of 1 at their own resonance."""
     if modes is None:
         hz = which.resonance_hz[rows, None, None]
         q = which.q[rows, None, None]
         response = relative_energy(part.hz, hz, q, part.rest)
     else:
-        response = felt_energy(modes, rows, part.hz.ravel(), part.rest.ravel()).reshape(-1, *part.hz.shape)
+        response = modes.energy(rows, part.hz.ravel(), part.rest.ravel()).reshape(-1, *part.hz.shape)
     return response * part.square
 
 

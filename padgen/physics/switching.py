@@ -153,12 +153,17 @@ def overlap(time_s: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.nda
 
 
 def keyframes(
-    frames: np.ndarray, frame_s: float, ramp_s: float, brake: Brake | None = None, tau_s: np.ndarray | None = None
+    frames: np.ndarray,
+    frame_s: float,
+    ramp_s: float,
+    brake: Brake | None = None,
+    tau_s: np.ndarray | None = None,
+    signs: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the times (m,) and levels (m, n) that show frames (k, n), each for `frame_s`, from silence to silence.
 
     Each is switched in over `ramp_s`. With a `brake`, taxels of time constants `tau_s` that go OFF are stopped at the
-    end of their last frame.
+    end of their last frame: what they have by then depends on the `signs` (k, n) that they vibrate with.
     """
     count = len(frames)
     silence = np.zeros((1, frames.shape[1]))
@@ -170,19 +175,21 @@ def keyframes(
     times = [0.0]
     levels = [silence[0]]
     amplitude = silence[0]
-    for k in range(count):
+    before = silence[0]
+    for k, sign in enumerate(np.broadcast_to(signs, frames.shape)):
         begin_s = starts[k + 1] - brake.seconds
         shown = frames[k]
         goes = (frames[k] > 0) & (after[k + 1] <= 0)
-        first = len(times) - 1
         times += [starts[k] + ramp_s, begin_s]
         levels += [shown, shown]
-        amplitude = follow(np.array(times[first:]), np.array(levels[first:]), tau_s, amplitude)[0][-1]
-        counter = brake.counter(amplitude, shown, tau_s)
+        played = np.stack([before, sign * shown, sign * shown])
+        amplitude = follow(np.array([starts[k], *times[-2:]]), played, tau_s, amplitude)[0][-1]
+        counter = brake.counter(sign * amplitude, shown, tau_s)
         first = len(times) - 1
         for place, (_, share) in enumerate(brake.shares, 1):
             times.append(begin_s + place * brake.blend_s)
             levels.append(np.where(goes, -share * counter, shown))
         times[-1] = starts[k + 1]
-        amplitude = follow(np.array(times[first:]), np.array(levels[first:]), tau_s, amplitude)[0][-1]
+        amplitude = follow(np.array(times[first:]), sign * np.array(levels[first:]), tau_s, amplitude)[0][-1]
+        before = sign * levels[-1]
     return np.array([*times, starts[-1] + ramp_s]), np.array([*levels, silence[0]])

@@ -1,7 +1,4 @@
 """Make the plan's `Channel`s from sized beams: levels, the coil's pull at each site, and how it excites the modes.
-``padgen/physics/pulls.npy`` has tables of the pull for all coils and washers of the catalogues (`docs/measure_force.py
-tables` makes them). For other parts the pull at each distance from the coil's axis is solved at a few gaps and kept in
-the cache, over ranges of gaps that are the same for every spec.
 
 The modes are `TaxelModes`, whether from the beam model or from finite elements.
 """
@@ -15,20 +12,10 @@ from typing import Any
 import numpy as np
 
 from padgen.core.registry import COILS
-from padgen.core.units import GRAM, MM, MN, MPA, MS, UM, decibel
-from padgen.physics.magnetics import CoilSource, SteelRing, balanced_deflection
+from padgen.core.units import GRAM, MA, MM, MN, MPA, MS, UM, decibel
+from padgen.physics.magnetics import balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
-from padgen.physics.pull import (
-    LOW,
-    RANGE,
-    PullAt,
-    PullTable,
-    brought_table,
-    make_table,
-    of_one_turn,
-    parts_key,
-    pull_range,
-)
+from padgen.physics.pull import PullAt
 from padgen.physics.resonator import (
     ModalTaxels,
     TaxelModes,
@@ -37,13 +24,20 @@ from padgen.physics.resonator import (
     ring_up_time,
     without_quiet_modes,
 )
-from padgen.physics.schemes import mean_square_a2
+from padgen.physics.schemes import mean_pull_line
 from padgen.physics.selectivity import Scheme
-from padgen.planner.coils import coil_source
+from padgen.planner.core_pull import CoreRest, as_if_held, core_rest
+from padgen.planner.movers import mover_of
+from padgen.planner.pins import pin_of
 from padgen.planner.plan import TURNS, Beam, Channel, Site, channel_sets, level_law
 from padgen.planner.sizing import SizedChannel, frequency_spread
 from padgen.planner.suspensions import BeamShape
-from padgen.planner.taxel_model import SolvedModel, TaxelModel, fillet_mm, plate_shape, recess_mm
+from padgen.planner.taxel_model import (
+    SolvedModel,
+    TaxelModel,
+    fillet_mm,
+    plate_shape,
+)
 from padgen.spec import Spec
 
 __all__ = [
@@ -53,13 +47,11 @@ __all__ = [
     "force_error",
     "hanging_gap_um",
     "heard_modes",
-    "magnetic_parts",
     "mode_fields",
     "mode_names",
     "plan_channels",
     "pull_exponent",
     "pulled_shares",
-    "pulls",
     "site_pulls",
     "site_wrenches",
     "taxel_modes",
@@ -156,7 +148,7 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
         (x * a - y * b, y * a + x * b) for a, b in ((side, none), (none, moment))
     )
     # The underside of the washer is the glue's thickness above the bed's plane.
-    height = (recess_mm(spec)[1] - spec.washer.thickness_mm) * MM
+    height = spec.mover_low_mm * MM
     moments = moment_x - height * force_y, moment_y + height * force_x
     return np.stack([force_x, force_y, none + 1, *moments, none], axis=-1)
 
@@ -166,7 +158,7 @@ def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
     most = max(len(channel.modes_hz) for channel in channels) + 1
     frequency = np.ones((len(channels), most))
     gain = np.zeros((len(channels), most, 3))
-    radius_m = spec.taxel.boss_diameter_mm / 2 * MM
+    radius_m = spec.contact_diameter_mm / 2 * MM
     for i, channel in enumerate(channels):
         modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
         wrench = np.array(channel.pull_wrench)
@@ -209,54 +201,6 @@ def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:
     return tuple(names)
 
 
-KIND = "pulls"
-CODE = ("physics/magnetics.py", "physics/pull.py")
-
-
-def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
-    """Return the coil and the washer of a spec in SI units."""
-    washer = spec.washer
-    outer, inner, height = (v * MM for v in (washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm))
-    return coil_source(spec.coil), SteelRing(outer, inner, height, washer.relative_permeability)
-
-
-def pulls(spec: Spec, gap_m: np.ndarray, offset_m: np.ndarray) -> PullAt:
-    """Return the pulls (n,) on washers over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
-    coil, washer = magnetic_parts(spec)
-    one = of_one_turn(coil)
-    result = np.empty((len(PullAt._fields), len(gap_m)))
-    part = pull_range(gap_m)
-    for offset, k in sorted(set(zip(offset_m.tolist(), part.tolist(), strict=True))):
-        alike = (offset_m == offset) & (part == k)
-        result[:, alike] = _table_beside(one, washer, k, offset).wound(coil.turns).at(gap_m[alike], offset_m[alike])
-    return PullAt(*result)
-
-
-@lru_cache(maxsize=1024)
-def _table_beside(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
-    """Return the pulls of a coil of one turn at one offset over one range of gaps, from a brought table or solved."""
-    brought = brought_table(coil, washer, part)
-    if brought is None or offset_m > brought.reach:
-        return _own(coil, washer, part, offset_m)
-    return brought.beside(offset_m)
-
-
-@lru_cache(maxsize=1024)
-def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
-    """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
-    from padgen.core import cache
-
-    reach = max(offset_m, 1e-9) * sqrt(2)
-    key = cache.key_of([parts_key(coil, washer), part, reach, cache.code_hash(*CODE)])
-    if known := cache.load(KIND, key):
-        scale, *shape = np.array(known)
-        low = LOW * RANGE**part
-        return PullTable(low, low * RANGE, reach, scale, np.array(shape).T[:, None])
-    table = make_table(coil, washer, part, reach, 1)
-    cache.store(KIND, key, [table.scale.tolist(), *table.shape[:, 0].T.tolist()])
-    return table
-
-
 USUAL_DEPTH = 1.01
 """Depth of the frame behind a root over half a rib, for which beams are sized; up to here no error is added."""
 
@@ -276,25 +220,31 @@ def _plan_channels(
     spec: Spec, sized: tuple[SizedChannel, ...], sites: tuple[Site, ...], coil_version: int
 ) -> tuple[Channel, ...]:
     law = level_law(spec)
-    resonance = np.array([float(s.model.resonance_hz) for s in sized])
+    sag_m, alpha = np.array([(float(s.model.sag_m), float(s.model.hardening_per_m2)) for s in sized]).T
+    sag_um = sag_m / UM
+    rest = resting(spec, sized, sites)
+    hanging_um = hanging_gap_um(spec, sag_um)
+    gap_um, soft = (hanging_um, np.ones(len(sized))) if rest is None else as_if_held(rest, hanging_um)
+    core_um = hanging_um - gap_um
+    resonance = np.array([float(s.model.resonance_hz) for s in sized]) * np.sqrt(soft)
     level = law(resonance)
     threshold_um = law.threshold_um(resonance)
     level_um = spec.drive.level_um * level / level[0]
-    sag_m, alpha = np.array([(float(s.model.sag_m), float(s.model.hardening_per_m2)) for s in sized]).T
-    sag_um = sag_m / UM
     level_m = level_um * UM
     rise = resonance_rise(alpha, level_m, sag_m)
     kept = level_kept(alpha, spec.q_min, level_m, sag_m)
-    pulled = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
-    exponent = pull_exponent(pulled, hanging_gap_um(spec, sag_um))
+    pulled = site_pulls(spec, sites, gap_um)
+    exponent = pull_exponent(pulled, gap_um)
+    distance_m = np.array([site.coil_distance_mm for site in sites]) * MM
+    remanent = mover_of(spec).remanent_currents(spec.coil, spec.moved, spec.drive.remanent_share, distance_m)
     wrench = site_wrenches(spec, pulled, sites)
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
     # The ON amplitude over what counts as quiet: the detection threshold where the spec has one, else 1/Δy of it.
     quiet = np.full(len(resonance), spec.delta_y) if threshold_um is None else level_um / threshold_um
     deep_error = _deep_frame_errors(sized, tuple(site.frame_depth_mm for site in sites))
-    radius_m = spec.washer.outer_diameter_mm / 2 * MM
+    radius_m = spec.moved.outer_diameter_mm / 2 * MM
     printer = spec.printer
-    modes = [taxel_modes(s.model) for s in sized]
+    modes = [softened(taxel_modes(s.model), float(share)) for s, share in zip(sized, soft, strict=True)]
     constants = (pulled.pull * pulled_shares(modes, wrench)).tolist()
     force_errors = [
         force_error(taxel, turned, float(error), radius_m)
@@ -302,7 +252,7 @@ def _plan_channels(
     ]
     channels = []
     for i, (item, site) in enumerate(zip(sized, sites, strict=True)):
-        stiffness = float(item.model.stiffness_n_per_m)
+        stiffness = float(item.model.stiffness_n_per_m * soft[i])
         beam_error = item.model.beam_error
         width, thickness, length = (float(v) for v in item.beam)
         force_mn = float(level_um[i]) * UM * stiffness / spec.q_min / MN
@@ -342,8 +292,9 @@ def _plan_channels(
                 line_a2=wanted_line_a2(force_mn, constants[i]),
                 force_error=force_errors[i],
                 pull_exponent=float(exponent[i]),
-                static_um=0.0,
-                pull_shift=0.0,
+                remanent_ma=float(remanent[i]) / MA,
+                static_um=float(core_um[i]),
+                pull_shift=1 - sqrt(soft[i]),
                 model="beam" if beam_error is None else "solid",
                 model_error=float(item.model.error_estimate) + float(deep_error[i]),
                 mode_errors=tuple((item.model.mode_errors + deep_error[i]).tolist()),
@@ -352,6 +303,7 @@ def _plan_channels(
                 stress_error=item.model.stress_error + 2 * float(deep_error[i]),
                 beam_error=beam_error,
                 site=site,
+                pin=pin_of(spec, item.model, site),
             )
         )
     return tuple(channels)
@@ -360,14 +312,18 @@ def _plan_channels(
 def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> np.ndarray:
     """Return the channels' `force_constant_n_per_a2` (n,) alone, faster than by `plan_channels`."""
     sag_um = np.array([float(s.model.sag_m) for s in sized]) / UM
-    pulled = site_pulls(spec, sites, hanging_gap_um(spec, sag_um))
+    rest = resting(spec, sized, sites)
+    hanging_um = hanging_gap_um(spec, sag_um)
+    pulled = site_pulls(spec, sites, hanging_um if rest is None else as_if_held(rest, hanging_um)[0])
     share = pulled_shares([taxel_modes(s.model) for s in sized], site_wrenches(spec, pulled, sites))
     return np.asarray(pulled.pull * share)
 
 
 def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:
-    """Return the pulls (n,) on the washers of `sites`, each over its own gap (n,) in µm."""
-    return pulls(spec, gap_um * UM, np.array([site.coil_distance_mm for site in sites]) * MM)
+    """Return the pulls (n,) on the movers of `sites`, each over its own gap (n,) in µm."""
+    return mover_of(spec).pulls(
+        spec.coil, spec.moved, gap_um * UM, np.array([site.coil_distance_mm for site in sites]) * MM, *spec.hung
+    )
 
 
 def pull_exponent(pulled: PullAt, gap_um: np.ndarray) -> np.ndarray:
@@ -383,23 +339,42 @@ def hanging_gap_um(spec: Spec, sag_um: np.ndarray | float) -> np.ndarray:
     return np.maximum(gap_um - sag_um, gap_um / 10)
 
 
+def resting(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> CoreRest | None:
+    """Return where the movers of `sites` rest that their coils' cores draw; None where no core does."""
+    gap_um = hanging_gap_um(spec, np.array([float(s.model.sag_m) for s in sized]) / UM)
+    stiffness = np.array([float(s.model.stiffness_n_per_m) for s in sized])
+    return core_rest(spec, gap_um, [site.coil_distance_mm for site in sites], stiffness)
+
+
+def softened(modes: TaxelModes, share: float) -> TaxelModes:
+    """Return modes of which the working one has this share of its stiffness left."""
+    if share == 1:
+        return modes
+    frequency = modes.frequency_hz.copy()
+    frequency[modes.working] *= sqrt(share)
+    return modes._replace(frequency_hz=frequency)
+
+
 def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Channel, ...]:
     """Return `channels` with the frequencies of the current and the effects of the mean pull under `scheme`."""
     sets = channel_sets(channels, spec.coil.sets)
-    squares_a2 = [
-        mean_square_a2(scheme, np.array([c.line_a2 for c in channel_set]), spec.drive.headroom) for channel_set in sets
+    means = [
+        mean_pull_line(scheme, np.array([c.line_a2 for c in channel_set]), spec.drive.headroom) for channel_set in sets
     ]
     result = []
     for channel in channels:
         gap_um = float(hanging_gap_um(spec, channel.sag_um))
-        pull_n = squares_a2[channel.index % len(sets)] * channel.force_constant_n_per_a2
+        pull_n = means[channel.index % len(sets)] * channel.force_constant_n_per_a2
         slack_um = pull_n / channel.stiffness_n_per_m / UM
         exponent = max(channel.pull_exponent, 0.0)
         static_um = balanced_deflection(slack_um, gap_um, exponent)
         # With F = k z at balance the stiffness falls by the share (dF/dz)/k, the resonance by half of that.
         shift = 0.0 if static_um is None else exponent * static_um / (gap_um - static_um) / 2
         static_um = gap_um if static_um is None else static_um
-        drive_hz = channel.resonance_hz if scheme.has_constant else channel.resonance_hz / 2
+        drive_hz = channel.resonance_hz if scheme.at_resonance else channel.resonance_hz / 2
+        if scheme.force_order == 1:  # at rest as with all channels on
+            static_um = channel.static_um
+            shift = channel.pull_shift
         result.append(replace(channel, drive_hz=drive_hz, static_um=static_um, pull_shift=shift))
     return tuple(result)
 
@@ -409,12 +384,16 @@ def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
 
 
+DEEP_SHIFTS = 2.25
+"""Error of a resonance on a deep frame over the shift that the beam model makes of the depth."""
+
+
 @lru_cache(maxsize=256)
 def _deep_frame_errors(sized: tuple[SizedChannel, ...], depth_mm: tuple[float, ...]) -> np.ndarray:
     """Return relative errors (n,) of resonances where the frame behind a root is deeper than half a rib.
 
-    Beams are sized for half a rib. The error is twice the shift that the beam model finds with the true depth; that
-    covers 96 % of 53 random taxels (docs/accuracy.md).
+    Beams are sized for half a rib. The error is `DEEP_SHIFTS` times the shift that the beam model finds with the true
+    depth; that covers 96 % of 53 random taxels (docs/accuracy.md).
     """
     error = np.zeros(len(sized))
     depth = np.array(depth_mm)
@@ -424,5 +403,5 @@ def _deep_frame_errors(sized: tuple[SizedChannel, ...], depth_mm: tuple[float, .
         same_kind = [i for i in deep if models[i].topology == topology]
         beam = BeamShape(*np.array([models[i].beam for i in same_kind], float).T)
         true = replace(models[same_kind[0]], beam=beam, frame_depth_mm=depth[same_kind], member_of=None)
-        error[same_kind] = 2 * np.abs(true.resonance_hz / [models[i].resonance_hz for i in same_kind] - 1)
+        error[same_kind] = DEEP_SHIFTS * np.abs(true.resonance_hz / [models[i].resonance_hz for i in same_kind] - 1)
     return error

@@ -3,7 +3,7 @@
 `refusal` explains why no pad meets a spec: the limit that binds, and the nearest specs that a pad would meet.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, fields, replace
 from itertools import islice
 from math import inf, log
@@ -24,7 +24,7 @@ from padgen.planner.layout import (
     whole_grids,
 )
 from padgen.planner.plan import Plan
-from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts
+from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts, snapping
 from padgen.planner.verdict import judged
 from padgen.spec import Spec, SuspensionTable, load_spec, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
@@ -36,8 +36,9 @@ MOST_TRIED = 4
 """Most cures that are tried for one plan."""
 LOST_DB = 0.05
 """Loss of the asked selectivity in dB that a cure may cause."""
-COUNTED = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.")
-"""Kinds of findings about the models, or about a loss of selectivity, which is counted in dB anyway."""
+COUNTED = ("model.", "ladder.", "selectivity.", "coil.leak", "modes.", "felt.")
+"""Kinds of findings about the models, about a loss of selectivity, which is counted in dB anyway, or about what is
+felt: a cure of something else may make a pad quieter."""
 
 Cure = dict[str, Any]
 """New values of fields of the spec, by the fields' dotted names; None removes a field from the spec."""
@@ -148,6 +149,10 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
     limit = channel_limit(spec)
+    fitting = [layout for layout in candidates(spec, limit) if layout.margin_mm >= -SLACK_MM]
+    if snapped := snapping(spec, sorted(fitting, key=lambda layout: -layout.margin_mm)):
+        sentence, cures = snapped
+        return InfeasibleError(sentence, "coil.gap_mm", list(_holding(cures, planned)))
     tried: list[Cure] = []
     # A cure that makes room for evenly spread resonances makes room for optimised ones, too, and is found faster.
     for cure in _cures(replace(spec, spacing="spread") if spec.spacing == "optimised" else spec, limit):
@@ -178,9 +183,22 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     if spec.feeds and best:
         word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
         reasons.append(f"the {word} {device.name} has {device.channels} channels, one for each coil")
-    nothing = "" if tried else "; no single change that was tried would do: washer, printer, beams, pad, taxels"
+    nothing = (
+        "" if tried else f"; no single change that was tried would do: {spec.mover.kind}, printer, beams, pad, taxels"
+    )
     wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
     return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", "resolution", tried)
+
+
+def _holding(cures: Sequence[Cure], planned: Callable[[Cure], Any]) -> Iterator[Cure]:
+    """Yield the cures that make a pad without errors."""
+    for cure in cures:
+        try:
+            plan = planned(cure)
+        except PadgenError:
+            continue
+        if all(finding.level != "error" for finding in plan.findings):
+            yield cure
 
 
 def _cooler(plan: Any) -> Cure:
@@ -221,7 +239,7 @@ def _unreached(spec: Spec, layout: Layout) -> str:
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
     if wanted and reachable[0] <= wanted[0][0] and wanted[0][-1] <= reachable[1]:
         reach = number(coil_reach_mm(spec))
-        sentence = f"beams for {asked} Hz hold a washer beyond the coil's reach of {reach} mm from its axis"
+        sentence = f"beams for {asked} Hz hold a {spec.mover.kind} beyond the coil's reach of {reach} mm from its axis"
     else:
         sentence = f"{cell} can be printed for {number(reachable[0])} … {number(reachable[1])} Hz, asked are {asked} Hz"
     return f"{layout.channels} channels per coil on {grid}: {sentence}"
@@ -242,7 +260,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
             yield {f"{word.replace(' ', '_')}.channels": sized[0].coils for word in short}
     diameter = itemgetter("outer_diameter_mm")
     larger = [e for e in catalogue("coil").values() if spec.feeds and diameter(e) > spec.coil.outer_diameter_mm]
-    smaller = [e for e in catalogue("washer").values() if diameter(e) < spec.washer.outer_diameter_mm]
+    smaller = [e for e in catalogue(spec.mover_part).values() if diameter(e) < spec.moved.outer_diameter_mm]
     finer = [e for e in catalogue("printer").values() if e["line_width_mm"] < spec.printer.line_width_mm]
     beams = {
         f"suspension.{f.name}": f.default
@@ -250,12 +268,17 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         if getattr(spec.suspension, f.name) != f.default
     }
     sides = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
+    larger_pads: list[Cure] = [
+        {name: round(mm * more / 100, 1) for name, mm in sides.items()} for more in (110, 120, 130, 150, 175, 200)
+    ]
+    if not any(_best_layout(spec, limit, cure) for cure in (larger_pads[0], larger_pads[-1])):
+        larger_pads = []  # what lies between is not worth its time
     ways: list[list[Cure]] = [
         [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
-        [{"washer": e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
+        [{spec.mover_part: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
         [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process],
         *([{name: default}] for name, default in beams.items()),
-        [{k: round(mm * more / 100, 1) for k, mm in sides.items()} for more in (110, 120, 130, 150, 175, 200)],
+        larger_pads,
     ]
     if spec.coil.grid:
         coils = spec.coil.grid[0] * spec.coil.grid[1]

@@ -4,34 +4,46 @@ The load is on beams, too, with the level that all these allow. Leakage is betwe
 frequencies, with the choice of cells to turn; and there is the frame rate.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise, product, repeat
 from math import hypot, inf
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from padgen.core.errors import number
+from padgen.core.registry import MOVERS
 from padgen.core.units import MA, MH, MM, MS, UM, decibel
-from padgen.physics.magnetics import CoilSource, SteelRing, pole_error, pull_in_deflection, slack_at
+from padgen.physics.magnetics import pole_error, pull_in_deflection, slack_at
 from padgen.physics.modes import jump_amplitude
-from padgen.physics.pull import Leakage, leakage
 from padgen.physics.resonator import ModalTaxels, relative_energy
 from padgen.physics.schemes import (
     in_order,
+    mean_pull_line,
     mean_square_a2,
     on_carrier_v,
     peak_current_a,
     peak_voltage_v,
     simplest_first,
 )
-from padgen.physics.selectivity import Channels, Scheme, all_states, channels, one_hot_db, pair_lines, tone_energy
+from padgen.physics.selectivity import (
+    SQUARE,
+    Channels,
+    Scheme,
+    all_states,
+    channels,
+    one_hot_db,
+    pair_lines,
+    tone_energy,
+)
 from padgen.physics.switching import Brake, brake_for, follow, keyframes
-from padgen.planner.channels import hanging_gap_um, heard_modes, magnetic_parts, with_any_drive
+from padgen.planner.channels import hanging_gap_um, heard_modes, with_any_drive
+from padgen.planner.coils import coil_source
 from padgen.planner.layout import Layout
 from padgen.planner.limits import Demand, Moved, exceeded, limits, most_asked, pull_in_share, slack_um
+from padgen.planner.movers import Leakage, Mover, mover_of
 from padgen.planner.plan import (
     Channel,
     CoilLoad,
@@ -47,7 +59,7 @@ from padgen.planner.plan import (
     passes,
     scheme_named,
 )
-from padgen.spec import Spec, catalogue
+from padgen.spec import Ballast, Coil, Magnet, Spec, Washer, catalogue
 
 if TYPE_CHECKING:
     from padgen.planner.search import Optimum
@@ -105,7 +117,7 @@ def slot_ms(channels: Sequence[Channel], sets: int = 1) -> float:
     return 2 * max(*(channel.ring_down_ms for channel in channels), switch_ms(channels, sets))
 
 
-def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, ...]:
+def frame_rates(channels: Sequence[Channel], sets: int = 1, force_order: int = SQUARE) -> tuple[FrameRate, ...]:
     """Return the frames per second, for each scheme, at which a taxel switched OFF is quiet before the next frame.
 
     With all channels at once, a frame takes a transition and the slowest channel's ring-down. In turns, it takes a slot
@@ -113,7 +125,8 @@ def frame_rates(channels: Sequence[Channel], sets: int = 1) -> tuple[FrameRate, 
     """
     together = (switch_ms(channels, sets) + max(channel.ring_down_ms for channel in channels)) * MS
     in_turns = slot_ms(channels, sets) * MS * len(channels) / sets
-    return tuple(FrameRate(name, 1 / (in_turns if Scheme(name).takes_turns else together)) for name in in_order())
+    slowest = {True: in_turns, False: together}
+    return tuple(FrameRate(name, 1 / slowest[Scheme(name).takes_turns]) for name in in_order(force_order))
 
 
 SLOT_DB = 10.0
@@ -128,7 +141,7 @@ does, and takes no more counter-phase than a level of 1 on most pads (docs/frame
 
 def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
     """Return the brake for taxels of time constants `tau_s`, where a transition takes `ramp_s`."""
-    return brake_for(tau_s, BRAKE_SHARE * ramp_s, not scheme.has_constant)
+    return brake_for(tau_s, BRAKE_SHARE * ramp_s, not scheme.at_resonance)
 
 
 class _Switched(NamedTuple):
@@ -201,7 +214,7 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
     channel_set = [np.array([channel.ring_up_ms * MS for channel in each]) for each in channel_sets(channels, sets)]
     alone = len(channel_set[0]) < 2
     contrasts = []
-    for rate in frame_rates(channels, sets):
+    for rate in frame_rates(channels, sets, Scheme(selectivity.drive).force_order):
         if not alone and reached.get(rate.scheme, -inf) == -inf:
             contrasts.append(rate)
             continue
@@ -250,8 +263,11 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
     headroom = spec.drive.headroom
     lines, resonance = np.array([(c.line_a2, c.resonance_hz) for c in channels]).T
     square_a2 = mean_square_a2(scheme, lines, headroom)
+    pulling = mean_pull_line(scheme, lines, headroom)
     # What a sound card's high-pass takes from a line is made good beforehand, by as many volts more.
-    more = np.zeros(len(lines)) if scheme.is_root else (spec.corner_hz / (resonance / 2)) ** 2
+    more = np.zeros(len(lines)) if scheme.is_root else (spec.corner_hz / (resonance * scheme.pair_scale)) ** 2
+    if scheme.force_order == 1:
+        more = np.sqrt(1 + more) - 1
     raised = lines * (1 + more)
     volts = peak_voltage_v(scheme, raised, resonance, coil.resistance_ohm, coil.inductance_mh * MH, headroom)
     peak_a = peak_current_a(scheme, lines, headroom)
@@ -260,15 +276,15 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
         volts *= hypot(1, spec.corner_hz / carrier)
         peak_a *= 2**0.5
     loss_w = square_a2 * coil.resistance_ohm
-    # Factors by which the displacements may grow: the square of the current grows in proportion.
-    moved = tuple(Moved(channel, square_a2, 1.0) for channel in channels)
+    # Factors by which the displacements may grow: that power of the current that pulls grows in proportion.
+    moved = tuple(Moved(channel, pulling, 1.0) for channel in channels)
     demand = Demand(volts, peak_a, loss_w, loss_w, moved)
     factors = {
         limit.level_factor: limit.share_of_level(spec, most_asked(limit, spec, demand))
         for limit in limits()
         if limit.level_factor and limit.bound(spec) < inf
     }
-    factors["gap"] = min(_gap_factor(spec, channel, square_a2) for channel in channels)
+    factors["gap"] = min(_gap_factor(spec, channel, pulling) for channel in channels)
     factors["stretching"] = min(jump_amplitude(c.hardening_per_mm2, c.q) * MM / UM / c.level_um for c in channels)
     if min(c.force_constant_n_per_a2 for c in channels) <= 0:
         factors["pull"] = 0.0
@@ -279,7 +295,7 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
         voltage_peak_v=volts,
         copper_loss_w=loss_w,
         idle_w=mean_square_a2(scheme, lines, headroom, np.zeros(len(lines), bool)) * coil.resistance_ohm,
-        pull_in_share=max(pull_in_share(spec, channel, square_a2) for channel in channels),
+        pull_in_share=max(pull_in_share(spec, channel, pulling) for channel in channels),
         reachable_level_um=spec.drive.level_um * factors[tightest],
         reachable_by=tightest,
     )
@@ -364,11 +380,11 @@ def chosen_drive(spec: Spec, planned: Sequence[Channel], asked_only: bool = Fals
     """
     any_drive = with_any_drive(spec)
     planned = tuple(planned)
-    names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order()
+    names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order(spec.force_order)
     too_many_spurs = len(planned) // spec.coil.sets > MOST_WITH_SPURS
     figures = {}
     for name in names:
-        scheme = scheme_named(spec, name)
+        scheme = scheme_named(spec, name, planned)
         if too_many_spurs and scheme.has_pair_spurs and name != spec.drive.scheme:
             figures[name] = SchemeFigures(name, None, None, None)
         else:
@@ -384,7 +400,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     """
     name, why, schemes = chosen_drive(spec, planned)
     return replace(
-        _selectivity(with_any_drive(spec), tuple(planned), scheme_named(spec, name)),
+        _selectivity(with_any_drive(spec), tuple(planned), scheme_named(spec, name, planned)),
         why=why,
         optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
         schemes=schemes,
@@ -497,16 +513,16 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
         1: "a plain tone is the simplest, and a coil's one channel has no other to be told from",
         2: "plain tones are the simplest, and no third taxel is there for their spurs to fall on",
     }
-    if why := few.get(len(planned) // spec.coil.sets):
+    if (why := few.get(len(planned) // spec.coil.sets)) and spec.force_order == SQUARE:
         return "tones", why
     asked = decibel(spec.delta_y)
     least = spec.drive.least_frames_per_s
     # The simplest first: those that amplifier and sound card play, and of these, if there are any, those within limits.
-    names = [name for name in simplest_first() if passes(spec, scheme_named(spec, name))]
+    names = [name for name in simplest_first(spec.force_order) if passes(spec, scheme_named(spec, name))]
     fed = [n for n in names if spec.feeds and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
     names = fed or names
     reached = {name: figures[name].reached_db for name in names}
-    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets)}
+    rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets, spec.force_order)}
 
     def told(others: Sequence[str]) -> str:
         """Return what other schemes reach, in brackets, or nothing."""
@@ -562,7 +578,8 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     washers_mm = tuple(channel.site.washer_mm for channel in channels)
     steps_to = coils_around(layout.rows, layout.columns)
     at = steps_to * pitch * MM
-    leak = _leakage(magnetic_parts(spec), spec.coil.gap_mm, washers_mm, (layout.rows, layout.columns), tuple(pitch))
+    grid = layout.rows, layout.columns
+    leak = _leakage(spec.mover.kind, spec.coil, spec.moved, washers_mm, grid, tuple(pitch), spec.hung)
     away = np.abs(steps_to).sum(1) % spec.coil.sets
     heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
     energy, apart = np.zeros((2, len(channels)))
@@ -580,6 +597,9 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
             own_lines += lines * tones + (np.sqrt(lines * spurs) + np.sqrt(products * beats)) ** 2
         energy = np.maximum(energy, total)
         apart = np.maximum(apart, own_lines)
+    pushed = neighbour_energies(spec, channels, pitch, (layout.rows, layout.columns), turned)
+    energy = (np.sqrt(energy) + np.sqrt(pushed.in_step)) ** 2
+    apart = apart + pushed.apart
     worst = int(energy.argmax())
     leaks, retuned = (tuple(-decibel(float(value) ** 0.5) for value in each) for each in (energy, apart))
     away_m = np.array(washers_mm)[:, None] * MM - at
@@ -588,19 +608,111 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     return Reuse(leaks[worst], worst, turned, leaks, retuned, error)
 
 
+COUPLED_STEPS = 3
+"""Coils in each direction up to which movers push a taxel: their pull on each other falls with the fifth power."""
+
+
+class PushedEnergies(NamedTuple):
+    """Energies (n,) of OFF taxels that all their ON neighbours push with no current, over their own ON states.
+
+    `in_step`: neighbours of one channel move in step, as by the driver table; `apart`: each at a frequency of its own.
+    """
+
+    in_step: np.ndarray
+    apart: np.ndarray
+
+
+def neighbour_energies(
+    spec: Spec, channels: Sequence[Channel], pitch_mm: np.ndarray, grid: tuple[int, int], turned: str
+) -> PushedEnergies:
+    """Return what OFF taxels in the middle of the pad hear of movers that push each other, as magnets do.
+
+    Every two movers are joined by a spring of `Mover.coupling`. A taxel's own stiffness is taken as it is, since taxels
+    are measured in their places. At each channel's tone its other taxels are held at their level, and all else is free.
+    """
+    rows, columns = grid
+    mover = mover_of(spec)
+    alternate = spec.magnet is not None and spec.magnet.polarity == "alternating"
+    steps = [
+        step
+        for step in product(range(-COUPLED_STEPS, COUPLED_STEPS + 1), repeat=2)
+        if abs(step[0]) <= columns // 2 and abs(step[1]) <= rows // 2
+    ]
+    stiffness, hz, q, level = np.array([(c.stiffness_n_per_m, c.resonance_hz, c.q, c.level_um) for c in channels]).T
+    in_step, apart = np.zeros((2, len(channels)))
+    for own_set in range(spec.coil.sets):
+        places = []
+        kinds = []
+        poles = []
+        for step in steps:
+            around = -1.0 if cell_is_turned(turned, step[1] % 2, step[0] % 2) else 1.0
+            for channel in channels[(own_set + sum(map(abs, step))) % spec.coil.sets :: spec.coil.sets]:
+                places.append(np.array(step) * pitch_mm + around * np.array(channel.site.washer_mm))
+                kinds.append(channel.index)
+                poles.append(-1.0 if alternate and sum(step) % 2 else 1.0)
+        kind = np.array(kinds)
+        distance = np.linalg.norm(np.array(places)[:, None] - np.array(places), axis=-1)
+        spring = np.zeros(distance.shape)
+        spring[distance > 0] = mover.coupling(spec.moved, distance[distance > 0] * MM, *spec.hung)
+        spring *= np.multiply.outer(poles, poles)
+        if shared := getattr(mover, "shared", None) if spec.coil.core_diameter_mm else None:
+            _add_by_cores(spring, spec, steps, channels, own_set, shared)
+        if not spring.any():
+            continue
+        middle = steps.index((0, 0)) * len(channels[own_set :: spec.coil.sets])
+        members = np.arange(own_set, len(channels), spec.coil.sets)
+        for j in range(len(channels)):
+            ratio = hz[j] / hz[kind]
+            holds = stiffness[kind] * (1 - ratio**2 + 1j * ratio / q[kind])
+            for of_channel in (members[members == j], members[members != j]):
+                if not len(of_channel):
+                    continue
+                off = middle + np.searchsorted(members, of_channel)
+                held = kind == j
+                held[off] = False
+                free = np.flatnonzero(~held)
+                system = np.diag(holds[free]) - spring[np.ix_(free, free)]
+                heard_at = np.linalg.solve(system.T, np.eye(len(kind))[free][:, off])
+                heard = heard_at.T @ spring[np.ix_(free, held)] * (level[j] / level[of_channel])[:, None]
+                in_step[of_channel] += np.abs(heard.sum(1)) ** 2
+                apart[of_channel] += (np.abs(heard) ** 2).sum(1)
+    return PushedEnergies(in_step, apart)
+
+
+def _add_by_cores(
+    spring: np.ndarray,
+    spec: Spec,
+    steps: Sequence[tuple[int, ...]],
+    channels: Sequence[Channel],
+    own_set: int,
+    shared: Callable[[Coil, Any, np.ndarray], np.ndarray],
+) -> None:
+    """Add to the springs of `neighbour_energies` what movers over one coil do to each other by its core."""
+    at = 0
+    for step in steps:
+        over_one = channels[(own_set + sum(map(abs, step))) % spec.coil.sets :: spec.coil.sets]
+        place_m = np.array([channel.site.washer_mm for channel in over_one]) * MM
+        cell = slice(at, at + len(over_one))
+        spring[cell, cell] += shared(spec.coil, spec.moved, place_m)
+        at = cell.stop
+
+
 @lru_cache(maxsize=64)
 def _leakage(
-    parts: tuple[CoilSource, SteelRing],
-    gap_mm: float,
+    mover: str,
+    coil: Coil,
+    part: Washer | Magnet,
     washers_mm: tuple[tuple[float, float], ...],
     grid: tuple[int, int],
     pitch_mm: tuple[float, float],
+    hung: tuple[Ballast, ...],
 ) -> Leakage:
     """Return the leakage of the coils in the order of `coils_around`; it does not depend on the drive."""
     steps = coils_around(*grid)
     at = steps * np.array(pitch_mm) * MM
     next_to = np.abs(steps).max(1) == 1
-    return leakage(*parts, gap_mm * MM, np.array(washers_mm) * MM, at[next_to], at[~next_to])
+    leakage = cast(Mover, MOVERS.get(mover)).leakage
+    return leakage(coil, part, np.array(washers_mm) * MM, at[next_to], at[~next_to], *hung)
 
 
 def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
@@ -625,7 +737,7 @@ def _leak_error(
     It is made of the model's error, that of far coils taken as poles, and that of coils too far to be counted, whose
     field falls with the cube of the distance.
     """
-    doubt = np.where(far, pole_error(magnetic_parts(spec)[0], np.linalg.norm(away_m, axis=-1)), 0.0)
+    doubt = np.where(far, pole_error(coil_source(spec.coil), np.linalg.norm(away_m, axis=-1)), 0.0)
     parts = (np.abs(leak.mutual).sum(1), 2.0), (np.abs(leak.product), 1.0)
     shares = [times * (doubt * part).sum(1) / np.maximum(part.sum(1), 1e-300) for part, times in parts]
     steps = np.stack(np.meshgrid(*(np.arange(-(n // 2), n // 2 + 1) for n in (layout.columns, layout.rows))), -1)
@@ -635,7 +747,7 @@ def _leak_error(
     # The model takes cores that magnetise each other as dipoles, which holds at distances above their length. Nearer
     # they do so with the cube of length over distance.
     nearest = np.linalg.norm(steps * pitch_mm, axis=-1)[ring > 0].min() * MM
-    long = max(magnetic_parts(spec)[0].core_length / nearest, 1.0)
+    long = max(coil_source(spec.coil).core_length / nearest, 1.0)
     return float(LEAK_ERROR * long**3 + max(map(np.max, shares)) + 2 * beyond / counted)
 
 
@@ -668,7 +780,7 @@ def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme
     counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
     the other coil plays one channel alone, whose root has harmonics of ``4√2/(π(4n² − 1)) √a``.
     """
-    if not len(channel_set.line) or scheme.takes_turns:
+    if not len(channel_set.line) or scheme.takes_turns or scheme.force_order == 1:
         return 0.0
     if scheme.has_pair_spurs:
         # If both coils play the same two channels, these make the same line twice, at worst in step.

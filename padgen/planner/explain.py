@@ -1,17 +1,19 @@
 """Explain a plan: the limits that keep a coil from more channels, and the gain by each change of the spec."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import product
-from math import inf
+from math import inf, pi
+from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import SpecError, as_lines, number
+from padgen.core.errors import PadgenError, SpecError, as_lines, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import decibel
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
+from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import plan_channels
 from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
@@ -28,9 +30,11 @@ from padgen.planner.search import (
     sites_of,
     sized_layouts,
 )
-from padgen.spec import Spec, catalogue
+from padgen.planner.thresholds import SENSATION
+from padgen.spec import Spec, catalogue, make_spec
+from padgen.spec.load import without_none
 
-__all__ = ["CapacityRow", "Change", "Explanation", "explain_plan"]
+__all__ = ["CapacityRow", "Change", "Explanation", "MoverRow", "explain_plan"]
 
 MOST_TRIED = 12
 """Most channels per coil that are tried with a change."""
@@ -79,6 +83,26 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
+class MoverRow:
+    """The pad planned with one mover and the catalogue's coil for it, the search free: coils, heat, what prints keep.
+
+    `heat_w` and `peak_v` are with all taxels on, `outputs` what feeds the coils. Where no pad can be planned `why` says
+    so and all figures are None.
+    """
+
+    mover: str
+    coil: str
+    coils: int | None = None
+    channels: int | None = None
+    heat_w: float | None = None
+    peak_v: float | None = None
+    print_db: float | None = None
+    good_share: float | None = None
+    outputs: str = ""
+    why: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Explanation:
     """The limits of a plan's coils, and the changes that would help.
 
@@ -97,6 +121,48 @@ class Explanation:
     good_share: float | None
     print_db: float | None
     stage_channels: tuple[int, ...]
+    movers: tuple[MoverRow, ...] = ()
+
+
+MOVERS_COMPARED: tuple[tuple[str, str, str], ...] = (
+    ("washer", "iso7092-m1.6", "paper"),
+    ("magnet", "disc-2x1", "air-10"),
+    ("magnet", "disc-3x1", "air-10"),
+    ("magnet", "disc-3x2", "air-10"),
+)
+"""Kind, part and coil of the movers that are ranked for a pad."""
+
+
+def _movers(spec: Spec) -> list[MoverRow]:
+    """Return the pad planned with each of `MOVERS_COMPARED`: those whose prints work first, by their heat."""
+    rows = [_with_mover(spec, *each) for each in MOVERS_COMPARED]
+    works = spec.print_share
+    return sorted(rows, key=lambda row: (row.heat_w is None, (row.good_share or 0.0) < works, row.heat_w or 0.0))
+
+
+def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
+    """Return the pad planned with a mover, its layout searched anew."""
+    table = without_none(asdict(spec))
+    for name in ("washer", "magnet", "mover", "coil", "resonances_hz"):
+        table.pop(name, None)
+    if (table["drive"].get("scheme"), kind) != ("linear", "magnet"):
+        table["drive"] = table["drive"] | {"scheme": "auto"}
+    try:
+        plan = make_plan(make_spec(table | {kind: part, "coil": coil}))
+    except PadgenError as error:
+        return MoverRow(f"{kind} {part}", coil, why=str(error))
+    coils = plan.coils.rows * plan.coils.columns
+    return MoverRow(
+        mover=f"{kind} {part}",
+        coil=coil,
+        coils=coils,
+        channels=len(plan.channels) // plan.coils.sets,
+        heat_w=plan.load.copper_loss_w * coils,
+        peak_v=plan.load.voltage_peak_v,
+        print_db=plan.prints.print_db,
+        good_share=plan.prints.good_share,
+        outputs="DC" if plan.scheme.has_constant else "AC or DC",
+    )
 
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
@@ -154,6 +220,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         good_share=share_now,
         print_db=print_now_db,
         stage_channels=(*stages, plan.capacity.prints),
+        movers=tuple(_movers(spec)),
     )
 
 
@@ -166,18 +233,24 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
 
 
 def _channels_in_band(spec: Spec) -> int:
-    """Return the most channels that band, Q and drive allow, as if there were room for all; 'auto' is spur-free."""
-    name = "spur-free" if spec.drive.scheme == "auto" else spec.drive.scheme
+    """Return the most channels that band, Q and drive allow, as if there were room for all; 'auto' makes no spurs."""
     law = level_law(spec)
     asked_db = decibel(spec.delta_y)
-    return largest_counts(spec.band_hz, spec.q_min, law, scheme_named(spec, name), asked_db, MOST_IN_BAND)[0]
+    return largest_counts(spec.band_hz, spec.q_min, law, _spurless(spec), asked_db, MOST_IN_BAND)[0]
+
+
+def _spurless(spec: Spec) -> Scheme:
+    """Return the scheme that a spec asks for; where it leaves it open, the one that makes no spurs."""
+    if spec.drive.scheme != "auto":
+        return scheme_named(spec, spec.drive.scheme)
+    return scheme_named(spec, "linear" if spec.force_order == 1 else "spur-free")
 
 
 def _capacities(spec: Spec) -> Iterator[CapacityRow]:
     laws: list[tuple[float | str, LevelLaw]] = [(p, LevelLaw(p)) for p in (0.0, 1.0, 2.0)]
-    if spec.drive.threshold_hz:
-        laws.append(("threshold", level_law(spec)))
-    for scheme, (key, law) in product((scheme_named(spec, name) for name in in_order()), laws):
+    if level_law(spec).curve_hz:
+        laws.append(("threshold" if spec.drive.threshold_hz else SENSATION, level_law(spec)))
+    for scheme, (key, law) in product((scheme_named(spec, name) for name in in_order(spec.force_order)), laws):
         states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
         yield CapacityRow(scheme.name, key, one_hot, states, searched_to(scheme))
 
@@ -238,6 +311,8 @@ def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fals
     except SpecError:
         return None, None
     works = all(finding.level != "error" for finding in plan.findings)
+    if works and plan.touch is not None:
+        return plan.touch.good_share, plan.touch.print_db
     return (plan.prints.good_share, plan.prints.print_db) if works else (None, None)
 
 
@@ -261,7 +336,7 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
             f"selectivity: {more} channels per coil {where}, driven {figures.drive}, keep {figures.kept_db:.1f} dB in"
             f" all states, asked are {figures.asked_db:.1f} dB"
         )
-    capacity = coil_capacity(spec, scheme_named(spec, "spur-free" if drive == "auto" else drive), "")
+    capacity = coil_capacity(spec, _spurless(spec), "")
     if more > capacity.paper:
         yield (
             f"Q and band: at Q = {number(spec.q_min)} the paper's slots of {number(capacity.ratio)} fill {band} with"
@@ -299,13 +374,13 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
     bands = (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1)
     sizes = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
     finer = [p for p in catalogue("printer").values() if p["line_width_mm"] < printer.line_width_mm]
-    smaller = [w for w in catalogue("washer").values() if w["outer_diameter_mm"] < spec.washer.outer_diameter_mm]
+    smaller = [w for w in catalogue(spec.mover_part).values() if w["outer_diameter_mm"] < spec.moved.outer_diameter_mm]
     topologies = [name for name in SUSPENSIONS.names() if name not in (suspension.topology, weakest.beam.topology)]
     laws = () if spec.drive.threshold_hz else (0.0, 1.0, 2.0)
     free = {"topology": "auto", "tune": "width+thickness+length"}
     kinds: list[tuple[int, Iterable[Cure]]] = [
         (0, [{"resonances_hz": None}] if spec.resonances_hz else ()),
-        (0, ({"drive.scheme": name} for name in in_order() if name != plan.selectivity.drive)),
+        (0, ({"drive.scheme": name} for name in in_order(plan.spec.force_order) if name != plan.selectivity.drive)),
         (0, ({"spacing": way} for way in ("spread", "optimised") if spec.spacing not in (way, "optimised"))),
         (0, ({"drive.level_law": law} for law in laws if law != spec.drive.level_law)),
         (0, [{"delta_y": float(number(spec.delta_y * 0.7))}]),
@@ -316,7 +391,36 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
         (1, () if spec.spread.bed_meshed else [{"spread.bed_meshed": True}]),
         (1, ({"band_hz": [float(number(low * less)), float(number(high * more))]} for less, more in bands)),
         (1, ({"printer": entry["name"]} for entry in finer if entry["process"] == printer.process)),
-        (2, ({"washer": entry["name"]} for entry in smaller)),
+        (2, ({spec.mover_part: entry["name"]} for entry in smaller)),
         (3, ({k: round(mm * more / 100, 1) for k, mm in sizes.items()} for more in (120, 150))),
+        *_touch_changes(spec),
     ]
     return [(cost, cure) for cost, cures in kinds for cure in cures]
+
+
+PLACES = (0.7, 0.85, 1.2)
+"""Shares of the place of a pin along its beam that are tried."""
+
+
+def _touch_changes(spec: Spec) -> Iterator[tuple[int, Iterable[Cure]]]:
+    """Yield changes that count under touch: where pins stand, their size, the mass that moves, and the tones."""
+    if spec.touch.is_none:
+        return
+    share = spec.pin_share
+    places = [0.5] if share is None else [round(share * part, 3) for part in PLACES if share * part < 1]
+    yield 1, ({"contactor.place": place} for place in places)
+    finer_mm = round(spec.contact_diameter_mm * 0.7, 3)
+    yield 1, [{"contactor.diameter_mm": finer_mm}]
+    mass_g = spec.ballast.mass_g if spec.ballast else 0.0
+    room_mm = spec.taxel.plate_thickness_mm - spec.recess_depth_mm - 2 * spec.printer.layer_mm
+    heavier = [
+        name
+        for name, entry in catalogue("ballast").items()
+        if name.startswith("steel-rod") and entry["height_mm"] <= room_mm and _rod_g(entry) > mass_g
+    ]
+    yield 2, ({"ballast": name} for name in heavier[:2])
+
+
+def _rod_g(entry: dict[str, Any]) -> float:
+    """Return the mass in g of a rod of the catalogue."""
+    return float(pi / 4 * entry["width_mm"] ** 2 * entry["height_mm"] * entry["density_g_per_cm3"] * 1e-3)

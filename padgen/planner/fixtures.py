@@ -42,6 +42,7 @@ __all__ = [
     "coupon_plan",
     "plan_tray",
     "screw_for",
+    "spacer_mm",
     "tray_findings",
     "washer_underside_mm",
 ]
@@ -228,12 +229,18 @@ def plan_tray(plan: Plan) -> Tray:
     ------
     InfeasibleError
         Coils too close for a wall between their sockets, too small or too short for one, or a gap that
-        puts them into the pad.
+        puts them into the pad. Coils on a board, which is screwed to the pad itself.
     """
     spec = plan.spec
     printer = spec.printer
     coil = spec.coil
     pad = spec.pad
+    if coil.kind == "board":
+        raise InfeasibleError(
+            "has no tray, which is for wound coils: the board is screwed to the pad over spacers of"
+            f" {number(spacer_mm(plan))} mm",
+            "coil.kind",
+        )
     # Whole layers: enough for the floor, and as near as they come to the height above it.
     floor = printer.height_mm(printer.layers_up_to(FLOOR_MM))
     layers = int((coil.length_mm + coil.gap_mm - washer_underside_mm(plan)) / printer.layer_mm + 0.5 + 1e-6)
@@ -243,7 +250,7 @@ def plan_tray(plan: Plan) -> Tray:
     depth = max(int(SOCKET_SHARE * coil.length_mm / printer.layer_mm + 1e-9), LEAST_SOCKET_LAYERS) * printer.layer_mm
     x = (pad.width_mm + pad.border_mm) / 2
     y = (pad.depth_mm + pad.border_mm) / 2
-    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, height)
+    screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm + spec.guard_height_mm, height)
     slots = _wire_slots(plan)
     return Tray(
         name=f"{plan.name}-tray",
@@ -267,9 +274,14 @@ def plan_tray(plan: Plan) -> Tray:
     )
 
 
+def spacer_mm(plan: Plan) -> float:
+    """Return the height in mm of the spacers between the pad's underside and the coils' tops on a board."""
+    return round(plan.spec.coil.gap_mm - washer_underside_mm(plan), 6)
+
+
 def washer_underside_mm(plan: Plan) -> float:
     """Return the height in mm of the glued washers' undersides above the pad's underside."""
-    return plan.plate.recess_depth_mm - plan.spec.washer.thickness_mm
+    return plan.spec.mover_low_mm
 
 
 def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
@@ -373,9 +385,10 @@ def _wire_slots(plan: Plan) -> tuple[Outline, ...]:
 
 
 def _lane_slots(count: int, pitch_mm: float, half_mm: float, border_mm: float) -> list[tuple[list[float], list[float]]]:
-    """Return the spans in mm, across the lanes and across the rim, of slots at both ends of the lanes of `count` coils.
+    """Return where the tray's rim is slotted for wires: at both ends of each lane between two rows of coils.
 
-    Across the rim a slot reaches from within it to beyond its outside.
+    Spans in mm across the lane and across the rim, for `count` rows. Across the rim a slot reaches from within it to
+    beyond its outside.
     """
     middles = [(k - count / 2) * pitch_mm for k in range(1, count)]
     half = min(WIRE_SLOT_MM, pitch_mm / 3) / 2

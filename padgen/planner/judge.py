@@ -9,26 +9,33 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import LEVELS, Finding, about, at_least, at_most, number, percent, plural, quieter
+from padgen.core.rules import RuleBook
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
 from padgen.physics.modes import jump_amplitude, level_kept, resonance_rise
 from padgen.physics.resonator import ModalTaxels, felt_energy
-from padgen.physics.schemes import mean_square_a2, simplest_first
+from padgen.physics.schemes import mean_pull_line, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
+from padgen.planner.ballast import ballast_findings
 from padgen.planner.channels import coil_modes, mode_names
+from padgen.planner.core_pull import core_findings
 from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import coil_demand, placed_channels
-from padgen.planner.left_out import judge_left_out, judge_touch
+from padgen.planner.guard import guard_findings
+from padgen.planner.left_out import judge_left_out
 from padgen.planner.limits import Moved, exceeded, lower_level
+from padgen.planner.pins import judge_pins
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pushes import judge_pushes
 from padgen.planner.shaken_pad import recoil_findings
 from padgen.planner.sizing import DRAWN_SHARE, steps_are_coarse
 from padgen.planner.suspensions import allowed
 from padgen.planner.taxel_model import asked_error
+from padgen.planner.touch import judge_felt, judge_touch
+from padgen.planner.touched_prints import judge_touched_prints, played_channels
 from padgen.spec import Spec
 
-__all__ = ["Crowd", "crowds", "judge", "judge_modes"]
+__all__ = ["PLAN_RULES", "Crowd", "crowds", "judge", "judge_modes"]
 
 
 PULL_DB = 1.0
@@ -78,7 +85,8 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.pull",
             "coil",
-            f"the washer nearest to a coil's axis is pulled {about(max(pull) / min(pull))} times as strongly as the"
+            f"the {spec.mover.kind} nearest to a coil's axis is pulled {about(max(pull) / min(pull))}"
+            " times as strongly as the"
             f" farthest: with one channel on, an OFF taxel vibrates {quieter(placed)} than the ON one",
         )
     if (figures.snapping_db or 0.0) > SNAPPING_DB:
@@ -156,7 +164,8 @@ def _unsure_pull(plan: Plan) -> Iterator[Finding]:
                 "warning",
                 "coil.unsure",
                 f"channel {channel.index}",
-                f"the pull on its washer is known to ± {channel.force_error:.0%} only, so far off the coil's axis"
+                f"the pull on its {plan.spec.mover.kind} is known to ± {channel.force_error:.0%}"
+                " only, so far off the coil's axis"
                 f" ({channel.site.coil_distance_mm:.2f} mm) that one side of it is drawn up and the other down",
             )
 
@@ -165,7 +174,7 @@ def _softening(plan: Plan) -> Iterator[Finding]:
     spec = plan.spec
     quarter_slot = slot_half_width(spec.q_min, spec.delta_y) / 2
     worst = max(plan.channels, key=lambda c: c.pull_shift)
-    if plan.load.pull_in_share < 1 and worst.pull_shift > quarter_slot:
+    if plan.scheme.force_order == 2 and plan.load.pull_in_share < 1 and worst.pull_shift > quarter_slot:
         yield Finding(
             "warning",
             "coil.softening",
@@ -238,10 +247,10 @@ def _limits(plan: Plan) -> Iterator[Finding]:
     """Find errors where all taxels on ask for more than is borne, as `padgen.driver.loads` does of a drive."""
     spec = plan.spec
     moved = []
-    for channel_set in plan.sets:
+    for channel_set in channel_sets(played_channels(plan), plan.coils.sets):
         lines = np.array([channel.line_a2 for channel in channel_set])
-        square_a2 = mean_square_a2(plan.scheme, lines, spec.drive.headroom)
-        moved += [Moved(channel, square_a2, 1.0) for channel in channel_set]
+        pulling = mean_pull_line(plan.scheme, lines, spec.drive.headroom)
+        moved += [Moved(channel, pulling, 1.0) for channel in channel_set]
     demand = coil_demand(plan.load, plan.coils.rows * plan.coils.columns, tuple(moved))
     demand = demand._replace(beam_rise_k=plan.warm.beam_rise_k)
     for one in exceeded(spec, demand):
@@ -264,30 +273,7 @@ HOLE_RATIO = 2.0
 
 def judge(plan: Plan) -> tuple[Finding, ...]:
     """Return all findings of a plan, errors first."""
-    rules = (
-        _spacing,
-        _off_target,
-        _bed,
-        _selectivity,
-        _leak,
-        _unknown_leak,
-        recoil_findings,
-        _unsure_pull,
-        _limits,
-        _softening,
-        _beats,
-        _imperceptible,
-        _slow,
-        _prints,
-        _layers,
-        _modes,
-        judge_modes,
-        _mechanics,
-        _places,
-        judge_touch,
-        judge_pushes,
-    )
-    findings = _one_of_each(plan, [finding for rule in rules for finding in rule(plan)])
+    findings = _one_of_each(plan, list(PLAN_RULES.findings(plan)))
     findings += judge_left_out(plan.spec, plan.left_out)
     return tuple(sorted(findings, key=lambda f: -LEVELS.index(f.level)))
 
@@ -347,7 +333,9 @@ def _off_target(plan: Plan) -> Iterator[Finding]:
     spec = plan.spec
     share = slot_half_width(plan.spec.q_min, plan.spec.delta_y) * SPACING_SHARE
     for channel in plan.channels:
-        miss = abs(channel.resonance_hz / channel.target_hz - 1)
+        # A core that draws a magnet lowers its resonance; `coil.core` tells so.
+        drawn = 1 - channel.pull_shift if plan.scheme.force_order == 1 else 1.0
+        miss = abs(channel.resonance_hz / (drawn * channel.target_hz) - 1)
         # With coarse steps the ladder is fitted to the steps; the loss is told by `selectivity.snapping`.
         if miss > share and (spec.resonances_hz or not steps_are_coarse(spec)):
             yield Finding(
@@ -393,7 +381,7 @@ def _prints(plan: Plan) -> Iterator[Finding]:
     prints = plan.prints
     wanted = plan.spec.print_share
     asked = plan.selectivity.asked_db
-    if prints.print_db is None or prints.planned_db is None:
+    if prints.print_db is None or prints.planned_db is None or plan.touch is not None:
         return
     if prints.good_share < wanted:
         yield Finding(
@@ -425,15 +413,31 @@ def _layers(plan: Plan) -> Iterator[Finding]:
             f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm are as uneven in thickness as the"
             " bed is: level it well",
         )
-    asked_mm = spec.washer.thickness_mm + spec.taxel.glue_gap_mm
+    asked_mm = spec.moved.thickness_mm + spec.taxel.glue_gap_mm
     depth_mm = spec.recess_depth_mm
-    if depth_mm - asked_mm > ROUNDING_MM:
+    if spec.ballast:
+        yield from _layers_of_pocket(spec)
+    elif depth_mm - asked_mm > ROUNDING_MM:
         yield Finding(
             "note",
             "recess.layers",
             "recess",
-            f"the recess is {number(depth_mm)} mm deep, a whole number of layers; washer and glue need"
-            f" {number(asked_mm)} mm; taxel.glue_gap_mm = {number(depth_mm - spec.washer.thickness_mm)} says the same",
+            f"the recess is {number(depth_mm)} mm deep, a whole number of layers; {spec.mover.kind} and glue need"
+            f" {number(asked_mm)} mm; taxel.glue_gap_mm = {number(depth_mm - spec.moved.thickness_mm)} says the same",
+        )
+
+
+def _layers_of_pocket(spec: Spec) -> Iterator[Finding]:
+    """Tell by how much the roof of the ballast's pocket is higher than asked, to be a whole number of layers."""
+    rest_mm = spec.mover_low_mm - spec.taxel.glue_gap_mm
+    if rest_mm > ROUNDING_MM:
+        yield Finding(
+            "note",
+            "recess.layers",
+            "pocket",
+            f"the roof over the ballast is {number(spec.pocket_top_mm)} mm up, a whole number of layers, so that the"
+            f" {spec.mover.kind} lies {number(spec.mover_low_mm)} mm within the plate;"
+            f" taxel.glue_gap_mm = {number(round(spec.mover_low_mm, 6))} says the same",
         )
 
 
@@ -486,7 +490,8 @@ def _stretching(spec: Spec, channel: Channel) -> Finding:
     """Warn where beams stretch as they bend (bridges), so that a tone planned for small motions misses the level."""
     alpha = channel.hardening_per_mm2
     sag_mm = channel.sag_um * UM / MM
-    low, high = 0.0, channel.level_um
+    low = 0.0
+    high = channel.level_um
     for _ in range(30):
         level = (low + high) / 2
         kept = float(level_kept(alpha, channel.q, level * UM / MM, sag_mm))
@@ -570,7 +575,9 @@ KINDS = (
     "twice the tone of channel {0}",
     "the sum spur of {0} and {1}",
     "the difference spur of {0} and {1}",
+    "half the tone of channel {0} (remanence)",
 )
+REMANENCE = len(KINDS) - 1
 
 
 def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crowd]:
@@ -589,6 +596,8 @@ def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
         for made, first_kind in zip(scheme_lines(taxels, scheme), (0, 2), strict=False)
         for k, (hz, square) in enumerate(zip(made.hz, np.broadcast_to(made.square, made.hz.shape), strict=True))
     ]
+    if scheme.remanence and not scheme.has_constant:
+        parts[1] = (*parts[1][:-1], np.full(len(taxels.line), REMANENCE))
     return _Lines(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
@@ -711,7 +720,8 @@ def _unexcited(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Finding]:
             "modes.near",
             _named(c for c, _ in silent),
             f"further modes lie in other channels' slots ({listed}); the coil's pull moves them by less than"
-            f" {number(1 / plan.spec.delta_y)} of the ON amplitude; a washer glued off its place would move them more",
+            f" {number(1 / plan.spec.delta_y)} of the ON amplitude; a {plan.spec.mover.kind} glued"
+            " off its place would move them more",
         )
 
 
@@ -720,7 +730,7 @@ def _changes(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Cure]:
     spec = plan.spec
     channels = plan.channels
     if any(crowd.is_spur for crowd in all_crowds):
-        others = [name for name in reversed(simplest_first()) if name != plan.selectivity.drive]
+        others = [name for name in reversed(simplest_first(plan.spec.force_order)) if name != plan.selectivity.drive]
         yield from ({"drive.scheme": name} for name in others if not Scheme(name).takes_turns)
     if len({crowd.channel for crowd in all_crowds}) == 1:
         for factor in MOVES:
@@ -732,3 +742,36 @@ def _changes(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Cure]:
     yield from ({"suspension.topology": name} for name in allowed("auto") if used != {name})
     if len({c.beam.thickness_mm for c in channels}) == 1:
         yield {"suspension.thickness_mm": round(channels[0].beam.thickness_mm + spec.printer.layer_mm, 6)}
+
+
+PLAN_RULES: RuleBook[Plan] = RuleBook(
+    "plan",
+    _spacing,
+    _off_target,
+    _bed,
+    _selectivity,
+    _leak,
+    _unknown_leak,
+    recoil_findings,
+    _unsure_pull,
+    _limits,
+    _softening,
+    _beats,
+    _imperceptible,
+    _slow,
+    _prints,
+    _layers,
+    _modes,
+    judge_modes,
+    ballast_findings,
+    core_findings,
+    _mechanics,
+    _places,
+    judge_touch,
+    judge_touched_prints,
+    judge_felt,
+    judge_pushes,
+    judge_pins,
+    guard_findings,
+)
+"""Rules by which a plan is judged: functions that yield its findings."""

@@ -9,16 +9,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import groupby, pairwise
-from math import ceil, floor, hypot, inf, pi, prod, sqrt
+from math import ceil, cos, floor, hypot, inf, pi, prod, radians, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import number
-from padgen.core.registry import SUSPENSIONS
+from padgen.core.registry import COILS, MOVERS, SUSPENSIONS
+from padgen.core.units import MM
 from padgen.planner.plan import TURNS, Channel, CoilGrid, Pitch, Plan, Site, Taxel
 from padgen.planner.suspensions import Arrangement, PlateShape, Room, Suspension, allowed, suspension
-from padgen.planner.taxel_model import plate_shape, recess_mm, shortest_mm
+from padgen.planner.taxel_model import narrowest_mm, plate_shape, recess_mm, shortest_mm
 from padgen.spec import Spec
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "corner_groove",
     "explain",
     "groove",
+    "hexagon",
     "most_coils",
     "most_outputs",
     "outline",
@@ -266,22 +268,36 @@ def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tup
     """Return slacks in mm: of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
     plate = parts.plate
     gap = parts.gap_mm
-    pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
+    least_x, least_y = coil_room_mm(spec, layout.rows)
+    spare = min(spec.pad.width_mm / layout.columns - least_x, spec.pad.depth_mm / layout.rows - least_y)
     lengths = []
     widths = []
     for shape, shortest in parts.suspensions:
         widest = shape.widest(inside, plate, gap)
-        widths.append(
-            widest - spec.printer.smallest_beam_mm if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap
-        )
+        widths.append(widest - narrowest_mm(spec) if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap)
         lengths.append(shape.longest(inside, plate, gap) - shortest)
     best = max(range(len(widths)), key=lambda i: min(widths[i], lengths[i]))
-    return ("coil", pitch - spec.coil.outer_diameter_mm), ("width", widths[best]), ("length", lengths[best])
+    return ("coil", spare), ("width", widths[best]), ("length", lengths[best])
+
+
+def coil_room_mm(spec: Spec, rows: int) -> tuple[float, float]:
+    """Return the least pitches in mm along x and y: the coil's diameter, and what tracks to `rows` coils take."""
+    outer_mm = spec.coil.outer_diameter_mm
+    if spec.coil.kind == "solenoid":
+        return outer_mm, outer_mm
+    beside = getattr(COILS.get(spec.coil.kind, "coil.kind"), "beside_mm", None)
+    x_mm, y_mm = beside(spec.coil, rows) if beside else (0.0, 0.0)
+    return outer_mm + x_mm, outer_mm + y_mm
 
 
 def coil_reach_mm(spec: Spec) -> float:
-    """Return the largest distance in mm of a washer's axis from the coil's at which the two overlap."""
-    return (spec.coil.outer_diameter_mm + spec.washer.outer_diameter_mm) / 2
+    """Return the largest distance in mm of a washer's axis from the coil's at which the two overlap.
+
+    For a mover with a `reach_m` it is that, if it is less: the pull on a magnet turns round within the overlap.
+    """
+    overlap_mm = (spec.coil.outer_diameter_mm + spec.moved.outer_diameter_mm) / 2
+    reach = getattr(MOVERS.get(spec.mover.kind, "mover.kind"), "reach_m", None)
+    return min(overlap_mm, reach(spec.coil, spec.moved) / MM) if reach else overlap_mm
 
 
 def slots(layout: Layout) -> list[tuple[float, float]]:
@@ -350,13 +366,18 @@ def explain(spec: Spec, layout: Layout) -> str:
     sub = f"{number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
     inside = room(spec, layout)
     plate = plate_shape(spec)
-    washer = spec.washer
+    washer = spec.moved
     reach_mm = coil_reach_mm(spec)
+    least = coil_room_mm(spec, layout.rows)
+    with_tracks = f", with tracks beside it {number(least[0])} x {number(least[1])} mm"
+    if max(least) <= spec.coil.outer_diameter_mm:
+        with_tracks = ""
     sentences = {
-        "coil": f"the coil ({number(spec.coil.outer_diameter_mm)} mm) exceeds the pitch of {number(pitch)} mm",
-        "reach": f"the farthest washer lies {number(reach_mm - slack)} mm off the coil axis,"
+        "coil": f"the coil ({number(spec.coil.outer_diameter_mm)} mm{with_tracks}) exceeds the pitch of"
+        f" {number(pitch)} mm",
+        "reach": f"the farthest {spec.mover.kind} lies {number(reach_mm - slack)} mm off the coil axis,"
         f" beyond the coil's reach of {number(reach_mm)} mm",
-        "width": f"in the {sub} the washer {washer.name} ({number(washer.outer_diameter_mm)} mm) in its"
+        "width": f"in the {sub} the {spec.mover.kind} {washer.name} ({number(washer.outer_diameter_mm)} mm) in its"
         f" walls leaves {number(inside.width_mm - plate.width_mm)} mm for the two gaps of"
         f" {number(spec.printer.smallest_gap_mm)} mm",
         "length": f"in the {sub} the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
@@ -414,13 +435,27 @@ def shape_inputs(plan: Plan, channel: Channel) -> dict[str, Any]:
     def plain(value: Any) -> Any:
         return [plain(entry) for entry in value] if isinstance(value, tuple) else float(value)
 
+    ballast = plan.spec.ballast
+    pocket = {"pocket": [ballast.shape, ballast.width_mm, plan.spec.pocket_top_mm]} if ballast else {}
     return {
+        **pocket,
         "plate": asdict(plan.plate),
         "arrangement": plain(plan.arrangement(channel)),
         "fillet_mm": channel.beam.fillet_mm,
         "outline": outline(plan, channel),
+        "pin": [getattr(channel.pin, name) for name in PIN_SHAPE],
         "frame_mm": plan.spec.pad.frame_thickness_mm,
     }
+
+
+PIN_SHAPE = ("on_beam", "shape", "diameter_mm", "top_mm", "fillet_mm", "x_mm", "y_mm")
+"""Fields of a `Pin` that give its solid."""
+
+
+def hexagon(across_mm: float) -> list[tuple[float, float]]:
+    """Return the corners (x, y) in mm of a hexagon about the origin, anticlockwise; two of its flats face ±x."""
+    corner = across_mm / sqrt(3)
+    return [(corner * cos(radians(60 * k + 30)), corner * sin(radians(60 * k + 30))) for k in range(6)]
 
 
 def coil_axis_mm(coils: CoilGrid, row: int, column: int) -> tuple[float, float]:

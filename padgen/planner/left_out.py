@@ -4,7 +4,7 @@ The frame's flexibility is bounded by hand formulas. A taxel's resonance is plan
 held. The real frame yields in two ways: the rib at the beams' root twists, and the pad bends as a plate. In series with
 a spring of stiffness k a compliance c lowers the resonance by k c/2.
 
-A finger is not bounded but estimated: resonance, Q and selectivity of touched taxels by `padgen.physics.resonator`.
+A finger is not bounded but estimated: `padgen.planner.touch`.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import Finding, at_least, at_most, number, percent, plural, quieter
-from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM, decibel
+from padgen.core.errors import Finding, percent, plural
+from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.bounds import (
     beam_inertia,
     core_echo,
@@ -32,23 +32,25 @@ from padgen.physics.bounds import (
 from padgen.physics.magnetics import impedance
 from padgen.physics.modes import resonance_rise
 from padgen.physics.pull import pull_range
-from padgen.physics.resonator import LOADED, SKINS, Skin, TaxelModes, felt_energy, touched
-from padgen.physics.selectivity import Channels, Scheme, line_energy, off_energy, own_lines
+from padgen.physics.remanence import root_lines
+from padgen.physics.resonator import TaxelModes, felt_energy
+from padgen.physics.schemes import current_lines_a
 from padgen.planner.channels import (
     coil_modes,
     hanging_gap_um,
     heard_modes,
-    magnetic_parts,
     pulled_shares,
     site_pulls,
     site_wrenches,
 )
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import outline
-from padgen.planner.plan import Channel, LeftOut, Plan, Touched, channel_sets
+from padgen.planner.movers import mover_of
+from padgen.planner.movers.washer import magnetic_parts
+from padgen.planner.plan import Channel, LeftOut, Plan
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape
 from padgen.planner.taxel_model import TaxelModel
-from padgen.spec import Spec
+from padgen.spec import Material, Spec
 
 __all__ = [
     "RUNGS",
@@ -56,10 +58,8 @@ __all__ = [
     "flexibility_bounds",
     "frame_around",
     "judge_left_out",
-    "judge_touch",
     "left_out",
     "left_out_line",
-    "touched_pads",
 ]
 
 
@@ -127,7 +127,7 @@ def frame_around(plan: Plan, channel: Channel, clamping: str) -> FrameAround:
     box = outline(plan, channel)
     pad = plan.spec.pad
     material = plan.spec.material
-    modulus = material.youngs_modulus_gpa * GPA
+    modulus = material.modulus_gpa * GPA
     height = pad.frame_thickness_mm * MM
     length, width = (float(v) for v in plan.arrangement(channel).window_mm)
     walls = (-box.x0, box.x1 - length, width / 2 + box.y1 - width, -box.y0 - width / 2)
@@ -172,8 +172,17 @@ HARDENING_SHARE = 0.25
 
 RUNGS = {
     "warmth": ("plastic softens as the coils warm it", "measure and re-tune while it is warm"),
+    "moisture": ("water from humid air softens the plastic", "material.wet = true, or re-tune after some weeks"),
+    "modulus at the frequency of use": (
+        "plastic is stiffer at the resonances than in slow tests",
+        "material.dynamic = true, or re-tune",
+    ),
     "stretching": ("beams stretch as they bend", "a lower drive.level_um, or beams free to slide at one end"),
     "saturation": ("the steel saturates", "measure the level"),
+    "remanence": (
+        "steel that stays magnetised adds a pull that goes with the current",
+        "keep magnets away from washers and cores, or measure the level",
+    ),
     "eddy currents": ("eddy currents in core and washers", "measure the level, or take a laminated or ferrite core"),
     "shielding": ("washers shield each other from the coil", "measure the level"),
     "gap": ("the pull changes as a washer swings", "a lower drive.level_um or a wider coil.gap_mm"),
@@ -181,7 +190,7 @@ RUNGS = {
     "motion": ("moving washers induce a voltage", "padgen study --only dynamics"),
     "switching": ("the last pull still moves a taxel that is switched off", "leave that much more time between frames"),
     "air's mass": ("air moves along", "re-tune: it is the same for every taxel"),
-    "air's damping": ("air damps", "a wider gap, or a measured Q"),
+    "air's damping": ("air damps", "a wider coil.gap_mm, or state the measured Q"),
     "large slopes": ("beams bend far", "a lower drive.level_um, or beams that sag less"),
     "far modes": ("modes far from the drive", "more distance between resonances"),
     "recoil": ("ON taxels shake the pad", 'mount = "glued" on a heavy base'),
@@ -208,10 +217,9 @@ INCLUDED = {
 """Effects that every plan counts, and the figure that contains each."""
 UNBOUNDED = {
     "skin": ("resonance of every taxel that is touched", "`touched` has a provisional model"),
-    "moisture, creep and ageing of the plastic": ("resonance", "dry it, re-tune after some weeks"),
-    "modulus at the frequency of use": ("resonance", "re-tune"),
+    "creep and ageing of the plastic": ("resonance", "re-tune after some weeks"),
     "losses of plastic and glue": ("Q, which the spec sets", "measure Q of a coupon"),
-    "hysteresis of the steel": ("force", "measure the level"),
+    "losses and lag by hysteresis of the steel": ("force", "measure the level"),
     "amplifier's own impedance and bandwidth": ("current", "measure the current"),
     "mutual inductance of coils": ("current", "drive with a current source"),
 }
@@ -245,13 +253,31 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     if plan.warm.resonance_shift:
         shift = abs(plan.warm.resonance_shift)
         entries.append(LeftOut("warmth", shift, "1", "resonances over the warmest coil", computed=False))
+    plastic = list(_plastic(plan.spec.material))
+    entries += [entry for entry in plastic if entry.status == "bounded"]
     entries.sort(key=lambda entry: -_size(entry))
     whole = [LeftOut(term, None, "1", of, True, "included") for term, of in INCLUDED.items()]
+    whole += [entry for entry in plastic if entry.status == "included"]
     free = [LeftOut(term, None, "1", of, False, "unbounded") for term, (of, _) in UNBOUNDED.items()]
+    free += [entry for entry in plastic if entry.status == "unbounded"]
     tight = [channel for channel in plan.channels if channel.hardening_per_mm2 > 0]
     if tight:
         free.insert(0, LeftOut(STRESSES, None, "1", f"resonance of channel {tight[0].index}", False, "unbounded"))
     return (*entries, *free, *whole)
+
+
+def _plastic(material: Material) -> Iterator[LeftOut]:
+    """Yield how moisture and frequency change the plastic's stiffness, by the material's ratios of stiffness."""
+    for term, ratio, is_planned_by in (
+        ("moisture", material.wet_ratio, material.wet),
+        ("modulus at the frequency of use", material.dynamic_ratio, material.dynamic),
+    ):
+        if is_planned_by:
+            yield LeftOut(term, None, "1", "resonance", True, "included")
+        elif ratio is None:
+            yield LeftOut(term, None, "1", "resonance", False, "unbounded")
+        else:
+            yield LeftOut(term, abs(ratio**0.5 - 1), "1", "resonance", False)
 
 
 def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
@@ -314,7 +340,7 @@ def _inertia(plan: Plan) -> LeftOut:
     material = plan.spec.material
     channels = plan.channels
     bound = np.array([channel.model_error for channel in channels])
-    elastic = material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
+    elastic = material.modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3
     beams = [k for k, channel in enumerate(channels) if channel.model == "beam"]
     for topology in dict.fromkeys(channels[k].beam.topology for k in beams):
         same_kind = [k for k in beams if channels[k].beam.topology == topology]
@@ -357,7 +383,7 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
     """
     spec = plan.spec
     channels = plan.channels
-    below = plan.plate.recess_depth_mm - spec.washer.thickness_mm
+    below = spec.mover_low_mm
     coil = spec.coil.outer_diameter_mm / 2 * MM
     area, plates, square, most, window = np.array([_moving_area(plan.arrangement(c), c) for c in channels]).T
     mass, stiffness, q, sag, offset = np.array(
@@ -453,6 +479,14 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     channels = [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
     if not channels:
         return
+    if spec.washer:
+        yield from _steel_effects(plan, channels)
+    yield from _motion_effects(plan, channels)
+
+
+def _steel_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
+    """Bound the effects of saturation, eddy currents and other washers on the pull on steel."""
+    spec = plan.spec
     coil, washer = magnetic_parts(spec)
     offset = np.array([channel.site.coil_distance_mm for channel in channels]) * MM
     hanging_um = hanging_gap_um(spec, np.array([channel.sag_um for channel in channels]))
@@ -476,7 +510,39 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
         )
     if shielded.any():
         yield _worst_channel("shielding", "force", channels, shielded)
-    yield from _motion_effects(plan, channels)
+    yield from _remanence(plan, channels)
+
+
+USUAL_REMANENCE = 0.25
+"""Share of the coercivity by which steel is magnetised, where a spec plans with none: assumed (docs/driving.md)."""
+
+
+def _remanence(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
+    """Bound the forces by remanence, over each channel's wanted force, all channels on.
+
+    Plain tones make each a line at half the resonance, which the selectivity counts where the spec plans with it
+    (`drive.remanent_share`); where it does not, the bound is of the usual share. A constant current makes the
+    wanted lines stronger or weaker; the root of a force has further lines, of which an OFF taxel may hear all at most.
+    """
+    spec = plan.spec
+    share = spec.drive.remanent_share
+    offset_m = np.array([channel.site.coil_distance_mm for channel in channels]) * MM
+    rho = mover_of(spec).remanent_currents(spec.coil, spec.moved, share or USUAL_REMANENCE, offset_m)
+    line = np.array([channel.line_a2 for channel in channels])
+    bound = np.zeros(len(channels))
+    scheme = plan.scheme
+    for members in _sets(channels, plan.spec):
+        line_a2 = line[members]
+        if scheme.is_root:
+            lines = root_lines(line_a2, plan.spec.drive.headroom)
+            current = lines.wanted + lines.others
+        else:
+            current = current_lines_a(scheme, line_a2)
+        bound[members] = rho[members] * current / line_a2
+    if bound.any():
+        yield replace(
+            _worst_channel("remanence", "force", channels, bound), computed=share > 0 and not scheme.has_constant
+        )
 
 
 def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
@@ -558,97 +624,3 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     meets = (static + level >= gap_um) | (np.array([c.static_um for c in channels]) >= gap_um)
     forces = np.abs(sum(swung) / 4 - 1) + doubt * static + bend * level**2 / 4 + rest.jump * unsure + step
     return np.where(meets, inf, forces), np.where(meets | (softer >= 1), inf, 1 - np.sqrt(np.maximum(1 - softer, 0)))
-
-
-MOST_CHANNELS = 32
-"""Most channels of a coil for which the selectivity under a finger is computed."""
-KEPT_Q = 8.0
-"""Q that a touched taxel is to keep: by the rule of docs/accuracy.md, if k_skin/k is at most 1/(KEPT_Q ω τ)."""
-
-
-def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
-    """Yield the figures of the pad with every taxel under low, typical and high skin, driven as planned.
-
-    Only the taxels' own modes and one coil are counted.
-    """
-    for name, skin in SKINS.items():
-        hz, q, _ = _touched(spec, skin, channels)
-        kept_db = [_kept_db(spec, channel_set, scheme, skin) for channel_set in channel_sets(channels, spec.coil.sets)]
-        yield Touched(
-            skin=name,
-            skin_stiffness_n_per_m=2 * skin.modulus * spec.taxel.boss_diameter_mm / 2 * MM,
-            resonance_hz=tuple(hz.tolist()),
-            q=tuple(q.tolist()),
-            all_states_db=None if None in kept_db else min(db for db in kept_db if db is not None),
-        )
-
-
-def judge_touch(plan: Plan) -> Iterator[Finding]:
-    """Yield a note where typical skin stiffens or damps a taxel too much, with changes that can be made and help."""
-    skin = SKINS["typical"]
-    worst = min(plan.channels, key=lambda c: c.stiffness_n_per_m / _allowed(skin, c.resonance_hz))
-    typical = next(t for t in plan.touched if t.skin == "typical")
-    added = typical.skin_stiffness_n_per_m
-    omega = 2 * pi * worst.resonance_hz
-    mass = worst.effective_mass_g * GRAM
-    allowed = _allowed(skin, worst.resonance_hz)
-    if added <= allowed * worst.stiffness_n_per_m:
-        return
-    contact_mm = allowed * worst.stiffness_n_per_m / skin.modulus / MM
-    heavy_g = added / allowed / omega**2 / GRAM
-    high_hz = max((added / LOADED / mass) ** 0.5, KEPT_Q * skin.time * added / mass) / 2 / pi
-    hz = typical.resonance_hz[worst.index]
-    q = typical.q[worst.index]
-    kept = typical.all_states_db
-    heard = "" if kept is None else f", and OFF taxels vibrate {quieter(kept)} than ON ones"
-    ways = []
-    if contact_mm >= SMALLEST_CONTACT_MM:
-        ways.append(f"a contact {at_most(contact_mm)} mm wide")
-    if heavy_g <= HEAVIEST_G:
-        ways.append(f"a moving mass of {at_least(heavy_g)} g")
-    if high_hz <= HIGHEST_FELT_HZ:
-        ways.append(f"a resonance of {at_least(high_hz)} Hz")
-    cure = f"{' or '.join(ways)} would keep it within 5 %"
-    if not ways:
-        cure = "no single change that can be made (contact, moving mass, resonance) would keep it within 5 %"
-    yield Finding(
-        "note",
-        "touch.skin",
-        f"channel {worst.index}",
-        f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{heard}; {cure}",
-    )
-
-
-SMALLEST_CONTACT_MM = 0.4
-"""Width of the finest pin that a common printer makes: one line of a 0.4 mm nozzle."""
-HEAVIEST_G = 2.5
-"""Heaviest mass that hangs on a taxel of some 6 mm: a short steel dowel."""
-HIGHEST_FELT_HZ = 800.0
-"""Highest frequency that skin feels well enough to be of use."""
-
-
-def _allowed(skin: Skin, hz: float) -> float:
-    """Return the share of a taxel's stiffness that skin may add: f then rises by at most 5 %, and Q is at least 8."""
-    return min(LOADED, 1 / (KEPT_Q * 2 * pi * hz * skin.time))
-
-
-def _touched(spec: Spec, skin: Skin, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    stiffness, mass_g, q = np.array([(c.stiffness_n_per_m, c.effective_mass_g, c.q) for c in channels]).T
-    return touched(skin, spec.taxel.boss_diameter_mm / 2 * MM, stiffness, mass_g * GRAM, q)
-
-
-def _kept_db(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme, skin: Skin) -> float | None:
-    """Return the smallest ON over the largest OFF level in dB of a touched coil in all states.
-
-    None for a single channel, or for more than `MOST_CHANNELS`.
-    """
-    if not 2 <= len(channel_set) <= MOST_CHANNELS:
-        return None
-    planned = placed_channels(spec, channel_set)
-    hz, q, stiffer = _touched(spec, skin, channel_set)
-    stiffness = np.array([c.stiffness_n_per_m for c in channel_set])
-    taxels = Channels(hz, q, planned.line * (stiffer / q) / (stiffness / planned.q))
-    (made,) = own_lines(planned, scheme)
-    on = line_energy(taxels, made)[:, 0].diagonal()
-    return decibel(float((on.min() / off_energy(taxels, scheme, drivers=planned).max()) ** 0.5))

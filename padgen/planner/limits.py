@@ -7,20 +7,23 @@ row of `LIMITS`, or one call of `register`.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
-from math import inf
+from math import hypot, inf
 from typing import Any, NamedTuple
 
-from padgen.core.errors import SpecError, at_least, at_most, number, plural
+from padgen.core.errors import SpecError, about, at_least, at_most, number, plural
 from padgen.core.units import MM, UM
 from padgen.physics.magnetics import balanced_deflection, pull_in_deflection
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
+from padgen.physics.selectivity import SQUARE
 from padgen.physics.warmth import WARM_ERROR
 from padgen.planner.channels import hanging_gap_um
+from padgen.planner.movers.magnet import limit_c
 from padgen.planner.plan import Channel
 from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
-from padgen.spec import Coil, Spec
+from padgen.spec import Coil, Spec, catalogue
 
 __all__ = [
+    "LOWER",
     "NEAR",
     "SMALLEST_LEVEL_UM",
     "Demand",
@@ -53,7 +56,10 @@ Cures = tuple[dict[str, Any], ...]
 
 
 class Moved(NamedTuple):
-    """A taxel of a `channel` at a share `level` of its ON level, over a coil with a mean square current in A²."""
+    """A taxel of a `channel` at a share `level` of its ON level, over a coil whose mean of i² in A² is `square_a2`.
+
+    For a force in proportion to the current itself, which has no mean, it is 0.
+    """
 
     channel: Channel
     square_a2: float
@@ -92,7 +98,8 @@ def _resting_um(spec: Spec, one: Moved) -> float:
     channel = one.channel
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     static_um = balanced_deflection(slack_um(channel, one.square_a2), gap_um, max(channel.pull_exponent, 0.0))
-    return channel.sag_um + (gap_um if static_um is None else static_um)
+    at_rest_um = channel.static_um if spec.force_order == 1 else 0.0
+    return channel.sag_um + at_rest_um + (gap_um if static_um is None else static_um)
 
 
 def _travel_mm(spec: Spec, one: Moved) -> float:
@@ -103,6 +110,12 @@ def _travel_mm(spec: Spec, one: Moved) -> float:
 def _root_stress_mpa(spec: Spec, one: Moved) -> float:
     """Return the largest stress in MPa at the roots of a taxel's beams: by sag, mean pull and amplitude."""
     return one.channel.root_stress_mpa * _travel_mm(spec, one) * MM / UM / one.channel.level_um
+
+
+def _at_finger_um(channel: Channel) -> float:
+    """Return the amplitude in µm at the skin: of the mover, or of a pin on the beam, which also sways."""
+    pin = channel.pin
+    return channel.level_um * (hypot(pin.lever, pin.sway) if pin.on_beam else pin.lever)
 
 
 def lower_level(spec: Spec, share: float) -> Cures:
@@ -132,7 +145,8 @@ class Limit:
 
     `level_factor` is the name of the limit where it bounds the level that a coil reaches, `firmware` that of the
     constant, in millionths of the unit, by which the firmware keeps it. A channel, or a pad, that exceeds a limit of
-    `implied_by`, which stand before this one, is not told of this one, too.
+    `implied_by`, which stand before this one, is not told of this one, too. Sentences have the quantity with so many
+    significant `digits` as it is sure to have, or more where it would be written as its bound.
     """
 
     code: str
@@ -149,12 +163,17 @@ class Limit:
     level_factor: str = ""
     firmware: str = ""
     implied_by: tuple[str, ...] = ()
+    digits: int = 5
 
     def share_of_level(self, spec: Spec, asked: float) -> float:
         """Return the share of the level at which the quantity is at its bound, as far as it goes with the level."""
         if self.power is None:
             return LOWER
-        return (self.bound(spec) / asked) ** self.power if asked > 0 else inf
+        power = self.power
+        # What goes with the current goes with the level itself, not its root, where the force goes with the current.
+        if not self.of_taxels:
+            power *= spec.force_order / SQUARE
+        return (self.bound(spec) / asked) ** power if asked > 0 else inf
 
 
 class Exceeded(NamedTuple):
@@ -172,7 +191,10 @@ class Exceeded(NamedTuple):
         unit = f" {limit.unit}" if limit.unit != "1" else ""
         worst = f" (channel {self.channels[0]})" if self.channels else ""
         bound = f"{limit.bound_name} = {number(self.bound)}" if limit.bound_name else number(self.bound)
-        return f"{limit.quantity} is {number(self.asked)}{unit}{worst}, above {bound}{unit}"
+        asked = about(self.asked, limit.digits)
+        if float(asked) <= self.bound:
+            asked = number(self.asked)
+        return f"{limit.quantity} is {asked}{unit}{worst}, above {bound}{unit}"
 
     @property
     def where(self) -> str:
@@ -223,9 +245,23 @@ def _pad_w(spec: Spec) -> float:
     return inf if spec.limits.power_w is None else spec.limits.power_w
 
 
+def _magnet_rise_k(spec: Spec) -> float:
+    return inf if spec.magnet is None else limit_c(spec.magnet) - spec.limits.room_c
+
+
+def _thicker_magnets(spec: Spec) -> Cures:
+    """Return cures for a magnet that is too warm: thicker ones, which demagnetise themselves less."""
+    magnet = spec.magnet
+    if magnet is None:
+        return ()
+    known = catalogue("magnet").items()
+    wide = [(name, entry) for name, entry in known if entry["outer_diameter_mm"] == magnet.outer_diameter_mm]
+    return tuple({"magnet": name} for name, entry in wide if entry["thickness_mm"] > magnet.thickness_mm)
+
+
 BELOW_GLASS_K = 15.0
 """Distance from the glass point within which the stiffness of plastics falls steeply, and loaded beams creep."""
-GLASS_NAME = f"material.glass_c less {BELOW_GLASS_K:g} K and limits.room_c"
+GLASS_NAME = f"what the plastic bears, from limits.room_c to {BELOW_GLASS_K:g} K below material.glass_c,"
 
 
 def _rise_k(spec: Spec) -> float:
@@ -280,6 +316,16 @@ LIMITS = (
         firmware="PADGEN_PAD_LIMIT_UW",
     ),
     Limit(
+        "magnet.hot",
+        "pad",
+        "the rise of the warmest beams over the room",
+        "K",
+        "what the magnets bear, from limits.room_c to the temperature at which half of one is past its knee,",
+        _magnet_rise_k,
+        lambda _, demand: demand.beam_rise_k,
+        cures=lambda spec, _: _thicker_magnets(spec),
+    ),
+    Limit(
         "pad.hot",
         "pad",
         f"the rise of the warmest beams over the room, less {WARM_ERROR:.0%} for what is unsure of it,",
@@ -288,6 +334,7 @@ LIMITS = (
         _rise_k,
         lambda _, demand: demand.beam_rise_k * (1 - WARM_ERROR),
         cures=lambda spec, rise_k: lower_level(spec, _rise_k(spec) * (1 - WARM_ERROR) / rise_k),
+        digits=2,
     ),
     Limit(
         "pad.warm",
@@ -299,6 +346,7 @@ LIMITS = (
         lambda _, demand: demand.beam_rise_k,
         planned="warning",
         implied_by=("pad.hot",),
+        digits=2,
     ),
     Limit(
         "coil.pull_in",
@@ -377,7 +425,7 @@ LIMITS = (
         "m/s²",
         "what Directive 2002/44/EC allows for eight hours a day",
         lambda _: HAND_LIMIT_M_PER_S2,
-        lambda _, one: weighted_acceleration(one.channel.resonance_hz, one.level * one.channel.level_um * UM),
+        lambda _, one: weighted_acceleration(one.channel.resonance_hz, one.level * _at_finger_um(one.channel) * UM),
         of_taxels=True,
     ),
 )

@@ -14,11 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import InfeasibleError, SolverError, number
+from padgen.core.errors import InfeasibleError, SolverError, at_least, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import MM, UM, decibel
-from padgen.physics.selectivity import Scheme
-from padgen.planner.channels import driven, force_constants, plan_channels
+from padgen.physics.selectivity import SQUARE, Scheme
+from padgen.planner.channels import driven, force_constants, plan_channels, resting
+from padgen.planner.core_pull import snaps
 from padgen.planner.cures import Cure, named_breakdown, refusal, varied, with_tried_cures
 from padgen.planner.drive_scheme import (
     ChosenDrive,
@@ -29,14 +30,14 @@ from padgen.planner.drive_scheme import (
     coil_reuse,
     fitting_parts,
     frame_contrasts,
-    frame_rates,
     is_fed,
     plan_selectivity,
 )
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
-from padgen.planner.left_out import left_out, touched_pads
+from padgen.planner.left_out import left_out
 from padgen.planner.limits import exceeded
+from padgen.planner.pins import with_errors
 from padgen.planner.plan import (
     NO_RECOIL,
     NOT_JUDGED,
@@ -57,13 +58,16 @@ from padgen.planner.plan import (
     scheme_named,
     sets_db,
 )
-from padgen.planner.printed_pads import NOT_PRINTED, QUICK_PADS, SURELY, compared_prints, what_prints_keep
+from padgen.planner.printed_pads import NOT_PRINTED, SURELY, compared_prints, what_prints_keep
 from padgen.planner.printing import print_settings
 from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
 from padgen.planner.shaken_pad import planned_recoil
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
+from padgen.planner.touch import felt_levels, touched_pads
+from padgen.planner.touch_search import TouchTrial, decided_under_touch
+from padgen.planner.touched_prints import planned_touch, played_channels, touched_felt, touched_figures
 from padgen.planner.verdict import judged
 from padgen.planner.warm_pad import planned_warmth
 from padgen.spec import Spec
@@ -77,12 +81,17 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
-MOST_FOR_CURE = 48
-"""Choices of layout, beams, gap, sets and drive that are tried to find out whether a cure works: one that needs more is
-not proposed. A plan has no such bound: the one choice that works may come after hundreds."""
+MOST_FOR_CURE = 24
+MOST_TAXELS_FOR_CURE = 768
+"""Choices of layout, beams, gap, sets and drive that are tried to find out whether a cure works, and the taxels of all
+of them together: one that needs more is not proposed. A plan has no such bound: the one choice that works may come
+after hundreds."""
 MOST_SURE = 8
 """Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
 those that few prints leave the most hope for."""
+NO_HOPE_DB = 0.5
+"""A layout that falls short by more than this with a drive is not judged with that drive at its other gaps: a gap moves
+the selectivity by some hundredths of a decibel."""
 MOST_PRINTED = 16
 """Choices whose prints are simulated where none works as often as asked: those with the highest upper bounds. Without
 this bound, 342 instead of 16 choices of one spec are printed, for 0.001 dB (docs/accuracy.md)."""
@@ -137,6 +146,7 @@ def make_plan(spec: Spec) -> Plan:
         No layout works; the message names the limits of the best candidates, and changes that were tried and work.
     """
     try:
+        spec = decided_under_touch(spec, _touch_trial)
         return with_cures(spec, choose(spec))
     except SolverError as error:
         if not isinstance(error.__cause__, BROKEN_DOWN):
@@ -154,12 +164,14 @@ def with_cures(spec: Spec, choice: Choice) -> Plan:
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
 
-    Where `cure` only changes the level or the mount, the beams of `choice` are kept. Without a `choice`, the plan is
-    that of the first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
+    Where `cure` only changes the mount, the beams of `choice` are kept. Without a `choice`, the plan is that of the
+    first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
     """
-    if choice and set(cure) <= {"drive.level_um", "mount.kind", "mount.base_mass_g"}:
+    if choice and set(cure) <= {"mount.kind", "mount.base_mass_g"}:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
-    searched = _searched(varied(spec, cure), quick=choice is None, most=MOST_FOR_CURE)
+    cured_spec = varied(spec, cure)
+    most = min(MOST_FOR_CURE, max(MOST_TAXELS_FOR_CURE // cured_spec.resolution, 1))
+    searched = _searched(cured_spec, quick=choice is None, most=most)
     if searched is None:
         raise InfeasibleError("no layout holds", "resolution")
     return finish(searched, quick=True)
@@ -177,7 +189,10 @@ def choose(spec: Spec) -> Choice:
 
 
 def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
-    """Return the choice for a spec, of at most so many; with `quick` the first that has room and beams."""
+    """Return the choice for a spec; with `quick` the first that has room and beams.
+
+    Where at most so many are tried, it is returned without its runners-up.
+    """
     ranked: list[Iterator[Choice]] = []
     known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
     for decided in _decided_specs(spec):
@@ -200,14 +215,21 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, merged), most_printed)
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
+    if snaps(resting(spec, channels, sites)):
+        return None
     pulls = force_constants(spec, channels, sites)
     far = int(pulls.argmin())
     if pulls[far] <= 0:  # as on a grid with too few coils
+        distance_mm = sites[far].coil_distance_mm
+        reach_mm = coil_reach_mm(spec)
+        up_to = f", but up to {number(reach_mm)} mm" if reach_mm < distance_mm else ""
         raise InfeasibleError(
-            f"the washer of channel {far} lies {number(sites[far].coil_distance_mm)} mm off its coil's axis, where the"
-            f" coil does not pull it; beyond {number(coil_reach_mm(spec))} mm the two do not overlap",
+            f"the {spec.mover.kind} of channel {far} lies {number(distance_mm)} mm off its coil's axis, where the coil"
+            f" does not pull it{up_to}; more coils, or wider ones, pull taxels that are nearer to their axes",
             "coil.grid",
         )
+    if most:
+        return best
     limit = channel_limit(spec)
     options = candidates(spec, limit)
     others = [option for option in options if _grid(option) != _grid(layout)]
@@ -219,7 +241,8 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
     """Yield `spec` with every combination of reuse, drive and gap that it leaves open, the simplest first."""
     coil = spec.coil
     drive = spec.drive
-    schemes = SCHEMES_TRIED if spec.leaves_layout_free and drive.scheme == "auto" else (drive.scheme,)
+    tries_others = spec.leaves_layout_free and drive.scheme == "auto" and spec.force_order == SQUARE
+    schemes = SCHEMES_TRIED if tries_others else (drive.scheme,)
     reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
     gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
     for reuse, scheme, gap_mm in product(reuses, schemes, gaps):
@@ -243,9 +266,16 @@ def _best(rank: Iterator[Choice], most_printed: int, known: Driven | None = None
     """
     tried: list[tuple[Choice, Tried]] = []
     known = known or {}
+    hopeless: dict[tuple[Layout, str, str], float] = {}
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
+        key = (choice.layout, choice.spec.coil.reuse, choice.spec.drive.scheme)
+        if key in hopeless:
+            tried.append((choice, Tried(hopeless[key])))
+            continue
         one = _tried(choice, asked, choice.spec.print_share, known, overloaded)
+        if -inf < one.at_most_db < asked - NO_HOPE_DB:
+            hopeless[key] = one.at_most_db
         if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
@@ -303,14 +333,16 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
 def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, overloaded: bool = False) -> Tried:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
-    The steps are the resonances alone, then pull and modes, then leakage, then simulated prints. Where `overloaded`,
-    only the amplifier's limits are kept, not the coils'.
+    The steps are the resonances and the sag alone, then pull and modes, then leakage, then simulated prints. Where
+    `overloaded`, only the amplifier's limits are kept, not the coils'.
     """
     spec = choice.spec
     hz = np.array([channel.target_hz for channel in choice.channels])
     at_most = sets_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
     if at_most < least_db:
         return Tried(at_most)
+    if any(channel.model.sag_m >= spec.coil.gap_mm * MM for channel in choice.channels):
+        return Tried(-inf)
     if id(choice) not in known:
         undriven = _channels_of(choice)
         chosen = chosen_drive(spec, undriven)
@@ -326,25 +358,80 @@ def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, o
     if at_most < least_db:
         return Tried(at_most)
     bare = _assemble(choice, channels, _selectivity_of(choice))
+    if not spec.touch.is_none:
+        return _tried_under_touch(bare, overloaded)
     paper_db, prints = compared_prints(bare, least_db, least_share)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
         return Tried(at_most)
     print_db = inf if prints.print_db is None else prints.print_db
-    unsure = SURELY * prints.error_share if prints.good_share > 0 and prints.pads <= QUICK_PADS else 0.0
+    spread = SURELY * prints.error_share
+    unsure = spread if 0 < prints.good_share < least_share - spread else 0.0
     return Tried(at_most, prints.good_share, print_db, unsure)
+
+
+@numbers_hold()
+def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
+    """Return what a decided spec keeps under touch, with its faintest channel so many dB above what is just felt."""
+    choice = _searched(spec, quick=True)
+    if choice is None:
+        raise InfeasibleError("no layout holds", "resolution")
+    bare = _assemble(choice, *_driven(choice))
+    touch = planned_touch(bare, quick=True)
+    assert touch is not None, "the spec names a contact"
+    bare = replace(bare, touch=touch)
+    spec = bare.spec
+    load = coil_load(spec, played_channels(bare), bare.scheme)
+    level_um = float(at_least(spec.drive.level_um * 10 ** ((felt_db - min(touched_felt(bare).on_db)) / 20)))
+    coils = bare.coils.rows * bare.coils.columns
+    # Heat goes with the square of what pulls: the current, or its square.
+    louder = (level_um / spec.drive.level_um) ** (2 / spec.force_order)
+    load = replace(load, copper_loss_w=load.copper_loss_w * louder * UNSURE_HEAT)
+    demand = coil_demand(load, coils)._replace(beam_rise_k=planned_warmth(replace(bare, load=load)).beam_rise_k)
+    is_borne = not any(one.limit.planned == "error" for one in exceeded(spec, demand))
+    within = load.reachable_level_um >= level_um and is_borne
+    kept_db = -inf if touch.print_db is None else touch.print_db
+    return TouchTrial(kept_db, load.copper_loss_w * coils, level_um, within)
+
+
+UNSURE_HEAT = 1.4
+"""Heat by many simulated pads over that by few, which may leave 1.4 dB too little in hand."""
+
+
+def _tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
+    """Judge a choice by its touched prints, driven loud enough for them."""
+    spec = bare.spec
+    touch = planned_touch(bare, quick=True)
+    assert touch is not None, "the spec names a contact"
+    load = coil_load(spec, played_channels(replace(bare, touch=touch)), bare.scheme)
+    coils = bare.coils.rows * bare.coils.columns
+    if not overloaded and any(exceeded(spec, coil_demand(load, coils))):
+        return Tried(-inf)
+    print_db = inf if touch.print_db is None else touch.print_db
+    return Tried(print_db, touch.good_share, print_db)
 
 
 def finish(choice: Choice, quick: bool = False) -> Plan:
     """Return the plan of a choice, whose beams and models may have been changed since it was made.
 
-    The cures of its findings are untried proposals. With `quick`, few prints are simulated, and recoil is worked out
-    only where the spec says how the pad is held: cures are judged by no other.
+    The cures of its findings are untried proposals. With `quick`, few prints are simulated, pins have no errors, and
+    recoil is worked out only where the spec says how the pad is held: cures are judged by no other.
     """
-    bare = _assemble(choice, *_driven(choice))
+    channels, selectivity = _driven(choice)
+    if not quick:
+        models = [sized.model for sized in choice.channels]
+        pins = [with_errors(channel.pin, model) for channel, model in zip(channels, models, strict=True)]
+        channels = tuple(replace(channel, pin=pin) for channel, pin in zip(channels, pins, strict=True))
+    bare = _assemble(choice, channels, selectivity)
     spec = bare.spec
+    touched = tuple(touched_pads(spec, channels, bare.scheme))
+    bare = replace(bare, touched=touched)
     prints = what_prints_keep(bare, quick)
     recoil = NO_RECOIL if quick and not spec.mount.is_said else planned_recoil(bare, prints)
+    if touch := planned_touch(replace(bare, recoil=recoil), quick):
+        bare = replace(bare, touch=touch)
+        bare = replace(bare, load=coil_load(spec, played_channels(bare), bare.scheme), felt=touched_felt(bare))
+        bare = replace(bare, touched=touched_figures(bare))
     warm = planned_warmth(bare)
     coils = bare.coils.rows * bare.coils.columns
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
@@ -390,9 +477,10 @@ def _channels_of(choice: Choice) -> tuple[Channel, ...]:
 
 
 def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Selectivity) -> Plan:
+    """Return the plan of a choice with all that candidates are compared by; `finish` adds the rest."""
     spec = choice.spec
     layout = choice.layout
-    scheme = scheme_named(choice.spec, selectivity.drive)
+    scheme = scheme_named(choice.spec, selectivity.drive, channels)
     reuse = coil_reuse(spec, layout, channels, scheme)
     pitch_x = spec.pad.width_mm / layout.columns
     pitch_y = spec.pad.depth_mm / layout.rows
@@ -409,9 +497,9 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
             *plate_shape(spec),
             *recess_mm(spec),
             post_diameter_mm=post_diameter_mm(spec),
-            boss_diameter_mm=spec.taxel.boss_diameter_mm,
-            boss_top_mm=spec.pad.frame_thickness_mm + spec.taxel.boss_protrusion_mm,
-            boss_edge_mm=spec.taxel.boss_edge_mm,
+            boss_diameter_mm=spec.contact_diameter_mm,
+            boss_top_mm=spec.taxel.plate_thickness_mm if spec.pin_share is not None else spec.contact_top_mm,
+            boss_edge_mm=spec.contact_edge_mm,
             gap_mm=spec.printer.smallest_gap_mm,
         ),
         channels=channels,
@@ -419,10 +507,10 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         pitch=pitch_of(taxels),
         selectivity=selectivity,
         load=coil_load(spec, channels, scheme),
-        refresh=frame_rates(channels, spec.coil.sets),
+        refresh=(),
         reuse=reuse,
         prints=NOT_PRINTED,
-        touched=tuple(touched_pads(spec, channels, scheme)),
+        touched=(),
         layouts=choice.runners_up,
         printing=print_settings(spec, [c.beam for c in channels]),
         left_out=(),
@@ -431,6 +519,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         pushed=pushed_taxels(spec, channels),
         recoil=NO_RECOIL,
         warm=NOT_WARM,
+        felt=felt_levels(spec, channels, scheme),
     )
 
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import InfeasibleError
-from padgen.core.units import COPPER_KG_PER_M3, COPPER_OHM_M, G_PER_CM3, MG, MM
+from padgen.core.units import COPPER_KG_PER_M3, COPPER_OHM_M, G_PER_CM3, GRAM, MG, MM
 from padgen.physics.modes import RigidBody, box, combine, ring
 from padgen.planner.fixtures import Tray, plan_tray, washer_underside_mm
 from padgen.planner.layout import coil_axis_mm, corner_groove
@@ -57,7 +57,7 @@ class PadMass:
 
     @cached_property
     def pad(self) -> RigidBody:
-        """The printed pad with its washers and their glue."""
+        """The printed pad with its washers, their glue, and ballast."""
         parts = [self._plate]
         for channel, masses in zip(self.plan.channels, self.channels, strict=True):
             for taxel in self.plan.taxels:
@@ -68,10 +68,12 @@ class PadMass:
     @property
     def plastic_kg(self) -> float:
         """Mass of the printed pad alone."""
-        washer = self.plan.spec.washer
+        washer = self.plan.spec.moved
         area_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)
         washer_kg = area_mm2 * washer.thickness_mm * MM**3 * washer.density_g_per_cm3 * G_PER_CM3
-        each_kg = washer_kg + self.plan.spec.taxel.glue_mg * MG
+        ballast = self.plan.spec.ballast
+        ballast_kg = ballast.mass_g * GRAM if ballast else 0.0
+        each_kg = washer_kg + ballast_kg + self.plan.spec.taxel.glue_mg * MG
         return float(self.pad.mass) - each_kg * len(self.plan.taxels)
 
     @cached_property
@@ -199,6 +201,8 @@ def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
                 at = _beam_point(path, path.within(index, (piece + 0.5) / PIECES))
                 parts.append(RigidBody(np.array(mass), at, np.zeros((3, 3))))
         parts.append(RigidBody(np.array(density * fillets), _beam_point(path, path.corners[0]), np.zeros((3, 3))))
+    if channel.pin.on_beam:
+        parts.append(_pin(channel, arrangement.beams[0], density))
     moving = combine(*parts)
     motion = np.array(channel.mode_motions[int(np.argmax(channel.mode_shares))])
     return ChannelMass(
@@ -206,6 +210,18 @@ def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
         window._replace(centroid=window.centroid - washer),
         mode_momentum(plan, channel, motion / motion[2]),
     )
+
+
+def _pin(channel: Channel, beam: BeamPath, density: float) -> RigidBody:
+    """Return a pin above its beam, with the fillet round its foot, as a mass at half its height."""
+    pin = channel.pin
+    foot_mm = float(beam.thickness_mm)
+    radius_mm = pin.diameter_mm / 2
+    round_mm3 = pi * radius_mm**2 * (pin.top_mm - foot_mm)
+    # The fillet's section between foot and quarter circle has its centroid 0.2234 radii from either side.
+    fillet_mm3 = 2 * pi * (1 - pi / 4) * pin.fillet_mm**2 * (radius_mm + 0.2234 * pin.fillet_mm)
+    at = np.array([pin.x_mm, pin.y_mm, (foot_mm + pin.top_mm) / 2]) * MM
+    return RigidBody(np.array(density * (round_mm3 + fillet_mm3) * MM**3), at, np.zeros((3, 3)))
 
 
 def mode_momentum(plan: Plan, channel: Channel, motion: np.ndarray) -> np.ndarray:

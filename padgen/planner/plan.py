@@ -18,11 +18,12 @@ import numpy as np
 from padgen.core.errors import FileError, Finding, OlderPlanError, SpecError, Verdict, at_least
 from padgen.core.files import json_text, read_bounded
 from padgen.core.registry import SCHEMES
-from padgen.core.units import decibel
-from padgen.physics.ladder import LevelLaw
+from padgen.core.rules import Rule, broken_rules
+from padgen.core.units import MA, decibel
 from padgen.physics.selectivity import Scheme, all_states, channels
 from padgen.planner.suspensions import Arrangement, BeamShape, PlateShape, names, suspension
-from padgen.spec import Spec, make_spec
+from padgen.planner.thresholds import level_law
+from padgen.spec import Spec, TouchTable, make_spec
 from padgen.spec.load import LARGEST_PLAN, without_none
 
 __all__ = [
@@ -36,9 +37,11 @@ __all__ = [
     "Channel",
     "CoilGrid",
     "CoilLoad",
+    "Felt",
     "FrameRate",
     "LayoutOption",
     "LeftOut",
+    "Pin",
     "Pitch",
     "Plan",
     "Plate",
@@ -51,6 +54,7 @@ __all__ = [
     "Selectivity",
     "Site",
     "Taxel",
+    "Touch",
     "Touched",
     "carrier_hz",
     "channel_sets",
@@ -155,6 +159,53 @@ class Beam:
 
 
 @dataclass(frozen=True, slots=True)
+class Pin:
+    """The part of a channel's taxels that meets the skin: a boss or a pin on the plate, or a pin on the first beam.
+
+    Its axis is at (`x_mm`, `y_mm`) in the taxel's own axes, its top `top_mm` over the bed. While the mover moves up and
+    down by 1, its top moves up and down by `lever`, and sideways by `sway`, because plate and beam tilt; both in the
+    working mode, within the relative `lever_error`. Against a push down on its top it has `stiffness_n_per_m`, within
+    the relative `stiffness_error`; its top then moves sideways by `lean` times as much as down. The mover rests on the
+    coil once the pin is `closed_mm` down. The push ends at `stop_mm`, where the `stop` is: the pin or its beam meets
+    the 'coil', or the finger rests on the 'guard'; None where nothing ends it. A push of 1 N, or less where it ends
+    before, stresses the beams by `pushed_stress_mpa`, the whole way down by `stop_stress_mpa`; 1 N sideways on its top
+    stresses the pin's foot by `foot_stress_mpa`. All without notches.
+    """
+
+    on_beam: bool
+    shape: str
+    diameter_mm: float
+    top_mm: float
+    fillet_mm: float
+    x_mm: float
+    y_mm: float
+    lever: float
+    sway: float
+    lever_error: float
+    stiffness_n_per_m: float
+    stiffness_error: float
+    lean: float
+    closed_mm: float
+    stop: str | None
+    stop_mm: float | None
+    stop_stress_mpa: float | None
+    pushed_stress_mpa: float
+    foot_stress_mpa: float
+
+    @property
+    def load_lever(self) -> float:
+        """Lever through which skin loads the mover, that of its sideways motion included (`SIDEWAYS`)."""
+        return float((self.lever**2 + SIDEWAYS * self.sway**2) ** 0.5)
+
+
+SIDEWAYS = 2 / 3
+"""Stiffness of skin against a flat disc that moves sideways over that against one that moves up and down.
+
+Of an elastic half-space that keeps its volume, 16/3 G a over 8 G a (Mindlin 1949; Johnson, Contact Mechanics, 1985).
+"""
+
+
+@dataclass(frozen=True, slots=True)
 class Site:
     """Place of a channel's taxel in its cell, measured from the coil axis.
 
@@ -182,7 +233,7 @@ class Channel:
 
     Mean pull: `static_um` is its deflection with all channels on, the whole gap where the spring does not balance it.
     The pull goes with the gap as ``gap^-pull_exponent``, which softens the spring and lowers the resonance by the share
-    `pull_shift`.
+    `pull_shift`. Of magnets both are by the core's pull at rest; resonance and stiffness are then those over the core.
 
     Modes (k,): `mode_shares` are what each adds to the static compliance under a vertical pull at the washer's axis,
     over that of the working mode; `pulled_shares` are the same under the real pull. That pull is `pull_wrench` (6,):
@@ -191,7 +242,8 @@ class Channel:
 
     Force: `force_constant_n_per_a2` is the pull on the working mode where the washer hangs, its pulled share included;
     its relative error is at most `force_error`. `line_a2`, the force over it, is the amplitude of the wanted line of
-    i², 0 for a washer that the coil does not pull.
+    i², 0 for a washer that the coil does not pull. Steel that has kept some magnetisation adds a pull that goes with
+    the current, so that it is as i² + i · `remanent_ma`.
 
     Stretching: beams that stretch harden, so that the working mode's force is ``k z (1 + hardening_per_mm2 z²)``. At
     its level, about its sag, the taxel resonates higher by the share `level_shift`, and the tone at `resonance_hz`
@@ -234,6 +286,7 @@ class Channel:
     force_error: float
     line_a2: float
     pull_exponent: float
+    remanent_ma: float
     static_um: float
     pull_shift: float
     model: str
@@ -244,6 +297,7 @@ class Channel:
     stress_error: float
     beam_error: float | None
     site: Site
+    pin: Pin
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,9 +344,9 @@ class Selectivity:
     pull's wrench excites them. The smaller of the two holds. The modes cost `modes_cost_db` in all states; those left
     out, far from every line, change an amplitude by at most the share `modes_left_out`. `asked_db` is Δy in dB,
     `paper_db` is Eq. 12's figure for the closest pair, `snapping_db` the loss in all states because beams print in
-    steps. `optimum_db` is what the optimised resonances reach with equal masses. `level_law` is an exponent or
-    'threshold'. `matrix_db` has a table for each set of channels: how far below its own ON amplitude taxel i (row) is
-    at the tone of channel j; it is empty for many channels.
+    steps. `optimum_db` is what the optimised resonances reach with equal masses. `level_law` is an exponent,
+    'threshold' (by the spec's own curve) or 'sensation'. `matrix_db` has a table for each set of channels: how far
+    below its own ON amplitude taxel i (row) is at the tone of channel j; it is empty for many channels.
     """
 
     drive: str
@@ -441,7 +495,7 @@ class Prints:
 
 @dataclass(frozen=True, slots=True)
 class Touched:
-    """The pad under a finger whose `skin` is 'low', 'typical' or 'high' (`padgen.physics.resonator`, provisional).
+    """The pad under a finger whose `skin` is 'low', 'typical' or 'high' (`padgen.planner.touch`, provisional).
 
     `resonance_hz` and `q` (n,) are of each channel's touched taxels. `all_states_db` is the selectivity of a coil
     driven as planned, by the taxels' own modes alone; None where a coil has one channel or very many.
@@ -452,6 +506,73 @@ class Touched:
     resonance_hz: tuple[float, ...]
     q: tuple[float, ...]
     all_states_db: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """The pad that is planned under a `contact`, which lies on every taxel that is compared (docs/touch.md).
+
+    Under its typical skin, channels (n,) resonate at `resonance_hz` with `q`, and are driven by tones at `tone_hz`:
+    those resonances where `tones` is 'touched', those of the bare taxels where it is 'untouched'. The contactors are
+    discs of `contactor_mm`, through which skin loads the movers by `lever` (n,), their `Pin.load_lever`.
+    `all_states_db` is of one coil under typical skin, as drawn.
+
+    Of printed pads under drawn skins, one person a pad: `print_db` is what the spec's `print_share` of them keep with
+    every bare taxel measured and tones moved accordingly, `planned_db` what they keep with the driver table as it is,
+    `other_db` the first with the other kind of `tones` (None where the spec says which), `loose_db` the first where the
+    pad lies loose (None where the spec says how it is held). All are the smallest ON over
+    the largest OFF amplitude of the worst coil in its worst state, each over its planned level, with leakage, other
+    modes, and recoil on the spec's mount. `good_share` of pads keep what is asked; with 95 % confidence the figures of
+    `pads` simulated pads are within `error_db` and `error_share`.
+
+    `in_hand_db` is how far the levels of the drive lie above the plan's, so that the weakest ON taxel of `print_share`
+    of the pads still has its own. With it, taxels move by `level_um` (n,) under typical skin and by `bare_um` (n,)
+    where nothing touches them; `force_mn` and `current_ma` (n,) are the peaks of the force on the mover and of the
+    channel's current.
+    """
+
+    contact: str
+    tones: str
+    contactor_mm: float
+    lever: tuple[float, ...]
+    resonance_hz: tuple[float, ...]
+    q: tuple[float, ...]
+    tone_hz: tuple[float, ...]
+    level_um: tuple[float, ...]
+    bare_um: tuple[float, ...]
+    force_mn: tuple[float, ...]
+    current_ma: tuple[float, ...]
+    all_states_db: float | None
+    print_db: float | None
+    planned_db: float | None
+    other_db: float | None
+    loose_db: float | None
+    good_share: float
+    in_hand_db: float
+    pads: int
+    error_db: float | None
+    error_share: float
+
+
+@dataclass(frozen=True, slots=True)
+class Felt:
+    """Feeling of each channel's taxel (n,) by a fingertip at its planned level, untouched (docs/touch.md).
+
+    `threshold_um` is the amplitude that is just felt at the resonance through the boss, with an error of `error_db`.
+    Above it, `on_db` is the level of an ON taxel and `off_db` that of the OFF taxel in its coil's worst state (None
+    where it hears nothing), its lines' energies over their thresholds added. A person tells from `least_levels` to
+    `most_levels` levels apart up to the ON level, by the least and the most favourable published figures, and as many
+    of the felt channels' frequencies as `least_frequencies` to `most_frequencies`.
+    """
+
+    threshold_um: tuple[float, ...]
+    error_db: tuple[float, ...]
+    on_db: tuple[float, ...]
+    off_db: tuple[float | None, ...]
+    least_levels: tuple[int, ...]
+    most_levels: tuple[int, ...]
+    least_frequencies: int
+    most_frequencies: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -522,7 +643,7 @@ class Recoil:
     worst of `images` images by chance: `clamped_db` on a pad that does not move; on the moving one `in_step_db` by the
     driver table, where taxels of a channel move in step, `apart_db` where each is driven at a frequency of its own near
     that of its channel, as re-tuned, so that energies add, and `signed_db` by the table with signs that keep the pad
-    still (None in plans: no drive chooses signs). None where nothing is heard.
+    still (None in plans: a driver table has none). None where nothing is heard.
 
     On a steel plate of `base_g`, the pad keeps `based_db`: all but 2 dB of what it keeps clamped or, in plans, so much
     that the asked share of prints keeps what is asked. `base_g` is 0 where the pad does so as it is, and None where the
@@ -571,12 +692,15 @@ class Warm:
     """Temperatures in °C of the pad with all taxels on for good at their planned level, in air at `room_c`.
 
     `heat_w` is the heat of all coils at 20 °C; the rest counts the copper's rise of resistance. `coil_c`, `beam_c`
-    and `gap_c` are of the warmest coil, the warmest beams and the air between them, `mean_beam_c` is of all beams.
+    and `gap_c` are of the warmest coil, the warmest beams and the air between them, `mean_coil_c` and `mean_beam_c` of
+    all coils and all beams.
     Rises over the room have the relative error `error`. They reach two thirds of their end after `warm_up_min` on a
     table that takes up no heat, later on one that does.
 
     `resonance_shift` is the relative shift of the warmest taxels' resonances, `resonances_hz` (n,) are those
     of the channels, each at the mean temperature of its plates; both by the fall of the plastic's stiffness.
+    `levels_um` (n,) are the levels that the currents of the cold pad's drive table leave at these resonances, with
+    `lost_db` the loss; its voltages lose `lost_by_voltage_db`, since less current flows in warm copper.
     """
 
     room_c: float
@@ -589,6 +713,10 @@ class Warm:
     warm_up_min: float
     resonance_shift: float
     resonances_hz: tuple[float, ...]
+    mean_coil_c: float
+    levels_um: tuple[float, ...]
+    lost_db: tuple[float, ...]
+    lost_by_voltage_db: tuple[float, ...]
 
     @property
     def beam_rise_k(self) -> float:
@@ -596,7 +724,7 @@ class Warm:
         return self.beam_c - self.room_c
 
 
-NOT_WARM = Warm(23.0, 0.0, 23.0, 23.0, 23.0, 23.0, 0.0, 0.0, 0.0, ())
+NOT_WARM = Warm(23.0, 0.0, 23.0, 23.0, 23.0, 23.0, 0.0, 0.0, 0.0, (), 23.0, (), (), ())
 """The placeholder in a plan whose temperatures are not worked out yet."""
 NO_RECOIL = Recoil(0.0, None, 0, None, None, None, None, None)
 """The recoil of a plan before it is worked out."""
@@ -647,6 +775,8 @@ class Plan:
     pushed: Pushed
     recoil: Recoil
     warm: Warm
+    felt: Felt
+    touch: Touch | None = None
 
     def __repr__(self) -> str:
         coils = self.coils
@@ -691,7 +821,7 @@ class Plan:
     @property
     def scheme(self) -> Scheme:
         """The drive scheme with the settings of the spec."""
-        return scheme_named(self.spec, self.selectivity.drive)
+        return scheme_named(self.spec, self.selectivity.drive, self.channels)
 
     @property
     def sets(self) -> tuple[tuple[Channel, ...], ...]:
@@ -732,13 +862,21 @@ def lost_figures(value: Any, where: str = "") -> Iterator[tuple[str, float]]:
 def plan_to_json(plan: Plan) -> str:
     """Return the plan as JSON text: its fields in their order, the same bytes for the same plan."""
     table = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
-    known = (name for name in Spec.__dataclass_fields__ if getattr(plan.spec, name) or name not in DEVICES)
+    if plan.touch is None:
+        del table["touch"]
+    left_out = [name for name, absent in LEFT_OUT.items() if getattr(plan.spec, name) == absent]
+    known = (name for name in Spec.__dataclass_fields__ if name not in left_out)
     return json_text(table | {"spec": {name: getattr(plan.spec, name) for name in known}})
 
 
-DEVICES = ("amplifier", "sound_card")
-"""Parts of a spec that are left out of ``plan.json`` where the spec names none."""
-DRAWN = (CoilGrid, Cell, Plate, Beam, Site, Taxel)
+LEFT_OUT: dict[str, Any] = {
+    "amplifier": None,
+    "sound_card": None,
+    "ballast": None,
+    "touch": TouchTable(),
+}
+"""Parts of a spec that are left out of ``plan.json`` where they are as here."""
+DRAWN = (CoilGrid, Cell, Plate, Beam, Pin, Site, Taxel)
 """Parts with sizes that are drawn. Here every number must be finite; in other parts null stands for an infinite one."""
 LARGEST_MM = 1e4
 LARGEST_FLOAT = sys.float_info.max
@@ -772,14 +910,21 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     """
     try:
         table = json.loads(text)
-        if isinstance(table, dict) and "spec" in table and not {"verdict", "recoil", "warm"} <= {*table}:
+        is_plan = isinstance(table, dict) and "spec" in table
+        if is_plan and not ({"verdict", "recoil", "warm"} <= {*table} and _has_warm_levels(table["warm"])):
             raise OlderPlanError("was written by an older padgen; padgen plan makes it anew from its spec", where)
         plan: Plan = read_as(Plan, table, "the plan")
-        _refuse_contradictions(plan)
+        for broken in broken_rules(_part_rules(plan)):
+            raise ValueError(f"{broken.where} {broken.message}")
     except (ValueError, RecursionError, SpecError) as error:
         its = "its spec: " if isinstance(error, SpecError) else ""
         raise FileError(f"is not a plan ({its}{error}); padgen plan makes one", where) from error
     return plan
+
+
+def _has_warm_levels(warm: Any) -> bool:
+    """Return whether the warmth of a plan file has what version 0.14.0 did not write."""
+    return not isinstance(warm, dict) or "lost_db" in warm
 
 
 def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
@@ -811,7 +956,8 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
         each = zip([kinds[0]] * len(value) if endless else kinds, value, strict=True)
         return tuple(read_as(k, entry, f"{where}[{i}]", drawn) for i, (k, entry) in enumerate(each))
     if origin is UnionType:
-        return read_as(next((k for k in kinds if type(value) in KINDS[k][0]), kinds[0]), value, where, drawn)
+        fitting = (k for k in kinds if type(value) in KINDS.get(k, ((dict,), ""))[0])
+        return read_as(next(fitting, kinds[0]), value, where, drawn)
     if value is None and kind is float and not drawn:
         return None  # JSON has no infinity: a figure without a finite value is written as null
     allowed, what = KINDS[kind]
@@ -820,32 +966,35 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
     return value if value is None else kind(value)
 
 
-def _refuse_contradictions(plan: Plan) -> None:
-    """Raise `ValueError` for parts that contradict each other or cannot be drawn: larger than any pad."""
+def _part_rules(plan: Plan) -> Iterator[Rule]:
+    """Yield the rules that parts of a plan do not contradict each other, and can be drawn: none larger than any pad."""
     coils = plan.coils
     channels = plan.channels
-    rules = [
-        (bool(channels and plan.taxels), "it has no channels or no taxels"),
-        (
-            coils.rows > 0 < coils.columns and 0 < coils.sets <= len(channels),
-            "coils must be one or more, with no more sets than channels",
-        ),
-    ]
+    warm_hz = plan.warm.resonances_hz
+    yield Rule(bool(channels and plan.taxels), "it", "has no channels or no taxels")
+    yield Rule(
+        coils.rows > 0 < coils.columns and 0 < coils.sets <= len(channels),
+        "coils",
+        "must be one or more, with no more sets than channels",
+    )
+    yield Rule(
+        len(warm_hz) == len(channels) and all((hz or 0.0) > 0 for hz in warm_hz),
+        "warm.resonances_hz",
+        "must have one above 0 for each channel",
+    )
+    yield Rule(plan.warm.mean_coil_c is not None, "warm.mean_coil_c", "must be a number")
     drawn: dict[str, Any] = {"coils": coils, "cell": plan.cell, "plate": plan.plate}
     for index, channel in enumerate(channels):
         where = f"channels[{index}]"
         known = channel.beam.topology in names() and channel.site.along in TURNS
-        rules.append((channel.index == index, f"{where}.index must be {index}"))
-        rules.append((known, f"{where} has a topology or a direction that there is not"))
+        yield Rule(channel.index == index, f"{where}.index", f"must be {index}")
+        yield Rule(known, where, "has a topology or a direction that there is not")
         drawn |= {f"{where}.beam": channel.beam, f"{where}.site": channel.site}
     for index, taxel in enumerate(plan.taxels):
         row, column = taxel.coil
         drawn[f"taxels[{index}]"] = taxel
         known = 0 <= row < coils.rows and 0 <= column < coils.columns and 0 <= taxel.channel < len(channels)
-        rules.append((known, f"taxels[{index}] is of a coil or a channel that there is not"))
-    for holds, sentence in rules:
-        if not holds:
-            raise ValueError(sentence)
+        yield Rule(known, f"taxels[{index}]", "is of a coil or a channel that there is not")
     for where, part in drawn.items():
         for item in fields(part):
             # Places may be 0 or negative, most sizes not.
@@ -854,19 +1003,21 @@ def _refuse_contradictions(plan: Plan) -> None:
                 least = -LARGEST_MM
             value = getattr(part, item.name)
             sizes = [v for v in (value if isinstance(value, tuple) else (value,)) if isinstance(v, (int, float))]
-            if not all(least <= size <= LARGEST_MM for size in sizes):
-                raise ValueError(f"{where}.{item.name} must be a size of a pad, at most {LARGEST_MM:g}")
+            yield Rule(
+                all(least <= size <= LARGEST_MM for size in sizes),
+                f"{where}.{item.name}",
+                f"must be a size of a pad, at most {LARGEST_MM:g}",
+            )
 
 
-def level_law(spec: Spec) -> LevelLaw:
-    """Return the level law of a spec: a power of frequency, or equal sensation where it has a threshold curve."""
-    drive = spec.drive
-    return LevelLaw(drive.level_law, drive.threshold_hz or (), drive.threshold_um or ())
-
-
-def scheme_named(spec: Spec, name: str) -> Scheme:
-    """Return the drive scheme called `name` with the settings of `spec`."""
-    return Scheme(name, spec.drive.bias_ratio, SCHEMES.version(name))
+def scheme_named(spec: Spec, name: str, channels: Sequence[Channel] = ()) -> Scheme:
+    """Return the drive scheme called `name` with the settings of `spec`, and the remanence of `channels` if given."""
+    kept = 0.0
+    for channel_set in channel_sets(channels, spec.coil.sets) if channels else ():
+        strongest_a2 = max(c.line_a2 for c in channel_set)
+        rho_a = max(c.remanent_ma for c in channel_set) * MA
+        kept = max(kept, rho_a**2 / strongest_a2 if strongest_a2 > 0 else 0.0)
+    return Scheme(name, spec.drive.bias_ratio, SCHEMES.version(name), kept)
 
 
 CARRIER_OVER_RESONANCE = 5
@@ -891,6 +1042,8 @@ def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
     """
     if spec.drive.scheme != "auto":
         return scheme_named(spec, spec.drive.scheme)
+    if spec.force_order == 1:
+        return Scheme("linear")
     tones = Scheme("tones")
     keeps = sets_db(spec, resonance_hz, np.ones(len(resonance_hz)), tones) >= decibel(spec.delta_y)
     return tones if keeps else Scheme("spur-free")

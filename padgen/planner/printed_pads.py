@@ -1,29 +1,40 @@
 """Simulate prints of a plan (Monte-Carlo), as many as its verdict needs, and judge every printed coil.
 
-A simulated print differs from the plan only in its resonances; Q and the masses of the response stay. Each cause is a
-normal random number z of the given sigma and multiplies a resonance by ``exp(s z)``, with s = d ln f / d z. So neither
-dimensions nor resonances become negative, however large the spread.
+A simulated print differs from the plan in its resonances and in the pull on its washers; Q and the masses of the
+response stay. Each cause is a normal random number z of the given sigma and multiplies a resonance by ``exp(s z)``,
+with s = d ln f / d z. So neither dimensions nor resonances become negative, however large the spread.
 
 ====================  ==============================  =====================================================
 cause                 acts on                         d ln f
 ====================  ==============================  =====================================================
 modulus               a print                         1/2 dE/E
 common z              a print                         s_t dt/t
+common beads          a print                         s_b dr/r
+across beads          every print alike               s_b ln r, less its mean over the channels
+common gap            a print                         (m + 1) by the pull's softening, dg/g
+common glue           a print                         −1/2 dm over the effective mass
 field z               a taxel, by its place           s_t dt/t
 width, length         a taxel                         s_w dw/w, s_l dl/l
 thickness             a taxel                         s_t dt/t
+beads                 a taxel                         s_b dr/r
 glue                  a taxel                         −1/2 dm over the effective mass
 washer                a taxel                         by the washer's kinetic energy in the mode (`_washer_weight`)
+gap                   a taxel                         (m + 1) by the pull's softening, dg/g
 ====================  ==============================  =====================================================
 
-s_w, s_t, s_l come from the beam model by central differences (the point-mass rule has 1/2, 3/2, −3/2). The field is a
-smooth error of height over the bed, with a correlation of ``exp(−d²/L²)`` between taxels d apart. A washer may lie
-anywhere in its recess: its sigma along each axis is a quarter of the clearance. The constant offsets of a printer are
-not simulated (`padgen.spec.Spread`).
+s_w, s_t, s_l come from the beam model by central differences (the point-mass rule has 1/2, 3/2, −3/2), and so does
+s_b, of the stiffness r across the beads of a layer over that along them. Beads run along every beam; their ratio counts
+by twist, by curling and by the ends of a beam (`padgen.physics.beams`). It is below 1 in every print: calibration takes
+its mean effect for the modulus's, and what it does to the channels' ratios is in all prints alike. A pull goes with the
+gap g as ``g^−m``, so that a gap also changes how much each washer is pulled, by −m dg/g.
+
+The field is a smooth error of height over the bed, with a correlation of ``exp(−d²/L²)`` between taxels d apart. A
+washer may lie anywhere in its recess: its sigma along each axis is a quarter of the clearance. The constant offsets of
+a printer are not simulated (`padgen.spec.Spread`).
 
 Every printed coil is judged over all states by the closed form of `padgen.physics.selectivity`: the smallest ON
 amplitude (of a taxel on alone) over the largest OFF amplitude (with all others on). The washers' unequal distances from
-the coil are counted; leakage and other modes add what they add in the plan.
+the coil, and what their gaps make of the pull, are counted; leakage and other modes add what they add in the plan.
 
 There are four stages. In the first, tones and forces are the plan's, so that a detuned taxel moves less than planned
 when ON. In the others each tone is moved to where its taxel is believed to resonate, and forces restore the level that
@@ -33,17 +44,17 @@ as well, after re-tuning every taxel's own resonance.
 `what_prints_keep` estimates the selectivity of printed pads from few prints, with the error.
 """
 
-from dataclasses import astuple, dataclass, fields
-from math import inf, sqrt
+from dataclasses import astuple, dataclass, fields, replace
+from math import inf, log, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.units import G_PER_CM3, GRAM, MG, MM
+from padgen.core.units import G_PER_CM3, GRAM, MG, MM, UM
 from padgen.physics.ladder import LevelLaw, ladder_ratio
 from padgen.physics.resonator import relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
-from padgen.planner.channels import heard_modes
+from padgen.planner.channels import hanging_gap_um, heard_modes
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.plan import Plan, Prints, level_law
 from padgen.planner.suspensions import BeamShape
@@ -59,18 +70,22 @@ __all__ = [
     "SURELY",
     "Coils",
     "Design",
+    "Drawn",
     "Simulated",
     "Spreads",
     "coils_of",
     "compared_prints",
     "covariance",
     "design_of",
-    "log_detuning",
+    "drawn_prints",
     "log_resonances",
     "missed_spreads",
+    "pads_until_sure",
     "printed",
+    "quantile_error",
     "ratio_spread",
     "sensitivities",
+    "share_error",
     "spreads_of",
     "what_prints_keep",
     "work",
@@ -98,7 +113,10 @@ FARTHEST = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Spreads:
-    """One sigma of each cause: `modulus` relative, the others in the unit of their name."""
+    """One sigma of each cause: `modulus`, `common_beads` and `beads` relative, others in the unit of their name.
+
+    `across_beads` is no spread: it is −ln of the stiffness across the beads over that along them, alike in every print.
+    """
 
     modulus: float
     common_z_mm: float
@@ -108,6 +126,12 @@ class Spreads:
     length_mm: float
     glue_mg: float
     washer_mm: float
+    common_beads: float = 0.0
+    across_beads: float = 0.0
+    beads: float = 0.0
+    common_gap_mm: float = 0.0
+    gap_mm: float = 0.0
+    common_glue_mg: float = 0.0
 
     def none(self) -> "Spreads":
         """Return spreads of zero: all prints are as drawn."""
@@ -117,8 +141,11 @@ class Spreads:
 STAGES = ("planned", "coupon", "some", "retuned")
 """Stages of knowledge about a print: none, the error common to the print, also the field, every taxel's resonance."""
 NAMES = tuple(f.name for f in fields(Spreads))
-OF_A_PRINT = ("modulus", "common_z_mm")
+IN_EVERY_PRINT = "across_beads"
+OF_A_PRINT = ("modulus", "common_z_mm", "common_beads", "common_gap_mm", "common_glue_mg", IN_EVERY_PRINT)
 """Causes with one random number per print. The field has a smooth random function, the others a number per taxel."""
+GAPS = ("common_gap_mm", "gap_mm")
+"""Causes that change the pull as well."""
 
 
 class Coils(NamedTuple):
@@ -133,9 +160,9 @@ class Design(NamedTuple):
 
     `beside` (2, n) is the energy of an OFF taxel by leakage and by its other modes, over that of its ON state: with all
     coils in step, and re-tuned. `kept` is the share of its energy that an ON taxel keeps where its beams stretch.
-    `need` is the asked energy ratio of ON over OFF. `weight` (8, n) is d ln f per unit of each of `Spreads`;
-    `sensitivity` (n, 3) is d ln f / d ln of width, thickness and length. `field_length_mm` is the field's correlation
-    length.
+    `need` is the asked energy ratio of ON over OFF. `weight` (causes, n) is d ln f per unit of each of `Spreads`;
+    `pull_per_mm` (n,) is d ln of the pull per mm of gap; `sensitivity` (n, 3) is d ln f / d ln of width, thickness and
+    length. `field_length_mm` is the field's correlation length.
     """
 
     resonance_hz: np.ndarray
@@ -149,6 +176,7 @@ class Design(NamedTuple):
     need: float
     crowded_ratio: float
     weight: np.ndarray
+    pull_per_mm: np.ndarray
     sensitivity: np.ndarray
     channel: np.ndarray
     place_mm: np.ndarray
@@ -185,30 +213,39 @@ def spreads_of(spec: Spec) -> Spreads:
         width_mm=spread.width_mm,
         thickness_mm=spread.thickness_mm,
         length_mm=spread.length_mm,
-        glue_mg=taxel.glue_spread_mg,
+        glue_mg=spread.glue_mg if taxel.glue_spread_mg is None else taxel.glue_spread_mg,
         washer_mm=0.0 if taxel.centre_post else taxel.washer_clearance_mm / 4,
+        common_beads=spread.common_beads,
+        across_beads=-log(spread.bead_ratio),
+        beads=spread.beads,
+        common_gap_mm=spread.common_gap_mm,
+        gap_mm=spread.gap_mm,
+        common_glue_mg=spread.common_glue_mg,
     )
 
 
 def sensitivities(plan: Plan) -> np.ndarray:
-    """Return d ln f / d ln of width, thickness and length (n, 3) of every channel, by the beam model."""
-    step = np.exp(STEP * np.concatenate([np.eye(3), -np.eye(3)]))
+    """Return d ln f / d ln of width, thickness, length and bead ratio (n, 4) of every channel, by the beam model."""
+    step = np.exp(STEP * np.concatenate([np.eye(4), -np.eye(4)]))
     sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
-    log_hz = log_resonances(plan, sizes[:, None] * step)
-    return np.asarray(((log_hz[:, :3] - log_hz[:, 3:]) / (2 * STEP)).round(STEP_DECIMALS))
+    log_hz = log_resonances(plan, sizes[:, None] * step[:, :3], step[:, 3])
+    return np.asarray(((log_hz[:, :4] - log_hz[:, 4:]) / (2 * STEP)).round(STEP_DECIMALS))
 
 
-def log_resonances(plan: Plan, sizes_mm: np.ndarray) -> np.ndarray:
+def log_resonances(plan: Plan, sizes_mm: np.ndarray, bead_ratio: np.ndarray | float = 1.0) -> np.ndarray:
     """Return ln of the resonance in Hz (n, k) of each channel with beams of given sizes (n, k, 3) in mm.
 
-    The sizes are width, thickness and length.
+    The sizes are width, thickness and length; `bead_ratio` (k,) is the stiffness across beads over that along them.
     """
+    ratio = np.concatenate([[1.0], np.broadcast_to(bead_ratio, sizes_mm.shape[1])])
     result = np.empty(sizes_mm.shape[:2])
     for topology in {c.beam.topology for c in plan.channels}:
         index = [c.index for c in plan.channels if c.beam.topology == topology]
         drawn = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])[index, None]
         size = np.concatenate([drawn, sizes_mm[index]], axis=1)
-        model = TaxelModel(plan.spec, topology, plate_shape(plan.spec), BeamShape(*np.moveaxis(size, -1, 0)))
+        shape = BeamShape(*np.moveaxis(size, -1, 0))
+        beads = np.broadcast_to(ratio, size.shape[:2])
+        model = TaxelModel(plan.spec, topology, plate_shape(plan.spec), shape, bead_ratio=beads)
         # Of compliant modes take the one nearest to the drawn beam's, so that all sizes have the same mode.
         compliance = model.compliances
         log_hz = np.log(model.modes.frequency_hz)
@@ -234,9 +271,29 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
     size = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     mass = np.array([c.effective_mass_g for c in plan.channels])
     pull = np.array([c.force_constant_n_per_a2 for c in plan.channels])
-    width, thickness, length = (sensitivity / size).T
-    one = np.ones(len(mass))
+    width, thickness, length = (sensitivity[:, :3] / size).T
+    beads = sensitivity[:, 3]
     glue = -0.5 / (mass * GRAM / MG)
+    gap_mm = hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels])) * UM / MM
+    exponent = np.array([c.pull_exponent for c in plan.channels])
+    # The pull's softening is of the mean pull over the gap: it goes with a power of the gap less by one.
+    gap = np.array([c.pull_shift for c in plan.channels]) * (exponent + 1) / gap_mm
+    weight = {
+        "modulus": np.full(len(mass), 0.5),
+        "common_z_mm": thickness,
+        "field_z_mm": thickness,
+        "width_mm": width,
+        "thickness_mm": thickness,
+        "length_mm": length,
+        "glue_mg": glue,
+        "washer_mm": _washer_weight(plan),
+        "common_beads": beads,
+        IN_EVERY_PRINT: beads.mean() - beads,
+        "beads": beads,
+        "common_gap_mm": gap,
+        "gap_mm": gap,
+        "common_glue_mg": glue,
+    }
     channel = np.array([taxel.channel for taxel in plan.taxels])
     alike: dict[tuple[int, ...], list[list[int]]] = {}
     for index in coils_of(plan).values():
@@ -252,8 +309,9 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         scheme=plan.scheme,
         need=10 ** ((plan.selectivity.asked_db - ROUNDING_DB) / 10),
         crowded_ratio=ladder_ratio(spec.q_min, spec.delta_y),
-        weight=np.array([one / 2, thickness, thickness, width, thickness, length, glue, _washer_weight(plan)]),
-        sensitivity=sensitivity,
+        weight=np.array([weight[name] for name in NAMES]),
+        pull_per_mm=-exponent / gap_mm,
+        sensitivity=sensitivity[:, :3],
         channel=channel,
         place_mm=np.array([(t.x_mm, t.y_mm) for t in plan.taxels] if places_mm is None else places_mm, float),
         field_length_mm=spec.spread.field_length_mm,
@@ -293,7 +351,7 @@ def _washer_weight(plan: Plan) -> np.ndarray:
 
     First-order perturbation: the relative fall of f is half of the washer's relative gain of kinetic energy.
     """
-    washer = plan.spec.washer
+    washer = plan.spec.moved
     area = np.pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2) * MM**2
     mass = area * washer.thickness_mm * MM * washer.density_g_per_cm3 * G_PER_CM3
     motion = np.array([c.mode_motions[int(np.argmax(c.mode_shares))] for c in plan.channels])
@@ -312,7 +370,7 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
     for coils in design.coils:
         index = np.repeat(coils.taxels[:, 0], 2 if len(coils.channels) == 1 else 1)
         pair = design._replace(channel=design.channel[index], place_mm=design.place_mm[index])
-        total = covariance(pair, spreads)
+        total = covariance(pair, replace(spreads, **{IN_EVERY_PRINT: 0.0}))
         each = np.diag(total)
         worst = max(worst, float((each[1:] + each[:-1] - 2 * np.diag(total, 1)).max()))
     return float(np.sqrt(worst))
@@ -320,31 +378,56 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
 
 def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
     """Return the sigma of ln of a taxel's resonance over its tone at each of `STAGES`, for the worst channel."""
-    square = (np.array(astuple(spreads))[:, None] * design.weight) ** 2
+    square = (np.array(astuple(replace(spreads, **{IN_EVERY_PRINT: 0.0})))[:, None] * design.weight) ** 2
     known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
     return tuple(float(square[[name not in some for name in NAMES]].sum(0).max() ** 0.5) for some in known)
 
 
-def log_detuning(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> np.ndarray:
-    """Return ln of printed over planned resonance (3, taxels, pads).
+class Ratios(NamedTuple):
+    """Resonances and pulls over the planned ones."""
 
-    The rows are the error common to a print, this with the field, and this with each taxel's own error. Each of the
-    three errors has a stream of random numbers, drawn pad by pad: the first pads are the same however many there are.
+    x: np.ndarray
+    pull: np.ndarray
+
+
+class Drawn(NamedTuple):
+    """Drawn prints: ln of printed over planned resonance, and of the printed over the planned pull.
+
+    The rows of both (3, taxels, pads) are the error common to a print, this with the field (which leaves pulls as they
+    are), and this with each taxel's own error.
+    """
+
+    log_x: np.ndarray
+    log_pull: np.ndarray
+
+
+def drawn_prints(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> Drawn:
+    """Return `pads` drawn prints.
+
+    Each kind of error has a stream of random numbers, drawn pad by pad: the first pads are the same however many there
+    are.
     """
     taxels = len(design.channel)
-    weight = np.array(astuple(spreads))[:, None] * design.weight
-    streams = [np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in range(3)]
-    result = np.zeros((3, taxels, pads))
-    common = [k for k, name in enumerate(NAMES) if name in OF_A_PRINT]
-    result[:] = (weight[common].T @ streams[0].standard_normal((pads, len(common))).T)[design.channel]
-    field = weight[NAMES.index("field_z_mm")]
+    sigma = dict(zip(NAMES, astuple(spreads), strict=True))
+    weight = dict(zip(NAMES, np.array(astuple(spreads))[:, None] * design.weight, strict=True))
+    streams = [np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in range(4)]
+    log_x = np.zeros((3, taxels, pads))
+    log_pull = np.zeros((3, taxels, pads))
+    common = dict(zip(OF_A_PRINT, streams[0].standard_normal((pads, len(OF_A_PRINT))).T, strict=True))
+    common[IN_EVERY_PRINT] = np.ones(pads)
+    log_x[:] = sum(np.multiply.outer(weight[name], common[name]) for name in OF_A_PRINT)[design.channel]
+    field = weight["field_z_mm"]
     if field.any():
-        result[1:] += field[design.channel, None] * _field(design, streams[1], pads)
-    of_taxel = np.sqrt(
-        (weight[[k for k, name in enumerate(NAMES) if name not in (*OF_A_PRINT, "field_z_mm")]] ** 2).sum(0)
-    )
-    result[2] += of_taxel[design.channel, None] * streams[2].standard_normal((pads, taxels)).T
-    return result
+        log_x[1:] += field[design.channel, None] * _field(design, streams[1], pads)
+    many = [weight[name] ** 2 for name in NAMES if name not in (*OF_A_PRINT, *GAPS, "field_z_mm")]
+    log_x[2] += np.sqrt(sum(many))[design.channel, None] * streams[2].standard_normal((pads, taxels)).T
+    if any(sigma[name] for name in GAPS):
+        of_taxel = streams[3].standard_normal((pads, taxels)).T
+        log_x[2] += weight["gap_mm"][design.channel, None] * of_taxel
+        pull = design.pull_per_mm[design.channel, None]
+        log_pull[:] = pull * sigma["common_gap_mm"] * common["common_gap_mm"]
+        log_pull[2] += pull * sigma["gap_mm"] * of_taxel
+    return Drawn(log_x, log_pull)
 
 
 def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
@@ -409,41 +492,43 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
         np.zeros((many, taxels), int),
     )
     for number in range(-(-pads // unit)):
-        log_x = log_detuning(design, spreads, seed, number, min(unit, pads - number * unit))
-        prints.square[:] += np.bincount(design.channel, (log_x[2] ** 2).sum(1), count)
-        for first in range(0, log_x.shape[2], step):
-            x = np.exp(np.clip(log_x[:, :, first : first + step], -FARTHEST, FARTHEST))
-            tones = [np.ones_like(x[0]), *x]
+        drawn = drawn_prints(design, spreads, seed, number, min(unit, pads - number * unit))
+        prints.square[:] += np.bincount(design.channel, (drawn.log_x[2] ** 2).sum(1), count)
+        for first in range(0, drawn.log_x.shape[2], step):
+            x, pull = (np.exp(np.clip(part[:, :, first : first + step], -FARTHEST, FARTHEST)) for part in drawn)
+            one = np.ones_like(x[:1])
+            tones, pulls = (np.concatenate([one, part])[known] for part in (x, pull))
             block = slice(number * unit + first, number * unit + first + x.shape[2])
             for coils in design.coils:
-                _judge(design, coils, x[2], [tones[k] for k in known], beside, prints, block)
+                _judge(design, coils, Ratios(x[2], pull[2]), Ratios(tones, pulls), beside, prints, block)
     return prints
 
 
 def _judge(
     design: Design,
     coils: Coils,
-    x: np.ndarray,
-    tones: list[np.ndarray],
+    printed: Ratios,
+    known: Ratios,
     beside: np.ndarray,
     prints: Simulated,
     block: slice,
 ) -> None:
     """Judge `coils` in a block of pads, and enter the results into `prints`.
 
-    `x` (taxels, pads) is printed over planned resonance, `tones` the same shape for each stage, the tone over the
-    planned one, `beside` (stages, n) as in `Design`.
+    `printed` (taxels, pads) is over the plan, `known` (stages, taxels, pads) what tones and lines follow at each stage;
+    `beside` (stages, n) is as in `Design`.
     """
     n = len(coils.channels)
-    shape = (*coils.taxels.shape, x.shape[1])
-    x = x[coils.taxels].reshape(n, -1)
+    shape = (*coils.taxels.shape, printed.x.shape[1])
+    x, pulled = (part[coils.taxels].reshape(n, -1) for part in printed)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
     hz = f * x
-    for k, tone in enumerate(tones):
-        tone_hz = f * tone[coils.taxels].reshape(n, -1)
-        driven = channels(tone_hz, q, design.law(tone_hz), mass, pull)
-        rise = (hz / tone_hz) ** 2
-        # The line that would move each taxel by its level at its own resonance.
+    for k, stage in enumerate(zip(*known, strict=True)):
+        tone, strength = (part[coils.taxels].reshape(n, -1) for part in stage)
+        tone_hz = f * tone
+        driven = channels(tone_hz, q, design.law(tone_hz), mass, pull * strength)
+        # The line that would move each taxel by its level at its own resonance, over its driven line.
+        rise = (hz / tone_hz) ** 2 * strength / pulled
         taxel = Channels(hz, q, driven.line * rise)
         on = (relative_energy(tone_hz, hz, q) / rise**2).reshape(shape)
         more = beside[k, coils.channels, None, None]
@@ -492,7 +577,7 @@ def compared_prints(plan: Plan, least_db: float, least_share: float) -> tuple[fl
     """Return the selectivity in dB of the pad as drawn, leakage and other modes counted, and its re-tuned prints.
 
     As many prints are simulated as comparing layouts needs: none (`NOT_PRINTED`) if the drawn pad keeps less than
-    `least_db`, and few if these show that the share of good ones is below `least_share`.
+    `least_db`, and few if these show that the share of good ones is surely below `least_share`.
     """
     design = design_of(plan, None)
     stages = STAGES[-1:]
@@ -500,18 +585,45 @@ def compared_prints(plan: Plan, least_db: float, least_share: float) -> tuple[fl
     paper_db = 10 * float(np.log10(ratio)) if ratio > 0 else float("-inf")
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
-    prints = _simulated(plan, design, QUICK_PADS, stages)
-    may_reach = prints.good_share + SURELY * prints.error_share >= least_share
-    if may_reach and 0 < prints.good_share < plan.spec.print_share + NEAR_SHARE:
-        prints = _simulated_until_sure(plan, design, stages)
-    return paper_db, prints
+    first = pads_until_sure(work(design))
+    for pads in sorted({min(QUICK_PADS, first), first}):
+        prints = _simulated(plan, design, pads, stages)
+        is_below = prints.good_share + SURELY * prints.error_share < least_share
+        if is_below or not 0 < prints.good_share < plan.spec.print_share + NEAR_SHARE:
+            return paper_db, prints
+    return paper_db, _simulated_until_sure(plan, design, stages)
 
 
 def _simulated_until_sure(plan: Plan, design: Design, stages: tuple[str, ...]) -> Prints:
-    first, most = (int(max(limit / work(design), FEWEST)) for limit in (WORK, MOST_WORK))
-    prints = _simulated(plan, design, min(PADS, first), stages)
-    unsure = max(prints.error_share / SURE_SHARE, (prints.error_db or 0.0) / SURE_DB) ** 2
-    return _simulated(plan, design, int(min(unsure * prints.pads, most)), stages) if unsure > 1 else prints
+    prints = _simulated(plan, design, pads_until_sure(work(design)), stages)
+    pads = pads_until_sure(work(design), prints.error_share, prints.error_db or 0.0, prints.pads)
+    return prints if pads == prints.pads else _simulated(plan, design, pads, stages)
+
+
+def share_error(share: float, made: int) -> float:
+    """Return half of Wilson's 95 % interval of a share among so many."""
+    z2 = SIGMAS_95**2
+    return SIGMAS_95 * sqrt(share * (1 - share) / made + z2 / (4 * made**2)) / (1 + z2 / made)
+
+
+def quantile_error(rising: np.ndarray, share: float) -> float:
+    """Return half of the 95 % interval of what a `share` of the values, in rising order, reach.
+
+    It lies between two ranks (normal approximation of the binomial distribution).
+    """
+    made = len(rising)
+    away = SIGMAS_95 * sqrt(made * share * (1 - share))
+    low, high = (int(np.clip((1 - share) * made + sign * away, 0, made - 1)) for sign in (-1, 1))
+    return float(rising[high] - rising[low]) / 2
+
+
+def pads_until_sure(work_of_pad: float, error_share: float | None = None, error_db: float = 0.0, pads: int = 0) -> int:
+    """Return how many pads are simulated first, or, from their errors, how many it takes until these are small."""
+    first, most = (int(max(limit / work_of_pad, FEWEST)) for limit in (WORK, MOST_WORK))
+    if error_share is None:
+        return min(PADS, first)
+    unsure = max(error_share / SURE_SHARE, error_db / SURE_DB) ** 2
+    return int(min(unsure * pads, most)) if unsure > 1 else pads
 
 
 def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -> Prints:
@@ -525,10 +637,6 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
     heard = bool(np.isfinite(kept).all())
     of_coils = dict(zip([t.coil for t in plan.taxels], (prints.good_coils[-1] / made).tolist(), strict=True))
     dbs: dict[str, float | None] = dict(zip(stages, reached, strict=True)) if heard else {}
-    # The quantile lies between these ranks with 95 % confidence (normal approximation of the binomial distribution).
-    away = SIGMAS_95 * sqrt(made * share * (1 - share))
-    low, high = (int(np.clip((1 - share) * made + sign * away, 0, made - 1)) for sign in (-1, 1))
-    z2 = SIGMAS_95**2
     return Prints(
         print_db=dbs.get("retuned"),
         planned_db=dbs.get("planned"),
@@ -537,9 +645,8 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
         good_share=good,
         good_taxel_share=float(prints.good_taxels[-1].mean()) / len(plan.taxels),
         pads=made,
-        error_db=float(kept[-1, high] - kept[-1, low]) / 2 if heard else None,
-        # Half of Wilson's 95 % interval.
-        error_share=SIGMAS_95 * sqrt(good * (1 - good) / made + z2 / (4 * made**2)) / (1 + z2 / made),
+        error_db=quantile_error(kept[-1], share) if heard else None,
+        error_share=share_error(good, made),
         ratio_spread=ratio_spread(design, spreads),
         coil_shares=tuple(of_coils.get(divmod(k, columns), 1.0) for k in range(plan.coils.rows * columns)),
     )

@@ -2,7 +2,7 @@
 
 A push acts on the middle of the boss, which is above the washer's axis. All modes of the taxel give way to it, so that
 it also tilts. Skin that lies at the height of the frame is a spring that the boss, standing proud, compresses: its
-stiffness is that of `padgen.physics.resonator` (provisional), the same at every depth, although real skin stiffens.
+stiffness is that of `padgen.planner.touch` (provisional), the same at every depth, although real skin stiffens.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 from padgen.core.errors import Finding, at_least, at_most, number
 from padgen.core.units import MM, MN, UM
-from padgen.physics.resonator import SKINS
 from padgen.planner.plan import Channel, Plan, Push, Pushed
 from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
+from padgen.planner.touch import SKINS, contactor_of, skin_contact
 from padgen.spec import Spec
 
 __all__ = ["judge_pushes", "pushed_taxels"]
@@ -40,18 +40,19 @@ def _give(spec: Spec, channel: Channel) -> _Give:
         for motion, hz in zip(channel.mode_motions, channel.modes_hz, strict=True)
     ]
     sinks, roll, pitch = (sum(motion[axis] * push for motion, push in modes) for axis in (2, 3, 4))
-    return _Give(sinks, sinks + spec.washer.outer_diameter_mm / 2 * MM * hypot(roll, pitch))
+    return _Give(sinks, sinks + spec.moved.outer_diameter_mm / 2 * MM * hypot(roll, pitch))
 
 
 def pushed_taxels(spec: Spec, channels: Sequence[Channel]) -> Pushed:
     """Return how far pushes and skin move each channel's taxel, driven OFF, and the pushes that close its gap."""
     gives = [_give(spec, channel) for channel in channels]
-    gaps_mm = [max(spec.coil.gap_mm - channel.sag_um * UM / MM, 0.0) for channel in channels]
+    at_rest = 1.0 if spec.force_order == 1 else 0.0  # a core pulls at rest, a current does not
+    gaps_mm = [max(spec.coil.gap_mm - (c.sag_um + at_rest * c.static_um) * UM / MM, 0.0) for c in channels]
     rows = []
     for push_mn in PUSHES_MN:
         rows.append(_push("", push_mn, [push_mn * MN * give.middle / MM for give in gives], gaps_mm))
-    for name, skin in SKINS.items():
-        spring = skin.modulus * spec.taxel.boss_diameter_mm * MM
+    for name in SKINS:
+        spring = float(skin_contact("fingertip", name).impedance(0.0, contactor_of(spec)).stiffness)
         moved_mm = [spec.taxel.boss_protrusion_mm * spring / (spring + 1 / give.middle) for give in gives]
         rows.append(_push(name, None, moved_mm, gaps_mm))
     bent = [
@@ -71,7 +72,7 @@ def _push(skin: str, push_mn: float | None, moved_mm: Sequence[float], gaps_mm: 
 
 
 def judge_pushes(plan: Plan) -> Iterator[Finding]:
-    """Tell how small a push closes the softest gap: a warning where typical skin at the frame's height does.
+    """Say which push closes the softest gap, and warn where a finger that only rests on the frame closes one.
 
     Another warning where beams break before the coil stops a push. A note where only a push closes a gap.
     """
@@ -90,7 +91,7 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
     further = f"; {number(PUSHES_MN[-1])} mN close {sum(closed)} of {len(closed)} channels" if others else ""
     sentence = (
         f"a finger that pushes its taxel with {_short(pushed.closing_force_mn[at])} mN closes its gap of"
-        f" {_short(gap_mm)} mm, and stops it; the washer tilts, so that its rim meets the coil at"
+        f" {_short(gap_mm)} mm, and stops it; the {plan.spec.mover.kind} tilts, so that its rim meets the coil at"
         f" {_short(pushed.rim_force_mn[at])} mN{further}; its boss stands {number(spec.taxel.boss_protrusion_mm)} mm"
         f" proud of the frame, and typical skin (a provisional model) lying at the frame's height pushes it by"
         f" {_short(typical.deflection_mm[at])} mm"
@@ -108,7 +109,8 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
             "warning",
             "touch.strength",
             f"channel {worst}",
-            f"a finger that pushes its washer onto the coil, with {_short(pushed.closing_force_mn[worst])} mN, stresses"
+            f"a finger that pushes its {plan.spec.mover.kind} onto the coil, with"
+            f" {_short(pushed.closing_force_mn[worst])} mN, stresses"
             f" the roots of its beams by {_short(pushed.closed_stress_mpa[worst])} MPa; {spec.material.name} breaks at"
             f" about {number(strength)} MPa",
         )

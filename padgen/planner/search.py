@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from itertools import islice
-from typing import NamedTuple
+from math import ceil, exp, floor, log
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import SpecError, at_least, at_most, number
 from padgen.core.registry import SCHEMES, SUSPENSIONS
-from padgen.core.units import decibel
+from padgen.core.units import UM, decibel
 from padgen.physics.ladder import (
     LevelLaw,
     capacity,
@@ -25,7 +26,8 @@ from padgen.physics.ladder import (
 )
 from padgen.physics.schemes import simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db, print_share
-from padgen.planner.channels import plan_channels
+from padgen.planner.channels import hanging_gap_um, plan_channels, resting
+from padgen.planner.core_pull import on_snapping, snaps
 from padgen.planner.drive_scheme import chosen_drive
 from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
@@ -120,11 +122,32 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
 
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
-    """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it."""
+    """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it.
+
+    Rooms that reach almost the same have the same part, so that they share a search for the optimum.
+    """
     reachable = reachable_hz(spec, room, spec.band_hz) or (0.0, float("inf"))
-    low = max(spec.band_hz[0], reachable[0] * 1.01)
-    high = min(spec.band_hz[1], reachable[1] / 1.01)
+    low = spec.band_hz[0]
+    high = spec.band_hz[1]
+    if reachable[0] * REACH_MARGIN > low:
+        low = _stepped(reachable[0] * REACH_MARGIN, ceil)
+    if reachable[1] / REACH_MARGIN < high:
+        high = _stepped(reachable[1] / REACH_MARGIN, floor)
     return (low, high) if low < high else spec.band_hz
+
+
+REACH_MARGIN = 1.005
+"""Least distance of a resonance from the last one that a room reaches."""
+STEP = 0.005
+"""Logarithmic step of the ends of what a room reaches, so that rooms share a search."""
+WIDER = 1.15
+"""Step between the widths in octaves of the bands that are searched for the global optimum. In narrower bands the
+search starts from that: of 200 random bands two lost 0.2 and 0.4 dB and the others at most 0.2."""
+
+
+def _stepped(hz: float, whole: Callable[[float], int]) -> float:
+    """Return a frequency moved to whole logarithmic steps by `floor` or `ceil`."""
+    return exp(whole(log(hz) / STEP) * STEP)
 
 
 def optimum(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
@@ -150,7 +173,7 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
             "q": spec.q_min,
             "delta_y": spec.delta_y,
             "scheme": (drive.scheme, drive.bias_ratio),
-            "law": (drive.level_law, drive.threshold_hz, drive.threshold_um),
+            "law": level_law(spec),
             "code": cache.code_hash(*CODE),
             "versions": [cache.version(name) for name in ("numpy", "scipy")],
         }
@@ -173,23 +196,56 @@ def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     asked_db = decibel(spec.delta_y)
     if spec.drive.scheme != "auto":
         return _best(spec, count, *band, spec.drive.scheme)
-    # Where fewer channels cannot keep the asked selectivity with plain tones, more cannot either.
-    clean = all(_best(spec, fewer, *band, "tones").all_states_db >= asked_db for fewer in range(3, count + 1))
-    best = _best(spec, count, *band, "tones" if clean and count > 2 else "spur-free")
+    if spec.force_order == 1:
+        return _best(spec, count, *band, "linear")
+    best = None
+    # Where as many or fewer channels cannot keep the asked selectivity with plain tones in a wider band, they cannot
+    # here.
+    if count > 2 and all(_wider(spec, few, *band, "tones").all_states_db >= asked_db for few in range(3, count + 1)):
+        best = _best(spec, count, *band, "tones")
+    if best is None or best.all_states_db < asked_db:
+        best = _best(spec, count, *band, "spur-free")
     if best.all_states_db < asked_db:
         turns = _best(spec, count, *band, "time-shared")
         best = turns if turns.all_states_db >= asked_db else best
     return best
 
 
-@lru_cache(maxsize=256)
 def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
+    """Return the best resonances in a band that are found near those of a wider band, for one drive scheme."""
+    law = level_law(spec)
+    near_hz = np.array(_wider(spec, count, low_hz, high_hz, drive).resonances_hz)
+    return _found(low_hz, high_hz, count, spec.q_min, law, scheme_named(spec, drive), near_hz)
+
+
+def _wider(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
+    """Return the best resonances that a search all over a wider band finds; bands of about one width share it."""
+    law = level_law(spec)
+    start_hz = low_hz if law.curve_hz else 1.0  # under a power law a shift in octaves changes nothing
+    end_hz = start_hz
+    if high_hz > low_hz:
+        end_hz = start_hz * exp(WIDER ** ceil(log(log(high_hz / low_hz), WIDER)))
+    return _searched_all_over(start_hz, end_hz, count, spec.q_min, law, scheme_named(spec, drive))
+
+
+@lru_cache(maxsize=256)
+def _searched_all_over(low_hz: float, high_hz: float, count: int, q: float, law: LevelLaw, scheme: Scheme) -> Optimum:
+    return _found(low_hz, high_hz, count, q, law, scheme)
+
+
+def _found(
+    low_hz: float,
+    high_hz: float,
+    count: int,
+    q: float,
+    law: LevelLaw,
+    scheme: Scheme,
+    near_hz: np.ndarray | None = None,
+) -> Optimum:
     from padgen.physics.ladder import optimal_ladder
 
-    law = level_law(spec)
-    scheme = scheme_named(spec, drive)
-    ladder = optimal_ladder(low_hz, high_hz, count, spec.q_min, law, scheme)
-    return Optimum(_rounded(ladder), all_states(channels(ladder, spec.q_min, law(ladder)), scheme).db, drive)
+    ladder = optimal_ladder(low_hz, high_hz, count, q, law, scheme, near_hz=near_hz)
+    return Optimum(_rounded(ladder), all_states(channels(ladder, q, law(ladder)), scheme).db, scheme.name)
 
 
 def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
@@ -218,7 +274,7 @@ RARE_LAYOUTS_SIZED = 6
 CHANNELS_SIZED = 600
 """Layouts, and channels in all of them, whose beams are sized before the search gives up: fewer of suspensions that
 only a spec's name asks for (serpentines), whose bent beams take a hundred times as long."""
-MOST_OPTIMISED = 8
+MOST_OPTIMISED = 6
 """Layouts with optimised resonances, each sized three times, after which the search gives up: of 165 random specs, 164
 took one of the first five (docs/accuracy.md)."""
 
@@ -245,9 +301,33 @@ def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layou
         channels = _beams(spec, layout)
         # Every washer must overlap its coil.
         reach_mm = coil_reach_mm(spec) + SLACK_MM
-        if channels and all(site.coil_distance_mm <= reach_mm for site in sites_of(spec, layout, channels)):
+        if not channels:
+            continue
+        sites = sites_of(spec, layout, channels)
+        if all(site.coil_distance_mm <= reach_mm for site in sites) and not snaps(resting(spec, channels, sites)):
             seen.add(key)
-            yield _with_even_pull(spec, layout, channels), channels
+            even = _with_even_pull(spec, layout, channels)
+            held = even == layout or not snaps(resting(spec, channels, sites_of(spec, even, channels)))
+            yield (even if held else layout), channels
+
+
+MOST_SNAPPING = 4
+"""Layouts at which is looked whether their movers snap to the coils' cores, after none was found."""
+
+
+def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str, Any]]] | None:
+    """Return why a pad's movers snap to the cores of their coils, with cures, where nothing else is in its way."""
+    for layout in islice(options, MOST_SNAPPING):
+        channels = _beams(spec, layout)
+        if not channels:
+            continue
+        sites = sites_of(spec, layout, channels)
+        rest = resting(spec, channels, sites)
+        if rest is not None and snaps(rest):
+            gap_um = hanging_gap_um(spec, np.array([float(c.model.sag_m) for c in channels]) / UM)
+            stiffness = np.array([float(c.model.stiffness_n_per_m) for c in channels])
+            return on_snapping(spec, sites, gap_um, stiffness, rest)
+    return None
 
 
 def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
@@ -304,7 +384,7 @@ def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]
     """Return a sort key: whether the asked selectivity is kept, how simple the drive is, and the dB kept."""
     chosen = chosen_drive(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)), asked_only=True)
     keeps = chosen.kept_db >= decibel(spec.delta_y)
-    return keeps, -simplest_first().index(chosen.drive) if keeps else 0, chosen.kept_db
+    return keeps, -simplest_first(spec.force_order).index(chosen.drive) if keeps else 0, chosen.kept_db
 
 
 WIDEST_HZ = 1e5
@@ -358,6 +438,8 @@ def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
     """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
     paper = capacity(*spec.band_hz, spec.q_min, spec.delta_y)
     law = level_law(spec)
+    # As by the paper, of steel that keeps no magnetisation: other channels would be other currents.
+    scheme = scheme._replace(remanence=0.0)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
     most = searched_to(scheme)
@@ -421,6 +503,8 @@ def printed_count(
     At most `LARGEST_PRINTED` are tried. Computed by `padgen.physics.selectivity.print_share`. `followed` is the sigma
     of ln f of a taxel that its re-tuned tone follows, `missed` the sigma that the tone does not follow.
     """
+
+    scheme = scheme._replace(remanence=0.0)
 
     def holds(count: int) -> bool:
         ladder = _ladder(band_hz, count, q, law)

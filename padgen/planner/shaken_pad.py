@@ -35,6 +35,7 @@ __all__ = [
     "moving_pad_db",
     "pad_recoil",
     "planned_recoil",
+    "recoil_energy",
     "recoil_findings",
 ]
 
@@ -76,12 +77,15 @@ class ShakenPad:
         figures = [(c.effective_mass_g * GRAM, c.resonance_hz, c.q, c.force_constant_n_per_a2) for c in plan.channels]
         mass, hz, q, pull = np.array(figures).T[:, channel_of]
         self.line_a2 = np.array([channel.line_a2 for channel in plan.channels])
+        # Which tone drives each taxel, and with which complex line of i².
+        self.tone_of = channel_of
+        self.line = self.line_a2[channel_of]
         self.pull = pull
         self.body = self._whole()
         self.taxels = MovingTaxels(self.masses.momenta(self.body.centroid), mass, hz, q)
         self.hz = np.array([channel.resonance_hz for channel in plan.channels])
         # What each taxel does when it alone is ON, on a clamped pad: the unit of its levels.
-        force = pull * self.line_a2[channel_of]
+        force = pull * self.line
         dynamic = np.array([self.taxels.stiffness(float(f)) for f in self.hz])
         self.unit = np.abs(force / dynamic[channel_of, np.arange(len(force))])
         leaks_db = plan.reuse.retuned_leaks_db or (None,) * len(plan.channels)
@@ -131,42 +135,39 @@ class ShakenPad:
 
     @cached_property
     def shaken(self) -> list[MovingPad]:
-        """The moving pad at the tone of each channel."""
+        """The moving pad at each tone."""
         return [MovingPad(self.base, self.taxels, float(hz)) for hz in self.hz]
 
-    def force(self, channel: int, driven: np.ndarray) -> np.ndarray:
-        """Return the forces (…, n) in N at a channel's tone for taxels `driven` (…, n), levels with signs.
+    def force(self, tone: int, driven: np.ndarray) -> np.ndarray:
+        """Return the forces (…, n) in N at a tone, by default a channel's, for taxels `driven` (…, n): signed levels.
 
         A tone pulls every washer over its coil.
         """
-        playing = np.where(self.channel_of == channel, driven, 0.0) * self.line_a2[channel]
-        coils = playing @ (self.coil_of[:, None] == np.arange(int(self.coil_of.max()) + 1))
+        of_tone = np.flatnonzero(self.tone_of == tone)
+        playing = driven[..., of_tone] * self.line[of_tone]
+        coils = playing @ (self.coil_of[of_tone, None] == np.arange(int(self.coil_of.max()) + 1))
         return np.asarray(self.pull * coils[..., self.coil_of])
 
-    def signs(
-        self, levels: np.ndarray, kept: np.ndarray | None = None, tones: np.ndarray | None = None, phase_rad: Any = 0.0
-    ) -> np.ndarray:
+    def signs(self, levels: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
         """Return signs (n,) for the ON taxels of an image of `levels` (n,), 0 for the others.
 
         Those of one tone balance each other in what its taxels hear of the pad. Signs that are `kept` (n,), not 0, stay
-        where their taxels are ON. `tones` (n,) are alike for taxels that are driven at one frequency, by default those
-        of a channel; `phase_rad` are those of the forces.
+        where their taxels are ON and others would not help enough (`padgen.physics.recoil.balanced_signs`).
         """
         signs = np.zeros(len(levels))
-        moving = self.taxels.momentum * (levels * np.exp(1j * np.asarray(phase_rad)))[:, None]
-        tone_of = self.channel_of if tones is None else tones
-        for tone in np.unique(tone_of):
-            of_tone = np.flatnonzero(tone_of == tone)
-            on = of_tone[levels[of_tone] > 0]
-            if len(on):
-                heard = self.heard[self.channel_of[of_tone[0]]]
-                signs[on] = balanced_signs(moving[on] @ heard.T, None if kept is None else kept[on])
+        force = self.pull * self.line * levels
+        for tone, heard in enumerate(self.heard):
+            on = np.flatnonzero((self.tone_of == tone) & (levels > 0))
+            moving = self.taxels.momentum[on] * (force[on] / self.shaken[tone].dynamic[on])[:, None]
+            signs[on] = balanced_signs(moving @ heard.T, None if kept is None else kept[on], turn)
         return signs
 
     @cached_property
     def heard(self) -> list[np.ndarray]:
-        """What the taxels of each channel hear of the pad at their tone: `padgen.physics.recoil.MovingPad.heard`."""
-        return [self.shaken[c].heard(np.flatnonzero(self.channel_of == c)) for c in range(len(self.hz))]
+        """Answer of each tone's taxels to the pad's motion, as `padgen.physics.recoil.MovingPad.heard` has it."""
+        channels = [self.channel_of[np.argmax(self.tone_of == tone)] for tone in range(len(self.hz))]
+        heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
+        return [shaken.heard(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
 
     def listen_apart(self, shown: np.ndarray) -> HeardImages:
         """Return what is heard of images of levels (…, n) whose taxels each have a frequency of their own.
@@ -189,11 +190,10 @@ class ShakenPad:
         """Return what is heard of images of signed levels `driven` (…, n)."""
         energy = np.broadcast_to(self.leak, driven.shape).copy()
         on = np.full(driven.shape, np.inf)
-        for channel in range(len(self.hz)):
-            force = self.force(channel, driven)
-            shaken = self.shaken[channel]
+        for tone, shaken in enumerate(self.shaken):
+            force = self.force(tone, driven)
             motion = np.abs(force / shaken.dynamic if clamped else shaken.relative_motion(force)) / self.unit
-            playing = (self.channel_of == channel) & (driven != 0)
+            playing = (self.tone_of == tone) & (driven != 0)
             np.divide(motion, np.abs(driven), out=on, where=playing)
             energy += np.where(playing, 0.0, motion) ** 2
         off = np.sqrt(np.where(driven != 0, 0.0, energy).max(-1))
@@ -229,7 +229,7 @@ def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES
 
 
 def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
-    """Return what recoil costs the pad of a plan as drives move it: by the table in step, re-tuned apart."""
+    """Return what recoil costs the pad of a plan as its tables move it: by the planned one in step, re-tuned apart."""
     pad = ShakenPad(plan)
     known = _unsigned(pad, IMAGES)
     planned = replace(plan, prints=prints, recoil=known)
@@ -244,6 +244,15 @@ def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
         return left_db is not None and left_db >= plan.selectivity.asked_db
 
     return _with_base(known, pad, keeps, heard_db, _moving_db(planned))
+
+
+def recoil_energy(plan: Plan) -> float:
+    """Return the energy that the pad's recoil adds to an OFF taxel, over the ON ones', in the worst of some images."""
+    heard = _unsigned(ShakenPad(plan), IMAGES)
+    if heard.apart_db is None:
+        return 0.0
+    still = 0.0 if heard.clamped_db is None else 10 ** (-heard.clamped_db / 10)
+    return float(max(10 ** (-heard.apart_db / 10) - still, 0.0))
 
 
 def moving_pad_db(plan: Plan) -> float | None:
@@ -304,7 +313,7 @@ def recoil_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def _unsigned(pad: ShakenPad, images: int) -> Recoil:
-    """Return the figures of a pad whose drive chooses no signs, without a base."""
+    """Return the figures of a pad whose taxels have no signs, without a base."""
     plan = pad.plan
     momenta = np.array([channel.momentum for channel in pad.masses.channels])
     known = Recoil(

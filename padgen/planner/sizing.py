@@ -23,7 +23,7 @@ from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
 from padgen.planner.plan import level_law, scheme_for, sets_db
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
-from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, plate_shape, shortest_mm
+from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, narrowest_mm, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread
 from padgen.spec.model import Coil, DriveTable, LimitsTable, PadTable, SuspensionTable
 
@@ -97,8 +97,9 @@ def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.nd
     """Return the nearest printable widths in mm: the smallest beam plus whole steps, at most `widest_mm`."""
     smallest = spec.printer.smallest_beam_mm
     step = spec.printer.width_step_mm
+    least = np.ceil((narrowest_mm(spec) - smallest) / step - 1e-6)
     most = np.floor((widest_mm - smallest) / step + 1e-6)
-    return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), 0, most) * step)
+    return np.asarray(smallest + np.clip(np.round((np.asarray(width_mm) - smallest) / step), least, most) * step)
 
 
 def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
@@ -319,7 +320,7 @@ def _grid(spec: Spec, topology: str, room: Room) -> tuple[np.ndarray, np.ndarray
     longest = shape.longest(room, plate, gap)
     widest = shape.widest(room, plate, gap)
     shortest = shortest_mm(spec, topology)
-    narrowest = spec.printer.smallest_beam_mm
+    narrowest = narrowest_mm(spec)
     if longest < shortest or widest < narrowest:
         return None
     if wanted.thickness_mm:

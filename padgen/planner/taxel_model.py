@@ -6,17 +6,28 @@ place of the beam model's.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, wraps
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core.units import G_PER_CM3, GPA, MM
-from padgen.physics.beams import BeamSection, Surroundings, YokeSize, fitted, on_elastic_ends
+from padgen.physics.beams import (
+    BeamSection,
+    EndCompliance,
+    PinFoot,
+    Surroundings,
+    YokeSize,
+    fitted,
+    on_elastic_ends,
+    on_pin,
+    pushed_stress,
+)
 from padgen.physics.modes import (
     BENT,
     FLOOR,
+    UNCERTAINTY,
     BeamPlacement,
     Modes,
     RigidBody,
@@ -28,19 +39,27 @@ from padgen.physics.modes import (
     relative_error,
     ring,
     suspended_modes,
+    to_tip,
     uncertain_energies,
 )
 from padgen.physics.resonator import TaxelModes, natural_frequency, rule_stiffness
 from padgen.planner.suspensions import Arrangement, BeamShape, Block, PlateShape, suspension
 from padgen.spec import Spec
+from padgen.spec.model import ContactorTable
 
 __all__ = [
     "STRAIGHT",
+    "ContactMotion",
     "Exponents",
+    "Push1N",
     "SolvedModel",
     "TaxelModel",
     "asked_error",
     "fillet_mm",
+    "foot_fillet_mm",
+    "hollow_mm",
+    "narrowest_mm",
+    "pin_place_mm",
     "plate_shape",
     "post_diameter_mm",
     "recess_mm",
@@ -57,12 +76,17 @@ STEP = 1e-3
 
 
 def plate_shape(spec: Spec) -> PlateShape:
-    """Return the plate: as the spec says, else the boss or the washer's recess with a wall around, if larger."""
-    walled = recess_mm(spec)[0] + 2 * spec.printer.line_width_mm
+    """Return the plate: as the spec says, else the boss, or the recess or ballast with a wall around, if larger."""
+    walls = 2 * spec.printer.line_width_mm
+    recess = recess_mm(spec)[0]
+    boss = spec.contact_diameter_mm if spec.pin_share is None else 0.0
     taxel = spec.taxel
+    ballast = spec.ballast
+    along = max(recess, ballast.width_mm) if ballast else recess
+    across = max(recess, ballast.corners_mm) if ballast else recess
     return PlateShape(
-        taxel.plate_length_mm or max(walled, taxel.boss_diameter_mm),
-        taxel.plate_width_mm or max(walled, taxel.boss_diameter_mm),
+        taxel.plate_length_mm or max(along + walls, boss),
+        taxel.plate_width_mm or max(across + walls, boss),
         taxel.plate_thickness_mm,
     )
 
@@ -70,17 +94,58 @@ def plate_shape(spec: Spec) -> PlateShape:
 def shortest_mm(spec: Spec, topology: str) -> float:
     """Return the length in mm of the shortest beam that fits the plate and that the printer lays as drawn."""
     least = suspension(topology).shortest(plate_shape(spec), spec.printer.smallest_gap_mm)
-    return max(least, spec.printer.shortest_beam_mm)
+    if spec.pin_share is None:
+        return max(least, spec.printer.shortest_beam_mm)
+    half = spec.contact_diameter_mm / 2
+    before = (half + spec.taxel.fillet_mm) / spec.pin_share
+    return max(least, spec.printer.shortest_beam_mm, before, half / (1 - spec.pin_share))
+
+
+def narrowest_mm(spec: Spec) -> float:
+    """Return the width in mm of the narrowest beam: the printer's, or that of the pin that stands on it."""
+    if spec.pin_share is None:
+        return spec.printer.smallest_beam_mm
+    return max(spec.printer.smallest_beam_mm, spec.contact_diameter_mm)
+
+
+def pin_place_mm(spec: Spec, arrangement: Arrangement) -> tuple[Any, Any]:
+    """Return the place (x, y) in mm of the contactor's axis in the taxel's own axes."""
+    if spec.pin_share is None:
+        return arrangement.washer_x_mm, 0.0 * arrangement.washer_x_mm
+    path = arrangement.beams[0]
+    ahead = spec.pin_share * path.length_mm
+    x: Any = 0.0
+    y: Any = 0.0
+    for index, segment in enumerate(path.segments):
+        share = ahead / np.maximum(segment.length_mm, 1e-9)
+        at = path.within(index, np.clip(share, 0.0, 1.0))
+        here = (share >= 0) | (index == 0)
+        x = np.where(here, at.x_mm, x)
+        y = np.where(here, at.y_mm, y)
+        ahead = ahead - segment.length_mm
+    return x, y
 
 
 def recess_mm(spec: Spec) -> tuple[float, float]:
     """Return diameter and depth in mm of the recess in the plate's underside."""
-    return spec.washer.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
+    return spec.moved.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
+
+
+def hollow_mm(spec: Spec) -> tuple[float, float]:
+    """Return diameter and depth in mm of what is hollow in the plate's underside, apart from the mover.
+
+    It is the recess; ballast that is wider than the recess leaves its pocket open below it.
+    """
+    diameter, depth = recess_mm(spec)
+    ballast = spec.ballast
+    if ballast is None or ballast.round_mm <= diameter:
+        return diameter, depth
+    return ballast.round_mm, spec.pocket_top_mm - ballast.height_mm
 
 
 def post_diameter_mm(spec: Spec) -> float:
     """Return the diameter in mm of the recess's centre post, 0 where it has none."""
-    bore = spec.washer.inner_diameter_mm - spec.taxel.washer_clearance_mm
+    bore = spec.moved.inner_diameter_mm - spec.taxel.washer_clearance_mm
     return bore if spec.taxel.centre_post and bore >= spec.printer.line_width_mm else 0.0
 
 
@@ -97,6 +162,28 @@ def fillet_mm(spec: Spec, arrangement: Arrangement) -> Any:
     return np.clip(np.minimum(arrangement.root_clearance_mm, short), 0, spec.taxel.fillet_mm)
 
 
+FOOT_CLEARANCE_MM = 0.02
+"""Least distance of a foot's fillet from the edge of what it stands on."""
+
+
+def foot_fillet_mm(spec: Spec, beam_width_mm: float) -> float:
+    """Return the radius in mm of the fillet round a pin's foot: the spec's, or what there is room for; a boss has none.
+
+    On the plate it must also end below the chamfer of its top.
+    """
+    if spec.contactor == ContactorTable():
+        return 0.0
+    ground_mm = min(plate_shape(spec)[:2]) if spec.pin_share is None else beam_width_mm
+    room_mm = (ground_mm - spec.contact_diameter_mm) / 2 - FOOT_CLEARANCE_MM
+    return min(spec.contactor.fillet_mm, room_mm) if room_mm >= FOOT_CLEARANCE_MM else 0.0
+
+
+def _rigid_top_mm(spec: Spec) -> float:
+    """Return the height in mm from the bed up to which a cylinder has the contactor's mass: a dome's lacks a third."""
+    round_off = spec.contact_diameter_mm / 6 if spec.contactor.shape == "dome" else 0.0
+    return spec.contact_top_mm - round_off
+
+
 def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
     """Make a method take its value from the array's model where the taxel belongs to one (`member_of`)."""
 
@@ -110,13 +197,56 @@ def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[Taxe
     return value
 
 
+class EndRatios(NamedTuple):
+    """Factors on the compliance of a beam's ends: its root, its tip, and the wall or crossbar and the yoke there."""
+
+    root: float = 1.0
+    tip: float = 1.0
+    mount: float = 1.0
+    yoke: float = 1.0
+
+    def scaled(self, ends: EndCompliance) -> EndCompliance:
+        """Return ends with these factors on their compliance up and down."""
+        mount = self.mount * ends.mount
+        return ends._replace(
+            root=self.root * ends.root,
+            tip=self.tip * (ends.tip - ends.mount) + mount,
+            mount=mount,
+            yoke_turn=self.yoke * ends.yoke_turn,
+            yoke_both=self.yoke * ends.yoke_both,
+            yoke_lift=self.yoke * ends.yoke_lift,
+        )
+
+
+class ContactMotion(NamedTuple):
+    """How a contactor moves: `lever` is up and down, `sway` sideways at its top, over the mover in the working mode.
+
+    Under a push down on its top it has a `stiffness` in N/m; it moves sideways by `lean` times as much as down, and the
+    mover follows by `mover` times as much.
+    """
+
+    lever: float
+    sway: float
+    stiffness: float
+    lean: float
+    mover: float
+
+
+class Push1N(NamedTuple):
+    """Way down in m and largest stress in Pa of the beams, without notches, per N of a push on a contactor."""
+
+    way_m: float
+    stress_pa: float
+
+
 @dataclass(frozen=True, eq=False)
 class TaxelModel:
     """One taxel, or an array of taxels of one topology, by the beam model.
 
-    `frame_depth_mm` is the depth of the frame behind a root up to where it is held, half a rib by default. `member_of`
-    is the model of an array of taxels and this taxel's index in it: slow steps are computed for the whole array at
-    once.
+    `frame_depth_mm` is the depth of the frame behind a root up to where it is held, half a rib by default.
+    `bead_ratio` is the stiffness across the beads of a layer over that along them; plans take 1. `end_ratios` scale the
+    compliance of the beams' ends, to try what their error does. `member_of` is the
+    model of an array of taxels and this taxel's index in it: slow steps are computed for the whole array at once.
     """
 
     spec: Spec
@@ -124,6 +254,8 @@ class TaxelModel:
     plate: PlateShape
     beam: BeamShape
     frame_depth_mm: Any = field(default=None, kw_only=True)
+    bead_ratio: Any = field(default=1.0, kw_only=True)
+    end_ratios: EndRatios | None = field(default=None, kw_only=True)
     member_of: "tuple[TaxelModel, int] | None" = field(default=None, kw_only=True, compare=False, repr=False)
 
     @cached_property
@@ -149,48 +281,149 @@ class TaxelModel:
         taxel = self.spec.taxel
         density = spec.material.density_g_per_cm3 * G_PER_CM3 * self.plastic_share
         top = taxel.plate_thickness_mm * MM
-        boss_top = (spec.pad.frame_thickness_mm + taxel.boss_protrusion_mm) * MM
-        diameter, depth = (v * MM for v in recess_mm(spec))
-        low = depth - spec.washer.thickness_mm * MM
-        high = depth
-        outer = spec.washer.outer_diameter_mm * MM
-        bore = spec.washer.inner_diameter_mm * MM
+        boss_top = top if spec.pin_share is not None else _rigid_top_mm(spec) * MM
+        high = spec.mover_top_mm * MM
+        low = high - spec.moved.thickness_mm * MM
+        outer = spec.moved.outer_diameter_mm * MM
+        bore = spec.moved.inner_diameter_mm * MM
         washer_at = (self.arrangement.washer_x_mm * MM, 0.0)
         parts = [
             *(
                 box((x0 * MM, y0 * MM, 0), (x1 * MM, y1 * MM, height * MM), density)
                 for x0, x1, y0, y1, height in blocks
             ),
-            ring(washer_at, top, boss_top, taxel.boss_diameter_mm * MM, 0, density),
-            ring(washer_at, 0, depth, diameter, post_diameter_mm(spec) * MM, -density),
-            ring(washer_at, low, high, outer, bore, spec.washer.density_g_per_cm3 * G_PER_CM3),
+            ring(washer_at, top, boss_top, spec.contact_diameter_mm * MM, 0, density),
+            *(ring(washer_at, *sizes, -density) for sizes in self._hollows()),
+            ring(washer_at, low, high, outer, bore, spec.moved.density_g_per_cm3 * G_PER_CM3),
         ]
+        if ballast := spec.ballast:
+            ballast_at = (spec.pocket_top_mm - ballast.height_mm) * MM, spec.pocket_top_mm * MM
+            across = ballast.round_mm * MM, ballast.inner_diameter_mm * MM
+            parts.append(ring(washer_at, *ballast_at, *across, ballast.density_g_per_cm3 * G_PER_CM3))
         if taxel.glue_mg:
             glue_density = taxel.glue_mg * 1e-6 / (np.pi / 4 * (outer**2 - bore**2) * (high - low))
             parts.append(ring(washer_at, low, high, outer, bore, glue_density))
         return combine(*parts)
+
+    def _hollows(self) -> list[tuple[float, float, float, float]]:
+        """Return what is cut out of the plate as rings: heights from and to, outer and inner diameter, in m."""
+        spec = self.spec
+        diameter, depth = recess_mm(spec)
+        recess = (0.0, depth * MM, diameter * MM, post_diameter_mm(spec) * MM)
+        ballast = spec.ballast
+        if ballast is None:
+            return [recess]
+        top = spec.pocket_top_mm * MM
+        if ballast.round_mm > diameter:
+            return [(0.0, top, ballast.round_mm * MM, 0.0)]
+        return [recess, (depth * MM, top, ballast.round_mm * MM, 0.0)]
 
     @cached_property
     def placements(self) -> list[BeamPlacement]:
         """The beams in SI units: sections, and places and directions of their tips at the body."""
         fillet = fillet_mm(self.spec, self.arrangement) * MM
         placements: list[BeamPlacement] = []
+        share = self.spec.pin_share
         for path in self.arrangement.beams:
+            pinned = share is not None and not placements
             width = (path.width_mm + self.spec.printer.width_offset_mm) * MM
             thickness = (path.thickness_mm + self.spec.printer.z_offset_mm) * MM
             pieces = () if path.is_straight else tuple((s.length_mm * MM, s.turn_rad) for s in path.segments)
             across = self.spec.material.cross_layer_ratio
-            bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, across=across)
+            ratios = {"across": across, "beads": self.bead_ratio}
+            bare = BeamSection(width, thickness, path.length_mm * MM, fillet, path=pieces, **ratios)
             section = on_elastic_ends(bare, self._surroundings, self.spec.material.poisson_ratio)
+            if self.end_ratios:
+                section = section._replace(ends=self.end_ratios.scaled(section.ends))
+            if pinned:
+                section = section._replace(pin=PinFoot(share, self.spec.contact_diameter_mm * MM))
             tip = path.corners[-1]
             x, y, z, *along = np.broadcast_arrays(tip.x_mm * MM, tip.y_mm * MM, thickness / 2, *tip[2:])
-            placements.append(BeamPlacement(section, np.stack([x, y, z], -1), np.stack(along, -1)))
+            pin = self._pin_body(thickness) if pinned else None
+            placements.append(BeamPlacement(section, np.stack([x, y, z], -1), np.stack(along, -1), pin))
         return placements
+
+    def _pin_body(self, thickness: Any) -> RigidBody:
+        """Return the part of the pin above its beam, in axes at the middle of the beam's `thickness` in m."""
+        density = self.elastic[2] * self.plastic_share
+        top = _rigid_top_mm(self.spec) * MM - thickness / 2
+        return ring((0.0, 0.0), thickness / 2, top, self.spec.contact_diameter_mm * MM, 0, density)
+
+    @cached_property
+    def contact(self) -> ContactMotion:
+        """How the contactor of one taxel moves with its mover and under a push."""
+        modes = self.modes
+        angular = 2 * np.pi * modes.frequency_hz
+        vertical = modes.at_point(self.washer_point_m)[..., 2, :]
+        foot, local = self._foot_motion
+        height = self.spec.contact_top_mm * MM
+        if self.spec.pin_share is not None:
+            height = height - float(self.placements[0].section.thickness) / 2
+        rise = np.zeros((3, 6))
+        rise[[0, 1, 2], [0, 1, 2]] = 1.0
+        rise[0, 4] = height
+        rise[1, 3] = -height
+        top = rise @ foot
+        working = int(self.working)
+        moved = top[:, working] / vertical[working]
+        pushed = top @ (top[2] / angular**2) + (rise @ local @ rise.T)[:, 2]
+        pushed[2] += self._shortening_m_per_n
+        followed = float(vertical @ (top[2] / angular**2))
+        return ContactMotion(
+            lever=float(moved[2]),
+            sway=float(np.hypot(moved[0], moved[1])),
+            stiffness=float(1 / pushed[2]),
+            lean=float(np.hypot(pushed[0], pushed[1]) / pushed[2]),
+            mover=followed / float(pushed[2]),
+        )
+
+    @property
+    def _shortening_m_per_n(self) -> float:
+        """How much one taxel's contactor gets shorter under a push on its top, from its foot up."""
+        ground_mm = self.plate.thickness_mm
+        if self.spec.pin_share is not None:
+            ground_mm = float(self.arrangement.beams[0].thickness_mm)
+        area = np.pi / 4 * (self.spec.contact_diameter_mm * MM) ** 2
+        return max(self.spec.contact_top_mm - ground_mm, 0.0) * MM / (self.elastic[0] * area)
+
+    @cached_property
+    def _foot_motion(self) -> tuple[np.ndarray, np.ndarray]:
+        """Motion (6, k) in each mode of what the contactor stands on, and its flexibility (6, 6) with the body held.
+
+        On the plate it is at the washer's axis on the bed, on a beam below the pin at the middle of the thickness.
+        """
+        modes = self.modes
+        if self.spec.pin_share is None:
+            return np.concatenate([modes.at_point(self.washer_point_m), modes.shape[3:]]), np.zeros((6, 6))
+        beam = self.placements[0]
+        pinned = on_pin(beam.section, *self.elastic[:2])
+        return pinned.shape @ to_tip(beam, modes.reference) @ modes.shape, pinned.local
+
+    @cached_property
+    def pushes(self) -> tuple[Push1N, Push1N]:
+        """One taxel under a push down on its contactor: while its mover is free, and once that rests on the coil."""
+        modes = self.modes
+        angular = 2 * np.pi * modes.frequency_hz
+        foot, local = self._foot_motion
+        vertical = modes.at_point(self.washer_point_m)[..., 2, :]
+        free = foot[2] / angular**2
+        # The coil pushes back by as much as keeps the mover where it is.
+        held = free - vertical / angular**2 * (vertical @ free) / (vertical @ (vertical / angular**2))
+        pushes = []
+        for share in (free, held):
+            body = modes.shape @ share
+            stresses = [bending_stress(beam, body, modes.reference, *self.elastic[:2]) for beam in self.placements]
+            if self.spec.pin_share is not None:
+                beam = self.placements[0]
+                tip = (to_tip(beam, modes.reference) @ body[:, None])[:, 0]
+                stresses[0] = pushed_stress(beam.section, tip, *self.elastic[:2])
+            pushes.append(Push1N(float(foot[2] @ share + local[2, 2]), float(max(stresses))))
+        return pushes[0], pushes[1]
 
     @cached_property
     def _surroundings(self) -> Surroundings:
         """Sizes in m of the parts that hold the beams' ends."""
-        diameter, depth = recess_mm(self.spec)
+        diameter, depth = hollow_mm(self.spec)
         frame = self.spec.pad.rib_mm / 2 if self.frame_depth_mm is None else self.frame_depth_mm
         wall = max((self.plate.length_mm - diameter) / 2, THINNEST_WALL_MM)
         yoke = self.arrangement.yoke
@@ -207,7 +440,7 @@ class TaxelModel:
         """Young's modulus in Pa, Poisson's ratio and density in kg/m³."""
         material = self.spec.material
         return (
-            material.youngs_modulus_gpa * GPA,
+            material.modulus_gpa * GPA,
             material.poisson_ratio,
             material.density_g_per_cm3 * G_PER_CM3,
         )
@@ -323,8 +556,9 @@ class TaxelModel:
         """Relative error (…, 6) within which each mode's frequency most likely lies (`padgen.physics.modes`)."""
         modulus, poisson, _ = self.elastic
         length, width, thickness = (side * MM for side in self.plate)
-        roof = max(thickness - recess_mm(self.spec)[1] * MM, thickness / 10)
-        plate = RigidPlate(length, width, roof)
+        roof = max(thickness - hollow_mm(self.spec)[1] * MM, thickness / 10)
+        yoke = self.arrangement.yoke
+        plate = RigidPlate(length, width, roof, yoke.neck_length_mm * MM if yoke else None)
         energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)
         floor = FLOOR if self.is_straight else BENT
         return relative_error(np.asarray(energies), self.modes.frequency_hz, self.working, floor)
@@ -375,6 +609,31 @@ class TaxelModel:
         compliance = scaled @ np.swapaxes(scaled, -1, -2)
         return hardening(self.placements, self._working_motion, modes.reference, compliance, self.elastic[:2])
 
+    @cached_property
+    def contact_errors(self) -> tuple[float, float]:
+        """Relative errors within which one taxel's lever (or sway), and its stiffness under a push, most likely lie."""
+        if self.spec.pin_share is None:
+            return RIGID_LEVER, STATIC * float(self.error_estimate)
+        contact = self.contact
+        changes = [LEVER_FLOOR]
+        softened = [PIN_FLOOR]
+        for ratios in self._uncertain_ends:
+            other = replace(self, member_of=None, end_ratios=ratios).contact
+            changes.append(abs(other.lever / contact.lever - 1))
+            softened.append(abs(contact.stiffness / other.stiffness - 1))
+        return LEVER_SHARE * float(np.linalg.norm(changes)), PIN_SHARE * float(np.linalg.norm(softened))
+
+    @property
+    def _uncertain_ends(self) -> list[EndRatios]:
+        """Compliances of the ends, each larger by its uncertainty, that a pin's lever and stiffness go with."""
+        mount = "crossbar" if self.arrangement.yoke else "mount"
+        return [
+            EndRatios(root=1 + UNCERTAINTY["root"]),
+            EndRatios(tip=1 + UNCERTAINTY["tip"]),
+            EndRatios(mount=1 + UNCERTAINTY[mount]),
+            EndRatios(yoke=1 + UNCERTAINTY["yoke"]),
+        ]
+
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Return the largest bending stress in Pa of the beams in the working mode, for `level_m` at the washer."""
         return np.asarray(self.stress_pa_per_m * level_m)
@@ -383,9 +642,20 @@ class TaxelModel:
 STATIC = 2.5
 """Error of a static answer over that of its resonance: 2 from the stiffness, more since the shape is off, too.
 
-This and the next two were chosen on the first 41 taxels of `docs/measure_campaign.py`'s cells (docs/accuracy.md).
+This and the next two were chosen on those taxels of `docs/measure_campaign.py` that are drawn by cells
+(`tests/reference/taxel_cells.csv`, docs/accuracy.md).
 """
-SHAPE_ERROR = 0.03
+RIGID_LEVER = 0.01
+"""Relative error of the lever of a contactor that is on the plate."""
+LEVER_FLOOR = 0.02
+"""Relative error of the lever of a pin on a beam whose ends were certain."""
+LEVER_SHARE = 1.35
+"""Share of that and of what the ends' uncertainties do to the lever that is stated (docs/contactor.md)."""
+PIN_FLOOR = 0.016
+"""Relative error of the stiffness at such a pin."""
+PIN_SHARE = 1.2
+"""Share of that and of what the ends' uncertainties do to the stiffness that is stated."""
+SHAPE_ERROR = 0.035
 """Relative error of a nominal stress whose stiffness is exact."""
 BEAMS_WEIGHT = 0.15
 """Share of the beams' weight, at most 1/2 - 13/35, that is missing from the load of the consistent mass."""
@@ -463,6 +733,16 @@ class SolvedModel(TaxelModel):
     def root_stress_pa(self, level_m: np.ndarray) -> np.ndarray:
         """Return the largest bending stress in Pa of the beams when the washer moves by `level_m`."""
         return np.asarray(self.beam_model.root_stress_pa(level_m) * self._stiffness_ratio)
+
+    @cached_property
+    def contact_errors(self) -> tuple[float, float]:
+        """Relative errors of lever and stiffness: the beam model's, whose shape of the beam is taken."""
+        return self.beam_model.contact_errors
+
+    @property
+    def pushes(self) -> tuple[Push1N, Push1N]:
+        """One taxel under a push on its contactor, by the beam model."""
+        return self.beam_model.pushes
 
     @property
     def _stiffness_ratio(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from math import inf
 
 from padgen.core.errors import Finding, Verdict, about, as_lines, number, quieter
-from padgen.planner.plan import Plan
+from padgen.planner.plan import Plan, Touch
 from padgen.planner.shaken_pad import based_pad_db, moving_pad_db
 
 __all__ = ["judged"]
@@ -22,7 +22,12 @@ def judged(plan: Plan, findings: tuple[Finding, ...]) -> Plan:
     """Return `plan` with these findings, errors first, and with the verdict that follows from them and its figures."""
     known = replace(plan, findings=findings)
     errors = [finding for finding in findings if finding.level == "error"]
-    verdict = _not_working(known, errors) if errors else _working(known)
+    if errors:
+        verdict = _not_working(known, errors)
+    elif plan.touch is not None:
+        verdict = _under_touch(known, plan.touch)
+    else:
+        verdict = _working(known)
     return replace(known, verdict=verdict)
 
 
@@ -41,7 +46,7 @@ def _working(plan: Plan) -> Verdict:
     shakes = next((finding for finding in plan.findings if finding.code == "pad.recoil"), None)
     short = f"{plan.name} falls short of what is asked, even untouched"
     shaken = _shaken_sentence(plan)
-    works = f"{plan.name} works untouched{' on a base that holds it still' if shaken else ''}"
+    works = _works_untouched(plan, bool(shaken))
     left_db = moving_pad_db(plan) if plan.spec.mount.is_said else None
     if shakes and not slow:
         return Verdict("short", f"{short}: {shakes.message}.", touched, shakes.code, _cure_of(shakes), left_db)
@@ -73,6 +78,74 @@ def _working(plan: Plan) -> Verdict:
     causes = [finding for finding in plan.findings if finding.code in CAUSES]
     cause = min(causes, key=lambda finding: CAUSES.index(finding.code))
     return Verdict("short", sentence, touched, cause.code, _cure_of(cause), print_db)
+
+
+def _works_untouched(plan: Plan, only_held: bool) -> str:
+    """Say that a pad works untouched, whether only so, and whether it is felt then."""
+    typical = next((touched.all_states_db for touched in plan.touched if touched.skin == "typical"), None)
+    only = typical is not None and typical < plan.selectivity.asked_db
+    untouched = "only untouched" if only else "untouched"
+    if only_held:
+        untouched += f"{' and' if only else ''} on a base that holds it still"
+    felt_db = plan.felt.on_db
+    silent = [k for k, db in enumerate(felt_db) if db < 0]
+    if not silent:
+        return f"{plan.name} works {untouched}"
+    below = f"{-max(felt_db[k] for k in silent):.1f}"
+    if len(silent) > 1:
+        below += f" to {-min(felt_db[k] for k in silent):.1f}"
+    who = "its taxels are"
+    if len(silent) < len(felt_db):
+        who = f"{len(silent)} of {len(felt_db)} channels are"
+    error_db = max(plan.felt.error_db[k] for k in silent)
+    return (
+        f"{plan.name} chooses its taxels {untouched}, but {who} probably not felt ({below} dB too faint for a"
+        f" fingertip, ± {error_db:.0f} dB)"
+    )
+
+
+def _under_touch(plan: Plan, touch: Touch) -> Verdict:
+    """Return the verdict on a pad that is planned under a contact and has no error."""
+    hand = "its own contact" if touch.contact == "own" else f"a {touch.contact}"
+    asked_db = plan.selectivity.asked_db
+    short = f"{plan.name} falls short of what is asked under {hand}"
+    untouched = " ".join(filter(None, (_touched_sentence(plan), _untouched_sentence(plan))))
+    slow = next((finding for finding in plan.findings if finding.code == "drive.slow"), None)
+    if slow:
+        return Verdict("short", f"{short}: {slow.message}.", untouched, slow.code, _cure_of(slow), touch.print_db)
+    if touch.print_db is None:
+        return Verdict("good", f"{plan.name} works under {hand}: no taxel hears another.", untouched, "", "", None)
+    share = f"{plan.spec.print_share:.0%}"
+    shaken = ""
+    works = f"{plan.name} works under {hand}"
+    if touch.loose_db is not None and touch.loose_db < asked_db:
+        works += " on a base that holds it still"
+        shaken = (
+            f"Lying loose, the pad of {about(plan.recoil.pad_g)} g recoils from its ON taxels and keeps"
+            f" {touch.loose_db:.1f} dB under {hand}; fasten it to what does not move."
+        )
+    if touch.planned_db is not None and touch.planned_db >= asked_db:
+        sentence = (
+            f"{works}, as printed; touched, in {share} of prints and fingers:"
+            f" {touch.planned_db:.1f} dB (asked: {asked_db:.1f} dB)."
+        )
+        return Verdict("good", sentence, untouched, "", "", touch.planned_db, shaken)
+    figure = f"touched, in {share} of prints and fingers: {touch.print_db:.1f} dB (asked: {asked_db:.1f} dB)."
+    if touch.good_share >= plan.spec.print_share:
+        sentence = f"{works}, once every taxel is measured and re-tuned; {figure}"
+        return Verdict("retune", sentence, untouched, "touch.spread", "", touch.print_db, shaken)
+    cause = next(finding for finding in plan.findings if finding.code == "touch.share")
+    sentence = f"{short}, measured and re-tuned; {figure}"
+    return Verdict("short", sentence, untouched, cause.code, _cure_of(cause), touch.print_db)
+
+
+def _untouched_sentence(plan: Plan) -> str:
+    """Say what prints of a pad that is planned under a contact keep where nothing touches them."""
+    prints = plan.prints
+    if prints.print_db is None:
+        return ""
+    kept = f"ON taxels vibrate {_kept(prints.print_db)} than OFF ones"
+    return f"Untouched and driven at its own resonances, in {plan.spec.print_share:.0%} of re-tuned prints {kept}."
 
 
 def _shaken_sentence(plan: Plan) -> str:
@@ -109,12 +182,14 @@ def _touched_sentence(plan: Plan) -> str:
     resting = next((push for push in plan.pushed.pushes if push.skin == "typical"), None)
     if resting and any(resting.contact):
         count = f"{sum(resting.contact)} of {len(plan.channels)} channels"
-        moved += f"; skin at the height of the frame pushes the washers of {count} onto the coil"
+        moved += f"; skin at the height of the frame pushes the {plan.spec.mover.kind}s of {count} onto the coil"
     skin = "with typical skin (a provisional model, no print errors)"
     kept_db = typical.all_states_db
     if kept_db is None:
         return f"Under a finger, {skin}, {moved}."
     heard = f"{skin} OFF taxels vibrate {quieter(kept_db)} than ON ones; {moved}."
+    if plan.touch is not None and kept_db > 0:
+        return f"On every taxel, {heard}"
     if kept_db >= plan.selectivity.asked_db:
         return f"Under a finger it works, too: {heard}"
     if kept_db > 0:

@@ -1,14 +1,17 @@
 """Work out how warm coils, air gap and beams get with all taxels on for good, and how far resonances fall.
 
-The pad lies on its tray, on a wooden table, in air at rest (`limits.room_c`). Steel in the pad is left out; it evens
-temperatures out.
+The pad lies on its tray, on a wooden table or on foam (`mount`), in air at rest (`limits.room_c`). Steel in the pad is
+left out; it evens temperatures out. The cold pad's drive table is then off the resonances: `Warm` states the levels
+that it leaves.
 """
 
 from math import pi, sqrt
 
 import numpy as np
 
-from padgen.core.units import COPPER_J_PER_M3_K, G_PER_CM3, MM
+from padgen.core.units import COPPER_C, COPPER_J_PER_M3_K, COPPER_PER_K, G_PER_CM3, MH, MM
+from padgen.physics.magnetics import impedance
+from padgen.physics.resonator import relative_energy
 from padgen.physics.warmth import (
     AIR_W_PER_M_K,
     WARM_ERROR,
@@ -19,14 +22,16 @@ from padgen.physics.warmth import (
 )
 from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE, washer_underside_mm
 from padgen.planner.pad_mass import PadMass
-from padgen.planner.plan import TURNS, Plan, Warm
+from padgen.planner.plan import TURNS, Plan, Warm, carrier_hz
 
-__all__ = ["planned_warmth", "warm_layers"]
+__all__ = ["copper_ohm", "planned_warmth", "warm_layers"]
 
 PLASTIC_W_PER_M_K = 0.2
 """Conductivity of printed plastics: data sheets give 0.13 (PLA) to 0.25 (nylon), prints less across their layers."""
 WOOD_W_PER_M_K = 0.15
 """Conductivity of wood and chipboard across the grain: 0.12 to 0.17 (Incropera, table A.3)."""
+FOAM_W_PER_M_K = 0.035
+"""Conductivity of foamed plastics: 0.025 to 0.04 (Incropera, table A.3)."""
 WINDING_W_PER_M_K = 2.0
 """Conductivity across the wires of a winding, copper in varnish and air: 1 to 3."""
 CONTACT_M = 2e-4
@@ -35,6 +40,8 @@ TYPICAL_GAP_C = 40.0
 """Mean temperature for the radiation through the air gap; 20 K more are 7 % of the gap's conductance."""
 PLASTIC_J_PER_KG_K = 1500.0
 """Heat that a kilogram of plastic takes up per K: 1200 to 1800. Coils count as copper throughout."""
+LEAST_SHARE = 0.1
+"""Least share of its resonance that a taxel keeps: of so soft a plastic a slope of stiffness says nothing."""
 
 
 def planned_warmth(plan: Plan) -> Warm:
@@ -50,7 +57,14 @@ def planned_warmth(plan: Plan) -> Warm:
     stored_j = 4 * float((layers.stored_j_per_k * (warm_c - room_c)).sum())
     softer = -spec.material.softening_per_k / 2
     channel_rise_k = plates_c.mean((1, 2)) - room_c
-    resonance_hz = np.array([channel.resonance_hz for channel in plan.channels])
+    cold_hz = np.array([channel.resonance_hz for channel in plan.channels])
+    warm_hz = cold_hz * np.maximum(1 + softer * channel_rise_k, LEAST_SHARE)
+    mean_coil_c = coil_c
+    if heat_w > 0:
+        mean_coil_c = float(np.average(warm_c[0], weights=layers.heat_w))
+    left = _left_by_currents(plan, cold_hz, warm_hz)
+    left_by_voltages = left * _lines_by_voltages(plan, mean_coil_c)
+    level_um = np.array([channel.level_um for channel in plan.channels])
     return Warm(
         room_c=room_c,
         heat_w=heat_w,
@@ -60,9 +74,47 @@ def planned_warmth(plan: Plan) -> Warm:
         mean_beam_c=float(plates_c.mean()),
         error=WARM_ERROR,
         warm_up_min=stored_j / heat_w / 60 if heat_w > 0 else 0.0,
-        resonance_shift=softer * (beam_c - room_c),
-        resonances_hz=tuple((resonance_hz * (1 + softer * channel_rise_k)).tolist()),
+        resonance_shift=max(softer * (beam_c - room_c), LEAST_SHARE - 1),
+        resonances_hz=tuple(warm_hz.tolist()),
+        mean_coil_c=mean_coil_c,
+        levels_um=tuple((level_um * left).tolist()),
+        lost_db=tuple((-20 * np.log10(left)).tolist()),
+        lost_by_voltage_db=tuple((-20 * np.log10(left_by_voltages)).tolist()),
     )
+
+
+def copper_ohm(ohm: float, copper_c: float) -> float:
+    """Return the resistance of a coil of `ohm` at 20 °C whose copper is at `copper_c`."""
+    return ohm * (1 + COPPER_PER_K * (copper_c - COPPER_C))
+
+
+def _left_by_currents(plan: Plan, cold_hz: np.ndarray, warm_hz: np.ndarray) -> np.ndarray:
+    """Return the shares (n,) of their levels that the cold pad's currents leave.
+
+    A softer spring gives way more, and its resonance is no longer where the line is. Q is taken to stay.
+    """
+    q = np.array([channel.q for channel in plan.channels])
+    return np.asarray((cold_hz / warm_hz) ** 2 * np.sqrt(relative_energy(cold_hz, warm_hz, q)))
+
+
+def _lines_by_voltages(plan: Plan, copper_c: float) -> np.ndarray:
+    """Return the lines (n,) of i² that the cold pad's voltages make in copper at `copper_c`, over those in cold copper.
+
+    A line is a tone's square, or the product of a tone and the constant current; so it is for spur-free currents as far
+    as their tones are small beside the constant.
+    """
+    coil = plan.spec.coil
+    warm_ohm = copper_ohm(coil.resistance_ohm, copper_c)
+    hz = np.array([channel.drive_hz for channel in plan.channels])
+    carrier = carrier_hz(plan.spec, plan.scheme, max(channel.resonance_hz for channel in plan.channels))
+    if carrier is not None:
+        hz = np.full(len(hz), carrier)
+    cold_z, warm_z = (np.abs(impedance(ohm, coil.inductance_mh * MH, hz)) for ohm in (coil.resistance_ohm, warm_ohm))
+    tone = cold_z / warm_z
+    other = tone
+    if plan.scheme.has_constant and carrier is None:
+        other = np.full(len(hz), coil.resistance_ohm / warm_ohm)
+    return np.asarray(tone * other)
 
 
 def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
@@ -139,7 +191,8 @@ def warm_layers(plan: Plan) -> WarmLayers:
     through = area / (np.where(is_border, rim, 1 / gap) + frame / 2 / PLASTIC_W_PER_M_K)
 
     half_m = width.sum(), depth.sum()
-    table = WOOD_W_PER_M_K * plate_on_half_space(2 * half_m[0], 2 * half_m[1]) / (4 * half_m[0] * half_m[1])
+    ground = FOAM_W_PER_M_K if spec.mount.kind == "foam" else WOOD_W_PER_M_K
+    table = ground * plate_on_half_space(2 * half_m[0], 2 * half_m[1]) / (4 * half_m[0] * half_m[1])
     hole_share = np.where(is_coil, HOLE_SHARE**2, 0.0)
     floor_w_per_m2_k = (PLASTIC_W_PER_M_K * (1 - hole_share) + AIR_W_PER_M_K * hole_share) / floor
     seat = np.where(is_border, rim, 1 / floor_w_per_m2_k)

@@ -1,33 +1,34 @@
-"""Charts of a plan: its ladder of resonances, the taxels' responses, selectivity, and the prints of each coil.
+"""Files of a plan's figures, drawn by matplotlib from their data, and the map of what prints keep.
 
-`PICTURES` names these and the drawings: `padgen draw` writes them, `Plan.plot` shows them.
+`picture_names` has these and the drawings: `padgen draw` writes them, `Plan.plot` shows them.
 """
 
+from collections.abc import Callable, Sequence
+from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 from padgen.core.display import COLOURS, INK, PALE, channel_colours, plot_style
 from padgen.core.registry import unknown_name
-from padgen.physics.resonator import felt_energy
-from padgen.physics.selectivity import line_energy, own_lines, pair_lines, tone_energy
-from padgen.planner.channels import coil_modes
-from padgen.planner.drive_scheme import placed_channels
-from padgen.planner.layout import coil_axis_mm
+from padgen.planner.layout import Outline, coil_axis_mm
 from padgen.planner.plan import Plan
-from padgen.report.drawings import all_shapes, border, draw_exploded, draw_pad, draw_section, draw_wiring, title_of
-from padgen.report.figures import FIGURES, ROLES, Figure
+from padgen.report.drawings import (
+    NAME_PT,
+    SMALL_PT,
+    Sheet,
+    all_shapes,
+    border,
+    circle,
+    draw_exploded,
+    draw_pad,
+    draw_section,
+    title_of,
+)
+from padgen.report.figures import Figure, Panel, Points, colour_of, figure_names, figures_of
+from padgen.report.figures.responses import MOST_NAMED
 
-__all__ = [
-    "PICTURES",
-    "SHEETS",
-    "draw_ladder",
-    "draw_overview",
-    "draw_prints",
-    "draw_responses",
-    "draw_selectivity",
-    "picture",
-]
+__all__ = ["draw_figure", "draw_grid", "draw_overview", "draw_panel", "draw_prints", "picture", "picture_names"]
 
 
 def colours_of(plan: Plan) -> Any:
@@ -37,48 +38,188 @@ def colours_of(plan: Plan) -> Any:
     return matplotlib.colors.to_rgba_array(channel_colours(len(plan.channels)))
 
 
-def new_figure(plan: Plan, words: str, width_in: float, height_in: float) -> Any:
-    """Return an empty figure with its title."""
-    from matplotlib.figure import Figure
+def new_canvas(plan: Plan, words: str, width_in: float, height_in: float) -> Any:
+    """Return an empty figure of matplotlib with its title."""
+    from matplotlib.figure import Figure as Canvas
 
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
-    figure.suptitle(title_of(plan, words), x=0.01, ha="left")
-    return figure
+    canvas = Canvas(figsize=(width_in, height_in), layout="constrained")
+    canvas.suptitle(title_of(plan, words), x=0.01, ha="left")
+    return canvas
 
 
-def hz_axis(axis: Any, low_hz: float, high_hz: float) -> None:
-    """Make the x axis logarithmic in Hz, with plain numbers."""
+def draw_figure(plan: Plan, name: str) -> Any:
+    """Draw the figure of a name: tables beside each other, other panels below each other over one x axis."""
+    figure = figures_of(plan, name, "draw")[0]
+    panels = figure.panels
+    if panels and panels[0].kind == "discs":
+        return draw_to_scale(plan, figure)
+    canvas = new_canvas(plan, figure.title, *size_in(panels))
+    if not panels:
+        canvas.text(0.01, 0.5, figure.instead or "\n".join(figure.notes))
+    elif panels[0].kind == "matrix":
+        draw_tables(canvas.subplots(1, len(panels), squeeze=False)[0], panels)
+    else:
+        shares = [panel.height for panel in panels]
+        axes = canvas.subplots(len(panels), 1, sharex=True, squeeze=False, height_ratios=shares)[:, 0]
+        for axis, panel in zip(axes, panels, strict=True):
+            draw_panel(axis, panel, figure)
+            axis.label_outer()
+            legend(canvas, axis, panel)
+    return canvas
+
+
+def draw_grid(figure: Figure) -> Any:
+    """Draw a figure that is of no plan: its panels two in a row, each with axes and a legend of its own."""
+    from matplotlib.figure import Figure as Canvas
+
+    count = max(len(figure.panels), 1)
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    with plot_style():
+        canvas = Canvas(figsize=(GRID_IN[0] * columns, GRID_IN[1] * rows + 0.4), layout="constrained")
+        axes = canvas.subplots(rows, columns, squeeze=False).ravel()
+        for spare in axes[len(figure.panels) :]:
+            spare.set_axis_off()
+        for axis, panel in zip(axes, figure.panels, strict=False):
+            draw_panel(axis, panel, figure)
+            axis.set_title(panel.title)
+            axis.grid(axis="y")
+            if axis.get_legend_handles_labels()[0]:
+                axis.legend(fontsize=8)
+        canvas.suptitle(figure.title.replace("$", r"\$"))
+    return canvas
+
+
+GRID_IN = (5.6, 4.2)
+"""Width and height of a panel of a grid, in inches."""
+
+
+def draw_to_scale(plan: Plan, figure: Figure) -> Any:
+    """Draw panels of discs to scale beside each other, with their numbers and, where there is room, their names."""
+    first = figure.panels[0]
+    wide = first.x.high - first.x.low
+    apart = 1.12 * wide
+    area = Outline(first.x.low, first.x.high + apart * (len(figure.panels) - 1), first.y.low, first.y.high)
+    # So large that a number of three digits fits into a disc.
+    least = LEAST_DISC_IN * 2.12 * wide / min(mark.diameter for mark in first.marks)
+    sheet = Sheet(title_of(plan, figure.title), area, (0.7, 0.3, 1.1, 0.85), (max(9.5, least), max(7.6, least)))
+    notes = [fill(note, NOTE_LETTERS) for note in figure.notes]
+    for place, panel in enumerate(figure.panels):
+        beside = np.array([apart * place, 0.0])
+        for shape in panel.shapes:
+            sheet.part(shape.label, [np.array(shape.corners) + beside], facecolor=colour_of(shape.role, 0))
+        middle = np.array([(panel.x.low + panel.x.high) / 2, panel.y.high + 0.12 * sheet.mm]) + beside
+        sheet.words(middle, panel.title, va="bottom", weight="bold", fontsize=NAME_PT)
+        for mark in panel.marks:
+            roomy = bool(mark.names) and mark.diameter > ROOMY_DISC_IN * sheet.mm
+            style = {"facecolor": colour_of(mark.role, 0), "edgecolor": colour_of(mark.edge_role, 0)}
+            for index, (x, y) in enumerate(np.column_stack([mark.x, mark.y]) + beside):
+                sheet.part(mark.label, [circle(x, y, mark.diameter)], **style)
+                up = 0.08 * sheet.mm if roomy else 0.0
+                sheet.words((x, y + up), mark.numbers[index], fontsize=11 if roomy else SMALL_PT, weight="bold")
+                if roomy:
+                    sheet.words((x, y - 0.11 * sheet.mm), mark.names[index], color="#555555")
+            if roomy and not place:
+                notes.append(mark.names_note)
+    sheet.words((area.x0, area.y0 - 0.15 * sheet.mm), "\n".join(notes), ha="left", va="top")
+    return sheet.figure
+
+
+LEAST_DISC_IN = 0.28
+ROOMY_DISC_IN = 0.45
+NOTE_LETTERS = 120
+
+
+def size_in(panels: Sequence[Panel]) -> tuple[float, float]:
+    """Return width and height in inches of a picture with these panels."""
+    kind = panels[0].kind if panels else ""
+    if kind == "rows":
+        return 9.0, min(1.7 + 0.3 * len(panels[0].row_labels), 9.0)
+    if kind == "matrix":
+        side = min(max(0.42 * len(panels[0].marks[0].names), 2.6), 7.5)
+        return max(len(panels) * (side + 0.9) + 1.5, 6.2), side + 1.5
+    return 9.0, 0.5 + 1.5 * sum(panel.height for panel in panels)
+
+
+def legend(canvas: Any, axis: Any, panel: Panel) -> None:
+    """Name what is in a panel: rows above it, for which it is as wide as the picture, all else beside it."""
+    if not axis.get_legend_handles_labels()[0]:
+        return
+    if panel.kind == "rows":
+        canvas.legend(loc="outside right upper", fontsize=8)
+    else:
+        beside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "fontsize": 8}
+        axis.legend(title=panel.legend_title or None, alignment="left", **beside)
+
+
+def scale_axes(axis: Any, panel: Panel) -> None:
+    """Give both axes their range, title and ticks; a logarithmic x axis has plain numbers."""
     from matplotlib.ticker import LogLocator, MaxNLocator
 
-    axis.set(xscale="log", xlim=(low_hz, high_hz))
-    locator = LogLocator(subs=(1, 2, 5)) if high_hz > WIDE * low_hz else MaxNLocator(7, steps=(1, 2, 5, 10))
-    ticks = [tick for tick in locator.tick_values(low_hz, high_hz) if low_hz <= tick <= high_hz]
-    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    axis.minorticks_off()
-    axis.grid(axis="x")
+    low = panel.x.low
+    high = panel.x.high
+    axis.set(xlabel=panel.x.title, ylabel=panel.y.title, ylim=(panel.y.low, panel.y.high))
+    if panel.x.is_log:
+        axis.set(xscale="log", xlim=(low, high))
+        locator: Any = MaxNLocator(7, steps=(1, 2, 5, 10))
+        if high > WIDE * low:
+            locator = LogLocator(subs=(1, 2, 5))
+        if high > WIDEST * low:
+            locator = LogLocator(numticks=8)
+        ticks = [tick for tick in locator.tick_values(low, high) if low <= tick <= high]
+        axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        axis.minorticks_off()
+        axis.grid(axis="x")
+    else:
+        axis.set_xlim(low, high)
+    if panel.y.is_log:
+        axis.set_yscale("log")
 
 
 WIDE = 5.0
-"""Bands that reach over more than this ratio have 1, 2 and 5 of each decade marked."""
+WIDEST = 1e3
+"""Bands that reach over more than these ratios have 1, 2 and 5 of each decade marked, and whole decades only."""
 
 
-def draw_ladder(plan: Plan) -> Any:
-    """Draw each channel's resonance, what prints scatter it by, and the slot that no other resonance may come into."""
-    height = min(1.7 + 0.3 * len(plan.channels), 9.0)
-    rows = FIGURES["ladder"](plan)
-    figure = new_figure(plan, rows.title, 9.0, height)
-    draw_rows(figure.subplots(), rows)
-    figure.legend(loc="outside right upper", fontsize=8)
-    return figure
+def draw_panel(axis: Any, panel: Panel, figure: Figure) -> None:
+    """Draw a panel of a figure into an axis of matplotlib."""
+    MARKS[panel.kind](axis, panel, figure)
+    for line in panel.lines:
+        draw = axis.axvline if line.axis == "x" else axis.axhline
+        style = "--" if line.is_dashed else ":"
+        draw(line.at, color=colour_of(line.role, figure.channels), linestyle=style, label=line.label or None)
+    for points in panel.points:
+        draw_points(axis, points, figure)
+    scale_axes(axis, panel)
 
 
-def draw_rows(axis: Any, figure: Figure) -> None:
-    """Draw a figure of marks in rows into an axis of matplotlib."""
-    for series in figure.series:
-        colour = ROLES[series.role]
+def draw_points(axis: Any, points: Points, figure: Figure) -> None:
+    """Draw single points: hollow where they are bounds, ringed and with words where they stand out."""
+    colours = [colour_of(role, figure.channels) for role in points.roles]
+    fills = colours
+    edges: Any = "white"
+    if any(points.hollow):
+        fills = ["white" if is_hollow else colour for colour, is_hollow in zip(colours, points.hollow, strict=True)]
+        edges = colours
+    axis.scatter(points.x, points.y, 45, fills, marker=points.symbol, edgecolors=edges, linewidths=0.8, zorder=5)
+    # Where its points have colours of their own, the legend's mark is of none of them.
+    mark = {"color": colour_of(points.legend_role, figure.channels), "markeredgecolor": "white", "markersize": 8}
+    axis.plot([], [], points.symbol, label=points.label, **mark)
+    for x, y, words in zip(points.x, points.y, points.rings, strict=False):
+        if words:
+            axis.plot(x, y, "o", color=INK, markerfacecolor="none", markersize=12, zorder=4)
+            beside = {"xytext": (8, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 6}
+            axis.annotate(words, (x, y), **beside, bbox={"color": "white", "alpha": 0.7, "pad": 0.5})
+
+
+def draw_rows(axis: Any, panel: Panel, figure: Figure) -> None:
+    """Draw marks in rows, each with its span behind it and its sigma to both sides."""
+    for series in panel.marks:
+        colour = colour_of(series.role, figure.channels)
         left = [first for first, _ in series.spans]
         width = [last - first for first, last in series.spans]
-        axis.barh(series.rows, width, 0.7, left, color=colour, alpha=0.22, label=series.span_label)
+        words = f"\n{series.which}" if series.which else ""
+        axis.barh(series.rows, width, 0.7, left, color=colour, alpha=0.22, label=series.span_label + words)
         axis.errorbar(
             series.marks,
             series.rows,
@@ -87,131 +228,77 @@ def draw_rows(axis: Any, figure: Figure) -> None:
             color=colour,
             capsize=3,
             markersize=5,
-            label=series.mark_label,
+            label=f"{series.mark_label}, {series.sigma_label}{words}",
         )
-    for line in figure.lines:
-        axis.axvline(line.at, color=ROLES[line.role], linestyle=":", label=line.label or None)
-    if figure.x.is_log:
-        hz_axis(axis, figure.x.low, figure.x.high)
-    else:
-        axis.set_xlim(figure.x.low, figure.x.high)
-    step = max(-(-len(figure.row_labels) // MOST_TICKS), 1)
-    named = figure.row_labels[::step]
+    step = max(-(-len(panel.row_labels) // MOST_TICKS), 1)
+    named = panel.row_labels[::step]
     if named:
-        axis.set_yticks([row for row, _ in named], [text for _, text in named])
-    axis.set(xlabel=figure.x.title, ylabel=figure.y.title, ylim=(figure.y.low, figure.y.high))
+        axis.set_yticks([row.at for row in named], [f"{row.name}:  {row.value}" for row in named])
 
 
 MOST_TICKS = 30
 
 
-def draw_responses(plan: Plan) -> Any:
-    """Draw how the taxels of one coil answer each frequency, and the lines of its current's square, all channels on.
-
-    Above, a curve is a taxel's motion, in dB of its ON level, if the line that drives it moved in frequency. A mark is
-    what the loudest OFF taxel hears of a tone or a spur that others make. Below are the lines' own strengths.
-    """
-    channel_set = plan.sets[0]
-    scheme = plan.scheme
-    which = placed_channels(plan.spec, channel_set)
-    modes = coil_modes(plan.spec, channel_set)
-    colours = colours_of(plan)[[channel.index for channel in channel_set]]
-    parts = list(own_lines(which, scheme))
-    if scheme.has_pair_spurs and 1 < len(channel_set) <= MOST_WITH_SPURS:
-        parts.append(pair_lines(which, scheme))
-    heard_db = np.concatenate([_heard(which, part, modes) for part in parts], axis=1)
-    hz = which.resonance_hz
-    heard_db = heard_db[:, heard_db[0] >= hz[0] / 8]
-    low = 0.9 * min(hz[0] / 2, heard_db[0].min())
-    high = 1.1 * max(2 * hz[-1], heard_db[0].max())
-    figure = new_figure(plan, "how the taxels of one coil answer, and what its current asks of them", 9.0, 5.6)
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-    grid = np.unique(np.concatenate([np.geomspace(low, high, 1200), hz]))
-    named = range(len(channel_set)) if len(channel_set) <= MOST_NAMED else (0, len(channel_set) - 1)
-    for k, curve in enumerate(10 * np.log10(felt_energy(modes, slice(None), grid))):
-        label = f"channel {channel_set[k].index}, {hz[k]:.1f} Hz" if k in named else None
-        top.plot(grid, curve, color=colours[k], label=label, linewidth=1.5)
-    asked = plan.selectivity.asked_db
-    top.axhline(-asked, color=PALE, linestyle="--", label=f"asked of OFF taxels: {asked:.0f} dB below")
-    strongest = which.line.max()
-    legend = (
-        "{} of others, as the loudest OFF\ntaxel hears it: off its curve by how much\nweaker or stronger it is played"
-    )
-    for is_spur, mark, colour, name in ((0, "o", INK, "tone"), (1, "X", COLOURS[1], "spur")):
-        of_kind = heard_db[:, heard_db[4] == is_spur]
-        if not of_kind.size:
-            continue
-        level = 10 * np.log10(np.maximum(of_kind[1], 1e-30)) - 20 * np.log10(strongest)
-        bottom.vlines(of_kind[0], FLOOR_DB, level, color=colour, linewidth=2.0, label=name)
-        heard = of_kind[:, of_kind[2] > 0]
-        if heard.size:
-            size = 10 * np.log10(heard[2])
-            colour = colours[heard[3].astype(int)]
-            top.scatter(heard[0], size, 45, colour, marker=mark, edgecolors="white", linewidths=0.8, zorder=5)
-            top.plot([], [], mark, color=PALE, markeredgecolor="white", markersize=8, label=legend.format(name))
-    top.set(ylim=(FLOOR_DB, 8), ylabel="motion, dB of the ON level")
-    bottom.set(ylim=(FLOOR_DB, 8), ylabel="pull, dB of\nthe strongest", xlabel="frequency of the pull, Hz")
-    hz_axis(bottom, low, high)
-    top.grid(axis="x")
-    beside: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "fontsize": 8}
-    top.legend(**beside)
-    turns = " (one at a time)" if scheme.takes_turns else ""
-    bottom.legend(title=f"{scheme.name}, all on{turns}", alignment="left", **beside)
-    return figure
+def draw_curves(axis: Any, panel: Panel, figure: Figure) -> None:
+    """Draw curves over a common x."""
+    for curves in panel.marks:
+        for y, role, label in zip(curves.y, curves.roles, curves.labels, strict=True):
+            axis.plot(curves.x, y, color=colour_of(role, figure.channels), label=label or None, linewidth=1.5)
 
 
-MOST_NAMED = 12
-MOST_WITH_SPURS = 64
-FLOOR_DB = -60.0
+def draw_stems(axis: Any, panel: Panel, figure: Figure) -> None:
+    """Draw lines from the bottom of a panel up."""
+    for stems in panel.marks:
+        colour = colour_of(stems.role, figure.channels)
+        axis.vlines(stems.x, panel.y.low, stems.y, color=colour, linewidth=2.0, label=stems.label)
 
 
-def _heard(which: Any, part: Any, modes: Any) -> Any:
-    """Return of each line (5, m): frequency in Hz, squared size, energy in the loudest OFF taxel, which, is a spur."""
-    energy = line_energy(which, part, modes)
-    for maker in part.makers:
-        energy[maker, :, np.arange(len(maker))] = 0.0
-    spur = np.ones(part.hz.shape)
-    spur[0] = len(part.makers) > 1
-    rows = part.hz, np.broadcast_to(part.square, part.hz.shape), energy.max(0), energy.argmax(0), spur
-    return np.stack([row.ravel() for row in rows])
+def draw_bars(axis: Any, panel: Panel, figure: Figure) -> None:
+    """Draw histograms over each other."""
+    for bars in panel.marks:
+        edges = np.array(bars.edges)
+        colour = colour_of(bars.role, figure.channels)
+        axis.bar(edges[:-1], bars.counts, np.diff(edges), align="edge", color=colour, alpha=0.7, label=bars.label)
 
 
-def draw_selectivity(plan: Plan) -> Any:
-    """Draw for each set of channels by how much an OFF taxel (row) is quieter than ON at the tone of another."""
+MARKS: dict[str, Callable[[Any, Panel, Figure], None]] = {
+    "rows": draw_rows,
+    "curves": draw_curves,
+    "stems": draw_stems,
+    "bars": draw_bars,
+    "points": lambda axis, panel, figure: None,
+}
+"""The function that draws the marks of each kind of panel; tables have their own colours, and `draw_tables`."""
+
+
+def draw_tables(axes: Any, panels: Sequence[Panel]) -> None:
+    """Draw tables beside each other in the colours of one scale; what is less than asked is framed."""
     from matplotlib.patches import Rectangle
 
-    figures = plan.selectivity
-    # Of many channels the plan has no table.
-    many = [placed_channels(plan.spec, channel_set) for channel_set in plan.sets if not figures.matrix_db]
-    tables = [np.array(table) for table in figures.matrix_db] or [-10 * np.log10(tone_energy(c, c)) for c in many]
-    side = min(max(0.42 * len(tables[0]), 2.6), 7.5)
-    words = "how much quieter an OFF taxel is than ON, at the tone of another"
-    figure = new_figure(plan, words, max(len(tables) * (side + 0.9) + 1.5, 6.2), side + 1.5)
-    axes = figure.subplots(1, len(tables), squeeze=False)[0]
-    largest = max([2 * figures.asked_db, *(float(t.max()) for t in tables)])
-    for axis, channel_set, db in zip(axes, plan.sets, tables, strict=True):
-        shown = np.ma.masked_array(db, np.eye(len(channel_set), dtype=bool))
-        image = axis.imshow(shown, cmap="cividis", vmin=0.0, vmax=min(largest, 60.0))
+    for axis, panel in zip(axes, panels, strict=True):
+        (matrix,) = panel.marks
+        count = len(matrix.names)
+        db = np.array(matrix.values)
+        shown = np.ma.masked_array(db, np.eye(count, dtype=bool))
+        image = axis.imshow(shown, cmap="cividis", vmin=matrix.z.low, vmax=matrix.z.high)
         for (row, column), value in np.ndenumerate(db):
-            if len(channel_set) <= MOST_WRITTEN:
+            if count <= MOST_WRITTEN:
                 dark = row != column and image.norm(value) < 0.55
-                digits = 0 if len(channel_set) > 4 else 1
+                digits = 0 if count > 4 else 1
                 words = "ON" if row == column else f"{value:.{digits}f}"
                 axis.text(column, row, words, ha="center", va="center", fontsize=8, color="white" if dark else INK)
-            if row != column and value < figures.asked_db:
+            if row != column and value < matrix.asked:
                 corner = column - 0.46, row - 0.46
                 axis.add_patch(Rectangle(corner, 0.92, 0.92, fill=False, edgecolor=COLOURS[1], linewidth=2))
-        every = slice(None, None, -(-len(channel_set) // MOST_TICKS))
-        names = [str(c.index) for c in channel_set]
-        at = range(len(channel_set))
-        axis.set_xticks(at[every], names[every])
-        axis.set_yticks(at[every], names[every])
-        axis.set(xlabel="tone of channel", ylabel="OFF taxel of channel")
-    if len(tables[0]) < 2:
-        axes[0].set_title("one channel per coil: there is no other tone to hear")
-    bar = figure.colorbar(image, ax=list(axes), label="dB (framed: less than asked)", shrink=0.9)
-    bar.ax.axhline(figures.asked_db, color=COLOURS[1], linewidth=2)
-    return figure
+        every = slice(None, None, -(-count // MOST_TICKS))
+        axis.set_xticks(range(count)[every], matrix.names[every])
+        axis.set_yticks(range(count)[every], matrix.names[every])
+        axis.set(xlabel=panel.x.title, ylabel=panel.y.title)
+        if panel.title:
+            axis.set_title(panel.title)
+    label = f"{matrix.z.title.lstrip(', ')} (framed: less than asked)"
+    bar = axes[0].figure.colorbar(image, ax=list(axes), label=label, shrink=0.9)
+    bar.ax.axhline(matrix.asked, color=COLOURS[1], linewidth=2)
 
 
 MOST_WRITTEN = 16
@@ -219,10 +306,10 @@ MOST_WRITTEN = 16
 
 def draw_prints(plan: Plan) -> Any:
     """Draw the pad from the touch side, each coil's cell in the colour of the share of prints in which it is good."""
-    figure = new_figure(plan, "which coils' prints suffer", 6.8, 5.9)
-    print_map(figure.subplots(), plan)
-    figure.legend(loc="outside lower left", fontsize=8, ncols=6)
-    return figure
+    canvas = new_canvas(plan, "which coils' prints suffer", 6.8, 5.9)
+    print_map(canvas.subplots(), plan)
+    canvas.legend(loc="outside lower left", fontsize=8, ncols=6)
+    return canvas
 
 
 def print_map(axis: Any, plan: Plan) -> None:
@@ -269,31 +356,33 @@ MOST_LABELLED = 64
 
 def draw_overview(plan: Plan) -> Any:
     """Draw the pad with the prints that each coil survives, and beside it the ladder of resonances."""
-    figure = new_figure(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
-    left, right = figure.subplots(1, 2, width_ratios=(1.15, 1))
+    canvas = new_canvas(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
+    left, right = canvas.subplots(1, 2, width_ratios=(1.15, 1))
     print_map(left, plan)
-    draw_rows(right, FIGURES["ladder"](plan))
-    figure.legend(loc="outside lower left", fontsize=8, ncols=6)
-    return figure
+    (ladder,) = figures_of(plan, "ladder", "draw")
+    draw_panel(right, ladder.panels[0], ladder)
+    canvas.legend(loc="outside lower left", fontsize=8, ncols=6)
+    return canvas
 
 
-PICTURES = {
+DRAWINGS: dict[str, Callable[[Plan], Any]] = {
     "pad": draw_pad,
     "section": draw_section,
     "exploded": draw_exploded,
-    "ladder": draw_ladder,
-    "responses": draw_responses,
-    "selectivity": draw_selectivity,
     "prints": draw_prints,
-    "wiring": draw_wiring,
-    "overview": draw_overview,
 }
-SHEETS = ("overview",)
-"""Those of the `PICTURES` that show several others on one sheet."""
+"""The function of each drawing that is no figure: these are to scale in mm."""
+SHEETS: dict[str, Callable[[Plan], Any]] = {"overview": draw_overview}
+"""The function of each sheet that shows several others."""
+
+
+def picture_names(with_sheets: bool = True) -> tuple[str, ...]:
+    """Return the names of all pictures: drawings, figures, and sheets of several of them."""
+    return (*DRAWINGS, *figure_names("draw"), *(SHEETS if with_sheets else ()))
 
 
 def picture(plan: Plan, name: str) -> Any:
-    """Draw one of `PICTURES` from a plan alone, without a display or a CAD kernel.
+    """Draw one of the `picture_names` from a plan alone, without a display or a CAD kernel.
 
     Returns
     -------
@@ -305,7 +394,8 @@ def picture(plan: Plan, name: str) -> Any:
     SpecError
         There is no picture of that name; the sentence has the nearest.
     """
-    if name not in PICTURES:
-        raise unknown_name(name, list(PICTURES), "picture", "")
+    if name not in picture_names():
+        raise unknown_name(name, list(picture_names()), "picture", "")
+    drawings = {**DRAWINGS, **SHEETS}
     with plot_style():
-        return PICTURES[name](plan)
+        return drawings[name](plan) if name in drawings else draw_figure(plan, name)

@@ -1,4 +1,4 @@
-"""Drawings of the pad to scale, in mm: both sides, a section through a taxel, the parts in a stack, the wiring.
+"""Drawings of the pad to scale, in mm: both sides, a section through a taxel, the parts in a stack.
 
 Everything is drawn from the plan, in two dimensions. Parts have their names as the artists' ``gid``.
 """
@@ -13,21 +13,37 @@ import numpy as np
 from padgen.core.display import COLOURS, INK, PALE
 from padgen.core.errors import InfeasibleError, number, plural
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
+from padgen.planner.guard import pin_places
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
+from padgen.planner.pins import felt_parts
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath, Segment
 
-__all__ = ["draw_exploded", "draw_pad", "draw_section", "draw_wiring", "title_of"]
+__all__ = [
+    "NAME_PT",
+    "SMALL_PT",
+    "Sheet",
+    "border",
+    "circle",
+    "draw_exploded",
+    "draw_pad",
+    "draw_section",
+    "pad_shapes",
+    "title_of",
+]
 
 FILLS = {
     "frame": "#ece5d6",
     "plate": "#d8c9a3",
     "beam": COLOURS[4],
     "boss": "#bfa76a",
+    "pin": "#bfa76a",
     "washer": "#5f7383",
+    "magnet": "#5f7383",
     "coil": "#cf8a5b",
     "core": "#43474d",
     "tray": "#b9cad3",
+    "guard": "#c9d8c5",
     "screw": "#8d979f",
     "shank": "#8d979f",
     "recess": "#ffffff",
@@ -171,7 +187,7 @@ def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
     plate = plan.plate
     length, width = (float(v) for v in arrangement.window_mm)
     x = float(arrangement.washer_x_mm)
-    washer = plan.spec.washer
+    washer = plan.spec.moved
     bore = [circle(x, 0, washer.inner_diameter_mm)[::-1]] if washer.inner_diameter_mm else []
     return {
         "window": [rectangle(0, length, -width / 2, width / 2)],
@@ -179,16 +195,13 @@ def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
         "plate": [rectangle(*(float(v) for v in block[:4])) for block in arrangement.blocks],
         "recess": [circle(x, 0, plate.recess_diameter_mm)],
         "washer": [circle(x, 0, washer.outer_diameter_mm), *bore],
-        "boss": [circle(x, 0, plate.boss_diameter_mm)],
+        "boss": [circle(channel.pin.x_mm, channel.pin.y_mm, channel.pin.diameter_mm)],
     }
 
 
 def all_shapes(plan: Plan, names: Sequence[str]) -> dict[str, list[Points]]:
     """Return the outlines of these parts of all taxels, in the pad's axes."""
-    shapes_of = [
-        {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
-        for channel in plan.channels
-    ]
+    shapes_of = [_in_cell(plan, channel) for channel in plan.channels]
     return {
         name: [
             coil_axis_mm(plan.coils, *taxel.coil) + (-shape if taxel.turned else shape)
@@ -199,11 +212,30 @@ def all_shapes(plan: Plan, names: Sequence[str]) -> dict[str, list[Points]]:
     }
 
 
+def _in_cell(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
+    """Return the `taxel_shapes` of a channel in the axes of its coil's cell."""
+    return {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
+
+
 def border(plan: Plan, grow: float = 1.0) -> Points:
     """Return the corners (4, 2) of the pad, or with `grow` 0 of its active area."""
     pad = plan.spec.pad
     x, y = (side / 2 + grow * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
     return rectangle(-x, x, -y, y)
+
+
+def pad_shapes(plan: Plan) -> list[tuple[str, Points]]:
+    """Return the outlines of the pad from the touch side, by name: its frame, the groove in a corner, and its holes."""
+    pad = plan.spec.pad
+    groove = corner_groove(plan.spec)
+    low = border(plan)[0, 1]
+    corners = border(plan, 0.5)[[2, 3, 0, 1]]
+    round_corner = circle(0, 0, pad.border_mm)
+    bows = [corner + round_corner[np.arange(12 * k, 12 * k + 13) % 48] for k, corner in enumerate(corners)]
+    shapes = [("frame", np.vstack(bows)), ("groove", rectangle(groove.x0, groove.x1, low, groove.y1))]
+    if pad.hole_diameter_mm:
+        shapes += [("hole", circle(x, y, pad.hole_diameter_mm)) for x, y in corners]
+    return shapes
 
 
 def both_sides(
@@ -213,21 +245,14 @@ def both_sides(
 
     The functions bring points (n, 2) from the pad's axes to each side's place on the sheet.
     """
-    pad = plan.spec.pad
-    groove = corner_groove(plan.spec)
-    radius = plan.spec.pad.border_mm / 2
     (left, low), (right, high) = border(plan)[[0, 2]]
     apart = 1.12 * (right - left)
     sheet = Sheet(title_of(plan, title), Outline(left, right + apart, low, high), (0.7, 0.3, 1.1, 0.85), most)
-    corners = border(plan, 0.5)[[2, 3, 0, 1]]
-    bows = [corner + circle(0, 0, 2 * radius)[np.arange(12 * k, 12 * k + 13) % 48] for k, corner in enumerate(corners)]
-    notch = rectangle(groove.x0, groove.x1, low, groove.y1)
     views: list[Callable[[Points], Points]] = [lambda shape: shape, lambda shape: shape * (-1, 1) + (apart, 0)]
     for view, side in zip(views, sides, strict=True):
-        sheet.part("frame", [view(np.vstack(bows))])
-        sheet.part("groove", [view(notch)], facecolor=INK)
-        if pad.hole_diameter_mm:
-            sheet.part("hole", [view(circle(x, y, pad.hole_diameter_mm)) for x, y in corners], facecolor="white")
+        for name, shapes in groupby(pad_shapes(plan), lambda pair: pair[0]):
+            fill = {"groove": INK, "hole": "white"}.get(name, FILLS["frame"])
+            sheet.part(name, [view(shape) for _, shape in shapes], facecolor=fill)
         place = view(np.array([(0.0, high + 0.12 * sheet.mm)]))[0]
         sheet.words(place, side, va="bottom", weight="bold", fontsize=NAME_PT)
     return sheet, views
@@ -238,7 +263,7 @@ def draw_pad(plan: Plan) -> Any:
     pad = plan.spec.pad
     x, y = border(plan)[2]
     inner_x, inner_y = border(plan, 0)[2]
-    sides = ("touch side: bosses to feel", "underside: beams, recesses and washers")
+    sides = (f"touch side: {felt_parts(plan)} to feel", "underside: beams, recesses and washers")
     sheet, views = both_sides(plan, "the printed pad, in mm", sides)
     parts = ("window", "beam", "plate", "boss"), ("window", "plate", "beam", "recess", "washer")
     shapes = all_shapes(plan, ("recess", "washer", *parts[0]))
@@ -252,8 +277,9 @@ def draw_pad(plan: Plan) -> Any:
     sheet.dimension((-y, y), -x - step, -x, number(2 * y), tall=True)
     holes = f", holes {number(pad.hole_diameter_mm)}" if pad.hole_diameter_mm else ""
     note = (
-        f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes}; washers"
-        f" {number(plan.spec.washer.outer_diameter_mm)} across; black: the groove that marks a corner"
+        f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes};"
+        f" {plan.spec.mover.kind}s"
+        f" {number(plan.spec.moved.outer_diameter_mm)} across; black: the groove that marks a corner"
     )
     sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), note, ha="left", va="top")
     return sheet.figure
@@ -268,7 +294,7 @@ def draw_section(plan: Plan) -> Any:
     channel = plan.channels[0]
     spec = plan.spec
     plate = plan.plate
-    washer = plan.spec.washer
+    washer = plan.spec.moved
     coil = spec.coil
     thick = spec.pad.frame_thickness_mm
     outline_points = outline(plan, channel)
@@ -279,7 +305,10 @@ def draw_section(plan: Plan) -> Any:
     x = float(arrangement.washer_x_mm)
     thin = channel.beam.thickness_mm
     low = washer_underside_mm(plan)
-    peak = plate.boss_top_mm
+    pin = channel.pin
+    proud = pin.top_mm
+    guard = plan.spec.guard_height_mm
+    peak = max(proud, thick + guard)
     roof = low + washer.thickness_mm
     top = low - coil.gap_mm
     bottom = top - coil.length_mm
@@ -320,7 +349,7 @@ def draw_section(plan: Plan) -> Any:
     sheet.words((outline_points.x1 + 0.05 * sheet.mm, lift), "cut", ha="left")
     sheet.words(
         (outline_points.x0, outline_points.y0 + lift - 0.05 * sheet.mm),
-        "dashed: washer and coil below",
+        f"dashed: {plan.spec.mover.kind} and coil below",
         ha="left",
         va="top",
     )
@@ -329,12 +358,26 @@ def draw_section(plan: Plan) -> Any:
     along = np.concatenate(shapes["beam"])[:, 0]
     side = rectangle(float(along.min()), float(along.max()), 0, thin)
     blocks = [[float(v) for v in b] for b in arrangement.blocks if float(b.low_y_mm) < 0 < float(b.high_y_mm)]
-    hollow, post, half = (d / 2 for d in (plate.recess_diameter_mm, plate.post_diameter_mm, plate.boss_diameter_mm))
+    hollow, post, half = (d / 2 for d in (plate.recess_diameter_mm, plate.post_diameter_mm, pin.diameter_mm))
     outer = washer.outer_diameter_mm / 2
     bore = washer.inner_diameter_mm / 2
     edge = plate.boss_edge_mm
-    profile = [(half, plate.thickness_mm), (half, peak - edge), (half - edge, peak)]
+    stands_on = 0.0 if pin.on_beam else plate.thickness_mm
+    profile = [(half, stands_on), (half, proud - edge), (half - edge, proud)]
+    if pin.shape == "dome":
+        arcs = np.linspace(0, pi / 2, 13).tolist()
+        profile = [(half, stands_on), *((half * cos(at), proud - half + half * sin(at)) for at in arcs)]
     profile += [(-across, z) for across, z in reversed(profile)]
+    felt = pin.x_mm
+    word = "boss" if felt_parts(plan) == "bosses" else "pin"
+    # The plate over the pad is cut along the beam's middle, through the hole where that is there.
+    reach_of_hole = max(plan.spec.guard_hole_mm**2 / 4 - pin.y_mm**2, 0.0) ** 0.5
+    open_at = [outline_points.x0, felt - reach_of_hole, felt + reach_of_hole, outline_points.x1]
+    under = thick + plan.spec.guard.clearance_mm
+    covers = [rectangle(open_at[at], open_at[at + 1], under, thick + guard) for at in (0, 2)]
+    covers += [rectangle(outline_points.x0, 0, thick, under), rectangle(length, outline_points.x1, thick, under)]
+    mover = plan.spec.mover.kind
+    halves = [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)]
     parts = {
         "behind": [rectangle(0, length, 0, thick)],
         "beam behind": [side],
@@ -342,8 +385,9 @@ def draw_section(plan: Plan) -> Any:
         "beam": [rectangle(*ends, 0, thin) for ends in cuts] or [side],
         "plate": [rectangle(block[0], block[1], 0, block[4]) for block in blocks],
         "recess": [rectangle(x + s * post, x + s * hollow, 0, plate.recess_depth_mm) for s in (-1, 1)],
-        "boss": [np.array([(x + across, z) for across, z in profile])],
-        "washer": [rectangle(x + s * bore, x + s * outer, low, roof) for s in (-1, 1)],
+        word: [np.array([(felt + across, z) for across, z in profile])],
+        **({"guard": covers} if guard else {}),
+        mover: halves if bore else [rectangle(x - outer, x + outer, low, roof)],
         "coil": [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)],
         **({"core": [rectangle(coil_x - core, coil_x + core, bottom, top)]} if core else {}),
     }
@@ -351,17 +395,27 @@ def draw_section(plan: Plan) -> Any:
         sheet.part(name, cut, **({"linewidth": 0.4} if "behind" in name else {}))
 
     steel = x + (bore + outer) / 2
-    size = f"{number(2 * outer)} x {number(2 * bore)} x {number(washer.thickness_mm)}"
+    hole = f"{number(2 * bore)} x " if bore else ""
+    size = f"{number(2 * outer)} x {hole}{number(washer.thickness_mm)}"
+    made_of = "steel" if plan.spec.washer else "magnet"
+    acts = "pulled by the coil" if plan.spec.washer else "moved by the coil"
     spring = sum(cuts[0]) / 2 if cuts else (float(along.min()) + blocks[0][0]) / 2
+    if pin.on_beam and abs(spring - felt) < half:
+        spring = (felt + half + blocks[0][0]) / 2
     wall = max((x + hollow + blocks[0][1]) / 2, x + half)
     rib = (length + outline_points.x1) / 2
     winding = f"copper, {number(2 * reach)} across: the frequency\nof its current chooses among taxels"
     notes = [
-        Note("boss", "what the finger feels", (x + half / 2, (peak + plate.thickness_mm) / 2)),
-        Note("plate", "swings up and down\nwith boss and washer", (wall, 0.8 * plate.thickness_mm)),
-        Note("frame", "holds all taxels; printed in one piece\nwith beams, plates and bosses", (rib, thick / 2)),
-        Note("washer", f"steel, {size};\nglued in, and pulled by the coil", (steel, (low + roof) / 2)),
-        Note("gap", "air between washer and coil", (steel, (low + top) / 2)),
+        *([Note("guard", "a second part, for the hand to rest on", (rib, thick + guard / 2))] if guard else []),
+        Note(word, "what the finger feels", (felt + half / 2, (proud + max(thin, stands_on)) / 2)),
+        Note("plate", f"swings up and down\nwith {word} and {mover}", (wall, 0.8 * plate.thickness_mm)),
+        Note(
+            "frame",
+            f"holds all taxels; printed in one piece\nwith beams, plates and {felt_parts(plan)}",
+            (rib, thick / 2),
+        ),
+        Note(mover, f"{made_of}, {size};\nglued in, and {acts}", (steel, (low + roof) / 2)),
+        Note("gap", f"air between {mover} and coil", (steel, (low + top) / 2)),
         Note(
             "core",
             f"iron, {number(2 * core)} across: leads the field up",
@@ -369,14 +423,14 @@ def draw_section(plan: Plan) -> Any:
         ),
         Note("coil", winding, (coil_x + (inner + reach) / 2, (top + bottom) / 2)),
     ]
-    absent = {name for name, size in (("core", core), ("boss", peak - plate.thickness_mm)) if size < LEAST_MM}
+    absent = {name for name, size in (("core", core), (word, proud - stands_on)) if size < LEAST_MM}
     sheet.column(right + 0.35 * sheet.mm, True, [note for note in notes if note.name not in absent])
 
     notes = []
     step = 0.2 * sheet.mm
     at_y = lift + float(beam.root_mm[1])
     for text, place, low_end, high_end, start in (
-        ("boss {:.3g} high", 1, plate.thickness_mm, peak, x - half),
+        (f"{word} {{:.3g}} high", 1, stands_on, proud, felt - half),
         ("frame {:.3g} high", 1, 0.0, thick, outline_points.x0),
         ("beam {:.3g} thick", 2, 0.0, thin, 0.0),
         ("gap {:.3g}", 1, top, low, coil_x - reach),
@@ -395,7 +449,7 @@ def draw_section(plan: Plan) -> Any:
     sheet.dimension((float(first.min()), float(first.max())), above + 0.1 * sheet.mm, lift, long)
     plate_ends = blocks[0][0], blocks[0][1]
     sheet.dimension(plate_ends, above + 0.32 * sheet.mm, lift, f"plate {plate_ends[1] - plate_ends[0]:.3g}")
-    sheet.dimension((x - half, x + half), peak + 0.08 * sheet.mm, peak, f"boss {2 * half:.3g}")
+    sheet.dimension((felt - half, felt + half), peak + 0.08 * sheet.mm, proud, f"{word} {2 * half:.3g}")
     return sheet.figure
 
 
@@ -441,7 +495,7 @@ def draw_exploded(plan: Plan) -> Any:
 
     spec = plan.spec
     coil = plan.spec.coil
-    washer = plan.spec.washer
+    washer = plan.spec.moved
     plate = plan.plate
     edges = border(plan)
     grid = [coil_axis_mm(plan.coils, r, c) for r in reversed(range(plan.coils.rows)) for c in range(plan.coils.columns)]
@@ -472,7 +526,7 @@ def draw_exploded(plan: Plan) -> Any:
     top = z + washer.thickness_mm
     rings = prisms("washer", bosses, washer.outer_diameter_mm, z, top)
     rings += prisms("hole", bosses, washer.inner_diameter_mm, top)
-    name = f"{len(bosses)} washer{plural(len(bosses))}"
+    name = f"{len(bosses)} {plan.spec.mover.kind}{plural(len(bosses))}"
     layers.append(("washer", name, "glued into the plates from below", rings))
     z = top + step
     top = z + spec.pad.frame_thickness_mm
@@ -480,10 +534,19 @@ def draw_exploded(plan: Plan) -> Any:
     shapes = all_shapes(plan, ("window", "plate"))
     pad = [Prism("frame", edges, z, top), *(Prism("inside", shape, top, top) for shape in shapes["window"])]
     pad += [Prism("plate", shape, height, height) for shape in shapes["plate"]]
-    pad += prisms("boss", bosses, plate.boss_diameter_mm, height, z + plate.boss_top_mm)
+    pins = np.array(pin_places(plan))
+    pins = pins[np.argsort(-(pins @ TURN[1]), kind="stable")]
+    foot = z if plan.channels[0].pin.on_beam else height
+    pad += prisms("boss", pins, plan.channels[0].pin.diameter_mm, foot, z + plan.channels[0].pin.top_mm)
     corners = border(plan, 0.5)[[3, 2, 0, 1] if spec.pad.hole_diameter_mm else []]
     pad += prisms("hole", corners, spec.pad.hole_diameter_mm, top)
-    layers.append(("frame", "1 pad", "printed: frame, beams, plates, bosses", pad))
+    layers.append(("frame", "1 pad", f"printed: frame, beams, plates, {felt_parts(plan)}", pad))
+    if spec.guard_height_mm:
+        low = z + plan.channels[0].pin.top_mm + step / 2
+        top = low + spec.guard_height_mm
+        cover = [Prism("guard", edges, low, top), *prisms("hole", pins, spec.guard_hole_mm, top)]
+        cover += prisms("hole", corners, spec.pad.hole_diameter_mm, top)
+        layers.append(("guard", "1 guard plate", "printed: a hole round each pin", cover))
     if tray and tray.screw:
         low = top + step / 2
         high = top + step / 2 + tray.screw.length_mm
@@ -520,37 +583,3 @@ def draw_exploded(plan: Plan) -> Any:
     sheet.axis.add_collection(stack, autolim=False)
     sheet.column(area.x1 + 0.35 * sheet.mm, True, notes)
     return sheet.figure
-
-
-def draw_wiring(plan: Plan) -> Any:
-    """Draw which coil is fed by which amplifier output, from the touch side and from below."""
-    coils = plan.coils
-    diameter = plan.spec.coil.outer_diameter_mm
-    # So large that a number of three digits fits into the circle of its coil.
-    least = LEAST_COIL_IN * 2.12 * float(np.ptp(border(plan)[:, 0])) / diameter
-    sides = ("from the touch side", "from below")
-    sheet, views = both_sides(
-        plan, "which amplifier output feeds which coil", sides, (max(9.5, least), max(7.6, least))
-    )
-    roomy = bool(diameter > ROOMY_COIL_IN * sheet.mm)
-    for view in views:
-        for index in range(coils.rows * coils.columns):
-            row, column = divmod(index, coils.columns)
-            ring = view(circle(*coil_axis_mm(coils, row, column), diameter))
-            sheet.part("winding", [ring], facecolor="#f3dfd0", edgecolor=FILLS["coil"])
-            x, y = (ring.min(0) + ring.max(0)) / 2
-            place = (x, y + 0.08 * sheet.mm * roomy)
-            size = 11 if roomy else SMALL_PT
-            sheet.words(place, f"{index + 1}", fontsize=size, weight="bold")
-            if roomy:
-                sheet.words((x, y - 0.11 * sheet.mm), f"r{row}c{column}", color="#555555")
-    note = (
-        "bold: amplifier output, and channel of the WAV file counted from 1; row by row from the corner with the groove"
-        + ("\nr1c2: row 1, column 2, as in the names of taxels" if roomy else "")
-    )
-    sheet.words(border(plan)[0] - (0, 0.15 * sheet.mm), note, ha="left", va="top")
-    return sheet.figure
-
-
-LEAST_COIL_IN = 0.28
-ROOMY_COIL_IN = 0.45

@@ -26,21 +26,24 @@ from padgen.core.cache import versions
 from padgen.core.display import COLOURS, channel_colours
 from padgen.core.errors import FileError, InfeasibleError, PadgenError, about, number
 from padgen.core.files import json_line, read_bounded, reason, write_synced
+from padgen.core.registry import FIGURES
 from padgen.core.units import G_PER_CM3, GRAM, MM
 from padgen.driver.formats.csv import drive_rows
 from padgen.driver.frames import taxel_grid
 from padgen.make.pad import Pad
-from padgen.planner.channels import heard_modes
+from padgen.planner.ballast import ballast_size, ballast_step
 from padgen.planner.drive_rows import COLUMNS
-from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
-from padgen.planner.layout import coil_axis_mm, corner_groove
+from padgen.planner.guard import plan_guard
+from padgen.planner.layout import coil_axis_mm
+from padgen.planner.movers import assembly_of
+from padgen.planner.pins import felt_parts
 from padgen.planner.plan import Plan, plan_from_json, plan_to_json
-from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.printing import other_slicers_text
-from padgen.report.figures import slot_hz
-from padgen.report.plans import STAGES as STAGE_WORDS
+from padgen.report.figures import ROLES, figure_names, page_figures, plain_figure
+from padgen.report.motion import motion_data
 from padgen.report.plans import output_coupling, pad_line
+from padgen.report.rungs import marks_read, study_figure
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
 from padgen.solid.scene import ScenePart, scene_parts
@@ -49,10 +52,6 @@ __all__ = ["REPORT_FILE", "Page", "page_data", "page_html", "scene_data", "study
 
 REPORT_FILE = "report.html"
 PAGE = Path(__file__).with_name("page")
-MOST_PAIRED = 64
-"""Most channels of a coil whose spurs the page shows: they grow with the square of the channels."""
-MOST_DB = 200.0
-BINS = 48
 LARGEST_STUDY = 10_000_000
 STEPS = 32767
 """Steps from the middle to the ends of a mesh, as 16-bit integers have them: 1 µm for a pad of 65 mm."""
@@ -113,7 +112,7 @@ def page_data(
     pad : Pad, optional
         The built pad of this plan: its own meshes and checks are shown then, else what the plan's dimensions give.
     live : bool
-        Leave out what takes more than some milliseconds: the histogram of prints, and what is `scene_data`.
+        Leave out what takes more than some milliseconds, which is `scene_data`.
     study : dict, optional
         The table of a ``study.json`` (`study_of`).
     bill : str
@@ -135,13 +134,10 @@ def page_data(
         "colours": channel_colours(len(plan.channels)),
         "palette": COLOURS,
         "taxels": _taxels(plan),
-        "motion": _motion(plan),
-        "selectivity": {
-            **asdict(plan.selectivity),
-            "sets": [[c.index for c in channel_set] for channel_set in plan.sets],
-        },
-        "ladder": [slot_hz(plan, channel.resonance_hz) for channel in plan.channels],
-        "prints": _prints(plan, live),
+        "selectivity": asdict(plan.selectivity),
+        "roles": ROLES,
+        "motion": motion_data(plan),
+        "charts": page_figures(plan, figure_names("move"), quick=live),
         "drive": {"columns": COLUMNS, "rows": [astuple(row) for row in drive_rows(plan)]},
         "findings": [
             {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
@@ -153,12 +149,16 @@ def page_data(
         "manual": _manual(plan),
         "spec": {key: value for key, value in asdict(plan.spec).items() if value is not None},
         "versions": {"padgen": __version__, **versions()},
-        **({} if live else scene_data(plan, pad, bill)),
+        **({} if live else scene_data(plan, pad, bill, live=False)),
     }
 
 
-def scene_data(plan: Plan, pad: Pad | None = None, bill: str = "") -> dict[str, Any]:
-    """Return the part of the page's data that needs the meshes of a plan's parts: the shapes, and what is weighed."""
+def scene_data(plan: Plan, pad: Pad | None = None, bill: str = "", *, live: bool = True) -> dict[str, Any]:
+    """Return the part of the page's data that a move of the live page does not wait for.
+
+    It is what needs the meshes of a plan's parts, their shapes and what is weighed, and most figures; the histogram of
+    prints only if it is not `live`.
+    """
     parts = scene_parts(plan, pad.solid if pad else None)
     volumes_mm3 = {
         material: sum(len(p.places) * signed_volume_mm3(p.mesh) for p in parts if p.material == material)
@@ -166,12 +166,15 @@ def scene_data(plan: Plan, pad: Pad | None = None, bill: str = "") -> dict[str, 
     }
     measured_g = pad.check().figures.get("plastic_g") if pad else None
     plastic_g = measured_g or _mass_g(volumes_mm3["pad"], plan.spec.material.density_g_per_cm3)
+    at_once = figure_names("move")
     return {
+        "later_charts": page_figures(plan, tuple(n for n in figure_names("page") if n not in at_once), quick=live),
         "shapes": [_shape(part) for part in parts],
         "bom": list(csv.reader(io.StringIO(bill or (pad.bill if pad else bill_of_materials(plan, plastic_g))))),
         "masses_g": {
             "plastic": plastic_g,
-            "washers": _mass_g(volumes_mm3["steel"], plan.spec.washer.density_g_per_cm3),
+            "washers": _mass_g(volumes_mm3["steel"], plan.spec.moved.density_g_per_cm3)
+            + (plan.spec.ballast.mass_g * len(plan.taxels) if plan.spec.ballast else 0.0),
         },
     }
 
@@ -213,8 +216,8 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
         {
             "label": "Heat",
             "value": f"{about(count * load.copper_loss_w)} W",
-            "note": f"all taxels on; a coil {about(load.copper_loss_w)} W of {number(coil.power_limit_w)} W;"
-            f" idle {about(count * load.idle_w)} W",
+            "note": f"all coils, all taxels on; each coil {about(load.copper_loss_w)} W (limit"
+            f" {number(coil.power_limit_w)} W); all coils with all taxels OFF: {about(count * load.idle_w)} W",
         },
         {
             "label": "Outputs",
@@ -227,17 +230,16 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
 
 def _pad(plan: Plan) -> dict[str, Any]:
     pad = plan.spec.pad
-    washer = plan.spec.washer
+    washer = plan.spec.moved
     coil = plan.spec.coil
     return {
         "width_mm": pad.width_mm,
         "depth_mm": pad.depth_mm,
         "border_mm": pad.border_mm,
         "frame_mm": pad.frame_thickness_mm,
-        "boss_top_mm": plan.plate.boss_top_mm,
-        "boss_diameter_mm": plan.plate.boss_diameter_mm,
+        "boss_top_mm": max(channel.pin.top_mm for channel in plan.channels),
+        "boss_diameter_mm": plan.spec.contact_diameter_mm,
         "hole_mm": pad.hole_diameter_mm,
-        "groove_mm": corner_groove(plan.spec),
         "cell_mm": [plan.cell.width_mm, plan.cell.depth_mm],
         "gap_mm": coil.gap_mm,
         "washer_underside_mm": washer_underside_mm(plan),
@@ -312,73 +314,6 @@ def _shape(part: ScenePart) -> dict[str, Any]:
     }
 
 
-def _motion(plan: Plan) -> dict[str, Any]:
-    """Return what moves the taxels of a coil of each set: lines of i², spurs of pairs, and each taxel's modes.
-
-    `line` is each channel's wanted line and `pairs` (n, n) are the spurs of two channels, over the largest line;
-    `gains` (n, k, 3) are the felt static amplitudes of the modes `modes_hz` (n, k) under a channel's own line, over the
-    amplitude at its resonance: upwards, and by tilting about both axes.
-    """
-    spec = plan.spec
-    scheme = plan.scheme
-    sets = []
-    for channel_set in plan.sets:
-        placed = placed_channels(spec, channel_set)
-        modes = heard_modes(spec, channel_set, placed.line)
-        line = placed.line / placed.line.max()
-        paired = scheme.has_pair_spurs and len(channel_set) <= MOST_PAIRED
-        pairs = np.sqrt(scheme.pair_square(line[:, None], line[None], line.max())) if paired else np.zeros((0, 0))
-        sets.append(
-            {
-                "channels": [c.index for c in channel_set],
-                "line": line.tolist(),
-                "pairs": [[float(f"{v:.6g}") for v in row] for row in pairs],
-                "modes_hz": modes.frequency_hz.tolist(),
-                "gains": np.round(modes.gain, 10).tolist(),
-            }
-        )
-    return {
-        "scheme": scheme.name,
-        "current": scheme.kind.CURRENT,
-        "turns": scheme.takes_turns,
-        "pair_scale": scheme.pair_scale,
-        "sets": sets,
-        "set_of_coil": [
-            (k // plan.coils.columns + k % plan.coils.columns) % plan.coils.sets
-            for k in range(plan.coils.rows * plan.coils.columns)
-        ],
-    }
-
-
-def _prints(plan: Plan, live: bool) -> dict[str, Any]:
-    """Return what prints keep at each stage of measuring them, and how many of the simulated prints keep how much.
-
-    They are the very prints that the plan's figures were taken from.
-    """
-    prints = plan.prints
-    asked_db = plan.selectivity.asked_db
-    record: dict[str, Any] = {
-        "pads": prints.pads,
-        "asked_db": asked_db,
-        "share": plan.spec.print_share,
-        "good_share": prints.good_share,
-        "stages": list(STAGE_WORDS),
-        "kept_db": [prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db],
-        "edges_db": [],
-        "counts": [],
-    }
-    if live or prints.print_db is None or not prints.pads:
-        return record
-    stages = STAGES[0], STAGES[-1]
-    ratio = printed(design_of(plan, None), spreads_of(plan.spec), prints.pads, 0, stages).ratio
-    kept = np.clip(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)), -MOST_DB, MOST_DB)
-    low = np.floor(min(kept.min(), asked_db))
-    high = np.ceil(max(kept.max(), asked_db))
-    edges = np.linspace(low, max(high, low + 1), BINS + 1)
-    counts = [np.histogram(row, edges)[0].tolist() for row in kept]
-    return {**record, "edges_db": edges.tolist(), "counts": counts, "counted": [STAGE_WORDS[0], STAGE_WORDS[-1]]}
-
-
 def _manual(plan: Plan) -> dict[str, Any]:
     """Return what assembling this pad needs: the tray's heights, screws, slicer settings."""
     tray = None
@@ -387,12 +322,22 @@ def _manual(plan: Plan) -> dict[str, Any]:
         tray = plan_tray(plan)
     except InfeasibleError as error:
         why = str(error)
+    heeded = assembly_of(plan.spec)
     heights = ("floor_mm", "socket_top_mm", "coil_top_mm", "height_mm", "gap_mm", "wires")
     return {
         "tray": {name: getattr(tray, name) for name in heights} if tray else None,
         "no_tray": why,
+        "felt": felt_parts(plan),
+        "guard": _guard_of(plan),
         "screw": tray.screw._asdict() if tray and tray.screw else None,
-        "washer": plan.spec.washer.name,
+        "mover": plan.spec.mover.kind,
+        "washer": plan.spec.moved.name,
+        "ballast": ballast_size(plan.spec.ballast) if plan.spec.ballast else "",
+        "ballast_step": ballast_step(plan.spec),
+        "gluing": heeded[0],
+        "wiring": heeded[1],
+        "screws": heeded[2],
+        "pull_change": max(c.pull_exponent for c in plan.channels) * 10 / plan.spec.coil.gap_mm,
         "coil": plan.spec.coil.name,
         "glue_mg": plan.spec.taxel.glue_mg,
         "printing": plan.printing,
@@ -400,22 +345,23 @@ def _manual(plan: Plan) -> dict[str, Any]:
     }
 
 
+def _guard_of(plan: Plan) -> dict[str, float] | None:
+    """Return the sizes of the guard plate; None where the spec has none."""
+    if not plan.spec.guard.thickness_mm:
+        return None
+    guard = plan_guard(plan)
+    return {"height_mm": guard.height_mm, "hole_diameter_mm": guard.hole_diameter_mm}
+
+
 def study_of(folder: Path) -> dict[str, Any] | None:
-    """Return the ladders in a folder's ``study.json``, as far as they are what `padgen study` writes; else None."""
+    """Return the figure of a folder's ``study.json`` and its rungs, if it is what `padgen study` writes; else None."""
     try:
         table = json.loads(read_bounded(folder / "study.json", LARGEST_STUDY, "a study"))
-        kept = ("model", "resolution", "seconds", "error_at_most", "is_bound")
-        ladders = [
-            {
-                "ladder": str(ladder["ladder"]),
-                "quantity": str(ladder["quantity"]),
-                "rungs": [{name: rung[name] for name in kept} for rung in ladder["rungs"]],
-            }
-            for ladder in table["ladders"]
-        ]
-    except (PadgenError, ValueError, KeyError, TypeError, RecursionError):
+        rungs = [rung for rung in marks_read(table) if rung.seconds > 0 and rung.error > 0]
+        figure = study_figure(str(table.get("name", "")), rungs)
+    except (PadgenError, ValueError, KeyError, TypeError, RecursionError, OverflowError):
         return None
-    return {"ladders": ladders}
+    return {"figure": plain_figure(figure), "rungs": [rung._asdict() for rung in rungs]}
 
 
 def page_html(
@@ -437,12 +383,26 @@ def page_html(
     filled = {
         "policy": policy,
         "title": escape(data["name"]),
+        "charts": "\n\n".join(_section(name) for name in figure_names("page") if name != "wiring"),
+        "wiring": _section("wiring"),
         "styles": "".join(f"<style>{text}</style>" for text in styles),
         # Within JSON "<" stands in texts alone, where it may be written by its number: no text can end the element.
         "data": json_line(data).replace("<", "\\u003c"),
         "scripts": "".join(f"<script>{text}</script>" for text in scripts),
     }
     return re.sub(r"\{\{(\w+)\}\}", lambda match: filled[match[1]], _text("page.html"))
+
+
+def _section(name: str) -> str:
+    """Return the section of a figure, which the page's script fills."""
+    kind = FIGURES.get(name)
+    sheet = ' class="sheet"' if "sheet" in kind.SHOWN_IN else ""
+    return (
+        f'<section id="{name}"{sheet} data-figure><h2>{escape(kind.TITLE)}</h2>\n'
+        f'<p class="caption">{escape(kind.CAPTION)}</p>\n'
+        f'<div class="field" hidden><label for="{name}-which"></label><select id="{name}-which"></select></div>\n'
+        f'<div id="{name}-body"></div></section>'
+    )
 
 
 def _text(name: str) -> str:

@@ -4,13 +4,13 @@ from collections.abc import Callable, Iterable, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.display import table
-from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, at_most, number, plain, plural, quieter
+from padgen.core.display import span_text, table
+from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, about, at_most, number, plain, plural, quieter
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
-    from padgen.planner.explain import Change, Explanation
-    from padgen.planner.plan import Channel, FrameRate, Plan
+    from padgen.planner.explain import Change, Explanation, MoverRow
+    from padgen.planner.plan import Channel, FrameRate, Plan, Touch
     from padgen.planner.print_yield import PrintYield
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "serious_text",
     "summary_text",
     "verdict_text",
+    "warm_drive_line",
     "yield_text",
 ]
 
@@ -74,7 +75,8 @@ def pad_line(plan: "Plan") -> str:
         + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
         + f" channel{plural(len(plan.sets[0]))}"
         + (" (one coil has those of even number, the next those of odd number)" if coils.sets > 1 else "")
-        + f", {number(plan.spec.coil.gap_mm)} mm below the washers; {coils.rows * coils.columns} amplifier"
+        + f", {number(plan.spec.coil.gap_mm)} mm below the {plan.spec.mover.kind}s;"
+        f" {coils.rows * coils.columns} amplifier"
         f" outputs, {output_coupling(plan)} coupled{on_carrier}."
     )
 
@@ -137,8 +139,10 @@ def _power_lines(plan: "Plan") -> list[str]:
         lines.append(
             f"Left on for good, they warm coils to {warm.coil_c:.0f} °C and beams to {warm.beam_c:.0f} °C (rises"
             f" ± {warm.error:.0%}; two thirds of it in {warm.warm_up_min:.0f} min): resonances fall by up to"
-            f" {-warm.resonance_shift:.1%}. Re-tune the pad warm."
+            f" {about(-100 * warm.resonance_shift)}%. Re-tune the pad warm, or drive it with --warm."
         )
+    if plan.touch is not None:
+        lines += _touch_lines(plan.touch, plan.spec.print_share)
     if prints.print_db is not None:
         stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
         stages_text = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)
@@ -148,11 +152,69 @@ def _power_lines(plan: "Plan") -> list[str]:
             " prints in the computer)."
         )
     left_db = moving_pad_db(plan)
-    is_told = plan.spec.mount.is_fast or plan.verdict.shaken
+    is_told = plan.spec.mount.is_fast or plan.verdict.shaken or plan.touch is not None
     if left_db is not None and prints.print_db is not None and not is_told:
         where = "On its mount" if plan.spec.mount.is_said else "Lying loose"
         lines.append(f"These are of a pad that is held still. {where} it recoils, and keeps {left_db:.1f} dB.")
     return lines
+
+
+def _touch_lines(touch: "Touch", share: float) -> list[str]:
+    """Return lines on a pad under its contact: touched resonances, levels and currents, and what it keeps."""
+    rows = [
+        [
+            str(k),
+            f"{touch.resonance_hz[k]:.2f}",
+            f"{touch.q[k]:.2f}",
+            f"{touch.tone_hz[k]:.2f}",
+            f"{touch.level_um[k]:.3g}",
+            f"{touch.bare_um[k]:.3g}",
+            f"{touch.force_mn[k]:.3g}",
+            f"{touch.current_ma[k]:.3g}",
+        ]
+        for k in range(len(touch.q))
+    ]
+    skin = "its own contact" if touch.contact == "own" else f"a {touch.contact}"
+    headings = ["ch", "touched Hz", "Q", "tone Hz", "level µm", "bare µm", "force mN", "mA peak"]
+    kept = ""
+    if touch.print_db is not None:
+        planned = "" if touch.planned_db is None else f"; by the drive table {touch.planned_db:.1f} dB"
+        other = ""
+        if touch.other_db is not None:
+            kind = "untouched" if touch.tones == "touched" else "touched"
+            other = f"; with tones at {kind} resonances {touch.other_db:.1f} dB"
+        kept = (
+            f"touched, in {share:.0%} of prints and fingers: {touch.print_db:.1f} dB (± {touch.error_db:.1g} dB with"
+            f" 95 % confidence, by {touch.pads} pads in the computer){planned}{other}."
+        )
+    lines = [
+        f"Under {skin} of typical skin (a provisional model), on contactors of {number(touch.contactor_mm)} mm, with"
+        f" tones at {touch.tones} resonances and {touch.in_hand_db:.1f} dB of level in hand for the faintest taxel:",
+        table(headings, rows),
+        kept,
+    ]
+    return [line for line in lines if line]
+
+
+def _warm_levels_line(plan: "Plan") -> str:
+    """Return one sentence on what the drive table of the cold pad leaves of the warm pad's levels."""
+    warm = plan.warm
+    levels = ", ".join(f"{level:.2g}" for level in warm.levels_um)
+    return (
+        f"warm from all taxels on for good: the table of the cold pad leaves {levels} µm (loses"
+        f" {span_text(warm.lost_db, '.1f')} dB; its voltages {span_text(warm.lost_by_voltage_db, '.1f')} dB, since"
+        f" coils are at {warm.mean_coil_c:.0f} °C on the mean); padgen drive --warm has the table of the warm pad"
+    )
+
+
+def warm_drive_line(plan: "Plan") -> str:
+    """Return one sentence on the temperatures that the drive of the warm pad is for."""
+    warm = plan.warm
+    return (
+        f"tones, levels and voltages are of the warm pad, with all taxels on for good: beams at {warm.mean_beam_c:.0f}"
+        f" °C and coils at {warm.mean_coil_c:.0f} °C on the mean (rises ± {warm.error:.0%}), two thirds of it after"
+        f" {warm.warm_up_min:.0f} min"
+    )
 
 
 STAGES = ("nothing measured", "a coupon measured", "a few taxels", "every taxel")
@@ -189,8 +251,11 @@ def plan_text(plan: "Plan") -> str:
         _channels_table(plan.channels, BEAMS, narrow=True),
         "",
         *_drive_lines(plan),
+        _warm_levels_line(plan),
         "",
         _pushes_table(plan),
+        "",
+        _felt_table(plan),
     ]
     if plan.layouts:
         others = ", ".join(
@@ -214,6 +279,32 @@ def _pushes_table(plan: "Plan") -> str:
     return "gap in mm that is left under a finger that pushes the boss:\n" + table(
         ["ch", "closes at mN", *headings], rows
     )
+
+
+def _felt_table(plan: "Plan") -> str:
+    """Return a table of what a fingertip feels of each channel, and how many frequencies it tells apart."""
+    felt = plan.felt
+    rows = [
+        [
+            str(k),
+            f"{felt.threshold_um[k]:.2g}",
+            f"{felt.error_db[k]:.0f}",
+            f"{on_db:.1f}",
+            "-" if off_db is None else f"{off_db:.1f}",
+            _from_to(felt.least_levels[k], felt.most_levels[k]),
+        ]
+        for k, (on_db, off_db) in enumerate(zip(felt.on_db, felt.off_db, strict=True))
+    ]
+    count = _from_to(felt.least_frequencies, felt.most_frequencies)
+    return (
+        "what a fingertip feels of untouched taxels, in dB above what is just felt (a provisional threshold); it tells"
+        f" {count} of the channels' frequencies apart:\n"
+        + table(["ch", "just felt µm", "± dB", "ON dB", "OFF dB", "levels"], rows)
+    )
+
+
+def _from_to(least: int, most: int) -> str:
+    return str(least) if least == most else f"{least}-{most}"
 
 
 def _settings_line(printing: dict[str, str]) -> str:
@@ -262,10 +353,11 @@ def _drive_lines(plan: "Plan") -> list[str]:
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
         + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
         + f" {', '.join(boards) or 'none'}",
-        # Currents go with the root of the pull.
+        # Currents go with the root of the pull on steel.
         ""
         if error is None
-        else f"the coil's pull on a washer is known to ± {error:.1%}, and so each current to ± {error / 2:.1%}",
+        else f"the coil's pull on a {plan.spec.mover.kind} is known to ± {error:.1%}, and so each current to ±"
+        f" {error / plan.spec.force_order:.1%}",
     ]
     return [line for line in lines if line]
 
@@ -409,6 +501,9 @@ def explanation_text(explanation: "Explanation") -> str:
             for change in explanation.changes
         ]
         lines += ["", "what one change buys:", table(EXPLAINED, rows, left=2)]
+    if explanation.movers:
+        lines += ["", "the same pad with other movers, the search free (prices are in no catalogue):"]
+        lines += [table(MOVERS_TOLD, [_mover_cells(row) for row in explanation.movers], left=2)]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
@@ -427,6 +522,29 @@ EXPLAINED = (
     "more if\nthere is\nroom",
     "gain without\nprint errors\ndB",
 )
+
+
+MOVERS_TOLD = (
+    "mover",
+    "coil",
+    "coils",
+    "channels\na coil",
+    "heat W",
+    "peak V",
+    "good\nprints",
+    "prints\nkeep dB",
+    "outputs",
+)
+
+
+def _mover_cells(row: "MoverRow") -> tuple[str, ...]:
+    """Return the row of a mover; one that no pad can be planned with says so under outputs."""
+    if row.heat_w is None or row.peak_v is None:
+        return row.mover, row.coil, "", "", "", "", "", "", "no pad"
+    share = "" if row.good_share is None else f"{row.good_share:.0%}"
+    kept = "" if row.print_db is None else f"{row.print_db:.1f}"
+    heat = f"{row.heat_w:.2g}"
+    return row.mover, row.coil, str(row.coils), str(row.channels), heat, f"{row.peak_v:.2g}", share, kept, row.outputs
 
 
 def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
@@ -539,10 +657,11 @@ HEADINGS = ("channel", "resonance Hz", "drive Hz", "suspension", "beam mm (w × 
 
 
 def plan_html(plan: "Plan") -> str:
-    """Return the plan as HTML: its verdict, one line on the pad, the ladder, a table of channels, and the findings."""
+    """Return the plan as HTML: its verdict, one line on the pad, its figures, a table of channels, and the findings."""
     from html import escape
 
-    from padgen.report.figures import FIGURES, svg
+    from padgen.report.figures import figure_names, figures_of
+    from padgen.report.inline_svg import svg
 
     rows = [
         (
@@ -564,5 +683,5 @@ def plan_html(plan: "Plan") -> str:
     )
     verdict = "".join(f"<p>{escape(line)}</p>" for line in verdict_text(plan.verdict).split("\n"))
     channels = f"<table><tr>{head}</tr>{body}</table>"
-    ladder = svg(FIGURES["ladder"](plan), f"resonances of {len(plan.channels)} channels")
-    return f"{verdict}<p>{escape(repr(plan))}</p>{ladder}{channels}<ul>{findings}</ul>"
+    figures = "".join(svg(figures_of(plan, name, "notebook", quick=True)[0]) for name in figure_names("notebook"))
+    return f"{verdict}<p>{escape(repr(plan))}</p>{figures}{channels}<ul>{findings}</ul>"

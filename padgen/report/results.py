@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import seconds_text, span_text, table
-from padgen.core.errors import Finding, number, plain, plural
+from padgen.core.errors import Finding, about, number, plain, plural
 from padgen.report.plans import findings_text, held_line, serious_text, verdict_text
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from padgen.driver.excitation import Excitation
     from padgen.driver.formats.wav import WaveReport
     from padgen.driver.outputs import Outputs
+    from padgen.driver.signs import PlayedRecoil
     from padgen.driver.slots import FrameContrast
     from padgen.measured.tune import Retuned
     from padgen.planner.plan import Plan
@@ -83,7 +84,9 @@ def driven_text(
         serious_text(driven.findings, verbose),
         picture,
         "" if driven.report is None else _wave_text(driven.report),
+        "" if driven.beam_rise_k is None else _warmth_text(plan, driven.beam_rise_k),
         "" if driven.contrast is None else _contrast_text(driven.contrast),
+        "" if driven.recoil is None else _recoil_text(driven.recoil),
         "" if heard is None else heard_text(plan, heard),
         *(f"note: {plain(note)}" for note in notes),
         f"written to {place}: {', '.join(driven.files)}",
@@ -114,8 +117,10 @@ def driven_table(plan: "Plan", driven: "Driven", notes: Sequence[str]) -> dict[s
         "files": list(driven.files),
         "wave": None if driven.report is None else {**asdict(driven.report), "seconds": driven.report.seconds},
         "contrast": None if driven.contrast is None else driven.contrast._asdict(),
+        "recoil": None if driven.recoil is None else driven.recoil._asdict(),
         "heard": None if driven.heard is None else heard_table(driven.heard),
         "outputs": None if driven.outputs is None else asdict(driven.outputs),
+        "beam_rise_k": driven.beam_rise_k,
         "notes": list(notes),
         "findings": [asdict(finding) for finding in driven.findings],
     }
@@ -146,12 +151,27 @@ def _wave_text(report: "WaveReport") -> str:
     return "\n".join(lines)
 
 
+def _warmth_text(plan: "Plan", beam_rise_k: float) -> str:
+    error = plan.warm.error
+    return f"played over and over, it warms beams by {about(beam_rise_k)} K at most (± {error:.0%})"
+
+
 def _contrast_text(contrast: "FrameContrast") -> str:
     end = "" if contrast.end_db is None else f", at its end {contrast.end_db:.1f} dB"
     row, column = contrast.coil
     return (
         f"averaged over each frame of {number(contrast.frame_s)} s, the worst coil keeps {contrast.slot_db:.1f} dB of"
         f" ON over OFF (r{row}c{column} in frame {contrast.frame + 1}){end}, as predicted"
+    )
+
+
+def _recoil_text(recoil: "PlayedRecoil") -> str:
+    if recoil.signed_db is None or recoil.in_step_db is None or recoil.moving_g is None:
+        return ""
+    return (
+        f"{recoil.mount}, the pad of {number(round(recoil.moving_g))} g recoils from its ON taxels and keeps"
+        f" {recoil.signed_db:.1f} dB of ON over OFF in the worst frame; with all taxels of a frequency in step it would"
+        f" keep {recoil.in_step_db:.1f} dB"
     )
 
 
@@ -189,6 +209,18 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
         + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
         + f"\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out{leaked})"
         + frames
+        + _shaken_text(heard)
+    )
+
+
+def _shaken_text(heard: "Heard") -> str:
+    if heard.unshaken:
+        return f"\nthe pad as it moves is not heard: it {heard.unshaken}"
+    if heard.shaken is None or heard.shaken_db is None:
+        return ""
+    return (
+        f"\nwith all coils at once and the pad of {number(round(heard.shaken.moving_g))} g moving"
+        f" ({heard.shaken.mount}), {heard.shaken_db:.1f} dB of ON over OFF are left"
     )
 
 

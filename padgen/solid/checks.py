@@ -8,11 +8,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from padgen.core.errors import Finding, GeometryError, at_least, number
+from padgen.core.rules import Rule, RuleBook, broken_rules
 from padgen.planner.plan import Plan
 from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, differences, loose_triangles
 from padgen.solid.measure import (
@@ -32,6 +33,8 @@ from padgen.spec import Printer, Spec
 
 __all__ = [
     "BUILT_MM",
+    "MESH_RULES",
+    "PrintedMesh",
     "Report",
     "as_built",
     "check_against",
@@ -124,30 +127,55 @@ def _whole(
     mesh: Mesh, state: Topology, printer: Printer, density_g_per_cm3: float
 ) -> tuple[dict[str, Any], list[Finding]]:
     """Return the figures and findings that only the whole mesh can give."""
-    size = np.ptp(mesh.vertices_mm, axis=0) if len(mesh.vertices_mm) else np.zeros(3)
     figures = {
         "triangles": len(mesh.triangles),
-        "size_mm": [round(float(v), 4) for v in size],
+        "size_mm": [round(float(v), 4) for v in _size_mm(mesh)],
         "volume_mm3": state.volume_mm3,
         "plastic_g": state.volume_mm3 * 1e-3 * density_g_per_cm3,
         "bodies": state.shells,
     }
+    return figures, list(MESH_RULES.findings(PrintedMesh(mesh, state, printer)))
+
+
+class PrintedMesh(NamedTuple):
+    """A whole mesh, what its triangles enclose, and the printer that is to print it."""
+
+    mesh: Mesh
+    topology: Topology
+    printer: Printer
+
+
+def _mesh_rules(printed: PrintedMesh) -> Iterator[Rule]:
+    """Yield what must hold of any mesh that is to be printed."""
+    mesh, state, printer = printed
+    size = _size_mm(mesh)
     bed = (printer.bed_x_mm, printer.bed_y_mm, printer.bed_z_mm)
     small_enough = np.all(np.sort(size[:2]) <= np.sort(bed[:2])) and size[2] <= bed[2]
     measures, room = (" x ".join(map(number, each)) for each in (size, bed))
     first = _spot(*mesh.vertices_mm[state.first_broken].tolist()) if len(mesh.vertices_mm) else ""
     broken = f"{state.broken_edges} edges do not join two triangles that agree which side is out, must be 0"
-    cases = (
-        (not state.closed, "mesh.closed", f"{broken}, the first near {first}"),
-        (
-            state.closed and state.volume_mm3 <= 0,
-            "mesh.inside_out",
-            "the triangles face inwards; turn them all round",
-        ),
-        (state.shells != 1, "mesh.bodies", f"it has {state.shells} separate bodies, must be 1"),
-        (not small_enough, "print.bed", f"it measures {measures} mm, the bed of {printer.name} is {room} mm"),
+    yield Rule(state.closed, "mesh", f"{broken}, the first near {first}", code="mesh.closed")
+    yield Rule(
+        not state.closed or state.volume_mm3 > 0,
+        "mesh",
+        "the triangles face inwards; turn them all round",
+        code="mesh.inside_out",
     )
-    return figures, [Finding("error", code, "mesh", sentence) for wrong, code, sentence in cases if wrong]
+    yield Rule(state.shells == 1, "mesh", f"it has {state.shells} separate bodies, must be 1", code="mesh.bodies")
+    yield Rule(
+        bool(small_enough),
+        "mesh",
+        f"it measures {measures} mm, the bed of {printer.name} is {room} mm",
+        code="print.bed",
+    )
+
+
+MESH_RULES: RuleBook[PrintedMesh] = RuleBook("mesh", _mesh_rules)
+"""What must hold of every mesh, of whatever program; what only a plan can tell stands in the functions below."""
+
+
+def _size_mm(mesh: Mesh) -> np.ndarray:
+    return np.asarray(np.ptp(mesh.vertices_mm, axis=0) if len(mesh.vertices_mm) else np.zeros(3))
 
 
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
@@ -185,7 +213,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
         *printable_findings,
         *few(told(off, [], None)),
         *few(_washers_enter(plan.spec, washer_rooms(sample.plan, solid, taxels))),
-        *few(_as_printed(plan.spec, dimensions)),
+        *few(broken_rules(_print_rules(plan.spec, dimensions))),
     ]
 
 
@@ -256,7 +284,7 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
     `within_mm` is forgiven: other programs may cut a round face into coarser triangles.
     """
     printer = spec.printer
-    washer = spec.washer
+    washer = spec.moved
     laid_mm = 2 * printer.xy_compensation_mm + printer.hole_loss_mm
     needed_mm = washer.outer_diameter_mm + laid_mm
     least_mm = laid_mm + FACET_MM
@@ -268,16 +296,16 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
                 "washer.fit",
                 f"taxel {taxel}",
                 "the recess diameter between the sides of its polygon is"
-                f" {as_built(room_mm)}, the washer {washer.name} of"
+                f" {as_built(room_mm)}, the {spec.mover.kind} {washer.name} of"
                 f" {number(washer.outer_diameter_mm)} mm needs {number(needed_mm)} mm, as {printer.name} lays"
                 f" {number(laid_mm)} mm into it{cure if spec.taxel.washer_clearance_mm < least_mm else ''}",
             )
 
 
-def _as_printed(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding]:
-    """Find recesses that washers do not sink into, lines too narrow, and heights that are no whole layers."""
+def _print_rules(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Rule]:
+    """Yield the rules of dimensions: washers sink into recesses, lines are wide enough, and heights whole layers."""
     printer = spec.printer
-    washer = spec.washer
+    washer = spec.moved
     for d in dimensions:
         if not isfinite(d.built_mm):
             continue
@@ -286,26 +314,25 @@ def _as_printed(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Finding
         layers = (d.built_mm - printer.first_layer_mm) / printer.layer_mm + 1
         whole = max(round(layers), printer.smallest_beam_layers if is_beam else 1)
         off_mm = abs(layers - whole) * printer.layer_mm
-        cases = (
-            (
-                is_recess and d.built_mm < washer.thickness_mm,
-                "washer.fit",
-                f"the washer {washer.name} needs {number(washer.thickness_mm)} mm",
-            ),
-            (
-                d.name.endswith("width") and d.built_mm < printer.smallest_beam_mm - 1e-3,
-                "print.beam",
-                f"{printer.name} prints at least {number(printer.smallest_beam_mm)} mm",
-            ),
-            (
-                (is_beam or is_recess) and off_mm > BUILT_MM,
-                "print.layers",
-                f"not a whole number of layers; {number(printer.height_mm(whole))} mm would be",
-            ),
+        built = f"{d.name} is {number(d.built_mm)} mm"
+        yield Rule(
+            not is_recess or d.built_mm >= washer.thickness_mm,
+            d.where,
+            f"{built}, the {spec.mover.kind} {washer.name} needs {number(washer.thickness_mm)} mm",
+            code="washer.fit",
         )
-        for wrong, code, sentence in cases:
-            if wrong:
-                yield Finding("error", code, d.where, f"{d.name} is {number(d.built_mm)} mm, {sentence}")
+        yield Rule(
+            not d.name.endswith("width") or d.built_mm >= printer.smallest_beam_mm - 1e-3,
+            d.where,
+            f"{built}, {printer.name} prints at least {number(printer.smallest_beam_mm)} mm",
+            code="print.beam",
+        )
+        yield Rule(
+            not (is_beam or is_recess) or off_mm <= BUILT_MM,
+            d.where,
+            f"{built}, not a whole number of layers; {number(printer.height_mm(whole))} mm would be",
+            code="print.layers",
+        )
 
 
 def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:

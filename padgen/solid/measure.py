@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.planner.layout import coil_axis_mm, to_cell
-from padgen.planner.plan import Channel, Plan, Taxel
+from padgen.planner.plan import Channel, Pin, Plan, Taxel
 from padgen.planner.suspensions import BeamPath, PathPoint
 from padgen.solid.mesh import CHORD_MM, Mesh
 
@@ -82,7 +82,7 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
     for taxel, (outline, centroid) in zip(taxels, _recesses(plan, solid, 0.5, taxels), strict=True):
         where = f"taxel {taxel.id}"
         offset = centroid - (taxel.x_mm, taxel.y_mm)
-        yield Dimension(where, "recess diameter", plan.plate.recess_diameter_mm, _diameter_mm(outline, centroid))
+        yield Dimension(where, "recess diameter", _opening_mm(plan), _diameter_mm(outline, centroid))
         yield Dimension(where, "recess centre offset", 0.0, float(np.hypot(*offset)))
         centre = np.array([*coil_axis_mm(plan.coils, *taxel.coil), 0.0])
         around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
@@ -117,21 +117,46 @@ def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
     lowest_block = min(float(block.height_mm) for block in arrangement.blocks)
     for number, path in enumerate(arrangement.beams):
         name = f"beam {number + 1}" if len(arrangement.beams) > 1 else "beam"
-        yield _length_gauge(name, path, (float(path.thickness_mm) + lowest_block) / 2)
+        pin = channel.pin if channel.pin.on_beam and number == 0 else None
+        yield _length_gauge(name, path, (float(path.thickness_mm) + lowest_block) / 2, pin)
         bends = [(k, 0.5) for k, segment in enumerate(path.segments) if segment.turn_rad]
         straight = [(k, 0.5) for k, segment in enumerate(path.segments) if not segment.turn_rad]
         stations = [(0, at) for at in STATIONS] if len(path.segments) == len(straight) == 1 else straight
         for what, places, facets in (("", stations, 0.0), (" in its bends", bends, CHORD_MM)):
-            if places:
-                for gauge in _section_gauges(path, [path.within(*place) for place in places], lowest_block):
+            points = [point for place in places if _is_clear(point := path.within(*place), pin)]
+            if points:
+                for gauge in _section_gauges(path, points, lowest_block):
                     yield gauge._replace(name=f"{name} {gauge.name}{what}", facets_mm=facets)
     washer = np.array([float(arrangement.washer_x_mm), 0.0, 0.0])
-    under = washer + np.array([0.0, (plate.post_diameter_mm + plate.recess_diameter_mm) / 4, -1.0])
-    up = np.array([[under, under + np.array([0, 0, plate.recess_depth_mm + 2])]])
-    yield _Gauge("recess depth", plate.recess_depth_mm, up, lambda runs: runs[0] - 1)
-    over = washer + np.array([0, 0, plate.boss_top_mm + 1])
-    down = np.array([[over, over - np.array([0, 0, plate.boss_top_mm])]])
-    yield _Gauge("boss height", plate.boss_top_mm, down, lambda runs: plate.boss_top_mm + 1 - runs[0])
+    ballast = plan.spec.ballast
+    inner = ballast.corners_mm if ballast else plate.post_diameter_mm
+    if inner < plate.recess_diameter_mm:
+        under = washer + np.array([0.0, (inner + plate.recess_diameter_mm) / 4, -1.0])
+        up = np.array([[under, under + np.array([0, 0, plate.recess_depth_mm + 2])]])
+        yield _Gauge("recess depth", plate.recess_depth_mm, up, lambda runs: runs[0] - 1)
+    if ballast:
+        top = plan.spec.pocket_top_mm
+        under = washer + np.array([0.0, 0.0, -1.0])
+        up = np.array([[under, under + np.array([0, 0, top + 2])]])
+        yield _Gauge("pocket height", top, up, lambda runs: runs[0] - 1)
+    top_mm = channel.pin.top_mm
+    over = np.array([channel.pin.x_mm, channel.pin.y_mm, top_mm + 1])
+    down = np.array([[over, over - np.array([0, 0, top_mm])]])
+    yield _Gauge(
+        "pin height" if channel.pin.on_beam else "boss height", top_mm, down, lambda runs: top_mm + 1 - runs[0]
+    )
+
+
+BESIDE_PIN_MM = 0.05
+"""Least distance from the fillet of a pin's foot at which a beam is measured."""
+
+
+def _is_clear(point: PathPoint, pin: Pin | None) -> bool:
+    """Return whether a point of a beam's path is clear of the pin on it."""
+    if pin is None:
+        return True
+    away = np.hypot(float(point.x_mm) - pin.x_mm, float(point.y_mm) - pin.y_mm)
+    return bool(away > pin.diameter_mm / 2 + pin.fillet_mm + BESIDE_PIN_MM)
 
 
 def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float) -> Iterator[_Gauge]:
@@ -149,17 +174,22 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
     yield _Gauge("height above the bed", 0.0, faces[::2], lambda runs: max(runs) - 1)
 
 
-def _length_gauge(name: str, path: BeamPath, height: float) -> _Gauge:
+def _length_gauge(name: str, path: BeamPath, height: float, pin: Pin | None) -> _Gauge:
     """Gauge a beam's length by rays back to the frame and forward to the plate, `height` mm above the bed.
 
-    They start within the first and the last segment. A straight ray leaves an arc, so on an arc it starts close to
-    the arc's end.
+    They start within the first and the last segment, near their ends where a pin stands in the way. A straight ray
+    leaves an arc, so on an arc it starts close to the arc's end.
     """
     length = float(path.length_mm)
     last = len(path.segments) - 1
-    aside = [0.5 if not s.turn_rad else min(NEAR_MM / float(s.length_mm), 0.5) for s in path.segments]
-    places = path.within(0, aside[0]), path.within(last, 1 - aside[last])
-    between = length - sum(aside[k] * float(path.segments[k].length_mm) for k in (0, last))
+    aside = {}
+    for k, sign in ((0, 1), (last, -1)):
+        segment_mm = float(path.segments[k].length_mm)
+        share = 0.5 if not path.segments[k].turn_rad else min(NEAR_MM / segment_mm, 0.5)
+        tried = [share * (1 - step / 20) for step in range(20)]
+        aside[sign] = next((at for at in tried if _all_clear(path, k, sign, at, pin)), tried[-1])
+    places = path.within(0, aside[1]), path.within(last, 1 - aside[-1])
+    between = length - sum(aside[sign] * float(path.segments[k].length_mm) for k, sign in ((0, 1), (last, -1)))
     rays = []
     for place, reach in zip(places, (-length, length), strict=True):
         start = np.array([place.x_mm, place.y_mm, height], float)
@@ -167,10 +197,23 @@ def _length_gauge(name: str, path: BeamPath, height: float) -> _Gauge:
     return _Gauge(f"{name} length", length, np.array(rays), lambda runs: between + sum(runs))
 
 
+def _all_clear(path: BeamPath, k: int, sign: int, share: float, pin: Pin | None) -> bool:
+    """Return whether segment `k` is clear of a pin over a `share` of its length from its start, or its end (−1)."""
+    shares = np.linspace(0, share, 10)
+    return all(_is_clear(path.within(k, at if sign > 0 else 1 - at), pin) for at in shares.tolist())
+
+
 def _worst(runs: list[float], planned: float, span: float, one: float, other: float) -> float:
     """Return the size farthest from `planned` of one per station: ``span + one * run + other * next run``, in mm."""
     sizes = [span + one * a + other * b for a, b in zip(runs[::2], runs[1::2], strict=True)]
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
+
+
+def _opening_mm(plan: Plan) -> float:
+    """Return the largest width in mm of the opening in the plate's underside, of the recess or the ballast."""
+    recess = plan.plate.recess_diameter_mm
+    ballast = plan.spec.ballast
+    return max(recess, ballast.corners_mm) if ballast else recess
 
 
 def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -180,7 +223,7 @@ def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> 
     centroids = [(both * crosses[:, None]).sum(0) / (3 * crosses.sum()) for both, crosses in sides]
     diameters = np.array([_diameter_mm(*each) for each in zip(outlines, centroids, strict=True)])
     # The window around a plate may have the same centre as the recess, but it is larger.
-    small = diameters < LARGEST_RECESS * plan.plate.recess_diameter_mm
+    small = diameters < LARGEST_RECESS * _opening_mm(plan)
     for taxel in taxels:
         offsets = np.hypot(*(np.reshape(centroids, (-1, 2)) - (taxel.x_mm, taxel.y_mm)).T)
         around = np.flatnonzero(small & (offsets < diameters / 2))
@@ -320,7 +363,8 @@ def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:
     """Return the width at which `narrower` turns from false to true, within 0.1 % of `bound_mm`, or `bound_mm`."""
     if not narrower(bound_mm):
         return bound_mm
-    low, high = 0.0, bound_mm
+    low = 0.0
+    high = bound_mm
     for _ in range(9):
         middle = (low + high) / 2
         low, high = (low, middle) if narrower(middle) else (middle, high)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import GeometryError
-from padgen.planner.layout import Outline, corner_groove, outline, taxel_places, to_cell
+from padgen.planner.layout import Outline, corner_groove, hexagon, outline, taxel_places, to_cell
 from padgen.planner.plan import Channel, Plan
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
 from padgen.solid.taxel import Tile, kept_solid
@@ -27,6 +27,7 @@ __all__ = [
     "Places",
     "Tile",
     "assembled",
+    "ballast_mesh",
     "border_mesh",
     "border_volume_mm3",
     "build_pad",
@@ -71,13 +72,29 @@ def border_mesh(
 
 def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM) -> Mesh:
     """Return the triangles of the washer glued to the roof of its recess, in mm in the taxel's own axes."""
-    washer = plan.spec.washer
-    depth = plan.plate.recess_depth_mm
+    washer = plan.spec.moved
+    high = plan.spec.mover_top_mm
     centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
     rings = [_circle(centre, washer.outer_diameter_mm, chord_mm, ANGLE_RAD)]
     if washer.inner_diameter_mm:
         rings.append(_circle(centre, washer.inner_diameter_mm, chord_mm, ANGLE_RAD)[::-1])
-    return prism(rings, depth - washer.thickness_mm, depth)
+    return prism(rings, high - washer.thickness_mm, high)
+
+
+def ballast_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM) -> Mesh | None:
+    """Return the triangles of the ballast in its pocket, in mm in the taxel's own axes; None where there is none."""
+    ballast = plan.spec.ballast
+    if ballast is None:
+        return None
+    centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
+    outside = _circle(centre, ballast.width_mm, chord_mm, ANGLE_RAD)
+    if ballast.shape == "hexagon":
+        outside = np.add(hexagon(ballast.width_mm), centre)
+    rings = [outside]
+    if ballast.inner_diameter_mm:
+        rings.append(_circle(centre, ballast.inner_diameter_mm, chord_mm, ANGLE_RAD)[::-1])
+    top = plan.spec.pocket_top_mm
+    return prism(rings, top - ballast.height_mm, top)
 
 
 def border_volume_mm3(plan: Plan, groove: Outline | None = None) -> float:

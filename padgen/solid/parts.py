@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from math import isfinite, nan, sqrt
+from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +21,13 @@ import numpy as np
 
 from padgen.core.errors import Finding, GeometryError, InfeasibleError, MeshFileError, number
 from padgen.core.files import read_as_one, read_bounded, reason
+from padgen.planner.ballast import ballast_size
 from padgen.planner.drive_rows import table_csv
 from padgen.planner.fixtures import (
     Tray,
     coupon_groove,
     coupon_plan,
     plan_tray,
-    screw_for,
     tray_findings,
     washer_underside_mm,
 )
@@ -46,12 +46,13 @@ from padgen.solid.checks import (
 from padgen.solid.compare import Pose, differences, pose_of
 from padgen.solid.formats import Part
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
+from padgen.solid.guard_plate import GuardSolid, build_guard, check_guard, free_diameter
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
+from padgen.solid.measure import Dimension, holes_of, run_mm
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, sound_mesh, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.taxel import box, only_solid
-from padgen.spec import PadTable, Spec
+from padgen.spec import Coil, PadTable, Spec
 
 __all__ = [
     "TraySolid",
@@ -191,7 +192,7 @@ def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
     seat_mm = (tray.seat_hole_mm + spec.coil.outer_diameter_mm) / 4 * np.stack([np.cos(angles), np.sin(angles)], -1)
     for x, y in tray.coils_mm:
         where = f"the socket at ({number(x)}, {number(y)}) mm"
-        yield Dimension(where, "socket diameter", tray.socket_diameter_mm, _free_diameter(sockets, x, y), ROUND_MM)
+        yield Dimension(where, "socket diameter", tray.socket_diameter_mm, free_diameter(sockets, x, y), ROUND_MM)
         for at in (seat_mm + np.array([x, y])).tolist():
             yield Dimension(where, "seat height", tray.floor_mm, _top(solid, tray, *at))
     # Two places on each side of the rim, near the corners.
@@ -207,7 +208,7 @@ def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
     bores = holes_of(solid, tray.height_mm - tray.screw.hole_depth_mm / 2)
     for x, y in tray.holes_mm:
         where = f"the screw hole at ({number(x)}, {number(y)}) mm"
-        yield Dimension(where, "hole diameter", tray.screw.hole_diameter_mm, _free_diameter(bores, x, y), ROUND_MM)
+        yield Dimension(where, "hole diameter", tray.screw.hole_diameter_mm, free_diameter(bores, x, y), ROUND_MM)
         bottom = np.nan_to_num(_top(solid, tray, x, y))
         yield Dimension(where, "hole depth", tray.screw.hole_depth_mm, float(tray.height_mm - bottom))
 
@@ -216,15 +217,6 @@ def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
     """Return the height in mm of the tray's highest face at a place, nan where there is none."""
     high = tray.height_mm + 1.0
     return high - run_mm(solid, (x, y, high), (x, y, -1.0))
-
-
-def _free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
-    """Return the diameter of the largest circle about a point within the hole around it, nan where there is no hole."""
-    at = np.array([x, y])
-    for contour in holes:
-        if (contour.min(0) < at).all() and (at < contour.max(0)).all():
-            return 2 * distance_to_sides(contour, at)
-    return nan
 
 
 def _off(gauges: list[Dimension]) -> Iterator[Finding]:
@@ -308,7 +300,7 @@ def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
 
 
 def build_part(plan: Plan, name: str) -> Part:
-    """Model and check the part of `plan` with this name: ``"tray"``, ``"coupon"`` or ``"coupon-tray"``.
+    """Model and check the part of `plan` with this name: ``"tray"``, ``"coupon"``, ``"coupon-tray"`` or ``"guard"``.
 
     Raises
     ------
@@ -321,6 +313,12 @@ def build_part(plan: Plan, name: str) -> Part:
         coupon, pad = build_coupon(plan)
         use = "one taxel of each channel, to be printed beside the pad and measured"
         return Part(name, coupon.name, use, pad.mesh, None, check_pad(pad, coupon))
+    if name == "guard":
+        if not plan.spec.guard.thickness_mm:
+            raise InfeasibleError("is missing, so that there is no guard plate; 1 mm is usual", "guard.thickness_mm")
+        guard = build_guard(plan)
+        use = "lies on the pad, a hole round each pin, and bears the hand"
+        return Part(name, guard.guard.name, use, guard.mesh, guard.solid, check_guard(guard, plan))
     of_coupon = name == "coupon-tray"
     over = coupon_plan(plan) if of_coupon else plan
     tray = build_tray(over)
@@ -335,12 +333,12 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     """
     spec = plan.spec
     coils = plan.coils.rows * plan.coils.columns
-    washer = spec.washer
+    washer = spec.moved
     coil = spec.coil
     pad = spec.pad
     screws = f"for {number(pad.hole_diameter_mm)} mm holes"
     if "tray" in (parts_g or {}):
-        screw = screw_for(pad.hole_diameter_mm, pad.frame_thickness_mm, plan_tray(plan).height_mm)
+        screw = plan_tray(plan).screw
         screws = f"{screw.name} x {number(screw.length_mm)} mm {screws}" if screw else screws
     amplifier = spec.amplifier
     load = plan.load
@@ -358,21 +356,21 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     )
     asked = f"{number(load.voltage_peak_v)} V and {number(load.current_peak_ma)} mA peak each"
     glue_mg = f", {number(spec.taxel.glue_mg)} mg each" if spec.taxel.glue_mg else ""
+    bore = f"{number(washer.inner_diameter_mm)} x " if washer.inner_diameter_mm else ""
+    grade = f", {spec.magnet.grade.upper()}, magnetised along its axis" if spec.magnet else ""
+    if spec.magnet and pad.hole_diameter_mm:
+        screws += ": brass, nylon or A2, since magnets draw steel ones"
+    if spec.magnet and spec.magnet.polarity == "alternating":
+        grade += ", north up and down from coil to coil"
     rows = [
         (
-            "washer",
+            spec.mover.kind,
             len(plan.taxels),
             "pieces",
-            f"{washer.name}: {number(washer.outer_diameter_mm)} x {number(washer.inner_diameter_mm)} x"
-            f" {number(washer.thickness_mm)} mm",
+            f"{washer.name}: {number(washer.outer_diameter_mm)} x {bore}{number(washer.thickness_mm)} mm{grade}",
         ),
-        (
-            "coil",
-            coils,
-            "pieces",
-            f"{coil.name}: {number(coil.outer_diameter_mm)} mm diameter {number(coil.length_mm)} mm long"
-            f" {number(coil.resistance_ohm)} ohm {number(coil.inductance_mh)} mH",
-        ),
+        *([("ballast", len(plan.taxels), "pieces", ballast_size(spec.ballast))] if spec.ballast else []),
+        _coil_row(coil, coils),
         ("plastic", f"{plastic_g:.2f}", "g", f"pad: {spec.material.name} on {spec.printer.name}"),
         *(("plastic", f"{grams:.2f}", "g", f"{name}: at full infill") for name, grams in (parts_g or {}).items()),
         ("screw", 4 if pad.hole_diameter_mm else 0, "pieces", screws),
@@ -384,9 +382,19 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
             "leads",
             f"two from each coil to its amplifier channel: {number(load.current_rms_ma)} mA rms",
         ),
-        ("glue", len(plan.taxels), "drops", f"one under each washer{glue_mg}"),
+        ("glue", len(plan.taxels), "drops", f"one under each {spec.mover.kind}{glue_mg}"),
     ]
     return table_csv(("item", "quantity", "unit", "what"), rows)
+
+
+def _coil_row(coil: Coil, count: int) -> tuple[str, int, str, str]:
+    """Return the row of the bill of materials of `count` coils: wound ones, or the board that has them."""
+    figures = f"{number(coil.resistance_ohm)} ohm {number(coil.inductance_mh)} mH"
+    if coil.kind == "board":
+        what = f"{count} coils of {number(coil.outer_diameter_mm)} mm on {coil.layers} layers, {figures} each"
+        return "board", 1, "pieces", f"{what}; padgen build --formats board makes its files"
+    size = f"{number(coil.outer_diameter_mm)} mm diameter {number(coil.length_mm)} mm long"
+    return "coil", count, "pieces", f"{coil.name}: {size} {figures}"
 
 
 # Loaders log tracebacks of what they pass over, such as normals that are no numbers; without a handler Python prints
@@ -395,7 +403,7 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 LEAST_LIKENESS = 0.2
 """Least likeness of a mesh to a part (share of the part's corners found, less the difference in size)."""
-SURE_LIKENESS = {"pad": 0.999, "coupon": 0.5, "tray": 0.5, "coupon-tray": 0.0}
+SURE_LIKENESS = {"pad": 0.999, "coupon": 0.5, "guard": 0.5, "tray": 0.5, "coupon-tray": 0.0}
 """Likeness from which no further parts are tried, by part. Trays come last, as they load the CAD kernel."""
 
 
@@ -467,15 +475,16 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
         return Report(report.figures | limits, (*report.findings, *([] if plan is None else [unknown])))
     name, part_solid, planned, pose = recognised
     laid = pose.laid(mesh)
-    report = (
-        check_tray(planned, part_solid, laid)
-        if isinstance(planned, TraySolid)
-        else check_against(laid, planned, part_solid)
-    )
+    if isinstance(planned, TraySolid):
+        report = check_tray(planned, part_solid, laid)
+    elif isinstance(planned, GuardSolid):
+        report = check_guard(planned, part_solid, laid)
+    else:
+        report = check_against(laid, planned, part_solid)
     return Report(report.figures | limits | {"part": name}, (*pose.findings(), *report.findings))
 
 
-def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid, Pose] | None:
+def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid | GuardSolid, Pose] | None:
     """Recognise the part that a mesh shows; return its name, plan, solid and the mesh's pose, or None."""
     best = None
     most = LEAST_LIKENESS
@@ -492,10 +501,12 @@ def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid
     return best
 
 
-def _parts(plan: Plan) -> Iterator[tuple[str, Plan, PadSolid | TraySolid]]:
+def _parts(plan: Plan) -> Iterator[tuple[str, Plan, PadSolid | TraySolid | GuardSolid]]:
     yield "pad", plan, build_pad(plan)
     coupon, solid = build_coupon(plan)
     yield "coupon", coupon, solid
+    if plan.spec.guard.thickness_mm:
+        yield "guard", plan, build_guard(plan)
     for name, over in (("tray", plan), ("coupon-tray", coupon)):
         with suppress(InfeasibleError):
             yield name, over, build_tray(over)

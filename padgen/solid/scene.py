@@ -12,11 +12,12 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError
 from padgen.planner.fixtures import plan_tray, washer_underside_mm
-from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
+from padgen.planner.guard import plan_guard
+from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, hexagon, outline, to_cell
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import Arrangement, BeamPath, PathPoint
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
-from padgen.solid.pad_solid import PadSolid, border_mesh, tile_grid, washer_mesh
+from padgen.solid.pad_solid import PadSolid, ballast_mesh, border_mesh, tile_grid, washer_mesh
 
 __all__ = ["Place", "ScenePart", "SceneParts", "mode_heights", "scene_parts"]
 
@@ -72,7 +73,7 @@ def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
         parts.append(ScenePart("frame", "pad", pad.tiles[-1].mesh if pad else mesh, tuple(bare)))
     border = pad.border.mesh if pad else border_mesh(plan, grid.shape, CHORD_MM, ANGLE_RAD, corner_groove(plan.spec))
     parts.append(ScenePart("border", "pad", border, (Place("border", 0.0, 0.0),)))
-    return (*parts, *_coils(plan), *_tray(plan))
+    return (*parts, *_coils(plan), *_tray(plan), *_guard(plan))
 
 
 def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> list[ScenePart]:
@@ -82,9 +83,12 @@ def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> lis
     chord = 0.1 if len(plan.taxels) > MANY else 0.02
     axis = to_cell(np.array([float(arrangement.washer_x_mm), 0.0, 0.0]), channel) * (1, 1, 0)
     parts = []
-    for name, material in ((f"taxel-{k}", "pad"), (f"washer-{k}", "steel")):
-        if pad is None or material == "steel":
-            mesh = washer_mesh(plan, channel, chord) if material == "steel" else _taxel_mesh(plan, channel, arrangement)
+    hung = {"washer": washer_mesh(plan, channel, chord), "ballast": ballast_mesh(plan, channel, chord)}
+    for kind, material in (("taxel", "pad"), ("washer", "steel"), ("ballast", "ballast")):
+        if material == "ballast" and hung["ballast"] is None:
+            continue
+        if pad is None or material != "pad":
+            mesh = hung.get(kind) or _taxel_mesh(plan, channel, arrangement)
             own_axes = mesh.vertices_mm
             placed = to_cell(mesh.vertices_mm, channel)
         else:
@@ -93,10 +97,9 @@ def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> lis
             own_axes = _from_cell(placed, channel)
         heights = mode_heights(arrangement, channel, own_axes)
         places = (
-            Place(t.id if material == "pad" else f"washer-{t.id}", t.x_mm, t.y_mm, 0.0, t.turned)
-            for t in channel_taxels
+            Place(t.id if kind == "taxel" else f"{kind}-{t.id}", t.x_mm, t.y_mm, 0.0, t.turned) for t in channel_taxels
         )
-        parts.append(ScenePart(name, material, Mesh(placed - axis, mesh.triangles), tuple(places), k, heights))
+        parts.append(ScenePart(f"{kind}-{k}", material, Mesh(placed - axis, mesh.triangles), tuple(places), k, heights))
     return parts
 
 
@@ -185,13 +188,21 @@ def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
     full = plan.spec.pad.frame_thickness_mm
     solid = _extruded([_rectangle(outline(plan, channel)), window[::-1]], 0.0, full)
     moving = [_extruded([_rectangle(Outline(*map(float, b[:4])))], 0.0, float(b.height_mm)) for b in arrangement.blocks]
-    moving.append(_extruded([_disc(plate.boss_diameter_mm, x, sides=sides)], plate.thickness_mm / 2, plate.boss_top_mm))
+    pin = channel.pin
+    felt = _disc(pin.diameter_mm, pin.x_mm, pin.y_mm, sides=sides)
+    foot = 0.0 if pin.on_beam else plate.thickness_mm / 2
     recess = [_disc(plate.recess_diameter_mm, x, sides=sides)]
     if plate.post_diameter_mm:
         recess.append(_disc(plate.post_diameter_mm, x, sides=sides)[::-1])
     body = manifold3d.Manifold.batch_boolean(moving, manifold3d.OpType.Add)
     body -= _extruded(recess, -1.0, plate.recess_depth_mm)
+    if ballast := plan.spec.ballast:
+        pocket = _disc(ballast.width_mm, x, sides=sides)
+        if ballast.shape == "hexagon":
+            pocket = np.add(hexagon(ballast.width_mm), (x, 0.0))
+        body -= _extruded([pocket], -1.0, plan.spec.pocket_top_mm)
     beams = [_beam(path) for path in arrangement.beams]
+    beams.append(_extruded([felt], foot, pin.top_mm))
     return _mesh_of(manifold3d.Manifold.batch_boolean([solid, body, *beams], manifold3d.OpType.Add))
 
 
@@ -270,6 +281,35 @@ def _tray(plan: Plan) -> SceneParts:
         )
         for name, (layers, places) in parts.items()
     )
+
+
+def _guard(plan: Plan) -> SceneParts:
+    """Return the guard plate as it lies on the pad; none where the spec has none."""
+    spec = plan.spec
+    if not spec.guard.thickness_mm:
+        return ()
+    guard = plan_guard(plan)
+    pad = spec.pad
+    section = manifold3d.CrossSection
+    radius = pad.border_mm / 2
+    whole = _around(pad.width_mm + 2 * radius, pad.depth_mm + 2 * radius)
+    outside = section([_rectangle(whole)]).offset(radius, manifold3d.JoinType.Round, 2.0, SIDES)
+    sides = _sides(len(guard.pins_mm))
+    bores = [section([_disc(guard.hole_diameter_mm, *place, sides=sides)]) for place in guard.pins_mm]
+    bores += [section([_disc(guard.screw_hole_mm, *place, sides=sides)]) for place in guard.screw_holes_mm]
+    bores.append(section([_rectangle(guard.groove)]))
+    plate = outside - section.batch_boolean(bores, manifold3d.OpType.Add)
+    pockets = section.batch_boolean([section([_rectangle(p)]) for p in guard.pockets], manifold3d.OpType.Add)
+    low = pad.frame_thickness_mm
+    high = low + guard.clearance_mm
+    solid = manifold3d.Manifold.batch_boolean(
+        [
+            (plate - pockets).extrude(guard.clearance_mm).translate((0, 0, low)),
+            plate.extrude(guard.thickness_mm).translate((0, 0, high)),
+        ],
+        manifold3d.OpType.Add,
+    )
+    return (ScenePart("guard", "guard", _mesh_of(solid), (Place("guard", 0.0, 0.0),)),)
 
 
 def _around(width: float, depth: float) -> Outline:

@@ -25,13 +25,14 @@ import numpy as np
 
 from padgen.core import cache
 from padgen.core.errors import GeometryError, number
-from padgen.planner.layout import Outline, outline, shape_inputs
-from padgen.planner.plan import Channel, Plan
+from padgen.planner.layout import Outline, hexagon, outline, shape_inputs
+from padgen.planner.plan import Channel, Pin, Plan
 from padgen.planner.suspensions import BeamPath, Segment
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, tessellated
+from padgen.spec import Ballast
 
-__all__ = ["Tile", "box", "kept_solid", "only_solid", "taxel_key", "taxel_solid", "washer_solid"]
+__all__ = ["Tile", "ballast_solid", "box", "kept_solid", "only_solid", "taxel_key", "taxel_solid", "washer_solid"]
 
 LEAST_MM = 1e-6
 """Edges and fillets that are shorter are left out."""
@@ -58,29 +59,51 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
         frame = b.Solid.extrude(b.Face(outer, [window]), b.Vector(0, 0, thickness))
         beams = [_beam(path, channel.beam.fillet_mm) for path in arrangement.beams]
         parts = [box(Outline(*(float(v) for v in block[:4])), float(block.height_mm)) for block in arrangement.blocks]
-        if plate.boss_top_mm - plate.thickness_mm > 1e-6:
-            boss = _disc(plate.boss_diameter_mm, washer_x, plate.thickness_mm, plate.boss_top_mm)
-            if plate.boss_edge_mm >= 1e-6:
+        pin = channel.pin
+        if pin.on_beam:
+            # Through the beam, down to the bed: what is as wide as the beam prints without overhang.
+            beams.append(_contactor(pin, plate.boss_edge_mm, float(arrangement.beams[0].thickness_mm)))
+        elif pin.top_mm - plate.thickness_mm > LEAST_MM and (pin.fillet_mm or pin.shape == "dome"):
+            parts.append(_contactor(pin, plate.boss_edge_mm, plate.thickness_mm))
+        elif pin.top_mm - plate.thickness_mm > LEAST_MM:
+            boss = _disc(pin.diameter_mm, washer_x, plate.thickness_mm, pin.top_mm)
+            if plate.boss_edge_mm >= LEAST_MM:
                 boss = boss.chamfer(plate.boss_edge_mm, None, [max(boss.edges(), key=lambda e: e.center().Z)])
             parts.append(boss)
         first, *others = parts
         recess = _disc(plate.recess_diameter_mm, washer_x, 0.0, plate.recess_depth_mm)
         if plate.post_diameter_mm:
             recess = recess.cut(_disc(plate.post_diameter_mm, washer_x, 0.0, plate.recess_depth_mm))
+        if plan.spec.ballast:
+            recess = recess.fuse(_prism(plan.spec.ballast, washer_x, 0.0, plan.spec.pocket_top_mm))
         moving = (first.fuse(*others) if others else first).cut(recess)
         return only_solid(frame.fuse(*beams, *moving.solids()), f"the taxel of channel {channel.index}")
 
 
 def washer_solid(plan: Plan, channel: Channel) -> Any:
     """Return the solid of the washer glued to the roof of its recess, in the taxel's own axes, in mm."""
-    washer = plan.spec.washer
+    washer = plan.spec.moved
     washer_x = float(plan.arrangement(channel).washer_x_mm)
-    depth = plan.plate.recess_depth_mm
-    low = depth - washer.thickness_mm
+    high = plan.spec.mover_top_mm
+    low = high - washer.thickness_mm
     with kernel_errors("the washer"):
-        return _disc(washer.outer_diameter_mm, washer_x, low, depth).cut(
-            _disc(washer.inner_diameter_mm, washer_x, low, depth)
+        return _disc(washer.outer_diameter_mm, washer_x, low, high).cut(
+            _disc(washer.inner_diameter_mm, washer_x, low, high)
         )
+
+
+def ballast_solid(plan: Plan, channel: Channel) -> Any:
+    """Return the solid of the ballast in its pocket, in the taxel's own axes, in mm; None where the plan has none."""
+    ballast = plan.spec.ballast
+    if ballast is None:
+        return None
+    washer_x = float(plan.arrangement(channel).washer_x_mm)
+    top = plan.spec.pocket_top_mm
+    low = top - ballast.height_mm
+    with kernel_errors("the ballast"):
+        solid = _prism(ballast, washer_x, low, top)
+        bore = ballast.inner_diameter_mm
+        return solid.cut(_disc(bore, washer_x, low, top)) if bore else solid
 
 
 def _beam(path: BeamPath, fillet: float) -> Any:
@@ -127,9 +150,65 @@ def _side(path: BeamPath, side: float, start: float) -> list[Any]:
     return edges
 
 
+def _contactor(pin: Pin, edge_mm: float, ground_mm: float) -> Any:
+    """Return boss or pin upwards from `ground_mm`, turned about its axis: its foot's fillet, and its dome or chamfer.
+
+    What ends on the top of a plate stands on it; on a beam it begins at the bed.
+    """
+    b = build123d()
+    half = pin.diameter_mm / 2
+    top = pin.top_mm
+    profile = [(0.0, 0.0 if pin.on_beam else ground_mm)]
+    edges = []
+
+    def line_to(r: float, z: float) -> None:
+        if abs(profile[-1][0] - r) + abs(profile[-1][1] - z) > LEAST_MM:
+            edges.append(b.Edge.make_line(_upright(*profile[-1]), _upright(r, z)))
+            profile.append((r, z))
+
+    def arc_to(middle: tuple[float, float], end: tuple[float, float]) -> None:
+        edges.append(b.Edge.make_three_point_arc(*(_upright(*at) for at in (profile[-1], middle, end))))
+        profile.append(end)
+
+    bow = 1 - 0.5**0.5
+    if pin.fillet_mm >= LEAST_MM:
+        r = pin.fillet_mm
+        if pin.on_beam:
+            line_to(half, 0.0)
+            line_to(half, ground_mm / 2)
+            line_to(half + r, ground_mm / 2)
+        line_to(half + r, ground_mm)
+        arc_to((half + bow * r, ground_mm + bow * r), (half, ground_mm + r))
+    else:
+        line_to(half, profile[0][1])
+    if pin.shape == "dome":
+        line_to(half, top - half)
+        arc_to((half * 0.5**0.5, top - bow * half), (0.0, top))
+    else:
+        line_to(half, top - edge_mm)
+        line_to(half - edge_mm, top)
+        line_to(0.0, top)
+    line_to(*profile[0])
+    solid = b.Solid.revolve(b.Face(b.Wire(edges)), 360, b.Axis((0, 0, 0), (0, 0, 1)))
+    return solid.moved(b.Location((pin.x_mm, pin.y_mm, 0)))
+
+
+def _upright(radius_mm: float, z_mm: float) -> tuple[float, float, float]:
+    return radius_mm, 0.0, z_mm
+
+
 def _disc(diameter: float, x: float, low: float, high: float) -> Any:
     b = build123d()
     return b.Solid.make_cylinder(diameter / 2, high - low, b.Plane((x, 0, low)))
+
+
+def _prism(ballast: Ballast, x: float, low: float, high: float) -> Any:
+    """Return the outline of ballast, without its bore, between two heights; a hexagon's corners lie beside the beam."""
+    b = build123d()
+    if ballast.shape == "round":
+        return _disc(ballast.width_mm, x, low, high)
+    wire = b.Wire.make_polygon([b.Vector(x + at_x, at_y, low) for at_x, at_y in hexagon(ballast.width_mm)], close=True)
+    return b.Solid.extrude(b.Face(wire), b.Vector(0, 0, high - low))
 
 
 def box(sides: Outline, high: float, low: float = 0.0) -> Any:

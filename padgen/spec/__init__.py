@@ -3,8 +3,10 @@
 from padgen.spec.load import catalogue, find_spec, load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.model import (
     Amplifier,
+    Ballast,
     Coil,
     DriveTable,
+    Magnet,
     Material,
     MountTable,
     PadTable,
@@ -14,13 +16,16 @@ from padgen.spec.model import (
     Spread,
     SuspensionTable,
     TaxelTable,
+    TouchTable,
     Washer,
 )
 
 __all__ = [
     "Amplifier",
+    "Ballast",
     "Coil",
     "DriveTable",
+    "Magnet",
     "Material",
     "MountTable",
     "PadTable",
@@ -30,6 +35,7 @@ __all__ = [
     "Spread",
     "SuspensionTable",
     "TaxelTable",
+    "TouchTable",
     "Washer",
     "catalogue",
     "find_spec",

@@ -33,14 +33,29 @@ MOST_NUMBERS = 10_000
 """Most entries of a list."""
 
 
-def quantity(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str) -> Any:
-    """Declare a number in `unit`, from `low` to `high`."""
-    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc})
+def quantity(
+    default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, words: tuple[str, ...] = ()
+) -> Any:
+    """Declare a number in `unit`, from `low` to `high`, or one of `words` in its place."""
+    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc, "words": words})
 
 
-def numbers(default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, count: int | None = None) -> Any:
-    """Declare a list of numbers in `unit`, each from `low` to `high`: `count` of them, or else one or more."""
-    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc, "count": count})
+def numbers(
+    default: Any = MISSING,
+    *,
+    unit: str,
+    low: float,
+    high: float,
+    doc: str,
+    count: int | None = None,
+    single: bool = False,
+) -> Any:
+    """Declare a list of numbers in `unit`, each from `low` to `high`: `count` of them, or else one or more.
+
+    Where it may be `single`, a number stands for a list of one.
+    """
+    bounds = {"unit": unit, "low": low, "high": high}
+    return field(default=default, metadata={**bounds, "doc": doc, "count": count, "single": single})
 
 
 def choice(default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str) -> Any:
@@ -116,12 +131,20 @@ def checked(item: "Field[Any]", value: Any, where: str) -> Any:
     kind = optional_type(item.type)[0]
     meta = item.metadata
     if kind in TYPES:
+        if words := meta.get("words", ()):
+            if isinstance(value, str) and value in words:
+                return value
+            if isinstance(value, str):
+                raise unknown_name(value, list(words), "choice but a number or", where)
         if kind is int and isinstance(value, float) and value.is_integer():
             value = int(value)
         _refuse(kind, meta, value, where)
         return kind(value)
     count = meta["count"]
     inner, *_ = get_args(kind)
+    if meta.get("single") and not isinstance(value, (list, tuple)):
+        _refuse(inner, meta, value, where)
+        return (inner(value),)
     if not isinstance(value, (list, tuple)) or not value or (count and len(value) != count):
         what = f"a list of {count or 'one or more'} numbers in {meta['unit']}"
         raise SpecError(f"must be {what}, got {shown(value)}", where)

@@ -1,35 +1,42 @@
 """Load a `Spec` from a TOML file or a template, fill in its catalogue entries, and refuse contradictions.
 
-The catalogues hold materials, printers, their spreads, washers and coils. The user's curve of detection thresholds over
-frequency is a CSV file, or two lists in the spec. The fields also make the JSON schema, with which editors complete and
-check spec files.
+The catalogues hold materials, printers, their spreads, washers, magnets, ballast and coils. The user's curve of
+detection thresholds over frequency is a CSV file, or two lists in the spec. The fields also make the JSON schema, with
+which editors complete and check spec files.
 """
 
 import csv
 import io
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
-from math import floor
+from math import floor, inf
 from pathlib import Path
 from typing import Any, get_args
 
 from padgen.core.errors import FileError, SpecError, at_most, number, shown
 from padgen.core.files import read_as_one, read_bounded, reason
-from padgen.core.registry import SCHEMES
+from padgen.core.registry import COILS, MOVERS, SCHEMES
+from padgen.core.rules import Rule, RuleBook
 from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
+    MAGNETIC,
     Amplifier,
+    Ballast,
     Coil,
+    ContactorTable,
     DriveTable,
+    GuardTable,
     LimitsTable,
+    Magnet,
     Material,
     Model,
     MountTable,
+    MoverTable,
     PadTable,
     Printer,
     SoundCard,
@@ -37,13 +44,16 @@ from padgen.spec.model import (
     Spread,
     SuspensionTable,
     TaxelTable,
+    TouchTable,
     Washer,
 )
 
 __all__ = [
     "CARRIED_HEADROOM",
     "CATALOGUES",
+    "SEARCHED",
     "SHORTHANDS",
+    "SPEC_RULES",
     "answers",
     "catalogue",
     "find_spec",
@@ -64,12 +74,6 @@ __all__ = [
 
 SLACK_MM = 1e-9
 """Rounding by which a sum of fields may exceed its bound."""
-MAGNETIC = 2.0
-"""Smallest relative permeability of a washer that counts as magnetic."""
-
-
-Rule = tuple[bool, str, str, Sequence[dict[str, Any]]]
-"""A rule of a spec: true if it holds, its field, and the sentence and cures to say if it does not hold."""
 
 
 def _band_rules(spec: Spec) -> list[Rule]:
@@ -77,42 +81,40 @@ def _band_rules(spec: Spec) -> list[Rule]:
     bound = spec.delta_y / 4
     tones = spec.resonances_hz or ()
     return [
-        (
+        Rule(
             low < high,
             "band_hz",
             f"must run from low to high, got [{number(low)}, {number(high)}] Hz",
             [{"band_hz": [high, low]}] if low > high else (),
         ),
-        (
+        Rule(
             spec.q_min > bound,
             "q_min",
             f"must be above delta_y/4 = {number(bound)} for a coil to hold any channel, got {number(spec.q_min)}",
             [{"delta_y": float(at_most(2 * spec.q_min))}],
         ),
-        (
+        Rule(
             spec.coil.sets == 1 or spec.coil.grid != (1, 1),
             "coil.reuse",
             "'alternate' needs coils to alternate with, coil.grid is [1, 1]",
             [{"coil.reuse": "same"}],
         ),
-        (
+        Rule(
             len(tones) % spec.coil.sets == 0,
             "resonances_hz",
             "must be an even number with coil.reuse = 'alternate', which gives its two sets one each in turn,"
             f" got {len(tones)}",
-            (),
         ),
         *(
-            (
+            Rule(
                 lower < upper,
                 "resonances_hz",
                 f"must rise from channel to channel, got {number(lower)} before {number(upper)} Hz",
-                (),
             )
             for lower, upper in pairwise(tones)
         ),
         *(
-            (
+            Rule(
                 low <= tone <= high,
                 "resonances_hz",
                 f"must lie in the band of {number(low)} … {number(high)} Hz, got {number(tone)} Hz",
@@ -127,61 +129,67 @@ def _parts_rules(spec: Spec) -> list[Rule]:
     material = spec.material
     spread = spec.spread
     printer = spec.printer
-    washer = spec.washer
+    moved = spec.moved
     coil = spec.coil
     scheme = spec.drive.scheme
     blocked_by = spec.blocked_by
     return [
-        (
+        Rule(
             material.process == printer.process,
             "material",
             f"{material.name!r} is for {material.process} printers, but printer {printer.name!r} is {printer.process}",
             [{"material": None}],
         ),
-        (
+        *(
+            Rule(
+                not is_planned_by or ratio is not None,
+                f"material.{name}_ratio",
+                f"is missing, by which material.{name} = true plans {material.name!r}",
+                [{f"material.{name}": False}],
+            )
+            for name, is_planned_by, ratio in (
+                ("dynamic", material.dynamic, material.dynamic_ratio),
+                ("wet", material.wet, material.wet_ratio),
+            )
+        ),
+        Rule(
             spread.process == printer.process,
             "spread",
             f"{spread.name!r} is of {spread.process} prints, but printer {printer.name!r} is {printer.process}",
             [{"spread": None}],
         ),
-        (
+        Rule(
             not blocked_by or scheme == "auto" or SCHEMES.get(scheme).CURRENT != "biased",
             "drive.scheme",
             f"{scheme!r} has a constant current, which {blocked_by} does not pass",
             [{"drive.scheme": "auto"}, spec.passing_cure],
         ),
+        *_order_rules(spec),
         *_sound_card_rules(spec),
-        (
+        Rule(
             spec.mount.q is None or spec.mount.stiffness_n_per_m is not None,
             "mount.q",
             f"is of the motion on mount.stiffness_n_per_m, which is absent; got {number(spec.mount.q or 0)}",
             [{"mount.q": None}],
         ),
-        (
-            washer.relative_permeability >= MAGNETIC,
-            "washer",
-            f"{washer.name!r} is not magnetic (relative permeability {number(washer.relative_permeability)});"
-            " take plain steel or a ferritic or martensitic stainless steel",
-            (),
-        ),
+        *_mover_rules(spec),
         *(
-            (
+            Rule(
                 part.inner_diameter_mm < part.outer_diameter_mm,
                 f"{where}.inner_diameter_mm",
                 f"must be below the outer diameter of {number(part.outer_diameter_mm)} mm, got"
                 f" {number(part.inner_diameter_mm)} mm",
-                (),
             )
-            for where, part in (("washer", washer), ("coil", coil))
+            for where, part in ((spec.mover_part, moved), ("coil", coil))
         ),
-        (
+        Rule(
             not coil.gap_mm or coil.gap_mm <= coil.outer_diameter_mm,
             "coil.gap_mm",
             f"must be at most the coil's outer diameter of {number(coil.outer_diameter_mm)} mm, beyond which it hardly"
-            f" pulls a washer, got {number(coil.gap_mm or 0)} mm",
+            f" pulls a {spec.mover.kind}, got {number(coil.gap_mm or 0)} mm",
             [{"coil.gap_mm": coil.outer_diameter_mm}],
         ),
-        (
+        Rule(
             coil.core_diameter_mm <= coil.inner_diameter_mm,
             "coil.core_diameter_mm",
             f"must fit the winding's bore of {number(coil.inner_diameter_mm)} mm, got"
@@ -191,6 +199,50 @@ def _parts_rules(spec: Spec) -> list[Rule]:
     ]
 
 
+POWERS = {1: "the current", 2: "the square of the current"}
+"""What a force goes with, by its order in the current."""
+
+
+def _order_rules(spec: Spec) -> Iterator[Rule]:
+    """Yield the rule that a drive scheme is for the mover's force; movers are looked up only where one is named."""
+    scheme = spec.drive.scheme
+    if scheme != "auto":
+        order = spec.force_order
+        yield Rule(
+            getattr(SCHEMES.get(scheme), "FORCE_ORDER", 2) == order,
+            "drive.scheme",
+            f"{scheme!r} is for a force that goes with {POWERS[3 - order]}, that on a {spec.mover.kind} goes with"
+            f" {POWERS[order]}",
+            [{"drive.scheme": "auto"}],
+        )
+
+
+def _mover_rules(spec: Spec) -> Iterator[Rule]:
+    """Yield the rules of the part that the coil moves."""
+    if washer := spec.washer:
+        yield Rule(
+            washer.relative_permeability >= MAGNETIC,
+            "washer",
+            f"{washer.name!r} is not magnetic (relative permeability {number(washer.relative_permeability)});"
+            " take plain steel or a ferritic or martensitic stainless steel",
+        )
+    if magnet := spec.magnet:
+        yield Rule(
+            magnet.remanence_low_t <= magnet.remanence_high_t,
+            "magnet.remanence_low_t",
+            f"must be at most magnet.remanence_high_t = {number(magnet.remanence_high_t)} T, got"
+            f" {number(magnet.remanence_low_t)} T",
+            [{"magnet.remanence_low_t": magnet.remanence_high_t}],
+        )
+        yield Rule(
+            spec.coil.core_diameter_mm == 0 or spec.ballast is None or not spec.ballast.is_magnetic,
+            "ballast",
+            f"must not be magnetic over a coil with a core, whose pull on a magnet with steel on it is not known, got"
+            f" {spec.ballast.name if spec.ballast else ''!r}",
+            [{"coil": "air-10"}],
+        )
+
+
 def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
     """Yield the rules of a sound card: what its high-pass is, and that it leaves lines to be made good."""
     card = spec.sound_card
@@ -198,14 +250,14 @@ def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
     if card is None:
         return
     where = "sound_card.corner_hz"
-    yield (
+    yield Rule(
         card.coupling == "DC" or card.corner_hz is not None,
         where,
         f"is missing, the corner of the high-pass of the AC-coupled sound card {card.name!r}, which its lines are made"
         " good by; measure or ask its maker",
         [{where: min(COMMON_CORNER_HZ, low)}, {"sound_card.coupling": "DC"}],
     )
-    yield (
+    yield Rule(
         card.coupling == "AC" or card.corner_hz is None,
         where,
         f"is of a high-pass, which the DC-coupled sound card {card.name!r} has not, got {number(card.corner_hz or 0)}"
@@ -213,7 +265,7 @@ def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
         [{where: None}, {"sound_card.coupling": "AC"}],
     )
     # The lowest line is at half the lowest resonance. There the high-pass takes 7 dB from it at most.
-    yield (
+    yield Rule(
         (card.corner_hz or 0.0) <= low,
         where,
         f"must be at most band_hz[0] = {number(low)} Hz, or too little is left of the lowest lines to be made good, got"
@@ -222,73 +274,189 @@ def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
     )
 
 
+def _ballast_rules(spec: Spec) -> Iterator[Rule]:
+    """Yield the rules of ballast: its bore, the pocket's roof, and the post that would be in its way."""
+    ballast = spec.ballast
+    if ballast is None:
+        return
+    taxel = spec.taxel
+    yield Rule(
+        ballast.inner_diameter_mm < ballast.width_mm,
+        "ballast.inner_diameter_mm",
+        f"must be below its width of {number(ballast.width_mm)} mm, got {number(ballast.inner_diameter_mm)} mm",
+    )
+    yield Rule(
+        not taxel.centre_post,
+        "taxel.centre_post",
+        f"must be false under ballast, since {ballast.name!r} is pressed in through the recess, got true",
+        [{"taxel.centre_post": False}],
+    )
+    least = round(spec.pocket_top_mm + 2 * spec.printer.layer_mm, 6)
+    low = spec.pocket_top_mm - ballast.height_mm
+    room = taxel.plate_thickness_mm - 2 * spec.printer.layer_mm
+    fits = least <= taxel.plate_thickness_mm + SLACK_MM
+    yield Rule(
+        fits,
+        "ballast",
+        f"{ballast.name!r} of {number(ballast.height_mm)} mm over the {spec.mover.kind} and glue of {number(low)} mm"
+        f" must leave two layers of roof in the plate of {number(taxel.plate_thickness_mm)} mm, which has room for"
+        f" {number(max(room - low, 0.0))} mm: a longer part would be pressed out towards the coil",
+        () if fits else [*_flatter(spec, room), *_thicker(spec, least)],
+    )
+    bridged = spec.printer.longest_bridge_mm
+    spans = ballast.corners_mm <= bridged + SLACK_MM
+    yield Rule(
+        spans,
+        "ballast",
+        f"{ballast.name!r} needs a pocket whose roof spans {number(ballast.corners_mm)} mm, {spec.printer.name}"
+        f" bridges {number(bridged)} mm",
+        () if spans else _flatter(spec, room, bridged),
+    )
+
+
+def _flatter(spec: Spec, top_mm: float, widest_mm: float = inf) -> list[dict[str, Any]]:
+    """Return the catalogue's heaviest ballast below a height in mm and no wider than given, if there is one."""
+    fitting = {}
+    for name in catalogue("ballast"):
+        ballast = _catalogue_entry("ballast", name, OWN)
+        other = replace(spec, ballast=ballast)
+        if other.pocket_top_mm <= top_mm + SLACK_MM and ballast.corners_mm <= widest_mm:
+            fitting[name] = ballast.mass_g
+    return [{"ballast": max(fitting, key=lambda name: fitting[name])}] if fitting else []
+
+
 def _taxel_rules(spec: Spec) -> list[Rule]:
     taxel = spec.taxel
     pad = spec.pad
     printer = spec.printer
-    washer = spec.washer
+    moved = spec.moved
     least = spec.recess_depth_mm + 2 * printer.layer_mm
-    boss_height = pad.frame_thickness_mm - taxel.plate_thickness_mm + taxel.boss_protrusion_mm
+    boss_height = spec.contact_top_mm - taxel.plate_thickness_mm
     edge_bound = min(taxel.boss_diameter_mm / 2, boss_height) * 0.9
     most = pad.border_mm - 2 * printer.line_width_mm
-    recess = washer.outer_diameter_mm + taxel.washer_clearance_mm
-    span = (recess - washer.inner_diameter_mm) / 2 if taxel.centre_post else recess
-    side = max(recess + 2 * printer.line_width_mm, taxel.boss_diameter_mm)
+    recess = moved.outer_diameter_mm + taxel.washer_clearance_mm
+    span = (recess - moved.inner_diameter_mm) / 2 if taxel.centre_post else recess
+    across = max(recess, spec.ballast.corners_mm if spec.ballast else 0.0)
+    along = max(recess, spec.ballast.width_mm if spec.ballast else 0.0)
+    boss = spec.contact_diameter_mm if spec.pin_share is None else 0.0
+    length, width = (max(side + 2 * printer.line_width_mm, boss) for side in (along, across))
+    held = f"{spec.mover.kind} {moved.name}" + (f" and {spec.ballast.name}" if spec.ballast else "")
     return [
-        (
+        Rule(
             least <= taxel.plate_thickness_mm + SLACK_MM,
             "taxel.plate_thickness_mm",
-            f"must be at least {number(least)} mm (washer {number(washer.thickness_mm)} mm,"
+            f"must be at least {number(least)} mm ({spec.mover.kind} {number(moved.thickness_mm)} mm,"
             f" glue {number(taxel.glue_gap_mm)} mm, up to whole layers, two layers of roof),"
             f" got {number(taxel.plate_thickness_mm)} mm",
             _thicker(spec, round(least, 6)),
         ),
-        (
+        Rule(
             taxel.plate_thickness_mm <= pad.frame_thickness_mm + SLACK_MM,
             "taxel.plate_thickness_mm",
             f"must not exceed the frame's thickness of {number(pad.frame_thickness_mm)} mm,"
             f" got {number(taxel.plate_thickness_mm)} mm",
             [{"pad.frame_thickness_mm": taxel.plate_thickness_mm}],
         ),
-        (
-            taxel.boss_edge_mm <= edge_bound + SLACK_MM,
+        Rule(
+            taxel.boss_edge_mm <= edge_bound + SLACK_MM or spec.contactor != ContactorTable(),
             "taxel.boss_edge_mm",
             f"must be at most {number(edge_bound)} mm on a boss of {number(taxel.boss_diameter_mm)} mm diameter"
             f" and {number(boss_height)} mm height, got {number(taxel.boss_edge_mm)} mm",
             [{"taxel.boss_edge_mm": _down(edge_bound)}],
         ),
-        (
+        Rule(
             pad.rib_mm >= printer.line_width_mm - SLACK_MM,
             "pad.rib_mm",
             f"must be at least a line of {number(printer.line_width_mm)} mm, the thinnest wall of {printer.name},"
             f" got {number(pad.rib_mm)} mm",
             [{"pad.rib_mm": printer.line_width_mm}],
         ),
-        (
+        Rule(
             not pad.hole_diameter_mm or pad.hole_diameter_mm <= most + SLACK_MM,
             "pad.hole_diameter_mm",
             f"must leave a line of wall on both sides in the border of {number(pad.border_mm)} mm, at most"
             f" {number(max(most, 0.0))} mm, got {number(pad.hole_diameter_mm)} mm",
             [{"pad.hole_diameter_mm": _down(most) if most > 0 else 0}],
         ),
-        (
+        Rule(
             span <= printer.longest_bridge_mm + SLACK_MM,
-            "washer",
-            f"{washer.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
+            spec.mover_part,
+            f"{moved.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
             f" {number(printer.longest_bridge_mm)} mm",
             _bridged(spec),
         ),
         *(
-            (
+            Rule(
                 value is None or value >= side - SLACK_MM,
                 f"taxel.{name}",
-                f"must be at least {number(side)} mm for the washer {washer.name} in its walls and the boss,"
+                f"must be at least {number(side)} mm for the {held} in its walls and the boss,"
                 f" got {number(value or 0)} mm",
                 [{f"taxel.{name}": -_down(-side)}],
             )
-            for name, value in (("plate_length_mm", taxel.plate_length_mm), ("plate_width_mm", taxel.plate_width_mm))
+            for name, value, side in (
+                ("plate_length_mm", taxel.plate_length_mm, length),
+                ("plate_width_mm", taxel.plate_width_mm, width),
+            )
         ),
     ]
+
+
+def _contactor_rules(spec: Spec) -> Iterator[Rule]:
+    """Yield the rules of what meets the skin, and of the guard plate round it."""
+    printer = spec.printer
+    least_mm = printer.least_pin_mm
+    diameter_mm = spec.contact_diameter_mm
+    yield Rule(
+        spec.contactor == ContactorTable() or diameter_mm >= least_mm - SLACK_MM,
+        "contactor.diameter_mm",
+        f"must be at least {number(least_mm)} mm, the thinnest pin that {printer.name} prints, got"
+        f" {number(diameter_mm)} mm",
+        [{"contactor.diameter_mm": least_mm}, *_finer_printers(spec)],
+    )
+    rise_mm = spec.contact_top_mm - spec.taxel.plate_thickness_mm
+    yield Rule(
+        spec.contactor.shape == "flat" or diameter_mm / 2 <= rise_mm + SLACK_MM,
+        "contactor.shape",
+        f"'dome' is half a ball, {number(diameter_mm / 2)} mm high, and this contactor rises {number(rise_mm)} mm above"
+        " the plate",
+        [
+            {"contactor.shape": "flat"},
+            {"contactor.protrusion_mm": -_down(-(spec.contact_proud_mm + diameter_mm / 2 - rise_mm))},
+        ],
+    )
+    if not spec.guard.thickness_mm:
+        return
+    yield Rule(
+        spec.contact_proud_mm >= printer.layer_mm - SLACK_MM,
+        "contactor.protrusion_mm",
+        "must let the pin stand proud of the guard plate by a layer, or a hand that rests on the plate never touches"
+        f" it: at least {number(printer.layer_mm)} mm, got {number(spec.contact_proud_mm)} mm",
+        [{"contactor.protrusion_mm": printer.layer_mm}],
+    )
+    hole_mm = spec.guard_hole_mm
+    free_mm = diameter_mm + 2 * printer.smallest_gap_mm
+    yield Rule(
+        hole_mm >= free_mm - SLACK_MM,
+        "guard.hole_diameter_mm",
+        f"must leave a gap of {number(printer.smallest_gap_mm)} mm round the pin of {number(diameter_mm)} mm, or the"
+        f" hole catches it: at least {number(free_mm)} mm, got {number(hole_mm)} mm",
+        [{"guard.hole_diameter_mm": -_down(-free_mm)}],
+    )
+
+
+def _finer_printers(spec: Spec) -> Iterator[dict[str, Any]]:
+    """Yield the printers of the catalogue that print the spec's pin, the coarsest first."""
+    makers = {
+        name: entry["smallest_pin_mm"]
+        for name, entry in catalogue("printer").items()
+        if (entry["smallest_pin_mm"] or LARGEST_PIN_MM) <= spec.contact_diameter_mm
+    }
+    for name in sorted(makers, key=lambda name: -makers[name]):
+        yield {"printer": name}
+
+
+LARGEST_PIN_MM = 1e3
+"""Diameter of a pin that every printer prints."""
 
 
 def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
@@ -300,16 +468,16 @@ def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
 def _bridged(spec: Spec) -> list[dict[str, Any]]:
     """Return cures for a roof too wide to bridge: the largest washer that is not, or a post in the recess."""
     taxel = spec.taxel
-    washer = spec.washer
+    moved = spec.moved
     most_mm = spec.printer.longest_bridge_mm
     largest = most_mm - taxel.washer_clearance_mm
     sizes = {
         name: entry["outer_diameter_mm"]
-        for name, entry in catalogue("washer").items()
-        if entry["outer_diameter_mm"] <= largest and entry["relative_permeability"] >= MAGNETIC
+        for name, entry in catalogue(spec.mover_part).items()
+        if entry["outer_diameter_mm"] <= largest and entry.get("relative_permeability", MAGNETIC) >= MAGNETIC
     }
-    ways: list[dict[str, Any]] = [{"washer": max(sizes, key=lambda name: sizes[name])}] if sizes else []
-    if (washer.outer_diameter_mm + taxel.washer_clearance_mm - washer.inner_diameter_mm) / 2 <= most_mm:
+    ways: list[dict[str, Any]] = [{spec.mover_part: max(sizes, key=lambda name: sizes[name])}] if sizes else []
+    if (moved.outer_diameter_mm + taxel.washer_clearance_mm - moved.inner_diameter_mm) / 2 <= most_mm:
         ways.append({"taxel.centre_post": True})
     return ways
 
@@ -328,7 +496,7 @@ def _printed_rules(spec: Spec) -> list[Rule]:
     printer = spec.printer
     thickness = spec.suspension.thickness_mm or printer.height_mm(printer.smallest_beam_layers)
     return [
-        (
+        Rule(
             drawn + offset >= LEAST_PRINTED_MM - SLACK_MM,
             f"printer.{field}",
             f"must leave at least {number(LEAST_PRINTED_MM)} mm of the {what}, {number(drawn)} mm as drawn, so be at"
@@ -351,14 +519,14 @@ def _beam_rules(spec: Spec) -> list[Rule]:
     layers, most = ((height - printer.first_layer_mm) / printer.layer_mm + 1 for height in (thickness, bound))
     whole = max(min(round(layers), floor(most + 1e-6)), printer.smallest_beam_layers)
     return [
-        (
+        Rule(
             abs(layers - max(round(layers), printer.smallest_beam_layers)) <= 1e-6,
             "suspension.thickness_mm",
             f"must be a whole number of layers (first {number(printer.first_layer_mm)} mm, then"
             f" {number(printer.layer_mm)} mm each), got {number(thickness)} mm",
             [{"suspension.thickness_mm": printer.height_mm(whole)}],
         ),
-        (
+        Rule(
             thickness <= bound + SLACK_MM,
             "suspension.thickness_mm",
             f"must stay a layer below the plate's thickness, at most {number(bound)} mm, got {number(thickness)} mm",
@@ -431,14 +599,13 @@ def _threshold_rules(spec: Spec) -> Iterator[Rule]:
     if not (hz or um):
         return
     entries = f"must have as many entries as drive.threshold_um, got {len(hz)} and {len(um)}"
-    yield len(hz) == len(um), where, entries, ()
-    yield len(hz) >= 2, where, f"must have two points or more, got {len(hz)}", ()
+    yield Rule(len(hz) == len(um), where, entries)
+    yield Rule(len(hz) >= 2, where, f"must have two points or more, got {len(hz)}")
     for low, high in pairwise(hz):
-        if not low < high:
-            yield False, where, f"must be positive and rise, got {number(low)} before {number(high)} Hz", ()
+        yield Rule(low < high, where, f"must be positive and rise, got {number(low)} before {number(high)} Hz")
     low, high = spec.band_hz
     common = [max(low, hz[0]), min(high, hz[-1])]
-    yield (
+    yield Rule(
         hz[0] <= low and high <= hz[-1],
         where,
         f"must cover the band of {number(low)} … {number(high)} Hz, got {number(hz[0])} … {number(hz[-1])} Hz",
@@ -446,21 +613,119 @@ def _threshold_rules(spec: Spec) -> Iterator[Rule]:
     )
 
 
+SEARCHED = ("mover", "magnet", "washer", "coil", "ballast", "suspension", "contactor", "resonances")
+"""Parts that are searched for under touch; mover: magnet or washer. The grid of coils belongs to the resonances."""
+
+
+def _searched(touch: TouchTable, given: set[str], kind: str) -> TouchTable:
+    """Return the table with the parts that the search decides, by what is `given`, and the `kind` of the mover."""
+    if touch.is_none or touch.search != "auto":
+        return touch
+    if not given.isdisjoint({"resonances_hz", "coil.grid"}):
+        return replace(touch, search="none")
+    open_parts = [name for name in ("coil", "ballast", "suspension", "contactor") if name not in given]
+    if given.isdisjoint({"magnet", "washer"}):
+        open_parts.insert(0, kind if "mover" in given else "mover")
+    return replace(touch, search="+".join([*open_parts, "resonances"]))
+
+
+OWN_CONTACT = ("k_n_per_m", "c_n_s_per_m", "m_g")
+"""Figures of a contact of one's own."""
+
+
+def _touch_rules(spec: Spec) -> Iterator[Rule]:
+    """Yield the rules of a contact: its own figures are there, of one length, and cover the band."""
+    touch = spec.touch
+    hz = touch.hz
+    given = [name for name in ("hz", *OWN_CONTACT) if getattr(touch, name) is not None]
+    is_own = touch.contact == "own"
+    for word in touch.search.split("+") if touch.search not in ("none", "auto") else ():
+        if word not in SEARCHED:
+            message = unknown_name(word, list(SEARCHED), "part that is searched for", "").message
+            yield Rule(False, "touch.search", message, [{"touch.search": "auto"}])
+    yield Rule(
+        is_own or not given,
+        f"touch.{given[0] if given else 'hz'}",
+        f"is a figure of touch.contact = 'own', got {touch.contact!r}",
+        [{f"touch.{name}": None for name in given}],
+    )
+    yield Rule(
+        not is_own or touch.k_n_per_m is not None,
+        "touch.k_n_per_m",
+        "is missing, the stiffness of a contact of one's own",
+        [{"touch.contact": "fingertip"}],
+    )
+    yield Rule(
+        touch.person is None or touch.people != 0,
+        "touch.person",
+        f"is one among people who differ, got {number(touch.person or 0)} with touch.people = 0",
+        [{"touch.person": None}],
+    )
+    for name in given[1:] if hz else given:
+        count = len(getattr(touch, name))
+        allowed = (1, len(hz)) if hz else (1,)
+        yield Rule(
+            count in allowed,
+            f"touch.{name}",
+            f"must have {' or '.join(map(str, allowed))} number{'s' if hz else ''}, as touch.hz"
+            f" {'has' if hz else 'is absent'}, got {count}",
+        )
+    for low, high in pairwise(hz or ()):
+        yield Rule(low < high, "touch.hz", f"must rise, got {number(low)} before {number(high)} Hz")
+    if hz and len(hz) > 1:
+        low, high = spec.band_hz
+        common = [max(low, hz[0]), min(high, hz[-1])]
+        yield Rule(
+            hz[0] <= low and high <= hz[-1],
+            "touch.hz",
+            f"must cover the band of {number(low)} … {number(high)} Hz, got {number(hz[0])} … {number(hz[-1])} Hz",
+            [{"band_hz": common}] if common[0] < common[1] else (),
+        )
+
+
 CATALOGUES = {
     "material": (Material, "materials.csv"),
     "printer": (Printer, "printers.csv"),
     "spread": (Spread, "spreads.csv"),
     "washer": (Washer, "washers.csv"),
+    "magnet": (Magnet, "magnets.csv"),
+    "ballast": (Ballast, "ballasts.csv"),
     "coil": (Coil, "coils.csv"),
     "amplifier": (Amplifier, "amplifiers.csv"),
     "sound_card": (SoundCard, "sound_cards.csv"),
 }
+
+
+def _list(text: str) -> tuple[float, ...]:
+    """Return the numbers of a cell that has several, with spaces between."""
+    return tuple(map(float, text.split()))
+
+
 PARTS: dict[str, tuple[str, dict[str, Any]]] = {
     "board": ("boards.csv", {"clock_mhz": float}),
+    "magnet_grade": ("magnet_grades.csv", {f.name: float for f in fields(Magnet) if f.type is float}),
+    "skin": ("skins.csv", dict.fromkeys(("modulus_kpa", "layer_mm", "time_ms"), float)),
+    "threshold": ("thresholds.csv", {"area_mm2": float, "hz": _list, "db": _list, "error_db": float}),
+    "board_house": (
+        "board_houses.csv",
+        {
+            **dict.fromkeys(
+                ("track_mm", "space_mm", "drill_mm", "via_mm", "plating_um", "copper_um", "inner_copper_um"), float
+            ),
+            **dict.fromkeys(("prepreg_mm", "edge_mm", "longest_mm"), float),
+            **dict.fromkeys(("layers", "thickness_mm"), _list),
+        },
+    ),
+    "difference": (
+        "differences.csv",
+        dict.fromkeys(("low_hz", "high_hz", "from_db", "to_db", "smallest", "largest"), float),
+    ),
 }
-"""Catalogues of parts that a spec has no table for, and which of their columns are numbers.
+"""Catalogues of what a spec has no table for, and which of their columns are numbers.
 
-The processor of a microcontroller board has a floating-point unit.
+The processor of a microcontroller board has a floating-point unit. A magnet's grade gives it the columns of the grade.
+Of a threshold of feeling, `db` are amplitudes in dB re 1 µm peak at `hz`, through a contactor of that area with that
+surround.
 """
 
 
@@ -482,10 +747,24 @@ def _entry(kind: Any, value: str) -> Any:
     return None if kind is not str and not value else kind(value)
 
 
+SPEC_RULES: RuleBook[Spec] = RuleBook(
+    "spec",
+    _band_rules,
+    _parts_rules,
+    _ballast_rules,
+    _taxel_rules,
+    _contactor_rules,
+    _beam_rules,
+    _printed_rules,
+    _threshold_rules,
+    _touch_rules,
+)
+"""What must hold between the fields of a spec; bounds of one field stand with it in `padgen/spec/model.py`."""
 LARGEST_TOML = 1 << 20
 LARGEST_PLAN = 1 << 25
 """Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""
-DEFAULTS = {"washer": "iso7092-m1.6", "coil": "paper"}
+DEFAULT_PARTS = {"washer": "iso7092-m1.6", "magnet": "disc-3x1"}
+"""The part of each kind of mover."""
 OWN = "own"
 """Name of an amplifier or a sound card that a spec gives none."""
 COMMON_CORNER_HZ = 3.0
@@ -508,10 +787,21 @@ PLAIN_TABLES = {
     "model": Model,
     "limits": LimitsTable,
     "mount": MountTable,
+    "mover": MoverTable,
+    "touch": TouchTable,
+    "contactor": ContactorTable,
+    "guard": GuardTable,
 }
 
 
-SHORTHANDS = {"drive": "scheme", "model": "structure", "mount": "kind"}
+SHORTHANDS = {
+    "suspension": "topology",
+    "drive": "scheme",
+    "model": "structure",
+    "mount": "kind",
+    "mover": "kind",
+    "touch": "contact",
+}
 """Tables that a spec may give as one word, and the field that this word sets."""
 
 
@@ -596,6 +886,11 @@ def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
             # A catalogue entry or a drive scheme may be given as one word.
             inner[part] = entry if isinstance(entry, dict) else {SHORTHANDS.get(part, "name"): entry}
             inner = inner[part]
+        if name == "magnet.grade":
+            # A plan.json has the figures of the grade that it was planned with, which would hide those of another.
+            for key, figure in _of_grade(inner.get("grade")).items():
+                if inner.get(key) == figure and f"magnet.{key}" not in values:
+                    del inner[key]
         inner[last] = value
     return table
 
@@ -637,18 +932,34 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; files that the tables name lie in `folder`."""
     table = _with_printer_file(dict(table), folder)
+    given = set(table)
+    if isinstance(coil := table.get("coil"), dict):
+        given |= {f"coil.{name}" for name in coil}
     for name, key in SHORTHANDS.items():
         value = table.get(name, {})
         if isinstance(value, str):
             table[name] = {key: value}
         elif not isinstance(value, dict):
             raise SpecError(f"must be the name of its {key} or a table, got {shown(value)}", name)
+    if "mover" not in table and "magnet" in table:
+        table["mover"] = {"kind": "magnet"}
     limited = "voltage_limit_v" in table.get("drive", {})
     parts: dict[str, Any] = {name: build(kind, table.pop(name, {}), name) for name, kind in PLAIN_TABLES.items()}
     parts["printer"] = printer = _catalogue_entry("printer", table.pop("printer", {}), DEFAULT_PRINTERS["fdm"])
-    defaults = {"material": DEFAULT_MATERIALS[printer.process], "spread": spread_of(printer), **DEFAULTS}
+    kind = parts["mover"].kind
+    part = kind if kind in DEFAULT_PARTS else MOVERS.get(kind, "mover.kind").PART
+    for other in DEFAULT_PARTS.keys() & table.keys() - {part}:
+        raise SpecError(f"is not what mover.kind = {kind!r} moves, which is a {part}", other, [{other: None}])
+    defaults = {
+        "material": DEFAULT_MATERIALS[printer.process],
+        "spread": spread_of(printer),
+        "coil": "paper",
+        part: DEFAULT_PARTS[part],
+    }
     for name, default in defaults.items():
         parts[name] = _catalogue_entry(name, table.pop(name, {}), default)
+    if (ballast := table.pop("ballast", None)) is not None:
+        parts["ballast"] = _catalogue_entry("ballast", ballast, OWN)
     if (amplifier := table.pop("amplifier", None)) is not None:
         parts["amplifier"] = amplifier = _catalogue_entry("amplifier", amplifier, OWN)
         limit_v = min(parts["drive"].voltage_limit_v if limited else amplifier.voltage_v, amplifier.voltage_v)
@@ -656,6 +967,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     if (card := table.pop("sound_card", None)) is not None:
         parts["sound_card"] = _sound_card(card)
     parts["drive"] = with_threshold(parts["drive"], folder)
+    parts["touch"] = _searched(parts["touch"], given, kind)
     spec: Spec = build(Spec, table, "", parts)
     if spec.blocked_by:
         headroom = max(spec.drive.headroom, CARRIED_HEADROOM)
@@ -664,10 +976,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         gap_mm = spec.coil.gap_mm or DEFAULT_GAP_MM
         reuse = spec.coil.reuse.replace("auto", "same")
         spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
-    for rules in (_band_rules, _parts_rules, _taxel_rules, _beam_rules, _printed_rules, _threshold_rules):
-        for holds, where, sentence, cures in rules(spec):
-            if not holds:
-                raise SpecError(sentence, where, cures)
+    SPEC_RULES.refuse(spec)
     return spec
 
 
@@ -705,6 +1014,10 @@ def answers(recorded: Spec, asked: Spec) -> bool:
         gap_mm=asked.coil.gap_mm or recorded_coil.gap_mm,
         reuse=recorded_coil.reuse if asked.coil.reuse == "auto" else asked.coil.reuse,
     )
+    if asked.touch.search not in ("none", "auto"):
+        names = ("mover", "washer", "magnet", "ballast", "suspension", "contactor", "resonances_hz", "taxel", "pad")
+        decided = {name: getattr(recorded, name) for name in (*names, "coil", "drive", "touch")}
+        return replace(recorded, model=asked.model) == replace(asked, **decided)
     drive = replace(asked.drive, scheme=recorded.drive.scheme) if asked.drive.scheme == "auto" else asked.drive
     return replace(recorded, model=asked.model) == replace(asked, coil=coil, drive=drive)
 
@@ -718,6 +1031,8 @@ def spread_of(printer: Printer) -> str:
 def _catalogue_entry(table: str, value: Any, default: str) -> Any:
     """Return a catalogue entry, given by its name or by a table that may override its fields."""
     kind = CATALOGUES[table][0]
+    if table == "coil" and (completed := _completed_by(value)):
+        return completed(value)
     entries = catalogue(table)
     overrides = {"name": value} if isinstance(value, str) else value
     if not isinstance(overrides, dict):
@@ -734,13 +1049,35 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
         )
     if not isinstance(name, str):
         raise SpecError(f"must be text, got {shown(name)}", f"{table}.name")
+    if table == "magnet":
+        overrides = {**_of_grade(overrides.get("grade", entries.get(name, {}).get("grade"))), **overrides}
     if name in entries:
         return build(kind, overrides, table, entries[name])
-    optional = {f.name for f in fields(kind) if f.default in (None, "")}
+    optional = {f.name for f in fields(kind) if f.default is not MISSING}
     required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - optional
     if required <= set(overrides) | {"name"} or name == OWN:
         return build(kind, {"name": name, **overrides}, table)
     raise unknown_name(name, list(entries), table, f"{table}.name")
+
+
+def _completed_by(coil: Any) -> Callable[[dict[str, Any]], Coil] | None:
+    """Return what makes a coil of a kind from the fields that a spec gives; None for kinds that want all of them."""
+    kind = coil.get("kind") if isinstance(coil, dict) else None
+    if not isinstance(kind, str) or kind == "solenoid" or kind not in COILS.names():
+        return None
+    return getattr(COILS.get(kind, "coil.kind"), "completed", None)
+
+
+def _of_grade(grade: Any) -> dict[str, Any]:
+    """Return the figures that a magnet has of its grade; none where neither spec nor catalogue names one."""
+    if grade is None:
+        return {}
+    if not isinstance(grade, str):
+        raise SpecError(f"must be text, got {shown(grade)}", "magnet.grade")
+    grades = catalogue("magnet_grade")
+    if grade not in grades:
+        raise unknown_name(grade, list(grades), "grade of magnets", "magnet.grade")
+    return {key: value for key, value in grades[grade].items() if key not in ("name", "source")}
 
 
 def spec_schema() -> dict[str, Any]:
@@ -777,6 +1114,8 @@ def _object(kind: Any) -> dict[str, Any]:
 
 
 def _type(kind: Any, meta: Any) -> dict[str, Any]:
+    if meta.get("words"):
+        return {"anyOf": [{"type": "string", "enum": list(meta["words"])}, _type(kind, {**meta, "words": ()})]}
     if kind in (int, float):
         return {"type": "integer" if kind is int else "number", "minimum": meta["low"], "maximum": meta["high"]}
     if kind is bool:
@@ -790,4 +1129,5 @@ def _type(kind: Any, meta: Any) -> dict[str, Any]:
         return schema
     count = meta["count"]
     sizes = {"minItems": count, "maxItems": count} if count else {"minItems": 1}
-    return {"type": "array", "items": _type(get_args(kind)[0], meta), **sizes}
+    schema = {"type": "array", "items": _type(get_args(kind)[0], meta), **sizes}
+    return {"anyOf": [schema["items"], schema]} if meta.get("single") else schema

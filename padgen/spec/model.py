@@ -1,24 +1,29 @@
 """Define `Spec`, the description of the wanted pad: frozen, each field with unit, bounds and one line of meaning.
 
-`Material`, `Printer`, `Spread`, `Washer`, `Coil`, `Amplifier` and `SoundCard` are catalogue entries: a spec names one
-and may override any of its fields.
+`Material`, `Printer`, `Spread`, `Washer`, `Magnet`, `Ballast`, `Coil`, `Amplifier` and `SoundCard` are catalogue
+entries: a spec names one and may override any of its fields.
 """
 
 from dataclasses import dataclass, field
-from math import ceil
+from math import ceil, pi, sqrt
 from typing import Any
 
-from padgen.core.registry import COILS, SCHEMES, SUSPENSIONS
+from padgen.core.registry import COILS, MOVERS, SCHEMES, SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
 __all__ = [
     "Amplifier",
+    "Ballast",
     "Coil",
+    "ContactorTable",
     "DriveTable",
+    "GuardTable",
     "LimitsTable",
+    "Magnet",
     "Material",
     "Model",
     "MountTable",
+    "MoverTable",
     "PadTable",
     "Printer",
     "SoundCard",
@@ -26,10 +31,17 @@ __all__ = [
     "Spread",
     "SuspensionTable",
     "TaxelTable",
+    "TouchTable",
     "Washer",
 ]
 
 STRUCTURE_MODELS = ("beam", "solid")
+GUARD_PLAY_MM = 0.6
+"""Room round a pin in a hole of the guard plate: screws of M3 in their holes, and prints."""
+EDGE_SHARE = 0.2
+"""Largest chamfer of a pin's edge over its diameter."""
+MAGNETIC = 2.0
+"""Smallest relative permeability of a washer or of ballast that counts as magnetic."""
 LAYER_SHARE = 1e-6
 """Share of a layer by which a height may exceed whole layers through rounding."""
 
@@ -74,7 +86,13 @@ class TaxelTable:
         doc="how much deeper its recess is than the washer, rounded up to whole layers",
     )
     glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="mass of glue per taxel; weigh ten")
-    glue_spread_mg: float = quantity(2.0, unit="mg", low=0, high=1000, doc="spread of the glue from taxel to taxel")
+    glue_spread_mg: float | None = quantity(
+        None,
+        unit="mg",
+        low=0,
+        high=1000,
+        doc="spread of the glue from taxel to taxel; the printer's spread when absent",
+    )
     centre_post: bool = flag(False, doc="a post in the recess that centres the washer by its bore")
 
 
@@ -101,7 +119,30 @@ class Material:
     softening_per_k: float = quantity(
         0.005, unit="1/K", low=0, high=0.1, doc="share of its stiffness that the print loses per K, near 23 °C"
     )
+    dynamic_ratio: float | None = quantity(
+        None,
+        unit="1",
+        low=1,
+        high=10,
+        doc="stiffness at the resonances over youngs_modulus_gpa, which slow tests find; no bound when absent",
+    )
+    wet_ratio: float | None = quantity(
+        None,
+        unit="1",
+        low=0.01,
+        high=1,
+        doc="stiffness once the print has taken up water from humid air, over the dry print's; no bound when absent",
+    )
+    dynamic: bool = flag(False, doc="plan by the stiffness at the resonances, with dynamic_ratio")
+    wet: bool = flag(False, doc="plan by the stiffness of the wet print, with wet_ratio")
     source: str = text("", doc="where the figures come from")
+
+    @property
+    def modulus_gpa(self) -> float:
+        """Modulus in GPa that is planned by: at the resonances if `dynamic`, of the wet print if `wet`."""
+        dynamic = self.dynamic_ratio or 1.0
+        wet = self.wet_ratio or 1.0
+        return self.youngs_modulus_gpa * (dynamic if self.dynamic else 1.0) * (wet if self.wet else 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +171,13 @@ class Printer:
     shortest_beam_mm: float = quantity(
         0.0, unit="mm", low=0, high=10, doc="shortest beam, without its flare, that the slicer lays at its drawn width"
     )
+    smallest_pin_mm: float | None = quantity(
+        None,
+        unit="mm",
+        low=0.01,
+        high=10,
+        doc="smallest diameter of an upright pin that stands by itself; two lines when absent",
+    )
     hole_loss_mm: float = quantity(
         0.0,
         unit="mm",
@@ -148,6 +196,11 @@ class Printer:
     )
     source: str = text("", doc="where the figures come from")
 
+    @property
+    def least_pin_mm(self) -> float:
+        """Smallest diameter in mm of a pin: `smallest_pin_mm`, or two lines."""
+        return self.smallest_pin_mm or 2 * self.line_width_mm
+
     def layers_up_to(self, height_mm: float) -> int:
         """Return the smallest number of layers, one or more, that reaches a height."""
         return max(ceil((height_mm - self.first_layer_mm) / self.layer_mm - LAYER_SHARE) + 1, 1)
@@ -163,7 +216,8 @@ class Spread:
 
     A `bias` is the same in every print of a printer. Calibration or re-tuning removes it, so that simulated prints do
     not have it. A `common` error is the same in all beams of a print, the `field` varies smoothly over the bed, and all
-    others vary from taxel to taxel.
+    others vary from taxel to taxel. `bead_ratio` is no deviation: what it does to the ratios of channels is alike in
+    every simulated print.
     """
 
     name: str = entry_name(doc="name in the catalogue")
@@ -189,6 +243,27 @@ class Spread:
     thickness_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of the beams' thickness from taxel to taxel")
     width_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of the beams' width from taxel to taxel")
     length_mm: float = quantity(unit="mm", low=0, high=1, doc="spread of the beams' length from taxel to taxel")
+    bead_ratio: float = quantity(
+        1.0,
+        unit="1",
+        low=0.1,
+        high=1,
+        doc="stiffness across the beads of a layer over that along them, in every print; plans take 1",
+    )
+    common_beads: float = quantity(
+        0.0, unit="1", low=0, high=1, doc="spread of that ratio from print to print, relative"
+    )
+    beads: float = quantity(0.0, unit="1", low=0, high=1, doc="spread of that ratio from taxel to taxel, relative")
+    common_gap_mm: float = quantity(
+        0.0, unit="mm", low=0, high=1, doc="spread of the gap from pad to pad (height of the tray, its feet and coils)"
+    )
+    gap_mm: float = quantity(
+        0.0, unit="mm", low=0, high=1, doc="spread of the gap from taxel to taxel (washers' seats in their recesses)"
+    )
+    common_glue_mg: float = quantity(
+        0.0, unit="mg", low=0, high=1000, doc="spread of the glue per taxel from pad to pad, about taxel.glue_mg"
+    )
+    glue_mg: float = quantity(0.0, unit="mg", low=0, high=1000, doc="spread of the glue from taxel to taxel")
     bed_meshed: bool = flag(True, doc="whether the bed's height is probed (meshed) before every print")
     source: str = text("", doc="where the figures come from")
 
@@ -208,7 +283,95 @@ class Washer:
     thickness_mm: float = quantity(unit="mm", low=0.05, high=20, doc="thickness")
     density_g_per_cm3: float = quantity(unit="g/cm³", low=0.5, high=25, doc="density")
     relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="1 is not magnetic")
+    coercivity_a_per_m: float = quantity(
+        200.0, unit="A/m", low=0, high=1e5, doc="coercivity of the steel; drive.remanent_share of it is kept"
+    )
     source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
+class Magnet:
+    """A disc or ring magnetised along its axis."""
+
+    name: str = entry_name(doc="name in the catalogue")
+    outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=100, doc="outer diameter")
+    inner_diameter_mm: float = quantity(unit="mm", low=0, high=99, doc="bore; 0 is a disc")
+    thickness_mm: float = quantity(unit="mm", low=0.05, high=20, doc="thickness, along which it is magnetised")
+    size_tolerance_mm: float = quantity(0.1, unit="mm", low=0, high=2, doc="how far its sizes may be off")
+    grade: str = text("n42", doc="grade of its material, a catalogue name; it gives the fields below")
+    remanence_low_t: float = quantity(1.28, unit="T", low=0.01, high=1.5, doc="least remanence Br of the grade")
+    remanence_high_t: float = quantity(1.32, unit="T", low=0.01, high=1.5, doc="largest remanence Br of the grade")
+    coercivity_ka_per_m: float = quantity(
+        955.0, unit="kA/m", low=1, high=1e4, doc="least intrinsic coercivity Hcj at 20 °C"
+    )
+    remanence_per_k: float = quantity(-0.0012, unit="1/K", low=-0.1, high=0, doc="change of the remanence, as a share")
+    coercivity_per_k: float = quantity(
+        -0.0075, unit="1/K", low=-0.1, high=0.1, doc="change of the coercivity, as a share"
+    )
+    recoil_permeability: float = quantity(1.05, unit="1", low=1, high=10, doc="relative permeability of its recoil")
+    limit_c: float = quantity(80.0, unit="°C", low=-50, high=600, doc="largest temperature of the grade")
+    density_g_per_cm3: float = quantity(7.5, unit="g/cm³", low=0.5, high=25, doc="density")
+    polarity: str = choice(
+        "alike",
+        of=("alike", "alternating"),
+        doc="alike: all north poles up; alternating: up and down from coil to coil, like a chessboard's colours, with"
+        " the leads of every second coil swapped",
+    )
+    source: str = text("", doc="where the figures come from")
+
+
+@dataclass(frozen=True, slots=True)
+class Ballast:
+    """A mass that is pressed upright into the plate above the mover, which is glued under it."""
+
+    name: str = entry_name(doc="name in the catalogue")
+    width_mm: float = quantity(unit="mm", low=0.5, high=50, doc="diameter; of a hexagon across its flats")
+    height_mm: float = quantity(unit="mm", low=0.1, high=20, doc="height along the axis")
+    density_g_per_cm3: float = quantity(unit="g/cm³", low=0.5, high=25, doc="mass over the volume by these sizes")
+    relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="1 is not magnetic")
+    shape: str = choice("round", of=("round", "hexagon"), doc="round: a pin, disc or ring; hexagon: a nut")
+    inner_diameter_mm: float = quantity(0.0, unit="mm", low=0, high=49, doc="bore; 0 is a solid part")
+    source: str = text("", doc="where the figures come from")
+
+    @property
+    def is_magnetic(self) -> bool:
+        """True of steel that a magnet or a coil magnetises."""
+        return self.relative_permeability >= MAGNETIC
+
+    @property
+    def area_mm2(self) -> float:
+        """Area in mm² of its cross-section."""
+        face = sqrt(3) / 2 if self.shape == "hexagon" else pi / 4
+        return face * self.width_mm**2 - pi / 4 * self.inner_diameter_mm**2
+
+    @property
+    def mass_g(self) -> float:
+        """Mass in g."""
+        return self.area_mm2 * self.height_mm * self.density_g_per_cm3 * 1e-3
+
+    @property
+    def corners_mm(self) -> float:
+        """Largest width in mm: the diameter, or that across the corners, which lie beside the beams."""
+        return self.width_mm * (2 / sqrt(3) if self.shape == "hexagon" else 1.0)
+
+    @property
+    def round_mm(self) -> float:
+        """Diameter in mm of the disc that has the area of its outline.
+
+        As a disc a hexagon has 0.8 % less moment about its axis, and half of that across.
+        """
+        return self.width_mm * (sqrt(2 * sqrt(3) / pi) if self.shape == "hexagon" else 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class MoverTable:
+    """The part of a taxel that the coil moves."""
+
+    kind: str = choice(
+        "washer",
+        of=MOVERS.names,
+        doc="washer: steel, pulled by the square of the current; magnet: pulled and pushed by the current itself",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,12 +384,17 @@ class Coil:
     name: str = entry_name(doc="name in the catalogue")
     outer_diameter_mm: float = quantity(unit="mm", low=0.5, high=200, doc="outside of the winding")
     inner_diameter_mm: float = quantity(unit="mm", low=0.1, high=199, doc="inside of the winding")
-    length_mm: float = quantity(unit="mm", low=0.1, high=500, doc="length of winding and core")
+    length_mm: float = quantity(
+        unit="mm", low=0.1, high=500, doc="length of winding and core; of a board coil, its board's thickness"
+    )
     turns: float = quantity(unit="turns", low=1, high=1e6, doc="turns")
     resistance_ohm: float = quantity(unit="Ω", low=1e-3, high=1e6, doc="resistance")
     inductance_mh: float = quantity(unit="mH", low=0, high=1e5, doc="inductance")
     core_diameter_mm: float = quantity(unit="mm", low=0, high=199, doc="core; 0 is an air core")
     core_relative_permeability: float = quantity(unit="1", low=1, high=1e6, doc="of the core")
+    core_coercivity_a_per_m: float = quantity(
+        100.0, unit="A/m", low=0, high=1e5, doc="coercivity of the core; drive.remanent_share of it is kept"
+    )
     kind: str = choice("solenoid", of=COILS.names, doc="what winding and core are like (padgen/planner/coils)")
     gap_mm: float = quantity(
         None,
@@ -247,6 +415,17 @@ class Coil:
     )
     power_limit_w: float = quantity(0.5, unit="W", low=1e-4, high=1e4, doc="heat that one coil bears for long")
     source: str = text("", doc="where the figures come from")
+    house: str = text("", doc="rules of the house that makes a board coil (board_houses.csv)")
+    layers: int | None = quantity(None, unit="layers", low=2, high=16, doc="copper layers of a board coil")
+    track_mm: float | None = quantity(None, unit="mm", low=0.02, high=10, doc="width of a board coil's tracks")
+    space_mm: float | None = quantity(None, unit="mm", low=0.02, high=10, doc="space between a board coil's tracks")
+    copper_um: float | None = quantity(None, unit="µm", low=5, high=500, doc="outer copper of a board coil, as made")
+    inner_copper_um: float | None = quantity(None, unit="µm", low=5, high=500, doc="inner copper of a board coil")
+    wiring: str = choice(
+        "series",
+        of=("series", "parallel"),
+        doc="layers of a board coil in series, or its upper and its lower ones each in parallel",
+    )
 
     @property
     def sets(self) -> int:
@@ -315,12 +494,14 @@ class DriveTable:
         doc="what the coil's current is made of (docs/driving.md); auto takes the simplest that is selective enough",
     )
     level_um: float = quantity(10.0, unit="µm", low=1e-4, high=5000, doc="ON amplitude of the lowest channel")
-    level_law: float = quantity(
+    level_law: float | str = quantity(
         1.0,
         unit="1",
         low=0,
         high=2,
-        doc="ON amplitude falls as 1/f^p: 0 equal displacement, 1 velocity, 2 acceleration",
+        doc="ON amplitude falls as 1/f^p: 0 equal displacement, 1 velocity, 2 acceleration; 'sensation': equally far"
+        " above the detection threshold of a fingertip",
+        words=("sensation",),
     )
     threshold_file: str | None = text(
         None, doc="CSV of frequency in Hz and detection threshold in µm, beside the spec: levels of equal sensation"
@@ -336,6 +517,14 @@ class DriveTable:
     )
     headroom: float = quantity(
         0.05, unit="1", low=0, high=10, doc="spur-free: constant force above the sum of the tones', as a share of it"
+    )
+    remanent_share: float = quantity(
+        0.0,
+        unit="1",
+        low=0,
+        high=1,
+        doc="how magnetised washers and cores are, over their coercivity: 0 of demagnetised steel, 0.25 is usual"
+        " (assumed), 1 once a magnet has touched them",
     )
     least_frames_per_s: float = quantity(
         1.0, unit="1/s", low=0, high=1e6, doc="fewest frames per second for which auto lets channels take turns"
@@ -418,6 +607,132 @@ class MountTable:
 
 
 @dataclass(frozen=True, slots=True)
+class TouchTable:
+    """The finger or palm on the taxels, under which the pad is to choose them (docs/touch.md)."""
+
+    contact: str = choice(
+        "none",
+        of=("none", "fingertip", "palm", "own"),
+        doc="what lies on the taxels: none plans untouched taxels; fingertip, palm: skin of the catalogue; own: that of"
+        " k_n_per_m, c_n_s_per_m and m_g",
+    )
+    tones: str = choice(
+        "auto",
+        of=("auto", "touched", "untouched"),
+        doc="which resonances the tones are at: those under typical skin, or those of taxels that nobody touches; auto"
+        " takes what keeps more under touch",
+    )
+    search: str = text(
+        "auto",
+        doc="parts that the search decides: mover (or magnet, washer: one of that kind), coil, ballast, suspension,"
+        " contactor, resonances, joined by +; none; auto: those that the spec leaves out, where it leaves the grid of"
+        " coils and the resonances open",
+    )
+    person: float | None = quantity(
+        None,
+        unit="1",
+        low=0.05,
+        high=0.95,
+        doc="the one person the pad is for: share of people with softer skin; people are drawn from all when absent",
+    )
+    people: float | None = quantity(
+        None,
+        unit="1",
+        low=0,
+        high=3,
+        doc="spread between people, sigma of ln of each figure of skin; when absent low and high skin of the catalogue"
+        " are 5 % and 95 % of people, and a contact of one's own is of one person",
+    )
+    places: float = quantity(
+        0.25, unit="1", low=0, high=3, doc="spread of a person's skin from taxel to taxel, sigma of ln (assumed)"
+    )
+    indentation_mm: float | None = quantity(
+        None,
+        unit="mm",
+        low=0,
+        high=0.5,
+        doc="how far a contactor at rest presses the skin in, which stiffens it: e times for each 0.5 mm (assumed);"
+        " when absent, what it stands proud of a guard plate, 0 without one",
+    )
+    pressing_mm: float = quantity(
+        0.0,
+        unit="mm",
+        low=0,
+        high=0.5,
+        doc="spread of indentation_mm from touch to touch; the catalogue's low and high skin have the usual pressing",
+    )
+    hz: tuple[float, ...] | None = numbers(
+        None,
+        unit="Hz",
+        low=1e-3,
+        high=1e7,
+        doc="own: frequencies of the lists below, rising and over the whole band; absent where each is one number",
+        single=True,
+    )
+    k_n_per_m: tuple[float, ...] | None = numbers(
+        None, unit="N/m", low=1e-6, high=1e9, doc="own: stiffness of the contact, one number or a list", single=True
+    )
+    c_n_s_per_m: tuple[float, ...] | None = numbers(
+        None, unit="N s/m", low=0, high=1e6, doc="own: damping of the contact, one number or a list", single=True
+    )
+    m_g: tuple[float, ...] | None = numbers(
+        None, unit="g", low=0, high=1e4, doc="own: mass that moves with it, one number or a list", single=True
+    )
+
+    @property
+    def is_none(self) -> bool:
+        """True where the pad is planned for taxels that nobody touches."""
+        return self.contact == "none"
+
+
+@dataclass(frozen=True, slots=True)
+class ContactorTable:
+    """What of a taxel meets the skin (docs/contactor.md): today's boss on the plate, or a pin on plate or beam."""
+
+    diameter_mm: float | None = quantity(
+        None,
+        unit="mm",
+        low=0.1,
+        high=30,
+        doc="diameter of the pin; when absent, on the plate that of the boss, on a beam the smallest that prints",
+    )
+    shape: str = choice("flat", of=("flat", "dome"), doc="its top: flat, or half a ball")
+    place: float | str = quantity(
+        "plate",
+        unit="1",
+        low=0.1,
+        high=1,
+        doc="where it stands: on the plate ('plate' or 1), or at a share of the length of the first beam from its root",
+        words=("plate",),
+    )
+    protrusion_mm: float | None = quantity(
+        None,
+        unit="mm",
+        low=0,
+        high=10,
+        doc="its height above the frame, or above the guard plate; taxel.boss_protrusion_mm when absent",
+    )
+    fillet_mm: float = quantity(
+        0.2, unit="mm", low=0, high=5, doc="fillet round the foot of a pin, where there is room"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class GuardTable:
+    """A printed plate over the pad, on its screws, with a hole for each pin (docs/contactor.md)."""
+
+    thickness_mm: float | None = quantity(
+        None, unit="mm", low=0.4, high=20, doc="thickness of the plate above its pockets; no guard plate when absent"
+    )
+    clearance_mm: float = quantity(
+        0.4, unit="mm", low=0.1, high=10, doc="depth of its pockets, in which plates and beams move, above the frame"
+    )
+    hole_diameter_mm: float | None = quantity(
+        None, unit="mm", low=0.2, high=60, doc="diameter of its holes; when absent twice that of the pin, or 1.2 more"
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Spec:
     """The description of a wanted pad; `name`, `resolution`, `band_hz` and `q_min` have no default."""
 
@@ -464,8 +779,11 @@ class Spec:
     material: Material = field(kw_only=True)
     printer: Printer = field(kw_only=True)
     spread: Spread = field(kw_only=True)
-    washer: Washer = field(kw_only=True)
+    washer: Washer | None = None
+    magnet: Magnet | None = None
+    ballast: Ballast | None = None
     coil: Coil = field(kw_only=True)
+    mover: MoverTable = field(default_factory=MoverTable)
     amplifier: Amplifier | None = None
     sound_card: SoundCard | None = None
     suspension: SuspensionTable = field(default_factory=SuspensionTable)
@@ -473,6 +791,74 @@ class Spec:
     model: Model = field(default_factory=Model)
     limits: LimitsTable = field(default_factory=LimitsTable)
     mount: MountTable = field(default_factory=MountTable)
+    touch: TouchTable = field(default_factory=TouchTable)
+    contactor: ContactorTable = field(default_factory=ContactorTable)
+    guard: GuardTable = field(default_factory=GuardTable)
+
+    @property
+    def pin_share(self) -> float | None:
+        """Share of the first beam's length at which a pin stands on it; None where the contactor is on the plate."""
+        place = self.contactor.place
+        return float(place) if isinstance(place, (int, float)) and place < 1 else None
+
+    @property
+    def contact_diameter_mm(self) -> float:
+        """Diameter in mm of what meets the skin: of the pin, or of the boss."""
+        default = self.taxel.boss_diameter_mm if self.pin_share is None else self.printer.least_pin_mm
+        return self.contactor.diameter_mm or default
+
+    @property
+    def contact_edge_mm(self) -> float:
+        """Chamfer in mm that breaks the edge of its top: none of a dome, at most a fifth of a pin's diameter."""
+        if self.contactor.shape == "dome":
+            return 0.0
+        if self.contactor == ContactorTable():
+            return self.taxel.boss_edge_mm
+        return min(self.taxel.boss_edge_mm, self.contact_diameter_mm * EDGE_SHARE)
+
+    @property
+    def guard_height_mm(self) -> float:
+        """Height in mm of the guard plate's top above the frame; 0 without one."""
+        return self.guard.clearance_mm + self.guard.thickness_mm if self.guard.thickness_mm else 0.0
+
+    @property
+    def guard_hole_mm(self) -> float:
+        """Diameter in mm of the guard plate's holes: where the spec gives none twice that of the pin, or with play."""
+        pin_mm = self.contact_diameter_mm
+        return self.guard.hole_diameter_mm or max(2 * pin_mm, pin_mm + 2 * GUARD_PLAY_MM)
+
+    @property
+    def contact_proud_mm(self) -> float:
+        """Height in mm of what meets the skin above the frame, or above the guard plate."""
+        proud_mm = self.contactor.protrusion_mm
+        return self.taxel.boss_protrusion_mm if proud_mm is None else proud_mm
+
+    @property
+    def contact_top_mm(self) -> float:
+        """Height in mm from the bed of the top of what meets the skin."""
+        return self.pad.frame_thickness_mm + self.guard_height_mm + self.contact_proud_mm
+
+    @property
+    def moved(self) -> Washer | Magnet:
+        """The part in the recess of a taxel that the coil moves."""
+        part = self.magnet or self.washer
+        assert part is not None, "make_spec gives a spec the part of its mover"
+        return part
+
+    @property
+    def hung(self) -> tuple[Ballast, ...]:
+        """The ballast, if there is any: the last argument of what a mover is asked, left out where there is none."""
+        return () if self.ballast is None else (self.ballast,)
+
+    @property
+    def mover_part(self) -> str:
+        """The table of that part: 'washer' or 'magnet'."""
+        return "magnet" if self.magnet else "washer"
+
+    @property
+    def force_order(self) -> int:
+        """Order of the force in the current: 2 of steel, which is pulled by its square, 1 of a magnet."""
+        return int(MOVERS.get(self.mover.kind, "mover.kind").FORCE_ORDER)
 
     @property
     def leaves_layout_free(self) -> bool:
@@ -506,6 +892,31 @@ class Spec:
 
     @property
     def recess_depth_mm(self) -> float:
-        """Depth in mm of the recess in a plate's underside: washer and glue, rounded up to whole layers."""
-        printer = self.printer
-        return printer.height_mm(printer.layers_up_to(self.washer.thickness_mm + self.taxel.glue_gap_mm))
+        """Depth in mm of the recess in a plate's underside: washer or magnet, and glue, rounded up to whole layers."""
+        return self._whole_layers_mm(self.mover_top_mm)
+
+    @property
+    def pocket_top_mm(self) -> float:
+        """Height in mm above the pad's underside of the ballast's top; 0 without ballast.
+
+        The ballast is pressed against the roof of its pocket, which is a whole number of layers high.
+        """
+        if self.ballast is None:
+            return 0.0
+        return self._whole_layers_mm(self.moved.thickness_mm + self.taxel.glue_gap_mm + self.ballast.height_mm)
+
+    @property
+    def mover_top_mm(self) -> float:
+        """Height in mm of the mover's top above the pad's underside: it lies against its recess' roof, or ballast."""
+        if self.ballast is None:
+            return self._whole_layers_mm(self.moved.thickness_mm + self.taxel.glue_gap_mm)
+        return self.pocket_top_mm - self.ballast.height_mm
+
+    @property
+    def mover_low_mm(self) -> float:
+        """Height in mm of the mover's underside above the pad's."""
+        return self.mover_top_mm - self.moved.thickness_mm
+
+    def _whole_layers_mm(self, height_mm: float) -> float:
+        """Return a height in mm rounded up to whole layers."""
+        return self.printer.height_mm(self.printer.layers_up_to(height_mm))

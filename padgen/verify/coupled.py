@@ -21,7 +21,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from padgen.core.errors import SolverError, number
-from padgen.physics.propagation import DecayingTones, signal
+from padgen.verify.propagation import DecayingTones, signal
 
 __all__ = [
     "Collocation",

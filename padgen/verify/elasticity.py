@@ -24,6 +24,7 @@ from padgen.physics.resonator import TaxelModes
 from padgen.verify import ng, occ
 
 __all__ = [
+    "BALLAST",
     "CLAMPED",
     "CLAMPS",
     "LEAN",
@@ -34,6 +35,7 @@ __all__ = [
     "Eigen",
     "Elastic",
     "Fineness",
+    "Mirror",
     "Orthotropy",
     "SolidModes",
     "SolidTaxel",
@@ -52,6 +54,8 @@ __all__ = [
     "factored",
     "layered",
     "meshed",
+    "mirrored_part",
+    "mirrors_of",
     "rigid_loads",
     "singular_edges",
     "solve_modes",
@@ -62,6 +66,7 @@ __all__ = [
 
 PRINTED = "printed"
 WASHER = "washer"
+BALLAST = "ballast"
 CLAMPED = "clamped"
 CLAMPS = {"sides": ((0, 0), (0, 1), (1, 0), (1, 1)), "bottom": ((2, 0),), "root": ((0, 0),)}
 """Clamped faces: the outer vertical faces of the frame, its underside, or the face of smallest x only.
@@ -70,6 +75,8 @@ Each by its axis, and 0 for the smallest or 1 for the largest place there.
 """
 REENTRANT_DEG = 190.0
 """Angle filled with material from which an edge counts as re-entrant."""
+ALIKE_MM = 1e-4
+"""Largest difference in mm (of areas, in mm²) of what counts as the same face, or as in a plane."""
 VOLUME_SHARE = 0.01
 """Largest relative difference of a solid from the washer's volume by which it is recognised."""
 LOST_VOLUME = 1e-9
@@ -91,32 +98,38 @@ class Fineness(NamedTuple):
 USUAL = Fineness()
 
 
-def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "") -> Any:
-    """Glue the two solids of a STEP file into one shape that shares faces.
+def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "", ballast_volume_mm3: float = 0.0) -> Any:
+    """Glue the solids of a STEP file into one shape that shares faces.
 
-    They are named ``printed`` and ``washer``, told apart by volume because names do not survive the import. Refusals
-    begin with `where`, with the file where that is empty.
+    They are named ``printed``, ``washer`` and, where its volume is given, ``ballast``; told apart by volume because
+    names do not survive the import. Refusals begin with `where`, with the file where that is empty.
 
     Raises
     ------
     SolverError
-        The file cannot be read, does not hold two solids with volume, none of them is the washer,
-        or the washer does not touch the printed part.
+        The file cannot be read, does not hold these solids with volume, or one of them does not touch the others.
     """
     where = where or str(step)
     try:
         solids = list(occ.OCCGeometry(str(step)).shape.solids)
     except Exception as error:
         raise SolverError(f"cannot be read as STEP ({_first_line(error)})", where) from error
-    misfit = [abs(solid.mass / washer_volume_mm3 - 1) for solid in solids]
-    if len(solids) != 2 or min(misfit) > VOLUME_SHARE:
+    known = {WASHER: washer_volume_mm3, **({BALLAST: ballast_volume_mm3} if ballast_volume_mm3 else {})}
+    left = list(range(len(solids)))
+    misfits = []
+    for name, volume_mm3 in known.items():
+        misfit = {k: abs(solids[k].mass / volume_mm3 - 1) for k in left}
+        nearest = min(misfit, key=lambda k: misfit[k], default=None)
+        if nearest is not None:
+            solids[nearest].name = name
+            misfits.append(misfit[nearest])
+            left.remove(nearest)
+    if len(left) != 1 or max(misfits) > VOLUME_SHARE:
         masses = " and ".join(f"{number(solid.mass)} mm³" for solid in solids)
-        raise SolverError(
-            f"must hold two solids, printed part and washer of {number(washer_volume_mm3)} mm³, holds {masses}", where
-        )
-    washer = int(np.argmin(misfit))
-    solids[washer].name = WASHER
-    solids[1 - washer].name = PRINTED
+        parts = "".join(f" and {name} of {number(volume_mm3)} mm³" for name, volume_mm3 in known.items())
+        count = "two" if len(known) == 1 else "three"
+        raise SolverError(f"must hold {count} solids, printed part{parts}, holds {masses}", where)
+    solids[left[0]].name = PRINTED
     shape = occ.Glue(solids)
     if len(shape.solids) != len(solids):
         raise SolverError("its solids overlap: washer and printed part must touch by faces only", where)
@@ -142,16 +155,80 @@ def clamped_shape(shape: Any, clamp: str) -> Any:
     SolverError
         No face lies there.
     """
+    bounds = _printed_bounds(shape)
+    _hold(shape, clamp, bounds)
+    return shape
+
+
+def _printed_bounds(shape: Any) -> np.ndarray:
+    """Return the lowest and highest corner (2, 3) in mm of the printed part."""
     printed = next(solid for solid in shape.solids if solid.name == PRINTED)
-    bounds = np.array([_xyz(corner) for corner in printed.bounding_box])
+    return np.array([_xyz(corner) for corner in printed.bounding_box])
+
+
+def _hold(shape: Any, clamp: str, bounds: np.ndarray) -> None:
+    """Name the printed faces that `clamp` holds, in a part of the shape with these bounds."""
     near = 1e-5 * float(np.ptp(bounds, axis=0).max())
-    for face in printed.faces:
+    printed = [face for solid in shape.solids if solid.name == PRINTED for face in solid.faces]
+    for face in printed:
         ends = np.array([_xyz(corner) for corner in face.bounding_box])
         if any((abs(ends[:, axis] - bounds[end, axis]) < near).all() for axis, end in CLAMPS[clamp]):
             face.name = CLAMPED
-    if all(face.name != CLAMPED for face in printed.faces):
+    if all(face.name != CLAMPED for face in printed):
         raise SolverError(f"has no face to clamp by its {clamp}", "taxel")
-    return shape
+
+
+class Mirror(NamedTuple):
+    """A plane of symmetry across `axis` (0: x, 1: y) at `place_mm`; `name` is that of the faces cut there."""
+
+    axis: int
+    place_mm: float
+
+    @property
+    def name(self) -> str:
+        return f"mirror{self.axis}"
+
+    @property
+    def loads(self) -> tuple[int, ...]:
+        """Places of the forces along and moments about x, y, z that are their own image."""
+        return (1, 2, 3) if self.axis == 0 else (0, 2, 4)
+
+
+def mirrors_of(shape: Any, washer_x_mm: float) -> tuple[Mirror, ...]:
+    """Return the upright planes through the washer's axis to whose other side every face of `shape` has its image."""
+    faces = np.array([(face.mass, *_xyz(face.center)) for face in shape.faces])
+    mirrors = []
+    for mirror in (Mirror(0, washer_x_mm), Mirror(1, 0.0)):
+        image = faces.copy()
+        image[:, 1 + mirror.axis] = 2 * mirror.place_mm - image[:, 1 + mirror.axis]
+        apart = np.abs(faces[:, None] - image).max(-1)
+        if (apart.min(0) < ALIKE_MM).all() and (apart.min(1) < ALIKE_MM).all():
+            mirrors.append(mirror)
+    return tuple(mirrors)
+
+
+def mirrored_part(shape: Any, mirrors: tuple[Mirror, ...], clamp: str) -> Any:
+    """Return the part of `shape` on the lower side of all `mirrors`, its cuts and clamped faces named."""
+    bounds = _printed_bounds(shape)
+    low, high = (np.array(_xyz(corner)) for corner in shape.bounding_box)
+    low -= 1
+    high += 1
+    for mirror in mirrors:
+        high[mirror.axis] = mirror.place_mm
+    room = occ.Box(occ.Pnt(*low), occ.Pnt(*high))
+    pieces = []
+    for whole in shape.solids:
+        for piece in (whole * room).solids:
+            piece.name = whole.name
+            pieces.append(piece)
+    part = occ.Glue(pieces)
+    for face in part.faces:
+        ends = np.array([_xyz(corner) for corner in face.bounding_box])
+        for mirror in mirrors:
+            if (abs(ends[:, mirror.axis] - mirror.place_mm) < ALIKE_MM).all():
+                face.name = mirror.name
+    _hold(part, clamp, bounds)
+    return part
 
 
 def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
@@ -319,6 +396,10 @@ BLOCKS = 12
 MM = 1e-3
 
 
+SPRING_PER_MM = 1e4
+"""Springs across a plane of symmetry, over the softer solid's modulus: a ten-thousandth of a mm of it is as soft."""
+
+
 class System(NamedTuple):
     """Matrices of an elastic solid, acting on vectors (n,) of its unknowns.
 
@@ -371,13 +452,15 @@ def assembled(
     flat: str | None = None,
     rich: np.ndarray | None = None,
     volume_mm3: Mapping[str, float] | None = None,
+    mirrors: tuple[Mirror, ...] = (),
 ) -> System:
     """Assemble stiffness and mass of `mesh` (mm) with elements of `order`.
 
     `materials` are by name of solid, `clamped` is the name of the faces held, `flat` of those that only slide in x and
     y (a plane of symmetry). `blocks` is 1.6 times faster, but loses a foil's stiffness by rounding (`accurate`) and
     knows no `flat`. Only elements of `rich` (elements,) have that order if it is given, the others `LEAN`; needs
-    `blocks`. What a solid of known `volume_mm3` lacks where the mesh cuts its curves is made up for by density.
+    `blocks`. On the cuts of `mirrors` springs hold the motion across them. What a solid of known `volume_mm3` lacks
+    where the mesh cuts its curves is made up for by density.
 
     The mesh is curved to the lowest order: elements curved more than their order cannot turn without
     strain (f₁ came out four times too high).
@@ -401,6 +484,9 @@ def assembled(
         stiffness += energy(material, u, v) * where
         whole = volume_mm3[name] / ng.Integrate(1.0, mesh.Materials(name)) if volume_mm3 else 1.0
         mass += MM**3 * whole * material.density_kg_per_m3 * a * b * where
+    softest_pa = min(stiffness_pa(material).max() for material in materials.values())
+    for mirror in mirrors:
+        stiffness += SPRING_PER_MM * MM * softest_pa * u[mirror.axis] * v[mirror.axis] * ng.ds(mirror.name)
     stiffness.Assemble()
     mass.Assemble()
     free = np.array(list(space.FreeDofs()), bool)
@@ -540,9 +626,17 @@ def eigenmodes(system: System, solve: Solver, modes: int, start: np.ndarray | No
 
 
 def rigid_loads(
-    system: System, solid: str, density_kg_per_m3: float, x_mm: float, y_mm: float = 0.0, z_mm: float = 0.0
+    system: System,
+    solid: str,
+    density_kg_per_m3: float,
+    x_mm: float,
+    y_mm: float = 0.0,
+    z_mm: float = 0.0,
+    only: tuple[int, ...] = (0, 1, 2, 3, 4, 5),
 ) -> np.ndarray:
     """Return loads (n, 6) on the named solid, spread over its volume, for unit forces and moments about a point.
+
+    Or `only` some of them.
 
     They are in N and N·m. Their transpose takes a displacement to the solid's mean motion as a body, in m and rad: the
     mass-weighted least-squares fit.
@@ -553,12 +647,12 @@ def rigid_loads(
     y = MM * (ng.y - y_mm)
     z = MM * (ng.z - z_mm)
     motions = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, -z, y), (z, 0, -x), (-y, x, 0)
-    fields = [ng.CoefficientFunction(motion) for motion in motions]
+    fields = [ng.CoefficientFunction(motions[place]) for place in only]
     weight = MM**3 * density_kg_per_m3
     v = system.space.TestFunction()
     forms = [ng.LinearForm(weight * ng.InnerProduct(field, v) * where).Assemble() for field in fields]
     products = ng.CoefficientFunction(tuple(weight * ng.InnerProduct(a, b) for a in fields for b in fields))
-    gram = np.array(ng.Integrate(products, mesh, definedon=mesh.Materials(solid))).reshape(6, 6)
+    gram = np.array(ng.Integrate(products, mesh, definedon=mesh.Materials(solid))).reshape(len(only), len(only))
     return np.asarray(np.linalg.solve(gram, np.array([form.vec.FV().NumPy() for form in forms])).T)
 
 
@@ -602,11 +696,15 @@ class FineSetting(NamedTuple):
 
 SETTINGS = (FineSetting(3, 2), FineSetting(3, 2, 0.5), FineSetting(4, 2, 0.5), FineSetting(4, 3, 0.35))
 """Cheapest first."""
+MIRRORED = (SETTINGS[0], FineSetting(4, 2), *SETTINGS[2:])
+"""The same for a part of a solid that is symmetric, which order 4 costs a tenth; the first is of the whole of it."""
 ADDED = {3: 0.15, 4: 0.7}
 """Share of the last order's change that all higher orders and finer meshes together still make: 0.03 … 0.24 at order 3,
 0.6 … 1.4 at order 4, whose change is small, on the taxels of docs/accuracy.md."""
 DOUBT = {3: 1 / 6, 4: 0.7}
 """Share of that change by which the extrapolated frequency may be off."""
+SAME_MODE = 0.1
+"""Relative difference of frequencies above which the symmetric mode found is taken for another one."""
 REST = 3e-4
 """Relative error of a frequency that no order shows: curves of order `LEAN`, elements that stay at it."""
 EDGE_RATIO = 0.02
@@ -617,9 +715,9 @@ POOR_OTHERS = 0.2
 
 
 class SolidTaxel(NamedTuple):
-    """One taxel to solve: a STEP file in mm with two solids, printed part and washer, bonded where they
-    touch. `glue_kg` is carried by the washer. `clamp` is one of `CLAMPS`. Refusals call it by its `name`,
-    by its file where it has none."""
+    """One taxel to solve: a STEP file in mm with its solids, printed part, washer and, where it has any, ballast,
+    bonded where they touch. `glue_kg` is carried by the washer. `clamp` is one of `CLAMPS`. Refusals call it by its
+    `name`, by its file where it has none."""
 
     step: Path
     printed: Elastic
@@ -629,6 +727,8 @@ class SolidTaxel(NamedTuple):
     glue_kg: float = 0.0
     clamp: str = "sides"
     name: str = ""
+    ballast: Elastic | None = None
+    ballast_volume_mm3: float = 0.0
 
     @property
     def where(self) -> str:
@@ -639,7 +739,8 @@ class SolidTaxel(NamedTuple):
     def materials(self) -> dict[str, Elastic]:
         """Materials by name of solid, the glue's mass in the washer's density."""
         density = self.washer.density_kg_per_m3 + self.glue_kg / (self.washer_volume_mm3 * 1e-9)
-        return {PRINTED: self.printed, WASHER: self.washer._replace(density_kg_per_m3=density)}
+        ballast = {BALLAST: self.ballast} if self.ballast else {}
+        return {PRINTED: self.printed, WASHER: self.washer._replace(density_kg_per_m3=density), **ballast}
 
 
 class SolidModes(NamedTuple):
@@ -671,8 +772,8 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
         The STEP file does not hold a taxel, cannot be meshed, or the solver does not converge.
     """
     setting = FineSetting(order, levels)
-    shape, layered = _drafted(taxel)
-    return _result(_answered(taxel, shape, _layered(taxel, shape, layered, setting), order, modes), setting)
+    draft = _drafted(taxel)
+    return _result(_answered(taxel, draft, _layered(taxel, draft, setting), order, modes), setting)
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
@@ -680,6 +781,9 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
 
     Where no setting does, the modes of the one that comes nearest: compare their `error`. Settings before the one of
     place `first` in `SETTINGS` are not tried.
+
+    Where the first setting does not suffice and the solid has planes of symmetry, all modes are as it has them but the
+    working one, which finer elements of a half or a quarter find.
 
     On one mesh, order 2 tells which elements hold the energy, and these alone are solved by higher orders; the
     frequencies are extrapolated by a share of the last order's change, which the error grows with. Of other
@@ -690,20 +794,38 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
     SolverError
         As `solve_modes`.
     """
+    draft = _drafted(taxel)
+    mirrors = mirrors_of(draft.shape, taxel.washer_x_mm)
+    if not mirrors:
+        return _by_settings(taxel, draft, SETTINGS, first, modes, tolerance)
+    known = _by_settings(taxel, draft, SETTINGS[:1], 0, modes, tolerance)
+    if not first and known.working_error < tolerance:
+        return known
+    try:
+        part = _drafted(taxel, mirrors)
+        finer = _by_settings(taxel, part, MIRRORED, max(first, 1), len(part.loads), tolerance)
+    except SolverError:  # the part cannot be meshed
+        return _by_settings(taxel, draft, SETTINGS, max(first, 1), modes, tolerance)
+    return _with_working(known, finer)
+
+
+def _by_settings(
+    taxel: SolidTaxel, draft: "Draft", settings: tuple[FineSetting, ...], first: int, modes: int, tolerance: float
+) -> SolidModes:
+    """Return modes by the cheapest of `settings`, from place `first` on, that is good to `tolerance`; else the best."""
     known = None
     before = None
-    shape, layered = _drafted(taxel)
-    for place, setting in enumerate(SETTINGS[first:], first):
+    for place, setting in enumerate(settings[first:], first):
         try:
             if before != setting[1:]:
-                mesh = _layered(taxel, shape, layered, setting)
+                mesh = _layered(taxel, draft, setting)
                 before = setting[1:]
-                lean = _answered(taxel, shape, mesh, LEAN, modes)
+                lean = _answered(taxel, draft, mesh, LEAN, modes)
                 solved = _result(lean, setting._replace(order=LEAN))
-                rich = _rich(mesh, energy_shares(lean[0], taxel.materials, lean[-1]), solved.modes.working)
+                rich = _rich(mesh, energy_shares(lean.system, taxel.materials, lean.eigen), solved.modes.working)
             for order in range(solved.order + 1, setting.order + 1):
                 coarser = solved
-                solved = _result(_answered(taxel, shape, mesh, order, modes, rich), setting._replace(order=order))
+                solved = _result(_answered(taxel, draft, mesh, order, modes, rich), setting._replace(order=order))
         except SolverError:
             if known is None:
                 raise
@@ -715,6 +837,20 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
             break
     assert known is not None
     return known
+
+
+def _with_working(known: SolidModes, finer: SolidModes) -> SolidModes:
+    """Return `known` with the working mode's frequency of `finer`, where that is better known and the same mode."""
+    working = known.modes.working
+    hz = float(finer.modes.frequency_hz[finer.modes.working])
+    frequency = known.modes.frequency_hz.copy()
+    if finer.working_error >= known.working_error or abs(hz / frequency[working] - 1) > SAME_MODE:
+        return known
+    frequency[working] = hz
+    error = known.error.copy()
+    error[working] = finer.working_error
+    modes = known.modes._replace(frequency_hz=frequency)
+    return known._replace(modes=modes, error=error, order=finer.order, setting=finer.setting)
 
 
 def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
@@ -747,49 +883,93 @@ def _extrapolated(coarser: SolidModes, finer: SolidModes) -> SolidModes:
     return finer._replace(modes=modes, error=error)
 
 
-def _drafted(taxel: SolidTaxel) -> tuple[Any, set[str]]:
-    """Return a taxel's solid, and names of the edges that its modes, solved on a coarse mesh, strain."""
+class Draft(NamedTuple):
+    """What is meshed: a taxel's solid, or the part of it on one side of planes of symmetry.
+
+    `layered`: names of the edges that its modes, solved on a coarse mesh, strain; `loads`: those of the six on the
+    washer that are symmetric.
+    """
+
+    shape: Any
+    layered: set[str]
+    mirrors: tuple[Mirror, ...] = ()
+
+    @property
+    def loads(self) -> tuple[int, ...]:
+        """Places of the forces and moments that have the symmetry of all mirrors."""
+        return tuple(k for k in range(6) if all(k in mirror.loads for mirror in self.mirrors))
+
+
+class SolvedDraft(NamedTuple):
+    """The system solved, loads (n, k) on the washer, the static answers (n, k) to them, and the modes.
+
+    `copies`: how often the meshed part goes into the solid.
+    """
+
+    system: System
+    loads: np.ndarray
+    answers: np.ndarray
+    eigen: Eigen
+    places: tuple[int, ...]
+    copies: int
+
+
+def _drafted(taxel: SolidTaxel, mirrors: tuple[Mirror, ...] = ()) -> Draft:
+    """Return the taxel's solid, or its part beside `mirrors`, with the edges that its modes strain."""
     ng.SetNumThreads(1)
-    shape = clamped_shape(taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where), taxel.clamp)
+    shape = clamped_shape(
+        taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where, taxel.ballast_volume_mm3), taxel.clamp
+    )
+    if mirrors:
+        shape = mirrored_part(shape, mirrors, taxel.clamp)
     mesh = coarse_mesh(shape, where=taxel.where)
     singular = singular_edges(shape, mesh)
-    system, *_, eigen = _answered(taxel, shape, ng.Mesh(mesh), LEAN, 6)
-    shares = edge_energy_shares(mesh, energy_shares(system, taxel.materials, eigen))
+    draft = Draft(shape, set(), mirrors)
+    lean = _answered(taxel, draft, ng.Mesh(mesh), LEAN, len(draft.loads))
+    shares = edge_energy_shares(mesh, energy_shares(lean.system, taxel.materials, lean.eigen))
     worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
-    return shape, {edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst}
+    return draft._replace(layered={edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst})
 
 
-def _layered(taxel: SolidTaxel, shape: Any, layered: set[str], setting: FineSetting) -> Any:
-    return meshed(shape, Fineness(levels=setting.levels, per_face=setting.per_face), taxel.where, layered)
+def _layered(taxel: SolidTaxel, draft: Draft, setting: FineSetting) -> Any:
+    fineness = Fineness(levels=setting.levels, per_face=setting.per_face)
+    return meshed(draft.shape, fineness, taxel.where, draft.layered)
 
 
 def _answered(
-    taxel: SolidTaxel, shape: Any, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None
-) -> tuple[System, np.ndarray, np.ndarray, Eigen]:
-    """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`.
-
-    Returns the system, loads (n, 6) on the washer, the static answers (n, 6) to them, and the modes.
-    """
-    volumes = {solid.name: solid.mass for solid in shape.solids}
+    taxel: SolidTaxel, draft: Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None
+) -> SolvedDraft:
+    """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
+    volumes: dict[str, float] = {}
+    for solid in draft.shape.solids:
+        volumes[solid.name] = volumes.get(solid.name, 0.0) + solid.mass
+    density = taxel.materials[WASHER].density_kg_per_m3
     for blocks in (True, False):
         of_order = rich if blocks else None
-        system = assembled(mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes)
-        loads = rigid_loads(system, WASHER, taxel.materials[WASHER].density_kg_per_m3, taxel.washer_x_mm)
+        system = assembled(
+            mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes, mirrors=draft.mirrors
+        )
+        loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm, only=draft.loads)
         solve = factored(system)
         answers = np.array([solve(load) for load in loads.T]).T
         if accurate(system, solve, loads, answers):
-            return system, loads, answers, eigenmodes(system, solve, modes, answers)
+            eigen = eigenmodes(system, solve, modes, answers)
+            return SolvedDraft(system, loads, answers, eigen, draft.loads, 2 ** len(draft.mirrors))
     raise SolverError("stiff and soft parts lie too far apart for double precision", taxel.where)
 
 
-def _result(answer: tuple[System, np.ndarray, np.ndarray, Eigen], setting: FineSetting) -> SolidModes:
-    system, loads, answers, eigen = answer
-    motion = eigen.shape.T @ loads
-    modal = motion.T @ (motion / (2 * np.pi * eigen.frequency_hz[:, None]) ** 2)
+def _result(answer: SolvedDraft, setting: FineSetting) -> SolidModes:
+    frequency_hz = answer.eigen.frequency_hz
+    motion = np.zeros((len(frequency_hz), 6))
+    # Of a part, modes have the part's mass as theirs, and bear the part's share of the load.
+    motion[:, answer.places] = answer.eigen.shape.T @ answer.loads / answer.copies**0.5
+    compliance = np.zeros((6, 6))
+    compliance[np.ix_(answer.places, answer.places)] = answer.loads.T @ answer.answers / answer.copies
+    modal = motion.T @ (motion / (2 * np.pi * frequency_hz[:, None]) ** 2)
     return SolidModes(
-        TaxelModes(eigen.frequency_hz, motion, loads.T @ answers - modal),
+        TaxelModes(frequency_hz, motion, compliance - modal),
         setting.order,
-        int(system.free.sum()),
-        eigen.residual,
-        np.full(len(eigen.frequency_hz), np.nan),
+        int(answer.system.free.sum()),
+        answer.eigen.residual,
+        np.full(len(frequency_hz), np.nan),
     )

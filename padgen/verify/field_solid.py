@@ -212,7 +212,7 @@ FAR = 15.0
 SHRINK = 0.2
 """Size of elements at a marked corner or edge, over that of their neighbours, in each refinement."""
 WIDEST = 0.2
-"""Width of the bracket, relative, from which on there is no answer."""
+"""Relative width of a bracket of the force that is too wide to be an answer."""
 
 
 class AxisymmetricForce(NamedTuple):
@@ -290,9 +290,14 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
     rim = 500 * washer.outer_diameter
     outer = 500 * coil.outer_diameter
     length = 1e3 * coil.length
-    far = FAR * max(np.hypot(outer, length / 2), np.hypot(rim, high + length / 2))
+    rings = [(hole, rim, low, high)]
+    if washer.crown_height:
+        across = 500 * washer.crown_inner_diameter, 500 * washer.crown_outer_diameter
+        rings.append((*across, high, high + 1e3 * washer.crown_height))
+    reach = max(np.hypot(right, top + length / 2) for _, right, _, top in rings)
+    far = FAR * max(np.hypot(outer, length / 2), reach)
     faces = []
-    for name, left, right, bottom, top in [("washer", hole, rim, low, high), *coil_cells(coil)]:
+    for name, left, right, bottom, top in [*(("washer", *ring) for ring in rings), *coil_cells(coil)]:
         face = occ.MoveTo(left, bottom).Rectangle(right - left, top - bottom).Face()
         face.faces.name = name
         face.faces.maxh = max(top - bottom, right - left)
@@ -307,7 +312,7 @@ def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) 
     shape = occ.Glue([*faces, air])
     core = 500 * coil.core_diameter
     core_top = 1e3 * coil.core_top
-    corners = [(r, z) for r in (hole, rim) for z in (low, high)]
+    corners = [(r, z) for left, right, *ends in rings for r in (left, right) for z in ends]
     corners += [(core, z) for z in (core_top, core_top - 1e3 * coil.core_length)]
     for vertex in shape.vertices:
         if any(r > 0 and np.hypot(vertex.p.x - r, vertex.p.y - z) < 1e-6 * r for r, z in corners):
@@ -328,7 +333,7 @@ def _meshed(shape: Any, levels: int, dim: int, **sizes: Any) -> Any:
 
 
 def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]:
-    """Return the parts of a coil's half plane in mm, on a grid of all their edges: name, radii and heights from … to.
+    """Return the coil's cross-section as rectangles: name, inner and outer radius, lower and upper height in mm.
 
     Named ``core``, ``winding``, or ``bore`` within a winding.
     """
@@ -508,9 +513,16 @@ def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels:
         rim = 500 * w.ring.outer_diameter
         high = 1e3 * w.ring.thickness
         body = _tube((x, y, z), 500 * w.ring.inner_diameter, rim, high)
+        circles += [(x, y, h, 500 * d) for h in (z, z + high) for d in w.ring[:2]]
+        if w.ring.crown_height:
+            across = 500 * w.ring.crown_inner_diameter, 500 * w.ring.crown_outer_diameter
+            crown = 1e3 * w.ring.crown_height
+            body = body + _tube((x, y, z + high), *across, crown)
+            circles += [(x, y, h, radius) for h in (z + high, z + high + crown) for radius in across]
+            rim = max(rim, across[1])
+            high += crown
         body.mat(f"washer{i}").maxh = size * max(high, rim / 2)
         parts.append(body)
-        circles += [(x, y, h, 500 * d) for h in (z, z + high) for d in w.ring[:2]]
         reach = max(reach, float(np.hypot(np.hypot(x, y) + rim, z + high + length / 2)))
     far = FAR_IN_SPACE * reach
     air = occ.Sphere(occ.Pnt(0, 0, -length / 2), far)

@@ -80,7 +80,7 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
     ng.SetNumThreads(1)
     mesh = meshed(_frame_solid(plan, clamping), MESH, "frame", set())
     material = plan.spec.material
-    plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
+    plastic = Elastic(material.modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     on_frame, held = (
         _on_frame(plan, assembled(mesh, {".*": plastic}, order, faces)) for faces in (HELD, f"{SEAM}|{HELD}")
     )

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from padgen.driver.drive_folder import Drive
     from padgen.driver.ear import Heard
     from padgen.driver.formats.wav import WaveReport
+    from padgen.driver.signs import PlayedRecoil
     from padgen.driver.waveform import PadDrive, Timeline
     from padgen.planner.plan import Plan
 
@@ -27,8 +28,8 @@ class DriveJob:
     """One job of writing files, judged before anything is written, and what was seen on the way.
 
     `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them. `timeline` is
-    None where nothing is shown. `shown` are the findings about the timeline, `findings` all others; `report` and
-    `heard` are the wave's.
+    None where nothing is shown, as is the `recoil` of the pad. `shown` are the findings about the timeline, `findings`
+    all others; `report` and `heard` are the wave's.
     """
 
     plan: "Plan"
@@ -43,6 +44,7 @@ class DriveJob:
     findings: list[Finding] = field(default_factory=list)
     report: "WaveReport | None" = None
     heard: "Heard | None" = None
+    recoil: "PlayedRecoil | None" = None
 
     def played(self) -> "tuple[PadDrive, Timeline]":
         """Return the drive and what it shows, for a format that is made of ``"frames"``."""

@@ -18,9 +18,17 @@ import numpy as np
 
 from padgen.core.errors import Finding, SpecError, number
 from padgen.core.files import OutputFolder
+from padgen.core.units import COPPER_C
 from padgen.driver.excitation import FirmwareSweep, sweep_table
 from padgen.driver.formats import DriveJob
-from padgen.driver.loads import group_channels, heat_s, judge_limits, least_constants
+from padgen.driver.loads import (
+    group_channels,
+    heat_s,
+    judge_limits,
+    least_constants,
+    signed_channels,
+    signed_constants,
+)
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
 from padgen.driver.waveform import CONTROLLER_RATES_HZ, CoilDrive, PadDrive, drive_at, frame_s, ramp_s
 from padgen.measured.tuning import Tuning, tuning_hash
@@ -47,10 +55,10 @@ FILE = "pad_drive.h"
 FIRMWARE = Path(__file__).with_name("firmware")
 NAMES = {"README.md": "padgen_firmware.md"}
 """Names of files in a pad's folder, where they differ."""
-SCHEME_NUMBERS = {"tones": 0, "spur-free": 1, "biased": 2, "time-shared": 3}
+SCHEME_NUMBERS = {"tones": 0, "spur-free": 1, "biased": 2, "time-shared": 3, "linear": 4}
 LEAST_WATCHDOG_S = 1.0
 WATCHDOG_FRAMES = 2
-HEADER = 2
+HEADER = 3
 """Version of what header and firmware expect of each other."""
 ROOT_CLOCKS = (300, 370, 50)
 CLOCKS = (200, 320, 95)
@@ -134,6 +142,8 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
     channels = max(1, *(len(coil.taxels) for coil in drive.coils))
     name = _plain(plan.name)
     print_of = "as planned" if tuning is None else f"for the print of tuning {tuning_hash(tuning)}"
+    if tuning is not None and tuning.coil_c != COPPER_C:
+        print_of += f", its coils at {tuning.coil_c:.0f} degrees C"
     header = [
         (
             f"/* What the coils of the pad '{name}' play, {print_of} ({drive.scheme.name}).\n"
@@ -282,7 +292,7 @@ def _taxel_table(plan: Plan, drive: PadDrive, channels: int) -> str:
 def _kind_tables(drive: PadDrive, kinds: list[CoilDrive], slots: list[tuple[int, ...]], channels: int) -> Iterable[str]:
     samples = drive.period_samples
     rate = drive.rate_hz
-    share = 1.0 if drive.scheme.has_constant else 0.5
+    share = 1.0 if drive.scheme.at_resonance else 0.5
     yield _table("uint8_t padgen_kind_channels[PADGEN_KINDS]", [str(len(kind.taxels)) for kind in kinds])
     # Whole numbers before they are divided: what is rounded is the increment alone.
     tables: tuple[tuple[str, str, Callable[[CoilDrive], list[str]]], ...] = (
@@ -307,16 +317,25 @@ def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
     """Yield, for spur-free drives, the least constants of all states of each group, of all on, and the margins."""
     size = group_channels(channels)
     groups = ceil(channels / size)
-    yield f"#define PADGEN_GROUPS {groups}\n"
     margins = ([_float_above(a2) for a2 in (kind.margin * kind.line_a2).tolist()] for kind in kinds)
     yield _by_kind("float padgen_margin_a2", channels, margins, "0.0f")
     tables = [least_constants(kind, size) for kind in kinds]
     yield _table("float padgen_all_on_a2[PADGEN_KINDS]", [_float_above(all_on) for all_on, _ in tables])
+    few = signed_channels(channels)
+    yield f"#define PADGEN_SIGNED_CHANNELS {few}\n"
+    signed = [signed_constants(kind, few) for kind in kinds]
+    yield _states_table("padgen_signed_a2", ceil(channels / few), 3**few, signed)
+    yield _states_table("padgen_least_a2", groups, 1 << size, [least for _, least in tables])
+
+
+def _states_table(name: str, groups: int, states: int, tables: Iterable[Iterable[Iterable[float]]]) -> str:
+    """Write the constants of all states of each group of channels, a row for each kind."""
     rows = []
-    for _, least in tables:
-        of_groups = [*least, *[(0.0,) * (1 << size)] * (groups - len(least))]
-        rows.append("{" + ",\n".join(_braces([_float_above(a2) for a2 in states]) for states in of_groups) + "},")
-    yield _rows(f"float padgen_least_a2[PADGEN_KINDS][PADGEN_GROUPS][{1 << size}]", rows)
+    for table in tables:
+        known = list(table)
+        of_groups = [*known, *[(0.0,) * states] * (groups - len(known))]
+        rows.append("{" + ",\n".join(_braces([_float_above(a2) for a2 in group]) for group in of_groups) + "},")
+    return _rows(f"float {name}[PADGEN_KINDS][{groups}][{states}]", rows)
 
 
 def _sweep(table: FirmwareSweep, rate_hz: int) -> Iterable[str]:

@@ -1,7 +1,8 @@
 """The driver frequency table as CSV: what each channel's line of the current must be.
 
 A coil pulls with the square of its current (paper Eq. 5); what lines that makes is the drive
-scheme's doing, see `padgen.physics.selectivity`. With a tuning the table of the print as measured is beside it.
+scheme's doing, see `padgen.physics.selectivity`. Beside it are the table of the warm pad, where that is driven, and
+with a tuning the table of the print as measured, warm where the pad is.
 """
 
 from dataclasses import astuple
@@ -9,8 +10,10 @@ from dataclasses import astuple
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
 from padgen.measured.tune import tuned_drive_csv
+from padgen.measured.tuning import warm_plan
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.plan import Plan, carrier_hz
+from padgen.planner.touched_prints import played_plan
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "drive_csv", "drive_rows", "planned_carrier_hz", "write"]
 
@@ -20,14 +23,20 @@ FILE = "drive.csv"
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the table, and with a tuning the table of the print as measured."""
+    """Add the table, and those of the warm pad and of the print as measured where these are driven."""
     out.write(FILE, drive_csv(job.plan))
-    if job.request.tuning is not None:
-        out.write("drive-tuned.csv", tuned_drive_csv(job.plan, job.request.tuning))
+    tuning = job.request.tuning
+    if job.request.warm:
+        out.write("drive-warm.csv", drive_csv(warm_plan(job.plan)))
+        if tuning is not None and any(taxel.measured for taxel in tuning.taxels):
+            out.write("drive-tuned-warm.csv", tuned_drive_csv(job.plan, tuning))
+    elif tuning is not None:
+        out.write("drive-tuned.csv", tuned_drive_csv(job.plan, tuning))
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
     """Return the table: a row per channel and, where the current has a constant part, its row."""
+    plan = played_plan(plan)
     spec = plan.spec
     scheme = plan.scheme
     carrier = planned_carrier_hz(plan)

@@ -24,7 +24,7 @@ from padgen.core.units import GRAM, MH, MM, UM
 from padgen.driver.formats import DriveJob
 from padgen.driver.frames import taxel_grid
 from padgen.driver.waveform import Timeline, blend
-from padgen.measured.tuning import Tuning, planned_tuning
+from padgen.measured.tuning import Tuning, planned_tuning, tuned_spec
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan, level_law
 
@@ -54,7 +54,7 @@ LONGEST_EFFECT = 60_000
 
 
 Course = tuple[np.ndarray, np.ndarray]
-"""Ticks (m,), and levels (m, taxels) at them, straight between."""
+"""Ticks (m,), and levels with their signs (m, taxels) at them, straight between."""
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
@@ -116,7 +116,7 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
         at = [tick for tick, _ in frames] or [0]
         level = [f["amplitude_modulation"] for _, f in frames] or [0]
         read = np.interp(tick, at, level, left=0.0, right=0.0)
-        same &= bool(np.abs(read - levels[:, k]).max() < 1e-6 and (np.diff(at) >= 0).all())
+        same &= bool(np.abs(read - np.abs(levels[:, k])).max() < 1e-6 and (np.diff(at) >= 0).all())
     if not same:
         raise FileError("did not read back as it was written; this is a fault of padgen's", "pad.hjif")
     return text
@@ -129,10 +129,10 @@ def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
         key = (taxel.channel, tuned.resonance_hz, tuned.q)
         if key not in known:
             channel = plan.channels[taxel.channel]
-            coil = plan.spec.coil
+            coil = tuned_spec(plan, tuning.coil_c).coil
             hz = tuned.resonance_hz
             q = tuned.q
-            drive_hz = hz if plan.scheme.has_constant else hz / 2
+            drive_hz = hz if plan.scheme.at_resonance else hz / 2
             as_planned = (hz, q) == (channel.resonance_hz, channel.q)
             half = 1 / (2 * q)
             middle = sqrt(1 + 1 / (2 * q) ** 2)
@@ -204,18 +204,31 @@ def _course(timeline: Timeline) -> Course:
     changes = (timeline.levels[1:] != timeline.levels[:-1]).any(axis=1)
     for first, last in zip(key[:-1][changes], key[1:][changes], strict=True):
         pieces.append(np.round(np.linspace(first, last, PIECES + 1)).astype(int))
+    share = np.linspace(0.0, 1.0, 1001)
+    for stretch, taxel in np.argwhere(timeline.signed[:-1] * timeline.signed[1:] < 0).tolist():
+        begin, end = timeline.signed[stretch : stretch + 2, taxel]
+        middle = np.interp(begin / (begin - end), blend(share), share)
+        pieces.append(np.round(key[stretch] + middle * (key[stretch + 1] - key[stretch])).astype(int)[None])
     tick = np.unique(np.concatenate(pieces))
     before = np.clip(np.searchsorted(key, tick, side="right") - 1, 0, len(key) - 2)
     share = blend((tick - key[before]) / (key[before + 1] - key[before]))[:, None]
-    level = (1 - share) * timeline.levels[before] + share * timeline.levels[before + 1]
-    return tick, np.round(level, 6)
+    level = np.round((1 - share) * timeline.signed[before] + share * timeline.signed[before + 1], 6)
+    # What turns over is silent at the tick that is nearest to it.
+    for turn, taxel in np.argwhere(level[1:] * level[:-1] < 0).tolist():
+        level[turn + int(np.abs(level[turn : turn + 2, taxel]).argmin()), taxel] = 0.0
+    return tick, level
 
 
 def _effects(course: Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
-    """Yield the stretches in which a taxel vibrates, cut where they would get too long; the phase leads on."""
+    """Yield the stretches in which a taxel vibrates, cut where they would get too long; the phase leads on.
+
+    They are cut where the taxel turns over, too: its phase is half a turn on while its sign is negative.
+    """
     tick = course[0]
-    level = course[1][:, k]
+    signed = course[1][:, k]
+    level = np.abs(signed)
     cut = tick % LONGEST_EFFECT == 0
+    cut[1:-1] |= signed[:-2] * signed[2:] < 0
     sounds = np.append((level[:-1] > 0) | (level[1:] > 0), False)  # from each tick to the next
     before = np.concatenate([[False], sounds[:-1]])
     bends = np.concatenate([[True], (level[1:-1] != level[:-2]) | (level[1:-1] != level[2:]), [True]])
@@ -229,10 +242,11 @@ def _effects(course: Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
             for at, share in zip(tick[points].tolist(), level[points].tolist(), strict=True)
         ]
         frames[0]["frequency_modulation"] = hz
+        turns = hz * begin / TICKS_PER_S + (0.5 if signed[first : last + 1].sum() < 0 else 0.0)
         yield {
             "effect_type": "Basis",
             "position": begin,
-            "phase": min(2 * pi * (hz * begin / TICKS_PER_S % 1), LARGEST_PHASE),
+            "phase": min(2 * pi * (turns % 1), LARGEST_PHASE),
             "base_signal": "Sine",
             "keyframes": frames,
         }

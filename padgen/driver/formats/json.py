@@ -14,10 +14,12 @@ from padgen.core.units import MN
 from padgen.driver.formats import DriveJob
 from padgen.driver.formats.csv import drive_rows, planned_carrier_hz
 from padgen.driver.frames import LARGEST_TABLE, taxel_grid
-from padgen.physics.schemes import bias_a, current_lines_a, formula, mean_square_a2
-from padgen.physics.selectivity import Scheme
+from padgen.measured.tuning import warm_plan
+from padgen.physics.schemes import bias_a, current_lines_a, formula, mean_pull_line, mean_square_a2
+from padgen.physics.selectivity import SQUARE, Scheme
 from padgen.planner.drive_scheme import slot_ms
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.touched_prints import played_plan
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "coil_states", "drive_json", "write"]
 
@@ -29,8 +31,10 @@ SMALLEST_LINE = 1e-300
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the table."""
+    """Add the table, and that of the warm pad where it is driven."""
     out.write(FILE, drive_json(job.plan))
+    if job.request.warm:
+        out.write("drive-warm.json", drive_json(warm_plan(job.plan)))
 
 
 def coil_states(plan: Plan) -> list[dict[str, Any]]:
@@ -46,7 +50,7 @@ def coil_states(plan: Plan) -> list[dict[str, Any]]:
         lines = np.array([c.line_a2 for c in channel_set])
         for bits in product((0, 1), repeat=len(channel_set)):
             on = [c for c, bit in zip(channel_set, bits, strict=True) if bit]
-            square_a2 = mean_square_a2(plan.scheme, lines, plan.spec.drive.headroom, np.array(bits, dtype=bool))
+            pulling = mean_pull_line(plan.scheme, lines, plan.spec.drive.headroom, np.array(bits, dtype=bool))
             states.append(
                 {
                     "set": number_of,
@@ -54,7 +58,7 @@ def coil_states(plan: Plan) -> list[dict[str, Any]]:
                     "drive_hz": [c.drive_hz for c in on],
                     "lines": [{"channel": c.index, "force_hz": c.resonance_hz, "force_mn": c.force_mn} for c in on],
                     "spurs": list(_spurs(plan.scheme, channel_set, on)) if plan.scheme.has_pair_spurs else [],
-                    "static_force_mn": square_a2 * channel_set[0].force_constant_n_per_a2 / MN,
+                    "static_force_mn": pulling * channel_set[0].force_constant_n_per_a2 / MN,
                 }
             )
     return states
@@ -91,6 +95,7 @@ def drive_json(plan: Plan) -> str:
     States of more than six channels are left out. A pixel is [row, column] of an image of the pad, from its top left.
     Places are from the pad's centre, x to the right and y upwards seen from the touch side.
     """
+    plan = played_plan(plan)
     grid = taxel_grid(plan)
     pixels = {int(grid[row, column]): [int(row), int(column)] for row, column in np.argwhere(grid >= 0)}
     table = {
@@ -136,9 +141,10 @@ def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
     headroom = plan.spec.drive.headroom
     recipe: dict[str, Any] = {
         "channels": [c.index for c in channel_set],
-        "squared_lines_a2": lines.tolist(),
         "formula": formula(scheme),
     }
+    if scheme.force_order == SQUARE:
+        recipe["squared_lines_a2"] = lines.tolist()
     tones_a = current_lines_a(scheme, lines).tolist()
     if scheme.is_root:
         recipe["a0"] = f"{1 + headroom:g} times the sum of a_j over the ON channels"

@@ -8,6 +8,7 @@ A coil is a list of parts ``(start, length, expression)``, of a time t that begi
 between two samples: a Syntacts sequence plays both where they touch.
 """
 
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import NamedTuple
@@ -233,7 +234,7 @@ def _parts(
     """Yield the expressions of one coil's stretches, in shares of `scale_v`; none for silence."""
     if not len(coil.taxels):
         return
-    levels = timeline.levels[:, coil.taxels]
+    levels = timeline.signed[:, coil.taxels]
     constant = constant_a2(coil, levels) if drive.scheme.is_root else np.zeros(len(levels))
     for stretch in stretches:
         keys = slice(stretch.key, stretch.key + 2)
@@ -271,20 +272,21 @@ STEP = f"x * x * x * x * x * {REST}"
 STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
-def _step_text(stretch: _TimedStretch) -> str:
-    """Write the smooth step b of a stretch, its slope d, and q, what is left to 1.
+def _step_text(stretch: _TimedStretch, half: str = "") -> str:
+    """Write the smooth step b of a stretch, its slope d, and q, what is left to 1; of its half 1 or 2 b1, b2 and so on.
 
     1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
     """
-    share = f"clamp(0, {_n(stretch.offset)} + {_n(stretch.speed)} * t, 1)"
-    return (
-        f"var x := {share}; var b := {STEP}; var d := {_n(stretch.speed)} * {STEP_SLOPE}; x := 1 - x; var q := {STEP}; "
-    )
+    faster = 2 if half else 1
+    speed = _n(faster * stretch.speed)
+    share = f"clamp(0, {_n(faster * stretch.offset - (half == '2'))} + {speed} * t, 1)"
+    text = f"var x := {share}; var b := {STEP}; var d := {speed} * {STEP_SLOPE}; x := 1 - x; var q := {STEP}; "
+    return re.sub(r"\b([xbdq])\b", rf"\g<1>{half}", text)
 
 
-def _mixed(before: float, after: float) -> str:
+def _mixed(before: float, after: float, half: str = "") -> str:
     """Write a number that goes with the smooth step."""
-    shares = [f"{_n(value)} * {share}" for value, share in ((before, "q"), (after, "b")) if value]
+    shares = [f"{_n(value)} * {share}{half}" for value, share in ((before, "q"), (after, "b")) if value]
     return _n(before) if before == after else f"({' + '.join(shares)})"
 
 
@@ -293,7 +295,7 @@ def _tones_text(
 ) -> str:
     """Return the volts of a sum of tones, each with its level or the root of it, and of a constant; '' for silence."""
     harmonic, amplitude = coil_lines(drive, coil)
-    is_root = not drive.scheme.is_biased
+    is_root = not drive.scheme.goes_with_level
     if drive.scheme.is_biased:
         harmonic = np.append(harmonic, 0)
         amplitude = np.append(amplitude, coil.bias_a)
@@ -306,30 +308,47 @@ def _tones_text(
             return ""
     text = ""
     terms = []
-    shapes = dict[tuple[float, float], tuple[str, str]]()
+    shapes = dict[tuple[float, float, str], tuple[str, str]]()
     lines = _lines(drive, stretch, harmonic, amplitude / scale_v)
-    for (line, rate), before, after in zip(lines, *levels.tolist(), strict=True):
+    for line, rate, before, after, half in _blends(lines, levels, is_root):
         if not (line and (before or after)):
             continue
-        if (before, after) not in shapes:
-            level = _mixed(before, after)
-            rise = f"{_n(after - before)} * d" if before != after else ""
+        if (before, after, half) not in shapes:
+            level = _mixed(before, after, half)
+            rise = f"{_n(after - before)} * d{half}" if before != after else ""
             if is_root:
                 k = len(shapes)
                 text += f"var g{k} := sqrt(max({level}, 1e-300)); "
                 level = f"g{k}"
                 rise = f"{rise} / (2 * g{k})" if rise else ""
-            shapes[before, after] = level, rise
-        level, rise = shapes[before, after]
+            shapes[before, after, half] = level, rise
+        level, rise = shapes[before, after, half]
         # The constant current of the biased scheme has no line to be made good.
         made_good = complex(drive.made_good(np.array(rate / (2 * np.pi)))) if rate else 1.0
         line_v = (drive.resistance_ohm + 1j * rate * drive.inductance_h) * line * made_good
         terms.append(f"{level} * {_wave(line_v, rate)}")
         if rise:
             terms.append(f"{rise} * {_wave(drive.inductance_h * line, rate)}")
-    if any(rise for _, rise in shapes.values()):
-        text = _step_text(stretch) + text
-    return text + " + ".join(terms)
+    steps = {half for (_, _, half), (_, rise) in shapes.items() if rise}
+    return "".join(_step_text(stretch, half) for half in sorted(steps)) + text + " + ".join(terms)
+
+
+def _blends(
+    lines: list[tuple[complex, float]], levels: np.ndarray, is_root: bool
+) -> Iterator[tuple[complex, float, float, float, str]]:
+    """Yield lines and rates with levels before and after, and the half of the stretch between these ('': the whole).
+
+    A tone, which has the root of its level, is a quarter of its period late where that is below 0, and is down in the
+    middle where its level turns over.
+    """
+    for (line, rate), before, after in zip(lines, *levels.tolist(), strict=True):
+        if is_root and before * after < 0:
+            yield line * (-1j if before < 0 else 1), rate, abs(before), 0.0, "1"
+            yield line * (-1j if after < 0 else 1), rate, 0.0, abs(after), "2"
+        elif is_root and min(before, after) < 0:
+            yield -1j * line, rate, abs(before), abs(after), ""
+        else:
+            yield line, rate, before, after, ""
 
 
 def _root_text(

@@ -22,6 +22,7 @@ from padgen.core.wav_reader import EXTENSIBLE, FLOAT, PCM, SUBFORMAT, read_wav
 from padgen.driver.ear import hear, heard_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.loads import carrier_text
+from padgen.driver.signs import PlayedRecoil
 from padgen.driver.waveform import PadDrive, Timeline, blocks, coil_lines, sample_count
 from padgen.measured.tuning import Tuning, tuning_hash
 from padgen.physics.crest import ALIAS_DB
@@ -218,7 +219,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
     path = out.write_by(FILE, put)
     assert job.report is not None
-    sidecar = wave_json(job.plan, drive, timeline, job.report, request.tuning)
+    sidecar = wave_json(job.plan, drive, timeline, job.report, request.tuning, job.recoil)
     out.write(SIDECAR, sidecar)
     if job.hear:
         job.progress("listening to the file")
@@ -268,6 +269,8 @@ def write_wave(
     strength = np.abs(timeline.levels)
     mean = seconds @ (strength[:-1] + strength[1:]) / 2
     tones_a2 = float(sum((mean[coil.taxels] * coil.line_a2).sum() for coil in drive.coils)) * drive.rate_hz
+    if drive.scheme.force_order == 1:
+        tones_a2 = 0.0  # tones at half the resonances move no magnet
     return WaveReport(
         rate_hz=drive.rate_hz,
         count=count,
@@ -344,10 +347,17 @@ def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
         )
 
 
-def wave_json(plan: Plan, drive: PadDrive, timeline: Timeline, report: WaveReport, tuning: Tuning | None = None) -> str:
+def wave_json(
+    plan: Plan,
+    drive: PadDrive,
+    timeline: Timeline,
+    report: WaveReport,
+    tuning: Tuning | None = None,
+    recoil: PlayedRecoil | None = None,
+) -> str:
     """Describe the WAV file as JSON: scale, coils in the order of its channels, lines, keyframes.
 
-    `tuning` is the one that `drive` was made with.
+    `tuning` is the one that `drive` was made with, `recoil` what the pad keeps when it moves.
     """
     figures: dict[str, Any] = {key: value for key, value in asdict(report).items() if key != "findings"}
     figures["seconds"] = report.seconds
@@ -375,13 +385,18 @@ def wave_json(plan: Plan, drive: PadDrive, timeline: Timeline, report: WaveRepor
         "findings": [asdict(finding) for finding in report.findings],
         "coils": [{"wav_channel": k, "coil": [c.row, c.column]} for k, c in enumerate(drive.coils)],
         "taxels": [taxels[index] for index in sorted(taxels)],
+        "recoil": None if recoil is None else recoil._asdict(),
         "frame_s": timeline.frame_s,
         "keyframes_note": "levels of all taxels, in the order of the plan's, from each time on blended into the next;"
-        " below 0: in counter-phase",
+        " below 0: in counter-phase; each times its sign, which is -1 for a taxel that moves against others of its"
+        " frequency, so that the pad keeps still",
     }
+    signs_of = np.broadcast_to(timeline.signs, timeline.levels.shape).astype(int)
     rows = (
-        {"time_s": float(f"{time:.10g}"), "levels": [float(f"{level:.10g}") for level in levels]}
-        for time, levels in zip(timeline.time_s.tolist(), timeline.levels.tolist(), strict=True)
+        {"time_s": float(f"{time:.10g}"), "levels": [float(f"{level:.10g}") for level in levels], "signs": signs}
+        for time, levels, signs in zip(
+            timeline.time_s.tolist(), timeline.levels.tolist(), signs_of.tolist(), strict=True
+        )
     )
     lines = ",\n  ".join(json.dumps(row) for row in rows)
     return f'{json_text(table).rstrip()[:-1].rstrip()},\n "keyframes": [\n  {lines}\n ]\n}}\n'

@@ -2,6 +2,7 @@
 
 A scheme has the names of `DriveScheme`: the demands of its current on coil and amplifier, and the lines of its squared
 current beside the wanted ones. `line_a2` (n,) are the amplitudes in A² of the wanted lines of i², one per channel.
+Movers whose force follows the current itself have schemes of `FORCE_ORDER` 1: their lines are of i, in A.
 `scheme` is the `padgen.physics.selectivity.Scheme` with the spec's settings. `headroom` is the share by which the
 spur-free force's constant exceeds the sum of the lines. Functions here are of a coil with all channels on.
 """
@@ -13,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from padgen.core.registry import SCHEMES
-from padgen.physics.selectivity import Scheme
+from padgen.physics.selectivity import SQUARE, Scheme
 
 __all__ = [
     "DriveScheme",
@@ -21,6 +22,7 @@ __all__ = [
     "current_lines_a",
     "formula",
     "in_order",
+    "mean_pull_line",
     "mean_square_a2",
     "on_carrier_v",
     "peak_current_a",
@@ -36,12 +38,13 @@ class DriveScheme(Protocol):
     """A drive scheme: a module, or any object, with these names.
 
     An `ORDER` may set its place in lists; a `SIMPLICITY` may set when an automatic choice tries it, the lowest first.
-    Schemes without these come last.
+    Schemes without these come last. A `FORCE_ORDER` of 1 is for forces in proportion to the current; without one it is
+    2, for forces in proportion to its square.
     """
 
     CURRENT: str
     """Kind of the coil's current: ``"tones"`` (sines at half the resonances), ``"biased"`` (a constant and sines at the
-    resonances) or ``"root"`` (the square root of the wanted force).
+    resonances), ``"root"`` (the square root of the wanted force) or ``"linear"`` (sines at the resonances alone).
     """
     TAKES_TURNS: bool
     """True where one channel plays at a time."""
@@ -79,21 +82,23 @@ register = SCHEMES.register
 unregister = SCHEMES.unregister
 
 
-def in_order() -> tuple[str, ...]:
-    """Return the names of all schemes in the order of a plan's lists."""
-    return _sorted(lambda scheme: getattr(scheme, "ORDER", inf))
+def in_order(force_order: int = SQUARE) -> tuple[str, ...]:
+    """Return the names of all schemes for forces of that order in the current, in the order of a plan's lists."""
+    return _sorted(force_order, lambda scheme: getattr(scheme, "ORDER", inf))
 
 
-def simplest_first() -> tuple[str, ...]:
-    """Return the names of all schemes by the demands on the electronics, those that take turns last."""
-    return _sorted(lambda scheme: (scheme.TAKES_TURNS, getattr(scheme, "SIMPLICITY", inf)))
+def simplest_first(force_order: int = SQUARE) -> tuple[str, ...]:
+    """Return the names of such schemes by the demands on the electronics, those that take turns last."""
+    return _sorted(force_order, lambda scheme: (scheme.TAKES_TURNS, getattr(scheme, "SIMPLICITY", inf)))
 
 
-def _sorted(key: Callable[[Any], Any]) -> tuple[str, ...]:
-    return tuple(sorted(SCHEMES.names(), key=lambda name: key(SCHEMES.get(name))))
+def _sorted(force_order: int, key: Callable[[Any], Any]) -> tuple[str, ...]:
+    names = (name for name in SCHEMES.names() if Scheme(name).force_order == force_order)
+    return tuple(sorted(names, key=lambda name: key(SCHEMES.get(name))))
 
 
 FORMULAS = {
+    "linear": "i(t) = sum over ON channels of I_j sin(2 pi resonance_hz_j t)",
     "root": "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))",
     "biased": "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)",
     "tones": "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)",
@@ -115,9 +120,17 @@ def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
     """Return the mean of i² in A² with the channels `on` (n,), or with all.
 
-    Times R it is the copper loss; times a force constant it is the mean pull.
+    Times R it is the copper loss.
     """
     return scheme.kind.mean_square_a2(scheme, line_a2, headroom, np.full(len(line_a2), True) if on is None else on)
+
+
+def mean_pull_line(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
+    """Return the mean of what pulls the movers: of i² in A², or of i, which is 0.
+
+    Times a force constant it is the mean pull.
+    """
+    return 0.0 if scheme.force_order == 1 else mean_square_a2(scheme, line_a2, headroom, on)
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:

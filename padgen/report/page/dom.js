@@ -34,6 +34,12 @@ export function put(id, ...children) {
   byId(id).replaceChildren(...shown(children));
 }
 
+/** Return the bytes of a base64 text. */
+export const decoded = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0)).buffer;
+
+/** Return numbers that padgen packed as 32-bit floats. */
+export const numbers = (packed) => new Float32Array(decoded(packed.float32));
+
 const raised = (power) => String(power).replace(/./g, (sign) => (sign === "-" ? "⁻" : "⁰¹²³⁴⁵⁶⁷⁸⁹"[sign]));
 
 /** Write a power of ten as a label. */

@@ -187,6 +187,12 @@
     return [box];
   }
 
+  function numberOrWordField(name, value) {
+    const box = make("input", "", { type: "text", value: value ?? "" });
+    box.addEventListener("change", () => change(name, Number.isNaN(Number(box.value)) ? box.value : Number(box.value)));
+    return [box];
+  }
+
   function flagField(name, value) {
     const box = make("input", "", { type: "checkbox", checked: Boolean(value) });
     box.addEventListener("change", () => change(name, box.checked));
@@ -198,6 +204,7 @@
     if (field.type === "number" || field.type === "integer") return numberField(name, field, value);
     if (field.type === "boolean") return flagField(name, value);
     if (field.type === "array") return listField(name, value);
+    if (field.anyOf) return numberOrWordField(name, value);
     return textField(name, value);
   }
 

@@ -1,10 +1,11 @@
 // The page: renders everything from one table of data, `window.padgen.show(data)`, without reloading.
 
 import { byId, fixed, h, heat, num, put, s, scaled } from "./dom.js";
-import { fitCharts, heatMap, histogram, ladder, study, wiring } from "./charts.js";
+import { fitCharts } from "./charts.js";
+import { showFigure } from "./figures.js";
 import { manual } from "./manual.js";
 import { at, framesOf, movedBy } from "./motion.js";
-import { showResponses } from "./responses.js";
+import { study } from "./study.js";
 import { facts, jump, table, unprinted } from "./tables.js";
 import { makeView } from "./view.js";
 
@@ -12,6 +13,7 @@ const WORDS = { good: "Works untouched, as printed", retune: "Works untouched, r
 const SHOWN_MM = 0.35; // the largest motion, over the pad's thickness, as it is drawn
 const FRAME_S = 0.9; // seconds that a frame of a sequence is shown
 const SLOWED = [10, 20, 50, 100, 200, 500];
+const CHARTS = [...document.querySelectorAll("section[data-figure]")].map((section) => section.id);
 
 let data = null;
 let view = null;
@@ -52,13 +54,13 @@ function makeOnce() {
   put("slow", SLOWED.map((n) => h("option", { value: n, selected: n === state.slowed }, `${n} times`)));
   byId("slow").addEventListener("change", (event) => ((state.slowed = Number(event.target.value)), explained()));
   byId("play").addEventListener("click", () => play(!state.playing));
-  byId("response-set").addEventListener("change", (event) => showResponses(data, Number(event.target.value)));
+  for (const name of CHARTS) byId(`${name}-which`).addEventListener("change", () => showFigure(data, name));
   byId("print-manual").addEventListener("click", () => {
     document.body.dataset.print = "manual";
     window.print();
     delete document.body.dataset.print;
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => showResponses(data, Number(byId("response-set").value)));
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => CHARTS.forEach((name) => showFigure(data, name)));
   window.addEventListener("beforeprint", () => {
     if (document.body.dataset.print) takePictures();
     view?.drawNow();
@@ -72,7 +74,7 @@ function makeOnce() {
 const BELOW = ["copper", "iron", "tray"];
 function showParts(which) {
   byId("parts").value = which;
-  view?.hide({ all: [], coils: ["tray"], pad: BELOW }[which]);
+  view?.hide({ all: [], coils: ["tray", "guard"], pad: [...BELOW, "guard"] }[which]);
 }
 
 function keys(event) {
@@ -242,8 +244,9 @@ function drawnScale() {
 function explained() {
   const most = Math.max(...data.motion.sets.map((set) => set.channels.length));
   const times = Number((drawnScale() * 1000).toPrecision(2));
+  const spurs = data.motion.sets.some((set) => set.without_spurs) ? " Spurs of so many channels are left out." : "";
   const turns = data.motion.turns ? " Channels of a coil take turns, one after the other." : "";
-  byId("state-help").textContent = `${most === 1 ? "A digit" : `${most} digits`}, 1 for on, channel ${data.motion.sets[0].channels[0]} first. Drawn ${num(times)} times larger and ${state.slowed} times slower than it is; amplitudes and phases are true to each other.${turns}`;
+  byId("state-help").textContent = `${most === 1 ? "A digit" : `${most} digits`}, 1 for on, channel ${data.motion.sets[0].channels[0]} first. Drawn ${num(times)} times larger and ${state.slowed} times slower than it is; amplitudes and phases are true to each other.${turns}${spurs}`;
 }
 
 function still() {
@@ -267,6 +270,18 @@ function step(now) {
   requestAnimationFrame(step);
 }
 
+/** Return how far each taxel is from its rest towards its coil, in µm, at a time in s; who takes turns, by their number. */
+function displaced(seconds, turn) {
+  const cache = new Map();
+  return frame.motions.map((motion) => {
+    if (!cache.has(motion)) {
+      const tones = data.motion.turns && motion.tones.length ? [motion.tones[turn % motion.tones.length]] : motion.tones;
+      cache.set(motion, at(tones, seconds));
+    }
+    return cache.get(motion);
+  });
+}
+
 let shownFrame = 0;
 /** Show the motion at a time in s of the page's clock; a coil's pull is downwards. */
 function moveTo(seconds) {
@@ -276,16 +291,7 @@ function moveTo(seconds) {
     frame = motionsWith(frames[k]);
   }
   const scale = drawnScale();
-  const time = seconds / state.slowed;
-  const turn = Math.floor(seconds / FRAME_S);
-  const cache = new Map();
-  const heights = Float32Array.from(frame.motions, (motion) => {
-    if (!cache.has(motion)) {
-      const tones = data.motion.turns && motion.tones.length ? [motion.tones[turn % motion.tones.length]] : motion.tones;
-      cache.set(motion, -scale * at(tones, time));
-    }
-    return cache.get(motion);
-  });
+  const heights = Float32Array.from(displaced(seconds / state.slowed, Math.floor(seconds / FRAME_S)), (um) => -scale * um);
   if (inView()) view.lift(heights);
 }
 
@@ -402,10 +408,10 @@ function takePictures() {
   const [wide, high] = [560, 360];
   const taken = (name, share, without) => view.picture(name, share, wide, high, without);
   const pictures = {
-    print: taken("below", 0, [...BELOW, "steel"]),
-    washers: taken("below", 1, BELOW),
-    coils: taken("aslant", 0.35, ["pad", "steel"]),
-    wires: taken("top", 0, ["pad", "steel"]),
+    print: taken("below", 0, [...BELOW, "steel", "ballast", "guard"]),
+    washers: taken("below", 1, [...BELOW, "guard"]),
+    coils: taken("aslant", 0.35, ["pad", "steel", "ballast", "guard"]),
+    wires: taken("top", 0, ["pad", "steel", "ballast", "guard"]),
     pad: taken("aslant", 0.55, []),
   };
   put("manual-body", manual(data, pictures));
@@ -424,14 +430,6 @@ function scene() {
   view?.drawNow(); // the first picture does not wait for the tables
 }
 
-function responses() {
-  const { sets } = data.motion;
-  const set = Math.min(Number(byId("response-set").value) || 0, sets.length - 1);
-  put("response-set", sets.map((own, k) => h("option", { value: k, selected: k === set }, sets.length > 1 ? `set ${k}: channels ${own.channels.join(", ").slice(0, 60)}` : "every place")));
-  byId("response-set").parentElement.hidden = sets.length < 2;
-  showResponses(data, set);
-}
-
 function assembly() {
   put("manual-body", manual(data, {}));
   if (manualNear) takePictures();
@@ -439,10 +437,8 @@ function assembly() {
 
 const SECTIONS = {
   view: scene,
-  responses,
-  selectivity: () => put("selectivity-body", heatMap(data)),
-  prints: () => put("prints-body", histogram(data)),
-  wiring: () => put("wiring-body", wiring(data)),
+  // Those of `data.charts` are drawn with the figures.
+  ...Object.fromEntries(CHARTS.map((name) => [name, () => name in data.charts || showFigure(data, name)])),
   checks,
   study: () => put("study-body", study(data)),
   bom: billOfMaterials,
@@ -459,7 +455,7 @@ function figures(next) {
   setState(state.bits);
   select(data.index.has(state.selected) ? state.selected : null);
   fitCharts();
-  put("ladder-body", ladder(data));
+  for (const name of Object.keys(data.charts)) showFigure(data, name);
   driverTable();
 }
 
@@ -511,6 +507,7 @@ window.padgen = {
   get levels() {
     return Object.fromEntries(data.taxels.id.map((id, index) => [id, frame.motions[index].level_um]));
   },
+  displaced,
   /** Where a taxel's boss is on the page, in CSS pixels. */
   placeOf: (id) => view.placeOf(...placeOf(data.index.get(id)), data.pad.boss_top_mm),
   view: () => view,

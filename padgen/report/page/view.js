@@ -30,15 +30,14 @@ import {
   WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { decoded } from "./dom.js";
 
-const MATERIALS = { pad: "#d9d5cb", steel: "#8d949e", copper: "#b8753a", iron: "#4a4e55", tray: "#b9c0c9" };
+const MATERIALS = { pad: "#d9d5cb", steel: "#8d949e", ballast: "#a39a72", copper: "#b8753a", iron: "#4a4e55", tray: "#b9c0c9", guard: "#c9d8c5" };
 // How far parts move apart, over the pad's thickness: the pad up, washers, coils and tray down.
-const APART = { pad: 3.2, steel: 1.2, copper: -1.2, iron: -1.2, tray: -6 };
+const APART = { pad: 3.2, steel: 1.2, ballast: 2.2, copper: -1.2, iron: -1.2, tray: -6, guard: 5 };
 // Directions to look from, azimuth and elevation in degrees, and how much of a ball around the pad is to be seen.
 const LOOKS = { aslant: [-35, 38, 0.88], top: [0, 89.9, 0.8], below: [-35, -40, 0.88], side: [0, 2, 0.8] };
 const MARKS = 256;
-
-const decoded = (text) => Uint8Array.from(atob(text), (sign) => sign.charCodeAt(0)).buffer;
 
 // Neighbours overlap by half a thousandth, so that no rounding leaves cracks between them.
 const OVERLAP = 1.0005;

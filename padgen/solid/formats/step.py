@@ -15,7 +15,7 @@ from padgen.core.files import OutputFolder
 from padgen.planner.plan import Channel, Plan
 from padgen.solid.formats import ExportJob
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.taxel import taxel_key, taxel_solid, washer_solid
+from padgen.solid.taxel import ballast_solid, taxel_key, taxel_solid, washer_solid
 
 __all__ = ["write", "write_taxel_step"]
 
@@ -36,19 +36,23 @@ def write(out: OutputFolder, job: ExportJob) -> None:
 def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
     """Write the STEP file of a channel's taxel.
 
-    It has two named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, and
-    ``washer``, where the glue holds it. Read back, they must have the same volumes. The file is cached as the taxel's
-    triangles are (`padgen.solid.taxel`).
+    It has named solids in the taxel's own axes: ``printed``, the taxel in the frame of its sub-cell, ``washer``, where
+    the glue holds it, and ``ballast`` where there is any. Read back, they must have the same volumes. The file is
+    cached as the taxel's triangles are (`padgen.solid.taxel`).
     """
     writer = cache.code_hash("solid/formats/step.py")
-    key = taxel_key(plan, channel, washer=asdict(plan.spec.washer), step=_UNNAMED, writer=writer)
+    ballast = {"ballast": asdict(plan.spec.ballast)} if plan.spec.ballast else {}
+    key = taxel_key(plan, channel, washer=asdict(plan.spec.moved), step=_UNNAMED, writer=writer, **ballast)
 
     def made() -> bytes:
         printed = taxel_solid(plan, channel)
         washer = washer_solid(plan, channel)
-        printed.label = "printed"
-        washer.label = "washer"
-        _write_step(path, _UNNAMED, printed, washer)
+        ballast = ballast_solid(plan, channel)
+        solids = {"printed": printed, "washer": washer, "ballast": ballast}
+        for label, solid in solids.items():
+            if solid is not None:
+                solid.label = label
+        _write_step(path, _UNNAMED, *(solid for solid in solids.values() if solid is not None))
         cache.store_bytes(STEP_KIND, key, path.read_bytes())
         return path.read_bytes()
 

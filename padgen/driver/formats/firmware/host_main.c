@@ -7,7 +7,7 @@
  *
  * Options: --volts FILE   all voltages, 32-bit floats, a sample of all coils after the other
  *          --skip N       not those of the first N samples
- *          --log FILE     what began when: "begin SAMPLE frame LEVELS", "begin SAMPLE silence", "silent SAMPLE"
+ *          --log FILE     what began when: "begin SAMPLE frame LEVELS SIGNS", "begin SAMPLE silence", "silent SAMPLE"
  *          --speed X      so many times faster than real time
  *          --next N       the sequence number that is due first
  *          --boot 1       from the start-up silence on, else with coils that are cold and the silence over
@@ -75,6 +75,8 @@ static void tell(host *h) {
         fprintf(h->log, "begin %llu %s", h->sample, h->drive.playing[h->drive.to] ? "frame " : "silence");
         for (k = 0; h->drive.playing[h->drive.to] && k < PADGEN_TAXELS; k++)
             fprintf(h->log, "%02x", h->drive.level[h->drive.to][k]);
+        for (k = 0; h->drive.playing[h->drive.to] && k < PADGEN_SIGN_BYTES; k++)
+            fprintf(h->log, "%s%02x", k ? "" : " ", h->drive.turned[h->drive.to][k]);
         fprintf(h->log, "\n");
     }
     if (silent && !h->was_silent) fprintf(h->log, "silent %llu\n", h->sample);

@@ -16,8 +16,10 @@ static float sine(uint32_t phase) {
     return x * (6.283185159f + z * (-41.341654917f + z * (81.600998609f + z * (-76.549678455f + z * 39.536023390f))));
 }
 
+/* Below 0 for a taxel that moves in counter-phase. */
 static float level_of(const padgen_drive *drive, unsigned frame, uint16_t taxel) {
-    return (float)drive->level[frame][taxel] * (1.0f / 255.0f);
+    const float level = (float)drive->level[frame][taxel] * (1.0f / 255.0f);
+    return drive->turned[frame][taxel / 8] >> taxel % 8 & 1 ? -level : level;
 }
 
 /* ---- The least constant of a spur-free force ------------------------------------------------------------ */
@@ -26,8 +28,9 @@ static float level_of(const padgen_drive *drive, unsigned frame, uint16_t taxel)
 
 /* A bound for the levels of one group of channels: the least constant is convex in them and known for all on/off
  * states. With levels sorted, g1 >= g2 >= ..., they are the mean of the states {1}, {1, 2}, ... with weights
- * g1 - g2, g2 - g3, ... For an on/off state it is the least constant itself. */
-static float group_constant(const float *least, float *level, unsigned count) {
+ * g1 - g2, g2 - g3, ... For an on/off state it is the least constant itself. Each channel that is on adds its place to
+ * the state's. */
+static float group_constant(const float *least, const float *level, const unsigned *place_of, unsigned count) {
     unsigned order[PADGEN_GROUP_CHANNELS], k, state = 0;
     float sum = 0.0f;
     for (k = 0; k < count; k++) {
@@ -37,8 +40,23 @@ static float group_constant(const float *least, float *level, unsigned count) {
     }
     for (k = 0; k < count; k++) {
         const float after = k + 1 < count ? level[order[k + 1]] : 0.0f;
-        state |= 1u << order[k];
+        state += place_of[order[k]];
         sum += (level[order[k]] - after) * least[state];
+    }
+    return sum;
+}
+
+/* Where a channel moves in counter-phase: the sum over smaller groups, of which the states off, on and turned over are
+ * known; a state's place has a digit of base 3 for each channel. */
+static float turned_constant(unsigned kind, const float *level, unsigned count) {
+    float size[PADGEN_SIGNED_CHANNELS], sum = 0.0f;
+    unsigned place[PADGEN_SIGNED_CHANNELS], j, k, group, digit;
+    for (j = 0, group = 0; j < count; j += PADGEN_SIGNED_CHANNELS, group++) {
+        for (k = 0, digit = 1; k < PADGEN_SIGNED_CHANNELS && j + k < count; k++, digit *= 3) {
+            size[k] = level[j + k] < 0.0f ? -level[j + k] : level[j + k];
+            place[k] = level[j + k] < 0.0f ? 2 * digit : digit;
+        }
+        sum += group_constant(padgen_signed_a2[kind][group], size, place, k);
     }
     return sum;
 }
@@ -46,20 +64,22 @@ static float group_constant(const float *least, float *level, unsigned count) {
 /* All channels of a coil: what they have in common is as all on, the rest as the groups' sum; and the margin. */
 static float constant_of(const padgen_drive *drive, unsigned frame, unsigned coil) {
     const unsigned kind = padgen_coil_kind[coil], count = padgen_kind_channels[kind];
+    unsigned place[PADGEN_GROUP_CHANNELS], j, group;
     float level[PADGEN_CHANNELS], least = 1.0f, sum = 0.0f;
-    unsigned j, group;
+    for (j = 0; j < PADGEN_GROUP_CHANNELS; j++) place[j] = 1u << j;
     for (j = 0; j < count; j++) {
         level[j] = level_of(drive, frame, padgen_coil_taxel[coil][j]);
         if (level[j] < least) least = level[j];
-        sum += level[j] * padgen_margin_a2[kind][j];
+        sum += (level[j] < 0.0f ? -level[j] : level[j]) * padgen_margin_a2[kind][j];
     }
     if (count == 0) return 0.0f;
+    if (least < 0.0f) return sum + turned_constant(kind, level, count);
     for (j = 0; j < count; j++) level[j] -= least;
     sum += least * padgen_all_on_a2[kind];
     for (j = 0, group = 0; j < count; j += PADGEN_GROUP_CHANNELS, group++) {
         const unsigned rest = count - j;
         const unsigned size = rest < PADGEN_GROUP_CHANNELS ? rest : PADGEN_GROUP_CHANNELS;
-        sum += group_constant(padgen_least_a2[kind][group], level + j, size);
+        sum += group_constant(padgen_least_a2[kind][group], level + j, place, size);
     }
     return sum;
 }
@@ -89,9 +109,16 @@ static void restart_phases(padgen_drive *drive) {
 void padgen_attend(padgen_drive *drive) { drive->away = 0; }
 
 int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]) {
+    static const uint8_t none[PADGEN_SIGN_BYTES] = {0};
+    return padgen_show_signed(drive, level, none);
+}
+
+int padgen_show_signed(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS],
+                       const uint8_t turned[PADGEN_SIGN_BYTES]) {
     padgen_attend(drive);
     if (drive->waiting != NOTHING || drive->sweep_left || drive->faults) return 0;
     memcpy(drive->level[drive->next], level, PADGEN_TAXELS);
+    memcpy(drive->turned[drive->next], turned, PADGEN_SIGN_BYTES);
     drive->playing[drive->next] = 1;
     prepare(drive, drive->next);
     PADGEN_BARRIER();
@@ -161,25 +188,44 @@ typedef struct {
     float to, from, slope;
 } blend;
 
+/* The blends of a transition, and of its two halves: what is left of `from` in the first, how far `to` is in the other. */
+typedef struct {
+    blend all, falls, rises;
+} blends;
+
 /* From 0 to 1 with no jump up to the fourth derivative; for s up to 1/2, where it has all its digits. */
 static float smooth_step(float s) {
     return s * s * s * s * s * (126.0f - s * (420.0f - s * (540.0f - s * (315.0f - s * 70.0f))));
 }
 
+/* After such a part of a ramp, by its samples. */
+static blend blend_at(float step, float ramp, float per_second) {
+    const float s = step / ramp, rest = (ramp - step) / ramp;
+    blend now = {1.0f, 0.0f, 0.0f};
+    if (step >= ramp) return now;
+    now.to = s < 0.5f ? smooth_step(s) : 1.0f - smooth_step(rest);
+    now.from = s < 0.5f ? 1.0f - now.to : smooth_step(rest);
+    now.slope = 630.0f * (s * rest) * (s * rest) * (s * rest) * (s * rest) * per_second;
+    return now;
+}
+
 /* Time-shared, `to` is the share of the slot and nothing is left of the frame before. */
-static blend blend_now(const padgen_drive *drive) {
+static blends blend_now(const padgen_drive *drive) {
     const uint32_t ramp = PADGEN_RAMP_SAMPLES;
     const int falls = PADGEN_TAKES_TURNS && drive->step > ramp;
-    const uint32_t step = falls ? 2 * ramp - drive->step : drive->step;
-    const float per_second = (float)PADGEN_RATE_HZ / (float)PADGEN_RAMP_SAMPLES;
-    blend now = {1.0f, 0.0f, 0.0f};
-    if (step < ramp) {
-        const float s = (float)step / (float)ramp, rest = (float)(ramp - step) / (float)ramp;
-        now.to = s < 0.5f ? smooth_step(s) : 1.0f - smooth_step(rest);
-        now.from = s < 0.5f ? 1.0f - now.to : smooth_step(rest);
-        now.slope = 630.0f * (s * rest) * (s * rest) * (s * rest) * (s * rest) * (falls ? -per_second : per_second);
+    const uint32_t step = falls ? 2 * ramp - drive->step : drive->step < ramp ? drive->step : ramp;
+    const float per_second = (float)PADGEN_RATE_HZ / (float)PADGEN_RAMP_SAMPLES, all = (float)ramp;
+    const blend silent = {0.0f, 0.0f, 0.0f}, left = {0.0f, 1.0f, 0.0f};
+    blends now = {silent, silent, left};
+    now.all = blend_at((float)step, all, falls ? -per_second : per_second);
+    if (PADGEN_TAKES_TURNS) {
+        now.all.from = 0.0f;
+    } else if (2 * step < ramp) {
+        now.falls = blend_at(2.0f * (float)step, all, 2.0f * per_second);
+        now.rises = left;
+    } else {
+        now.rises = blend_at(2.0f * (float)step - all, all, 2.0f * per_second);
     }
-    if (PADGEN_TAKES_TURNS) now.from = 0.0f;
     return now;
 }
 
@@ -196,15 +242,21 @@ typedef struct {
     float value, slope; /* the latter per second */
 } moving;
 
-/* The level of a coil's channel at this sample. */
-static moving level_now(const padgen_drive *drive, unsigned coil, unsigned j, blend now) {
+/* The level of a coil's channel at this sample. A tone that turns over goes to silence in the first half of the
+ * transition and comes back in the other, as its root has no slope at 0; other currents pass through 0. */
+static moving level_now(const padgen_drive *drive, unsigned coil, unsigned j, const blends *now) {
     const uint16_t taxel = padgen_coil_taxel[coil][j];
     const float to = level_of(drive, drive->to, taxel);
     const float from = PADGEN_TAKES_TURNS ? 0.0f : level_of(drive, drive->from, taxel);
     moving level = {0.0f, 0.0f};
     if (PADGEN_TAKES_TURNS && padgen_slot[padgen_coil_kind[coil]][j] != drive->slot) return level;
-    level.value = from * now.from + to * now.to;
-    level.slope = (to - from) * now.slope;
+    if (PADGEN_HAS_ROOT_TONES && from * to < 0.0f) {
+        level.value = from * now->falls.from + to * now->rises.to;
+        level.slope = to * now->rises.slope - from * now->falls.slope;
+        return level;
+    }
+    level.value = from * now->all.from + to * now->all.to;
+    level.slope = (to - from) * now->all.slope;
     return level;
 }
 
@@ -217,10 +269,10 @@ static void add(moving *sum, float amplitude, float amplitude_slope, float cosin
 #if PADGEN_SCHEME == PADGEN_SPUR_FREE
 
 /* i = sqrt(F), F = constant + sum of level * line * cosine; on a carrier i = sqrt(2 F) times its cosine. */
-static moving current(const padgen_drive *drive, unsigned coil, blend now) {
+static moving current(const padgen_drive *drive, unsigned coil, const blends *now) {
     const unsigned kind = padgen_coil_kind[coil];
     const float before = drive->constant_a2[drive->from][coil], after = drive->constant_a2[drive->to][coil];
-    moving sum = {before * now.from + after * now.to, (after - before) * now.slope}, i = {0.0f, 0.0f};
+    moving sum = {before * now->all.from + after * now->all.to, (after - before) * now->all.slope}, i = {0.0f, 0.0f};
     unsigned j;
     for (j = 0; j < padgen_kind_channels[kind]; j++) {
         const moving level = level_now(drive, coil, j, now);
@@ -241,16 +293,16 @@ static moving current(const padgen_drive *drive, unsigned coil, blend now) {
 
 /* i = B + sum of level * line / (2 B) * cosine. From and to silence all of it times the root of the blend, so that
  * its square rises as the blend does. */
-static moving current(const padgen_drive *drive, unsigned coil, blend now) {
+static moving current(const padgen_drive *drive, unsigned coil, const blends *now) {
     const unsigned kind = padgen_coil_kind[coil];
     const float bias = padgen_bias_a[kind];
     const int rises = !drive->playing[drive->from], falls = !drive->playing[drive->to];
-    const float share = rises ? now.to : now.from, slope = rises ? now.slope : -now.slope;
-    const blend all = {rises ? 1.0f : 0.0f, rises ? 0.0f : 1.0f, 0.0f};
+    const float share = rises ? now->all.to : now->all.from, slope = rises ? now->all.slope : -now->all.slope;
+    const blends all = {{rises ? 1.0f : 0.0f, rises ? 0.0f : 1.0f, 0.0f}, {0.0f, 0.0f, 0.0f}, {0.0f, 0.0f, 0.0f}};
     moving i = {bias, 0.0f};
     unsigned j;
     for (j = 0; j < padgen_kind_channels[kind]; j++) {
-        const moving level = level_now(drive, coil, j, rises || falls ? all : now);
+        const moving level = level_now(drive, coil, j, rises || falls ? &all : now);
         const float tone = padgen_line_a2[kind][j] / (2.0f * bias);
         add(&i, tone * level.value, tone * level.slope, drive->cosine[kind][j], drive->slope[kind][j]);
     }
@@ -262,19 +314,40 @@ static moving current(const padgen_drive *drive, unsigned coil, blend now) {
     return i;
 }
 
-#else
+#elif PADGEN_SCHEME == PADGEN_LINEAR
 
-/* i = sum of sqrt(2 * level * line) * cosine, the cosine at half the force's frequency. */
-static moving current(const padgen_drive *drive, unsigned coil, blend now) {
+/* i = sum of level * line * cosine: the force goes with the current itself. */
+static moving current(const padgen_drive *drive, unsigned coil, const blends *now) {
     const unsigned kind = padgen_coil_kind[coil];
     moving i = {0.0f, 0.0f};
     unsigned j;
     for (j = 0; j < padgen_kind_channels[kind]; j++) {
         const moving level = level_now(drive, coil, j, now);
-        if (level.value > 0.0f) {
-            const float tone = sqrtf(2.0f * level.value * padgen_line_a2[kind][j]);
+        const float line = padgen_line_a2[kind][j];
+        add(&i, line * level.value, line * level.slope, drive->cosine[kind][j], drive->slope[kind][j]);
+    }
+    return i;
+}
+
+#else
+
+/* i = sum of sqrt(2 * level * line) * cosine, the cosine at half the force's frequency; in counter-phase it is a quarter
+ * of its own period late. */
+static moving current(const padgen_drive *drive, unsigned coil, const blends *now) {
+    const unsigned kind = padgen_coil_kind[coil];
+    moving i = {0.0f, 0.0f};
+    unsigned j;
+    for (j = 0; j < padgen_kind_channels[kind]; j++) {
+        const moving level = level_now(drive, coil, j, now);
+        const float size = level.value < 0.0f ? -level.value : level.value;
+        if (size > 0.0f) {
+            const float tone = sqrtf(2.0f * size * padgen_line_a2[kind][j]);
             const float slope = tone * level.slope / (2.0f * level.value);
-            add(&i, tone, slope, drive->cosine[kind][j], drive->slope[kind][j]);
+            const float radians = turn * padgen_tone_hz[kind][j];
+            if (level.value > 0.0f)
+                add(&i, tone, slope, drive->cosine[kind][j], drive->slope[kind][j]);
+            else
+                add(&i, tone, slope, -drive->slope[kind][j] / radians, radians * drive->cosine[kind][j]);
         }
     }
     return i;
@@ -390,14 +463,14 @@ void padgen_next(padgen_drive *drive, float volts[PADGEN_COILS]) {
         for (coil = 0; coil < PADGEN_COILS; coil++) volts[coil] = 0.0f;
         if (drive->sweep_left) volts[drive->sweep_coil] = swept(drive);
     } else {
-        const blend now = blend_now(drive);
+        const blends now = blend_now(drive);
         for (kind = 0; kind < PADGEN_KINDS; kind++) make_waves(drive, kind);
 #if PADGEN_HAS_CARRIER
         drive->carrier[0] = sine(drive->carrier_phase + UINT32_C(0x40000000));
         drive->carrier[1] = -turn * PADGEN_CARRIER_HZ * sine(drive->carrier_phase);
 #endif
         for (coil = 0; coil < PADGEN_COILS; coil++) {
-            const moving i = current(drive, coil, now);
+            const moving i = current(drive, coil, &now);
             volts[coil] = PADGEN_RESISTANCE_OHM * i.value + PADGEN_INDUCTANCE_H * i.slope;
         }
     }

@@ -19,7 +19,7 @@
 
 #include "pad_drive.h"
 
-#if PADGEN_HEADER != 2
+#if PADGEN_HEADER != 3
 #error "pad_drive.h and the firmware are of different versions: write both anew with padgen drive --formats c"
 #endif
 #if PADGEN_VOLTAGE_LIMIT_UV < 1 || PADGEN_VOLTAGE_LIMIT_UV > PADGEN_AMPLIFIER_UV
@@ -61,8 +61,13 @@
 extern "C" {
 #endif
 
+#define PADGEN_SIGN_BYTES ((PADGEN_TAXELS + 7) / 8)
+/* Whether a current is a sum of roots of levels. */
+#define PADGEN_HAS_ROOT_TONES (PADGEN_SCHEME == PADGEN_TONES || PADGEN_SCHEME == PADGEN_TIME_SHARED)
+
 typedef struct {
     uint8_t level[3][PADGEN_TAXELS]; /* of three frames: blended from, blended to, next */
+    uint8_t turned[3][PADGEN_SIGN_BYTES]; /* of the same, a bit a taxel from the lowest on: in counter-phase */
     float constant_a2[3][PADGEN_COILS]; /* spur-free: the constant of each coil's i2, for these frames */
     uint8_t playing[3]; /* whether each is a frame, or silence */
     volatile uint8_t from, to, next; /* which of the three */
@@ -108,6 +113,11 @@ void padgen_attend(padgen_drive *drive);
 
 /* Show a frame; 0 where one is waiting already or the self-test failed, and nothing was done. */
 int padgen_show(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS]);
+
+/* The same with the taxels whose bit of `turned` is 1, from the lowest of the first byte on, in counter-phase: those of
+ * one frequency then need not shake the pad. */
+int padgen_show_signed(padgen_drive *drive, const uint8_t level[PADGEN_TAXELS],
+                       const uint8_t turned[PADGEN_SIGN_BYTES]);
 
 /* Ramp to silence, as soon as the present transition (time-shared: slot) is over; a waiting frame is dropped. */
 void padgen_silence(padgen_drive *drive);

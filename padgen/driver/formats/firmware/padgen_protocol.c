@@ -95,22 +95,23 @@ static void greet(padgen_link *link, uint32_t sequence) {
 
 /* A frame is shown as a whole or not at all, and each once: that of the sequence number which is due. */
 static void frame(padgen_link *link, unsigned kind, uint16_t sequence, const uint8_t *payload, unsigned count) {
-    const unsigned due = kind == FRAME ? PADGEN_TAXELS : (PADGEN_TAXELS + 7) / 8;
+    const unsigned due = kind == FRAME ? PADGEN_TAXELS : PADGEN_SIGN_BYTES;
     const uint16_t behind = (uint16_t)(link->next_sequence - sequence);
-    uint8_t level[PADGEN_TAXELS];
+    uint8_t level[PADGEN_TAXELS], turned[PADGEN_SIGN_BYTES] = {0};
     unsigned k;
     if (link->drive->faults) {
         refuse(link, kind, sequence, FAULT);
     } else if (!link->greeted) {
         refuse(link, kind, sequence, STRANGER);
-    } else if (count != due) {
+    } else if (count != due && count != due + PADGEN_SIGN_BYTES) {
         refuse(link, kind, sequence, LENGTH);
     } else if (behind != 0) {
         refuse(link, kind, sequence, behind < 0x8000 ? DUPLICATE : ORDER);
     } else {
         for (k = 0; k < PADGEN_TAXELS; k++)
             level[k] = kind == FRAME ? payload[k] : (uint8_t)(payload[k / 8] >> k % 8 & 1 ? 255 : 0);
-        if (!padgen_show(link->drive, level)) {
+        if (count > due) memcpy(turned, payload + due, PADGEN_SIGN_BYTES);
+        if (!padgen_show_signed(link->drive, level, turned)) {
             refuse(link, kind, sequence, BUSY);
             return;
         }

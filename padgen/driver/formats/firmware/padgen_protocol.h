@@ -12,7 +12,7 @@ extern "C" {
 #endif
 
 #define PADGEN_PROTOCOL_VERSION 1
-#define PADGEN_LONGEST (PADGEN_TAXELS + 16) /* bytes of the longest packet that is understood, unstuffed */
+#define PADGEN_LONGEST (PADGEN_TAXELS + PADGEN_SIGN_BYTES + 16) /* bytes of the longest packet that is understood, unstuffed */
 
 typedef void (*padgen_send)(void *context, const uint8_t *bytes, size_t count);
 

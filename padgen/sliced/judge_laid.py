@@ -17,11 +17,11 @@ import numpy as np
 
 from padgen.core.errors import Finding, number, plural
 from padgen.core.units import G_PER_CM3, MG, MM
-from padgen.measured.laid_pad import LaidPad, laid_pad, read_settings
 from padgen.physics.ladder import slot_half_width
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.suspensions import Arrangement, BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.sliced.laid_pad import LaidPad, laid_pad, read_settings
 
 __all__ = ["LaidReport", "check_gcode"]
 
@@ -301,7 +301,7 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:
     """Find faults of gaps, recesses and plates, taxel by taxel."""
     ids = np.array([t.id for t in plan.taxels])
-    washer = plan.spec.washer
+    washer = plan.spec.moved
     plate = plan.plate
     of = f"{len(ids)} taxels"
     depth = plan.plate.recess_depth_mm
@@ -318,7 +318,7 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     deep = laid.recess_mm > depth + DEPTH_MM
     sentence = (
         f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
-        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the washer has"
+        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the {plan.spec.mover.kind} has"
         f" {number(washer.thickness_mm)} mm"
     )
     level = "warning" if laid.recess_mm.min() >= washer.thickness_mm - 1e-6 else "error"
@@ -328,8 +328,8 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     yield from _told("warning", "laid.recess", ids[deep], of, sentence, wrong, *roof)
     tight = laid.room_mm < washer.outer_diameter_mm
     sentence = (
-        f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the washer {washer.name} has"
-        f" {number(washer.outer_diameter_mm)} mm"
+        f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the {plan.spec.mover.kind}"
+        f" {washer.name} has {number(washer.outer_diameter_mm)} mm"
     )
     sides = "xy_size_compensation", "wall_generator", "layer_height"
     yield from _told("error", "laid.washer", ids[tight], of, sentence, wrong, *sides)

@@ -1,7 +1,7 @@
 """Model a taxel as a frame of beam elements: beams with flared roots, crossbar and neck as flexible beams.
 
-It is one step more exact than `TaxelModel`, which lets a crossbar only twist and takes a beam's mass from its static
-cubic deflection. Washer and plate stay rigid.
+It is one step more exact than `TaxelModel`, whose crossbar and neck have no motion of their own and whose beams have
+the mass of their static cubic deflection. Washer and plate stay rigid.
 """
 
 from itertools import pairwise
@@ -11,10 +11,10 @@ import numpy as np
 
 from padgen.core.units import MM
 from padgen.physics.beams import BeamSection, bend_stiffening, flexibility, piece_twist
-from padgen.physics.frame import AttachedBody, Element, Frame, Section, rectangle
 from padgen.physics.modes import RigidBody, box
 from padgen.planner.suspensions import BeamPath, Segment
 from padgen.planner.taxel_model import TaxelModel
+from padgen.verify.frame import AttachedBody, Element, Frame, Section, rectangle
 
 __all__ = ["taxel_frame"]
 
@@ -28,7 +28,8 @@ def taxel_frame(model: TaxelModel, elements: int = 4, *, rigid_crossbar: bool = 
     """Return the frame of one taxel in its own axes, in m, with `elements` along each beam beyond its flare.
 
     The first body is the plate with boss and washer: in the frame's modes `body_motion[:, 0]` is at its centroid. With
-    `rigid_crossbar` crossbar and neck are rigid, and the beams' tips have their compliance instead, as in `TaxelModel`.
+    `rigid_crossbar` crossbar and neck are rigid, and the beams' tips have the crossbar's twist instead, as in
+    `TaxelModel`, which bends both, too.
     """
     builder = _Builder(model)
     whole = rigid_crossbar or not model.arrangement.yoke

@@ -1,0 +1,251 @@
+"""A coil of spirals on the layers of a printed circuit board: its turns, resistance, inductance and field.
+
+Layers are taken in pairs. Of a pair in series the current comes in on the upper layer's outside, goes round inwards,
+down a via in the bore, and round outwards on the lower layer in the same sense, then by a via beside the coil to the
+next pair. In parallel all upper layers of the pairs lead inwards together, one via in the bore joins all layers, and
+all lower layers lead outwards together.
+
+Resistances are those of the tracks' cross-section at 20 °C, of links and of plated holes. The inductance is a sum over
+circular turns of mutual inductances by Maxwell's formula, ``M = μ₀ √(ab) Q_½(1 + ε)`` (Q as in `physics.magnetics`),
+each turn as `FILAMENTS` filaments across its track; a turn's own is ``μ₀ r (ln 8r/g − 2)`` with the mean distance
+g = 0.2235 (w + t) of its section from itself (Grover, Inductance Calculations, 1946). Up to some ten kHz the current
+fills such tracks evenly: at 5 kHz the skin is 0.9 mm deep.
+
+SI units. Heights are over the board's top copper; the solder mask is left out.
+"""
+
+from functools import lru_cache
+from math import ceil, floor, pi, sin
+from typing import NamedTuple
+
+import numpy as np
+
+from padgen.core.units import COPPER_OHM_M
+from padgen.physics.magnetics import MU_0, CoilSource, Winding, gauss, toroidal
+
+__all__ = [
+    "BoardCoil",
+    "BoardLayer",
+    "board_layers",
+    "board_source",
+    "bore_needed",
+    "heat_limit",
+    "inductance",
+    "layer_resistances",
+    "resistance",
+    "rings_of",
+    "shares",
+]
+
+FILAMENTS = 3
+"""Filaments across a track, at Gauss points: of two tracks face to face on either side of a thin prepreg this leaves
+less than a hundredth of their mutual inductance."""
+OPEN_SHARE = 0.4
+"""Own inductance of a short part of a turn over that part of its circle's: within 0.1 % of a spiral's of 5 turns and
+more, 1.4 % of one of two and a half."""
+LINK_DEGREES = (135.0, 225.0, 45.0, 315.0)
+"""Angles of the vias beside a coil in series, in the corners of its cell; its ends lie at 0°."""
+END_DEGREES = (45.0, 315.0)
+"""Angles of the vias beside a coil in parallel, which are its two ends."""
+
+
+class BoardCoil(NamedTuple):
+    """Sizes of a board coil in m: the outside of its widest turn, its bore, tracks, vias and layers.
+
+    `copper` is the thickness of each layer from the top, `depth` the distance of each layer's upper face from that of
+    the first. `parallel` is true for pairs of layers in parallel.
+    """
+
+    outer_diameter: float
+    inner_diameter: float
+    track: float
+    space: float
+    drill: float
+    via: float
+    plating: float
+    copper: tuple[float, ...]
+    depth: tuple[float, ...]
+    parallel: bool
+
+    @property
+    def pitch(self) -> float:
+        """Distance in m from turn to turn."""
+        return self.track + self.space
+
+    @property
+    def bore_vias(self) -> int:
+        """Number of vias in the bore."""
+        return 1 if self.parallel else len(self.copper) // 2
+
+    @property
+    def bore_via_radius(self) -> float:
+        """Distance in m of these from the axis: as near to each other as the house allows."""
+        return 0.0 if self.bore_vias == 1 else (self.via + self.space) / (2 * sin(pi / self.bore_vias))
+
+    @property
+    def side_via_radius(self) -> float:
+        """Distance in m from the axis of the vias beside the coil."""
+        return self.outer_diameter / 2 + self.space + self.via / 2
+
+    @property
+    def length(self) -> float:
+        """Length in m of a hole through all layers."""
+        return self.depth[-1] + self.copper[-1]
+
+
+class BoardLayer(NamedTuple):
+    """The spiral of one layer: middle of the track at its inner end, turns, and where it begins and ends.
+
+    The track leaves `start_radius` in m at `start_angle` and widens by a pitch a turn over `turns`, counterclockwise
+    with `sense` 1, seen from above. `end_angle` is where it ends; angles in rad.
+    """
+
+    start_radius: float
+    start_angle: float
+    turns: float
+    sense: int
+    end_angle: float
+
+
+def bore_needed(coil: BoardCoil) -> float:
+    """Return the least bore in m that has room for the vias."""
+    return 2 * (coil.bore_via_radius + coil.via / 2 + coil.space)
+
+
+def board_layers(coil: BoardCoil) -> tuple[BoardLayer, ...]:
+    """Return the spirals from the top layer down; a layer has no turns where there is no room for one."""
+    room = (coil.outer_diameter - coil.inner_diameter) / 2 - coil.track
+    layers = []
+    for k in range(len(coil.copper)):
+        pair = 0 if coil.parallel else k // 2
+        start = 2 * pi * pair / coil.bore_vias + pi
+        end = _end_angle(coil, k)
+        sense = -1 if k % 2 == 0 else 1
+        # As many turns as there is room for, so that the track ends at that angle.
+        rest = round(sense * (end - start) / (2 * pi), 9) % 1.0
+        turns = floor(room / coil.pitch - rest + 1e-9) + rest
+        layers.append(BoardLayer(coil.inner_diameter / 2 + coil.track / 2, start, max(turns, 0.0), sense, end))
+    return tuple(layers)
+
+
+def _end_angle(coil: BoardCoil, layer: int) -> float:
+    """Return the angle in rad at which the spiral of a layer ends, outside."""
+    if coil.parallel:
+        return END_DEGREES[layer % 2] * pi / 180
+    if layer in (0, len(coil.copper) - 1):
+        return 0.0
+    return LINK_DEGREES[(layer - 1) // 2] * pi / 180
+
+
+def shares(coil: BoardCoil) -> np.ndarray:
+    """Return the share of the coil's current in each layer: all of it in series, by conductance in parallel."""
+    count = len(coil.copper)
+    if not coil.parallel:
+        return np.ones(count)
+    conductance = 1 / np.array(layer_resistances(coil))
+    share = np.empty(count)
+    for side in (slice(0, None, 2), slice(1, None, 2)):
+        share[side] = conductance[side] / conductance[side].sum()
+    return share
+
+
+def layer_resistances(coil: BoardCoil) -> list[float]:
+    """Return the resistance in Ω at 20 °C of each layer's spiral, with its links to the vias."""
+    ohms = []
+    for k, (layer, copper) in enumerate(zip(board_layers(coil), coil.copper, strict=True)):
+        spiral = 2 * pi * layer.turns * (layer.start_radius + layer.turns * coil.pitch / 2)
+        inwards = layer.start_radius - coil.bore_via_radius
+        ends_at_via = coil.parallel or 0 < k < len(coil.copper) - 1
+        outwards = coil.side_via_radius - layer.start_radius - layer.turns * coil.pitch if ends_at_via else 0.0
+        ohms.append(COPPER_OHM_M * (spiral + inwards + outwards) / (coil.track * copper))
+    return ohms
+
+
+def resistance(coil: BoardCoil) -> float:
+    """Return the resistance in Ω at 20 °C, from end to end of the coil, without the tracks that lead to it."""
+    barrel = pi * (coil.drill - coil.plating) * coil.plating
+    of_layers = np.array(layer_resistances(coil))
+    if coil.parallel:
+        # The via in the bore carries all current over most of its length: a bound.
+        through = COPPER_OHM_M * coil.length / barrel
+        return float(1 / (1 / of_layers[::2]).sum() + 1 / (1 / of_layers[1::2]).sum()) + through
+    falls = [coil.depth[k + 1] - coil.depth[k] for k in range(len(coil.depth) - 1)]
+    return float(of_layers.sum()) + COPPER_OHM_M * sum(falls) / barrel
+
+
+class Rings(NamedTuple):
+    """Circular turns: radius, depth of the track's middle, its thickness, and the turns each stands for, in m."""
+
+    radius: np.ndarray
+    depth: np.ndarray
+    thickness: np.ndarray
+    turns: np.ndarray
+    current: np.ndarray
+
+
+def rings_of(coil: BoardCoil) -> Rings:
+    """Return all turns of a coil as circles: whole turns, and what is over on each layer as a part of one."""
+    share = shares(coil)
+    rows = []
+    for k, layer in enumerate(board_layers(coil)):
+        for j in range(ceil(layer.turns)):
+            part = min(layer.turns - j, 1.0)
+            radius = layer.start_radius + (j + part / 2) * coil.pitch
+            rows.append((radius, coil.depth[k] + coil.copper[k] / 2, coil.copper[k], part, share[k]))
+    return Rings(*np.array(rows).T)
+
+
+@lru_cache(maxsize=64)
+def inductance(coil: BoardCoil) -> float:
+    """Return the inductance in H at low frequencies, of turns that share a current as `shares` says."""
+    rings = rings_of(coil)
+    at, weight = gauss(FILAMENTS)
+    across = coil.track * (at - 0.5)
+    radius = (rings.radius[:, None] + across).ravel()
+    depth = np.repeat(rings.depth, FILAMENTS)
+    flow = (rings.turns * rings.current)[:, None] * weight
+    product = radius[:, None] * radius
+    above = (np.subtract.outer(radius, radius) ** 2 + np.subtract.outer(depth, depth) ** 2) / (2 * product)
+    of_turn = np.repeat(np.arange(len(rings.radius)), FILAMENTS)
+    same_turn = of_turn[:, None] == of_turn
+    mutual = MU_0 * np.sqrt(product) * toroidal(np.where(same_turn, 1.0, above), 1)[1]
+    mutual[same_turn] = 0.0
+    between = flow.ravel() @ mutual @ flow.ravel()
+    mean_distance = 0.2235 * (coil.track + rings.thickness)
+    # What an open part of a turn has of its circle's own inductance, by sums over the filaments of spirals.
+    part = rings.turns * (OPEN_SHARE + (1 - OPEN_SHARE) * rings.turns)
+    alone = MU_0 * rings.radius * (np.log(8 * rings.radius / mean_distance) - 2) * part * rings.current**2
+    return float(between + alone.sum())
+
+
+def board_source(coil: BoardCoil) -> CoilSource:
+    """Return the coil as flat windings of even current, one a layer, which is the field some tracks' pitch away."""
+    share = shares(coil)
+    windings = []
+    for k, layer in enumerate(board_layers(coil)):
+        inner = 2 * layer.start_radius
+        outer = inner + 2 * layer.turns * coil.pitch
+        top = -coil.depth[k]
+        windings.append(Winding(outer, inner, top, top - coil.copper[k], layer.turns * float(share[k])))
+    return CoilSource(tuple(windings))
+
+
+RISE_K = 40.0
+"""Rise of a board coil's copper over the air that its heat limit allows: 60 °C in a room."""
+AIR_W_PER_M2K = 10.0
+"""Heat that flows off each face of a board into still air (Incropera et al., 7th ed. 2011, table 1.1: 2 to 25)."""
+MIL_M = 25.4e-6
+IPC_INNER = 0.024
+
+
+def heat_limit(coil: BoardCoil) -> float:
+    """Return the heat in W that a board coil bears for long: the lower of two rules for a rise of `RISE_K`.
+
+    Its two faces give off ``2 h A ΔT``, what the board around it takes being left out; no track carries more than
+    ``I = 0.024 ΔT^0.44 A^0.725`` (IPC-2221, inner layers; A in square mils), a rule for tracks by themselves.
+    """
+    faces = 2 * pi / 4 * coil.outer_diameter**2
+    given_off = AIR_W_PER_M2K * faces * RISE_K
+    most = IPC_INNER * RISE_K**0.44 * (np.array(coil.copper) * coil.track / MIL_M**2) ** 0.725
+    current = float((most / shares(coil)).min())
+    return float(min(given_off, current**2 * resistance(coil)))

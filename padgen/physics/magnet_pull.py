@@ -1,0 +1,367 @@
+"""Pull of a coil and of its core on small disc and ring magnets above it.
+
+Above all of a coil its potential in A is a sum of Bessel functions (Jackson, *Classical Electrodynamics*, 3.8),
+
+    ψ = Σ_m cos mφ ∫ Φ_m(k) J_m(kρ) exp(−kz) dk,   H = −∇ψ,
+
+and so the energy of a magnet of polarisation J, radii a and b and height h, `gap` above and `offset` off the axis, is
+that of its charged faces (`magnets.face_flux`; off the axis by Watson, *Theory of Bessel Functions*, 1944, 11.3),
+
+    U = Σ_m ∫ Φ_m J_m(k offset) 2πJ (a J₁(ka) − b J₁(kb)) (exp(−kh) − 1) exp(−k gap) / k dk.
+
+Forces, moments and slopes are its derivatives, so they cost no more than the energy. A winding has Φ₀ in closed form
+but for an integral over its radius; the charges of its core are those of `magnetics.charged_core` in the coil's field,
+and by `magnetics.steel_body` in the magnet's. What a moving magnet induces in the coil is its force per ampere times
+its velocity (reciprocity).
+
+Fields from outside do not change the polarisation: a recoil permeability of 1.05 lets them change it by 5 % of what
+they are, at most. The steel of cores is linear. SI units; a current whose field lies along the polarisation pulls.
+"""
+
+from functools import lru_cache
+from math import ceil, log, pi
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from padgen.physics.magnetics import (
+    MOST_RINGS,
+    MU_0,
+    CoilSource,
+    SteelBody,
+    SteelRing,
+    Winding,
+    charged_core,
+    fine_rings,
+)
+from padgen.physics.magnets import DECAY, Coupling, DiscMagnet, bessel, face_flux, steel_charges, wave_points
+
+__all__ = ["LEAST_GAP", "MagnetPull", "RestOnSpring", "magnet_pull", "rest_on_spring", "shared_core"]
+
+LEAST_GAP = 50e-6
+"""Smallest gap in m that is computed; nearer ones count as this."""
+STEPS = 1.25
+"""Ratio of the gaps and of the reaches for which wave numbers are kept."""
+AT_ONCE = 1 << 17
+"""Most pairs of a place and a wave number that are computed together."""
+
+
+class MagnetPull(NamedTuple):
+    """Effect of a coil on a magnet at n places, as arrays (n,).
+
+    Per ampere: `force` towards the coil in N/A, its `slope` with the gap in N/(A·m), `side` force in N/A away from the
+    coil's axis, `moment` in N·m/A about a horizontal axis through the middle of the magnet's underside at right angles
+    to the offset, positive if it lowers the far side; `error` bounds that of the force, `slope_error` that of the
+    slope. Without a current, by the core alone: `core_pull` towards the coil in N; `core_stiffness` in N/m, its slope
+    with the gap, which is mostly negative and adds to the spring's; `core_side`, `core_moment`; and `core_error`, which
+    bounds that of the pull.
+    """
+
+    force: np.ndarray
+    slope: np.ndarray
+    side: np.ndarray
+    moment: np.ndarray
+    error: np.ndarray
+    slope_error: np.ndarray
+    core_pull: np.ndarray
+    core_stiffness: np.ndarray
+    core_side: np.ndarray
+    core_moment: np.ndarray
+    core_error: np.ndarray
+
+
+MOST = (40, 24)
+"""Most nodes on the core's top face, and highest order round its axis, to save time."""
+FEWER = 0.7
+"""Share of the core's nodes in a second solution; its difference counts as error."""
+CORE_SHARE = 0.003
+"""Relative error of what the core adds (docs/magnets.md)."""
+RULE_SHARES = (2e-5, 2e-4)
+"""Errors of the integrals over wave numbers for force and slope, over those of the integrands without their signs."""
+
+
+class _Core(NamedTuple):
+    """A core as it answers magnets, by orders m round its axis and its nodes.
+
+    `along` (m, K, 3, nodes) times J_m(k offset) exp(−k gap) is a magnet's potential in A at the nodes and its first and
+    second slope with the gap. `across` (m, K, 2, nodes) times J_m' exp(−k gap) is its slope with the offset, with its
+    sign turned, and with the magnet's tilt. `echo` (m, nodes, nodes) times a potential is the nodes' charge, weighted
+    so that its product with a potential is an energy in J.
+    """
+
+    along: np.ndarray
+    across: np.ndarray
+    echo: np.ndarray
+
+
+class _Spectrum(NamedTuple):
+    """A coil and a magnet by wave numbers k (K,); integrals over k are sums of products.
+
+    `faces` is the magnet as it takes part in energies, `turned` in moments; `coil` is Φ₀ per ampere, `doubt` its change
+    by fewer nodes on the core.
+    """
+
+    k: np.ndarray
+    faces: np.ndarray
+    turned: np.ndarray
+    coil: np.ndarray
+    doubt: np.ndarray
+    cores: tuple[_Core, ...]
+
+
+def magnet_pull(
+    coil: CoilSource, magnet: DiscMagnet, gap: Any, offset: Any, steel: SteelRing | None = None
+) -> MagnetPull:
+    """Return the pull on a magnet at gaps (n,) from the coil's top to its underside and offsets (n,) of its axis, in m.
+
+    Bounds of the errors are in docs/magnets.md. Offsets are not negative; gaps below `LEAST_GAP` count as that. `steel`
+    lies on top of the magnet and moves with it (`magnets.steel_charges`).
+    """
+    gap, offset = np.broadcast_arrays(np.maximum(np.atleast_1d(np.asarray(gap, float)), LEAST_GAP), np.asarray(offset))
+    if not gap.size:
+        return MagnetPull(*np.zeros((11, 0)))
+    pairs = list(zip(gap.tolist(), offset.tolist(), strict=True))
+    row = {pair: at for at, pair in enumerate(dict.fromkeys(pairs))}  # many taxels lie alike over their coils
+    near, beside = np.array(list(row)).T
+    spectrum = _spectrum(coil, magnet, float(near.min()), float(beside.max()), steel)
+    some = max(AT_ONCE // len(spectrum.k), 1)
+    blocks = [_pulls(spectrum, near[at : at + some], beside[at : at + some]) for at in range(0, len(row), some)]
+    return MagnetPull(*np.concatenate(blocks, axis=1)[:, [row[pair] for pair in pairs]])
+
+
+def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Return the columns of `MagnetPull` (11, n)."""
+    orders = max((len(core.echo) for core in spectrum.cores), default=1)
+    k = spectrum.k
+    fall = np.exp(-gap[:, None] * k)
+    around = bessel(offset[:, None] * k, orders)
+    turns = _turning(around)
+    coil = spectrum.faces * spectrum.coil
+    force = -(fall * around[0]) @ (k * coil)
+    slope = (fall * around[0]) @ (k * k * coil)
+    side = -(fall * turns[0]) @ (k * coil)
+    moment = (fall * turns[0]) @ (spectrum.turned * spectrum.coil)
+    doubt = spectrum.faces * spectrum.doubt
+    lost = [
+        np.abs((fall * around[0]) @ (power * doubt)) + share * (fall @ np.abs(power * coil))
+        for power, share in zip((k, k * k), RULE_SHARES, strict=True)
+    ]
+    static = np.zeros((5, gap.size))
+    if spectrum.cores:
+        fine, coarse = (_core_pulls(core, fall, around, turns) for core in spectrum.cores)
+        static[:4] = fine
+        static[4] = np.abs(fine[0] - coarse[0]) + CORE_SHARE * np.abs(fine[0])
+    return np.stack([force, slope, side, moment, *lost, *static])
+
+
+def _turning(around: np.ndarray) -> np.ndarray:
+    """Return the slopes of Bessel functions (m + 1, …) over their argument, of all but the highest order."""
+    below = np.concatenate([-around[1:2], around[:-2]])
+    turning = (below - around[1:]) / 2
+    turning[0] = -around[1]
+    return turning
+
+
+def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Return pull towards the core, stiffness, side force and moment (4, n) by the charge that the magnet draws there.
+
+    The energy is half that of the magnet in the field of this charge, which is linear in the magnet's potential u: its
+    slope is that of u in the field of the charge as it lies, and the second one also has that of the charge itself.
+    """
+    totals = np.zeros((4, len(fall)))
+    for along, across, echo, wave, turned in zip(core.along, core.across, core.echo, around, turns, strict=False):
+        at, moved, bent = np.moveaxis(np.tensordot(fall * wave, along, 1), 1, 0)
+        sideways, tilted = np.moveaxis(np.tensordot(fall * turned, across, 1), 1, 0)
+        charge = at @ echo
+        totals[0] += (charge * moved).sum(1)
+        totals[1] += (charge * bent).sum(1) + ((moved @ echo) * moved).sum(1)
+        totals[2] += (charge * sideways).sum(1)
+        totals[3] += (charge * tilted).sum(1)
+    return totals
+
+
+def _spectrum(
+    coil: CoilSource, magnet: DiscMagnet, gap: float, offset: float, steel: SteelRing | None = None
+) -> _Spectrum:
+    """Return the spectrum for gaps and offsets up to these in m, kept for somewhat smaller and larger ones."""
+    low = LEAST_GAP * STEPS ** int(log(gap / LEAST_GAP) / log(STEPS))
+    finest = magnet.outer_diameter / 16
+    reach = finest * STEPS ** ceil(log(max(offset, finest) / finest) / log(STEPS))
+    return _kept_spectrum(coil, magnet, low, reach, steel)
+
+
+@lru_cache(maxsize=64)
+def _kept_spectrum(
+    coil: CoilSource, magnet: DiscMagnet, gap: float, reach: float, steel: SteelRing | None
+) -> _Spectrum:
+    wide = max(coil.outer_diameter, coil.core_diameter) / 2
+    moved = max(magnet.outer_diameter, steel.outer_diameter if steel else 0.0) / 2
+    k, weight = wave_points(DECAY / gap, reach + wide + moved)
+    height = k * magnet.height
+    flux = 2 * pi * magnet.polarisation * face_flux(magnet, k)
+    across = 2 * pi * magnet.polarisation * sum(sign * a**2 * bessel(k * a, 2)[2] for a, sign in magnet.rims)
+    turned = -(height * flux * np.exp(-height) + across * np.expm1(-height))
+    wound = sum((_wound(winding, k) for winding in coil.windings), np.zeros_like(k))
+    overlap = min(reach, coil.core_diameter / 2 + magnet.outer_diameter / 2)
+    top = ceil(6 + coil.core_diameter / 2 / gap)
+    orders = ceil(3 + 1.2 * overlap / (gap + 0.3e-3))
+    fine = min(top, MOST[0]), min(orders, MOST[1])
+    coarse = tuple(ceil(FEWER * count) for count in fine)
+    faces = flux * np.expm1(-height)
+    if steel:
+        drawn, tilted = _ring_wave(steel_charges(magnet, steel), k)
+        faces += drawn
+        turned += tilted
+    faces *= weight
+    turned *= weight
+    charged = [core for core in (charged_core(coil, *fine), charged_core(coil, *coarse)) if core is not None]
+    if not charged:
+        return _Spectrum(k, faces, turned, wound, 0 * k, ())
+    step = max(0.8 * gap, coil.outer_diameter / MOST_RINGS)
+    drawn, fewer = (_core_wave(body, charge, step, k) for body, charge in charged)
+    doubt = np.abs(drawn - fewer) + CORE_SHARE * np.abs(drawn)
+    cores = tuple(_core(body, k, faces, turned) for body, _ in charged)
+    return _Spectrum(k, faces, turned, wound + drawn, doubt, cores)
+
+
+def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Return how rings of charge (`magnets.steel_charges`) take part in energies and in moments (2, K), in Wb."""
+    radius, height, charge = rings
+    around = bessel(k[:, None] * radius, 1)
+    fall = MU_0 * charge * np.exp(-k[:, None] * height)
+    return np.stack([(fall * around[0]).sum(-1), -k * (fall * (height * around[0] + radius * around[1])).sum(-1)])
+
+
+def _wound(winding: Winding, k: np.ndarray) -> np.ndarray:
+    """Return Φ₀ of a winding per ampere: rings of current over its radii, in closed form over its height."""
+    inner = winding.inner_diameter / 2
+    outer = winding.outer_diameter / 2
+    across, weight = wave_points(max(outer - inner, 1e-9), k[-1])
+    radius = inner + across
+    rings = (radius * bessel(k[:, None] * radius, 1)[1]) @ weight / weight.sum()
+    length = k * winding.length
+    return winding.turns / 2 * rings * np.exp(k * winding.top) * -np.expm1(-length) / length
+
+
+def _core_wave(body: SteelBody, charge: np.ndarray, step: float, k: np.ndarray) -> np.ndarray:
+    """Return Φ₀ per ampere of the core's charge at its nodes, with rings `step` m apart on its top."""
+    radius, height, shares = fine_rings(body, step)
+    total = 2 * pi * radius * (shares @ charge)
+    return (bessel(k[:, None] * radius, 1)[0] * np.exp(k[:, None] * height)) @ total / (4 * pi)
+
+
+def _core(body: SteelBody, k: np.ndarray, faces: np.ndarray, turned: np.ndarray) -> _Core:
+    orders = len(body.response) - 1
+    mean = np.where(np.arange(orders + 1) == 0, 1.0, 2.0)[:, None, None]
+    waves = bessel(body.radius * k[:, None], orders) * np.exp(body.height * k[:, None]) * mean / (4 * pi * MU_0)
+    slopes = np.stack([faces, -k * faces, k * k * faces], -1)
+    turns = np.stack([-k * faces, turned], -1)
+    along, across = (part[:, :, None] * waves[:, :, None] for part in (slopes, turns))
+    return _Core(along, across, MU_0 / mean * np.swapaxes(body.response, 1, 2) * body.area)
+
+
+def shared_core(
+    coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, places: np.ndarray, polarity: np.ndarray
+) -> Coupling:
+    """Return the coupling of equal magnets over one core at `places` (n, 2) in m from its axis, by what it draws.
+
+    `force` (n,) in N is the pull of each towards the coil, by what it draws itself (`MagnetPull.core_pull`) and by what
+    the others draw; the stiffness has both, too. `gap` (n,) is in m, `polarity` (n,) 1 or −1.
+    """
+    offset = np.hypot(*places.T)
+    around = np.arctan2(places[:, 1], places[:, 0])
+    gap = np.maximum(gap, LEAST_GAP)
+    spectrum = _spectrum(coil, magnet, float(gap.min()), float(offset.max()))
+    count = len(offset)
+    pull = np.zeros(count)
+    stiffness = np.zeros((count, count))
+    if not spectrum.cores:
+        return Coupling(pull, stiffness)
+    core = spectrum.cores[0]
+    fall = polarity[:, None] * np.exp(-gap[:, None] * spectrum.k)
+    waves = bessel(offset[:, None] * spectrum.k, len(core.echo) - 1)
+    for m, (along, echo) in enumerate(zip(core.along, core.echo, strict=True)):
+        at, moved, bent = np.moveaxis(np.tensordot(fall * waves[m], along, 1), 1, 0)
+        turned = np.cos(m * np.subtract.outer(around, around))
+        charge = at @ echo
+        pull += (turned * (moved @ charge.T)).sum(1)
+        stiffness += turned * (moved @ echo @ moved.T) + np.diag((turned * (bent @ charge.T)).sum(1))
+    return Coupling(pull, stiffness)
+
+
+class RestOnSpring(NamedTuple):
+    """Rest of magnets (n,) on springs over a core, without a current.
+
+    `gap` in m is where they come to rest, `stiffness` in N/m what the spring and the core's pull leave there, and
+    `snap_gap` the gap below which the pull outruns the spring, or a fifth of the first gap if it does not above that.
+    These are NaN for magnets that snap in at once, on springs below `least_stiffness` in N/m.
+    """
+
+    gap: np.ndarray
+    stiffness: np.ndarray
+    snap_gap: np.ndarray
+    least_stiffness: np.ndarray
+
+
+GAPS = 21
+FINE = 24
+"""Gaps at which the pull is solved for `rest_on_spring`, in even steps of the logarithm, and steps between two."""
+NEAREST = 0.2
+"""Smallest of these gaps over the largest."""
+
+
+def rest_on_spring(
+    coil: CoilSource, magnet: DiscMagnet, gap: float, offset: np.ndarray, stiffness: np.ndarray
+) -> RestOnSpring:
+    """Return where magnets on springs of `stiffness` (n,) in N/m rest, whose gap without any pull is `gap` in m."""
+    offset, stiffness = np.broadcast_arrays(np.atleast_1d(offset), np.atleast_1d(stiffness))
+    levels = np.geomspace(gap, max(NEAREST * gap, LEAST_GAP), GAPS)
+    # Ranges of gaps of their own, since near ones take many more wave numbers.
+    parts = [
+        magnet_pull(coil, magnet, np.repeat(some, offset.size), np.tile(offset, len(some)))
+        for some in np.array_split(levels, 4)
+    ]
+    pull, slope = (
+        np.concatenate([np.reshape(part[column], (-1, offset.size)) for part in parts])
+        for column in (MagnetPull._fields.index("core_pull"), MagnetPull._fields.index("core_stiffness"))
+    )
+    at = np.geomspace(gap, levels[-1], FINE * (GAPS - 1) + 1)[:, None]
+    pull, slope = _between(levels, pull, slope)
+    left = pull - stiffness * (gap - at)  # negative where the spring wins
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(at < gap, pull / (gap - at), np.inf).min(0)
+    free = left[0] <= 0  # no pull at all: it rests where it is
+    rests = (left <= 0).argmax(0)
+    held = free | (rests > 0)
+    beyond = (left > 0) & (np.arange(len(at))[:, None] > rests)
+    snaps = np.where(beyond.any(0), beyond.argmax(0), len(at) - 1)
+    rest_gap = np.where(free, gap, _crossing(at, left, np.maximum(rests, 1)))
+    snap_gap = np.where(beyond.any(0), _crossing(at, left, snaps), levels[-1])
+    steep = np.take_along_axis(slope, rests[None], 0)[0]
+    rest, left_over, snap = (np.where(held, part, np.nan) for part in (rest_gap, stiffness + steep, snap_gap))
+    return RestOnSpring(rest, left_over, snap, least)
+
+
+def _between(levels: np.ndarray, value: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return values and slopes (fine, n) between `levels` in even steps of their logarithm, by cubics (Hermite)."""
+    step = log(levels[1] / levels[0])
+    t = (np.arange(FINE) / FINE)[:, None]
+    rise = slope * levels[:, None] * step
+    fall = (value[:-1] - value[1:])[:, None]
+    leaving = rise[:-1, None]
+    coming = rise[1:, None]
+    first = 2 * fall + leaving + coming
+    second = -3 * fall - 2 * leaving - coming
+    fine = ((first * t + second) * t + leaving) * t + value[:-1, None]
+    turned = (3 * first * t + 2 * second) * t + leaving
+    at = levels[:-1, None, None] * np.exp(t * step)
+    values, slopes = (part.reshape(-1, value.shape[1]) for part in (fine, turned / (step * at)))
+    return np.concatenate([values, value[-1:]]), np.concatenate([slopes, slope[-1:]])
+
+
+def _crossing(at: np.ndarray, left: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Return where `left` (m, n) crosses 0 before `index` (n,), by a straight line."""
+    before, after = (np.take_along_axis(left, np.maximum(i, 0)[None], 0)[0] for i in (index - 1, index))
+    start = at[np.maximum(index - 1, 0), 0]
+    change = np.where(before == after, 1.0, after - before)
+    return start - before / change * (at[index, 0] - start)

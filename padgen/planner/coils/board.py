@@ -1,0 +1,211 @@
+"""A spiral on the layers of a printed circuit board, under the taxels of its cell.
+
+::
+
+    |<------- outer ------->|
+    ==== ==== ====  = ==== ==   0: top copper          = : tracks
+    ---- ---- ----  = ---- --      inner copper, thinner on most boards
+    ---- ---- ----  = ---- --
+    ==== ==== ====  = ==== ==   -length: the board's thickness
+              |bore|            with a via for each pair of layers
+
+A spec gives sizes and the rules of a house, or nothing but ``kind = "board"``; turns, resistance, inductance and the
+heat that it bears are worked out (`padgen.physics.board_coil`).
+"""
+
+from functools import lru_cache
+from typing import Any
+
+from padgen.core.errors import SpecError, at_least, at_most, number, shown
+from padgen.core.registry import unknown_name
+from padgen.core.units import MH, MM, UM
+from padgen.physics.board_coil import (
+    BoardCoil,
+    board_layers,
+    board_source,
+    bore_needed,
+    heat_limit,
+    inductance,
+    resistance,
+)
+from padgen.physics.magnetics import CoilSource
+from padgen.spec import Coil, catalogue
+from padgen.spec.fields import build
+
+__all__ = ["beside_mm", "board_coil", "completed", "house_of", "source"]
+
+DEFAULTS: dict[str, Any] = {"name": "board", "house": "coil-0.15", "layers": 4, "outer_diameter_mm": 9.6}
+USUAL_THICKNESS_MM = 1.6
+WORKED_OUT = ("turns", "resistance_ohm", "inductance_mh")
+"""Fields that follow from the others."""
+AS_WORKED_OUT = 1e-9
+"""Relative difference by which a recorded one may differ."""
+LEAST_TURNS = 1.0
+
+
+def source(coil: Coil) -> CoilSource:
+    """Return the windings of the layers, in m."""
+    return board_source(board_coil(coil))
+
+
+def house_of(coil: Coil) -> dict[str, Any]:
+    """Return the rules of the house that makes a board coil.
+
+    Raises
+    ------
+    SpecError
+        There is no such house.
+    """
+    houses = catalogue("board_house")
+    if coil.house not in houses:
+        raise unknown_name(coil.house, list(houses), "house in board_houses.csv", "coil.house")
+    return houses[coil.house]
+
+
+@lru_cache(maxsize=64)
+def board_coil(coil: Coil) -> BoardCoil:
+    """Return the sizes of a board coil in SI units, with the stack of its layers.
+
+    Four layers lie in the usual way, a prepreg below each outer one and a core between; any others are evenly spaced.
+    """
+    house = house_of(coil)
+    assert coil.layers and coil.track_mm and coil.space_mm and coil.copper_um and coil.inner_copper_um
+    inner = [coil.inner_copper_um * UM] * (coil.layers - 2)
+    copper = (coil.copper_um * UM, *inner, coil.copper_um * UM)
+    last = coil.length_mm * MM - copper[-1]
+    if coil.layers == 4:
+        second = copper[0] + house["prepreg_mm"] * MM
+        depth: tuple[float, ...] = (0.0, second, last - house["prepreg_mm"] * MM - copper[2], last)
+    else:
+        depth = tuple(last * k / (coil.layers - 1) for k in range(coil.layers))
+    return BoardCoil(
+        outer_diameter=coil.outer_diameter_mm * MM,
+        inner_diameter=coil.inner_diameter_mm * MM,
+        track=coil.track_mm * MM,
+        space=coil.space_mm * MM,
+        drill=house["drill_mm"] * MM,
+        via=house["via_mm"] * MM,
+        plating=house["plating_um"] * UM,
+        copper=copper,
+        depth=depth,
+        parallel=coil.wiring == "parallel" and coil.layers > 2,
+    )
+
+
+def beside_mm(coil: Coil, rows: int) -> tuple[float, float]:
+    """Return the room in mm between two coils along x, for the tracks to a column of `rows` coils, and along y."""
+    assert coil.track_mm and coil.space_mm
+    return rows * coil.track_mm + (rows + 1) * coil.space_mm, 2 * coil.space_mm
+
+
+def completed(given: dict[str, Any]) -> Coil:
+    """Return the coil of a spec's table, with what it leaves out taken from the house's rules or worked out.
+
+    Raises
+    ------
+    SpecError
+        A field is out of bounds, the house does not make such a board, or there is no room for vias or turns.
+    """
+    unknown = dict.fromkeys((*WORKED_OUT, "inner_diameter_mm", "length_mm"), 1.0)
+    air = {"core_diameter_mm": 0.0, "core_relative_permeability": 1.0, "core_coercivity_a_per_m": 0.0}
+    stated = {key: value for key, value in given.items() if key not in WORKED_OUT}
+    coil: Coil = build(Coil, stated, "coil", {**DEFAULTS, **unknown, **air})
+    house = house_of(coil)
+    sold_mm = house["thickness_mm"]
+    usual_mm = USUAL_THICKNESS_MM if USUAL_THICKNESS_MM in sold_mm else sold_mm[0]
+    values = {key: house[key] for key in ("track_mm", "space_mm", "copper_um", "inner_copper_um")}
+    values |= {"length_mm": usual_mm, **stated}
+    coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
+    _refuse(coil, house)
+    bore_mm = round(bore_needed(board_coil(coil)) / MM, 6)
+    if "inner_diameter_mm" not in given:
+        values["inner_diameter_mm"] = bore_mm
+        coil = build(Coil, values, "coil", {**DEFAULTS, **unknown, **air})
+    _refuse_room(coil, bore_mm)
+    board = board_coil(coil)
+    layers = board_layers(board)
+    turns = sum(layer.turns for layer in layers) * (2 / len(layers) if board.parallel else 1.0)
+    worked_out = {
+        "turns": turns,
+        "resistance_ohm": resistance(board),
+        "inductance_mh": inductance(board) / MH,
+    }
+    for key, value in worked_out.items():
+        recorded = given.get(key, value)
+        if not isinstance(recorded, (int, float)) or not abs(recorded / value - 1) <= AS_WORKED_OUT:
+            raise SpecError(
+                f"of a board coil is worked out, as {number(value)} here, got {shown(recorded)}",
+                f"coil.{key}",
+                [{f"coil.{key}": None}],
+            )
+    values |= worked_out
+    values.setdefault("power_limit_w", heat_limit(board))
+    made: Coil = build(Coil, values, "coil", {**DEFAULTS, **air})
+    return made
+
+
+def _refuse(coil: Coil, house: dict[str, Any]) -> None:
+    """Raise for a board that the house does not make."""
+    name = house["name"]
+    for key, unit in (("layers", ""), ("thickness_mm", " mm")):
+        field = "length_mm" if key == "thickness_mm" else key
+        made = house[key]
+        asked = getattr(coil, field)
+        if asked not in made:
+            listed = ", ".join(number(value) for value in made)
+            nearest = min(made, key=lambda value: abs(value - asked))
+            raise SpecError(
+                f"must be one of {listed}{unit} on boards of {name!r}, got {number(asked)}{unit}",
+                f"coil.{field}",
+                [{f"coil.{field}": int(nearest) if key == "layers" else nearest}],
+            )
+    houses = catalogue("board_house").values()
+    for key in ("track_mm", "space_mm"):
+        asked = getattr(coil, key)
+        if asked < house[key] - 1e-9:
+            finer = [other["name"] for other in houses if other[key] <= asked + 1e-9]
+            cures: list[dict[str, Any]] = [{f"coil.{key}": house[key]}]
+            cures += [{"coil.house": other} for other in finer[:1]]
+            raise SpecError(
+                f"must be at least {number(house[key])} mm on boards of {name!r}, got {number(asked)} mm",
+                f"coil.{key}",
+                cures,
+            )
+    for key in ("copper_um", "inner_copper_um"):
+        if getattr(coil, key) > house[key] + 1e-9:
+            raise SpecError(
+                f"must be at most {number(house[key])} µm on boards of {name!r}, whose tracks are for that, got"
+                f" {number(getattr(coil, key))} µm",
+                f"coil.{key}",
+                [{f"coil.{key}": house[key]}],
+            )
+    if coil.core_diameter_mm:
+        raise SpecError(
+            f"must be 0 of a board coil, got {number(coil.core_diameter_mm)} mm",
+            "coil.core_diameter_mm",
+            [{"coil.core_diameter_mm": 0.0}],
+        )
+
+
+def _refuse_room(coil: Coil, bore_mm: float) -> None:
+    """Raise for a bore without room for the vias, or a ring without room for turns on every layer."""
+    if coil.inner_diameter_mm < bore_mm - 1e-9:
+        raise SpecError(
+            f"must be at least {at_least(bore_mm)} mm, which the vias of {coil.layers} layers need, got"
+            f" {number(coil.inner_diameter_mm)} mm",
+            "coil.inner_diameter_mm",
+            [{"coil.inner_diameter_mm": None}],
+        )
+    board = board_coil(coil)
+    if min(layer.turns for layer in board_layers(board)) < LEAST_TURNS:
+        needed_mm = coil.inner_diameter_mm + 2 * (2 * board.pitch + board.track) / MM
+        narrower_mm = coil.outer_diameter_mm - (needed_mm - coil.inner_diameter_mm)
+        cures: list[dict[str, Any]] = [{"coil.outer_diameter_mm": float(at_least(needed_mm))}]
+        if narrower_mm > bore_mm:
+            cures.append({"coil.inner_diameter_mm": float(at_most(narrower_mm))})
+        raise SpecError(
+            f"must be at least {at_least(needed_mm)} mm for a turn on every layer round a bore of"
+            f" {number(coil.inner_diameter_mm)} mm, got {number(coil.outer_diameter_mm)} mm",
+            "coil.outer_diameter_mm",
+            cures,
+        )

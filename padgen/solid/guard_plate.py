@@ -1,0 +1,139 @@
+"""Build and check the guard plate: the printed part over the pad, with a hole for each pin (`padgen.planner.guard`).
+
+It is modelled as it is printed, its top on the bed and its pockets up: turned about the pad's x axis, so that a hole at
+(x, y) of the pad lies at (x, −y).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite, nan
+from typing import Any
+
+import numpy as np
+
+from padgen.core.errors import Finding, GeometryError, number
+from padgen.planner.guard import GuardPlate, plan_guard
+from padgen.planner.plan import Plan
+from padgen.solid.checks import BUILT_MM, Report, as_built, check_mesh, few, told, volume_findings
+from padgen.solid.compare import differences
+from padgen.solid.kernel import build123d, kernel_errors
+from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
+from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, tessellated
+from padgen.solid.taxel import box, only_solid
+from padgen.spec import PadTable
+
+__all__ = ["GuardSolid", "build_guard", "check_guard", "free_diameter", "measured_guard"]
+
+ROUND_MM = 2 * CHORD_MM
+"""Largest change of a diameter by its triangles."""
+
+
+@dataclass(frozen=True)
+class GuardSolid:
+    """A guard plate: its plan, its triangles, its build123d solid and the solid's exact volume."""
+
+    guard: GuardPlate
+    mesh: Mesh
+    volume_mm3: float
+    solid: Any
+
+
+def build_guard(plan: Plan) -> GuardSolid:
+    """Build the guard plate of `plan`.
+
+    Raises
+    ------
+    GeometryError
+        The kernel refused it.
+    """
+    guard = plan_guard(plan)
+    solid = _solid(guard, plan.spec.pad)
+    return GuardSolid(guard, tessellated(solid), float(solid.volume), solid)
+
+
+def _solid(guard: GuardPlate, pad: PadTable) -> Any:
+    b = build123d()
+    with kernel_errors("the guard plate"):
+        rectangle = b.Wire.make_rect(pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm)
+        outside = rectangle.fillet_2d(pad.border_mm / 2, rectangle.vertices())
+        bores = [(place, guard.hole_diameter_mm) for place in guard.pins_mm]
+        bores += [(place, guard.screw_hole_mm) for place in guard.screw_holes_mm]
+        holes = [b.Wire.make_circle(wide / 2, b.Plane((x, -y, 0))) for (x, y), wide in bores]
+        plate = b.Solid.extrude(b.Face(outside, holes), b.Vector(0, 0, guard.height_mm))
+        cuts = [
+            box(sides._replace(y0=-sides.y1, y1=-sides.y0), guard.height_mm, guard.thickness_mm)
+            for sides in guard.pockets
+        ]
+        groove = guard.groove
+        cuts.append(box(groove._replace(y0=-groove.y1, y1=-groove.y0), guard.height_mm))
+        return only_solid(plate.cut(*cuts), "the guard plate")
+
+
+def check_guard(built: GuardSolid, plan: Plan, mesh: Mesh | None = None) -> Report:
+    """Run all checks of the guard plate of `plan`, or of a `mesh` from any program that should equal it.
+
+    What the plate does to pins and hands is judged with the plan.
+    """
+    spec = plan.spec
+    mesh = mesh or built.mesh
+    report = check_mesh(mesh, spec.printer, spec.material.density_g_per_cm3)
+    figures = {**report.figures, "exact_volume_mm3": built.volume_mm3}
+    findings = [*report.findings, *volume_findings(report.figures["volume_mm3"], built.volume_mm3)]
+    try:
+        solid = as_manifold(mesh, "the guard plate")
+    except GeometryError:
+        # check_mesh has reported it.
+        return Report(figures, tuple(findings))
+    if mesh is not built.mesh:
+        findings += few(told([], differences(solid, as_manifold(built.mesh, "the guard plate as planned")), None))
+    gauges = list(measured_guard(built.guard, solid))
+    findings += few(_off(gauges))
+    off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
+    figures["largest_difference_from_plan_mm"] = max(off, default=None)
+    figures["measured_dimensions"] = len(gauges)
+    return Report(figures, tuple(findings))
+
+
+def measured_guard(guard: GuardPlate, solid: Any) -> Iterator[Dimension]:
+    """Measure holes, pockets and thickness of a guard plate on its manifold, in the pose in which it is printed."""
+    low = holes_of(solid, guard.thickness_mm / 2)
+    for what, places, wide_mm in (
+        ("the hole of the pin", guard.pins_mm, guard.hole_diameter_mm),
+        ("the screw hole", guard.screw_holes_mm, guard.screw_hole_mm),
+    ):
+        for x, y in places:
+            where = f"{what} at ({number(x)}, {number(y)}) mm"
+            yield Dimension(where, "hole diameter", wide_mm, free_diameter(low, x, -y), ROUND_MM)
+    for pocket, (x, y) in zip(guard.pockets, guard.pins_mm, strict=True):
+        where = f"the pocket at ({number(x)}, {number(y)}) mm"
+        # The corner that is farthest from the hole, a little inside.
+        corner_x = pocket.x0 + INSIDE_MM if x > (pocket.x0 + pocket.x1) / 2 else pocket.x1 - INSIDE_MM
+        corner_y = pocket.y0 + INSIDE_MM if y > (pocket.y0 + pocket.y1) / 2 else pocket.y1 - INSIDE_MM
+        above = guard.height_mm + 1.0
+        top = above - run_mm(solid, (corner_x, -corner_y, above), (corner_x, -corner_y, -1.0))
+        yield Dimension(where, "thickness above the pocket", guard.thickness_mm, float(top))
+
+
+INSIDE_MM = 0.05
+"""Distance from a pocket's sides at which its depth is measured."""
+
+
+def free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
+    """Return the diameter of the largest circle about a point within the hole around it, nan where there is no hole."""
+    at = np.array([x, y])
+    for contour in holes:
+        if (contour.min(0) < at).all() and (at < contour.max(0)).all():
+            return 2 * distance_to_sides(contour, at)
+    return nan
+
+
+def _off(gauges: list[Dimension]) -> Iterator[Finding]:
+    """Report the dimensions that are not as planned."""
+    for gauge in gauges:
+        within_mm = BUILT_MM + gauge.facets_mm
+        if not abs(gauge.built_mm - gauge.planned_mm) <= within_mm:
+            sentence = (
+                f"its {gauge.name} is {as_built(gauge.built_mm)}, planned are {number(gauge.planned_mm)} mm within"
+                f" {number(within_mm)} mm"
+            )
+            yield Finding("error", "guard.built", gauge.where, sentence)

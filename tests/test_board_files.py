@@ -1,0 +1,205 @@
+"""Boards as files: one piece of copper a coil, Gerbers that are the layout, and KiCad's own design rules."""
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+from itertools import pairwise
+from math import hypot
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import padgen as pg
+from padgen.core.errors import InfeasibleError
+from padgen.planner.board_layout import board_of
+from padgen.planner.coils.board import completed, house_of
+from padgen.solid.formats import board as board_format
+from padgen.solid.gerber import gerber_files
+from padgen.solid.kicad import pcb_text, project_text
+from padgen.spec import catalogue
+
+PAD = {"name": "board", "resolution": 32, "band_hz": [80, 320], "q_min": 15, "delta_y": 5, "magnet": "disc-3x1"}
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return pg.plan({**PAD, "coil": {"kind": "board"}})
+
+
+def pieces(board, net):
+    """Return the number of pieces that a net's copper is in; vias and pins join all layers."""
+    parent = {}
+
+    def top(node):
+        while parent.setdefault(node, node) != node:
+            node = parent[node]
+        return node
+
+    for track in board.tracks:
+        if track.net == net:
+            parent[top((track.layer, track.start_mm))] = top((track.layer, track.end_mm))
+    for joined in (*board.vias, *board.pins):
+        if joined.net == net:
+            for a, b in pairwise(range(board.layers)):
+                parent[top((a, joined.at_mm))] = top((b, joined.at_mm))
+    return len({top(node) for node in list(parent)})
+
+
+def test_a_coil_is_one_piece_of_copper(plan):
+    board = board_of(plan)
+    assert [pieces(board, k + 1) for k in range(len(board.nets))] == [1] * len(board.nets)
+    assert len(board.pins) == 2 * len(board.nets)
+    for k in range(len(board.vias)):
+        fewer = replace(board, vias=board.vias[:k] + board.vias[k + 1 :])
+        assert pieces(fewer, board.vias[k].net) > 1
+    fewer = replace(board, tracks=board.tracks[1:])
+    assert pieces(fewer, board.tracks[0].net) > 1
+
+
+def drawn(text):
+    """Return what a Gerber file draws, as (start, middle, end) in mm with the middle of arcs, and its flashes."""
+    at, turn, lines, flashes = None, None, [], 0
+    for command in re.findall(r"^(?:G0[123]|X.*)\*$", text, re.M):
+        if command.startswith("G"):
+            turn = command[:3]
+            continue
+        x, y, i, j, code = re.fullmatch(r"X(-?\d+)Y(-?\d+)(?:I(-?\d+)J(-?\d+))?(D0[123])\*", command).groups()
+        to = np.array([int(x), int(y)]) / 1e6
+        if code == "D01":
+            middle = None
+            if i is not None:
+                centre = at + np.array([int(i), int(j)]) / 1e6
+                radius = hypot(*(at - centre))
+                assert abs(radius - hypot(*(to - centre))) < 2e-6
+                first, last = (np.arctan2(*(p - centre)[::-1]) for p in (at, to))
+                sweep = (last - first) % (2 * np.pi) if turn == "G03" else -((first - last) % (2 * np.pi))
+                middle = centre + radius * np.array([np.cos(first + sweep / 2), np.sin(first + sweep / 2)])
+            lines.append((at, middle, to))
+        flashes += code == "D03"
+        at = to
+    return lines, flashes
+
+
+def test_gerbers_are_the_layout(plan):
+    board = board_of(plan)
+    files = gerber_files(board)
+    for k in range(board.layers):
+        lines, flashes = drawn(files[f"copper-{k + 1}.gbr"])
+        own = [track for track in board.tracks if track.layer == k]
+        assert len(lines) == len(own) and flashes == len(board.vias) + len(board.pins)
+        for (start, middle, end), track in zip(lines, own, strict=True):
+            assert start == pytest.approx(track.start_mm, abs=1e-6) and end == pytest.approx(track.end_mm, abs=1e-6)
+            assert (middle is None) == (track.middle_mm is None)
+            if middle is not None:
+                assert middle == pytest.approx(track.middle_mm, abs=5e-6)
+    holes = files["plated.drl"].count("\nX")
+    assert holes == len(board.vias) + len(board.pins) and files["holes.drl"].count("\nX") == 4
+
+
+def test_files_are_written_and_the_same_again(plan):
+    written = []
+    for _ in range(2):
+        files = {}
+        job = SimpleNamespace(plan=plan, pad=True)
+        board_format.write(SimpleNamespace(write=files.__setitem__), job)
+        written.append(files)
+    assert written[0] == written[1]
+    assert {"board.kicad_pcb", "board.kicad_pro", "board.svg", "board.txt", "board-parts.csv"} < written[0].keys()
+    text = written[0]["board.kicad_pcb"]
+    assert text.count("(") == text.count(")")
+    rules = json.loads(written[0]["board.kicad_pro"])["board"]["design_settings"]["rules"]
+    house = catalogue("board_house")["coil-0.15"]
+    assert (rules["min_clearance"], rules["min_track_width"]) == (house["space_mm"], house["track_mm"])
+
+
+def test_refusals_of_boards(plan):
+    wound = replace(plan, spec=replace(plan.spec, coil=replace(plan.spec.coil, kind="solenoid")))
+    with pytest.raises(InfeasibleError, match=r"coil\.kind: must be 'board'"):
+        board_of(wound)
+    wide = replace(plan, spec=replace(plan.spec, pad=replace(plan.spec.pad, width_mm=450.0)))
+    with pytest.raises(InfeasibleError, match=r"pad\.width_mm: must be at most 400 mm long"):
+        board_of(wide)
+    close = replace(plan, coils=replace(plan.coils, pitch_x_mm=10.0))
+    with pytest.raises(InfeasibleError, match=r"coil\.outer_diameter_mm: must be at most .* room for 5 tracks"):
+        board_of(close)
+    many = replace(plan, coils=replace(plan.coils, rows=50, columns=5))
+    with pytest.raises(InfeasibleError, match=r"coil"):
+        board_of(many)
+
+
+def drc(*boards):
+    script = "tests/kicad_drc.py"
+    ran = subprocess.run(["/usr/bin/python3", script, *map(str, boards)], capture_output=True, text=True, check=True)
+    return [json.loads(line) for line in ran.stdout.splitlines() if line.startswith("{")]
+
+
+def save(folder, name, board, house):
+    (folder / f"{name}.kicad_pro").write_text(project_text(board, house))
+    path = folder / f"{name}.kicad_pcb"
+    path.write_text(pcb_text(board))
+    return path
+
+
+def random_plan(plan, rng):
+    """Return a plan of random board coils on a random grid; only what the board is made of."""
+    house = catalogue("board_house")[rng.choice(list(catalogue("board_house")))]
+    rows, columns = int(rng.integers(1, 6)), int(rng.integers(1, 7))
+    coil = completed(
+        {
+            "kind": "board",
+            "house": house["name"],
+            "layers": int(rng.choice(house["layers"])),
+            "wiring": str(rng.choice(["series", "parallel"])),
+            "outer_diameter_mm": float(rng.uniform(7, 14)),
+            "length_mm": float(rng.choice(house["thickness_mm"])),
+        }
+    )
+    beside = rows * coil.track_mm + (rows + 1) * coil.space_mm
+    pitch_x = coil.outer_diameter_mm + beside * float(rng.uniform(1.1, 3))
+    pitch_y = coil.outer_diameter_mm + 2 * coil.space_mm + float(rng.uniform(0, 3))
+    coils = replace(plan.coils, rows=rows, columns=columns, pitch_x_mm=pitch_x, pitch_y_mm=pitch_y)
+    pad = replace(plan.spec.pad, width_mm=columns * pitch_x, depth_mm=rows * pitch_y)
+    return replace(plan, spec=replace(plan.spec, coil=coil, pad=pad), coils=coils)
+
+
+@pytest.mark.kicad
+def test_kicad_finds_nothing_on_boards(plan, tmp_path):
+    rng = np.random.default_rng(36)
+    paths = [save(tmp_path, "board", board_of(plan), house_of(plan.spec.coil))]
+    refused = 0
+    while len(paths) < 31:
+        other = random_plan(plan, rng)
+        try:
+            board = board_of(other)
+        except InfeasibleError:
+            refused += 1
+            continue
+        assert [pieces(board, k + 1) for k in range(len(board.nets))] == [1] * len(board.nets)
+        paths.append(save(tmp_path, f"random-{len(paths)}", board, house_of(other.spec.coil)))
+    print(f"{refused} random boards were refused")
+    found = drc(*paths)
+    assert len(found) == len(paths)
+    assert [one for one in found if one["counts"] != [0, 0, 0] or one["clearance_nm"] <= 0] == []
+
+
+@pytest.mark.kicad
+def test_kicad_finds_what_is_broken(plan, tmp_path):
+    board = board_of(plan)
+    house = house_of(plan.spec.coil)
+    lane = max(
+        (k for k, track in enumerate(board.tracks) if track.middle_mm is None),
+        key=lambda k: hypot(*np.subtract(board.tracks[k].end_mm, board.tracks[k].start_mm)),
+    )
+    track = board.tracks[lane]
+    wider = (*board.tracks[:lane], track._replace(width_mm=track.width_mm + 0.2), *board.tracks[lane + 1 :])
+    broken = {
+        "clearance": replace(board, tracks=wider),
+        "open": replace(board, tracks=board.tracks[:lane] + board.tracks[lane + 1 :]),
+        "via": replace(board, vias=board.vias[1:]),
+    }
+    found = drc(*(save(tmp_path, name, each, house) for name, each in broken.items()))
+    kinds = [set(one["kinds"]) for one in found]
+    assert "clearance" in kinds[0] and found[0]["counts"][0] > 0
+    assert found[1]["counts"][1] > 0 and found[2]["counts"][1] > 0
