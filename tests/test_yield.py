@@ -501,6 +501,7 @@ def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND
             one,
             one,
             np.zeros((2, count)),
+            (None,),
             1.0,
             law,
             scheme,
@@ -676,18 +677,15 @@ TEMPLATES = ("calibration", "pad-32", "paper-32", "quad-64", "resin-fine", "trip
 def test_what_templates_keep_by_a_program_of_its_own(name):
     """Within 0.3 dB and 2 % by plan.json and print_spread.md, whose terms it works out in its own way.
 
-    As drawn they agree within 0.02 dB. Modes that roll cost prints of triple-48, whose drive makes many lines, 1.2 dB
-    more than they cost the pad as drawn, which is what padgen counts (docs/yield.md).
+    As drawn they agree within 0.02 dB. Without the modes' own errors in prints, padgen promised triple-48 1.2 dB more.
     """
     plan = template(name)
     data = json.loads(plan_to_json(plan))
     told = kept_db(data, pads=4000)
-    rolls_db = 0.0
     if name == "triple-48":
         drawn = kept_db(data, level=None, pads=1)[0]
         assert drawn == pytest.approx(compared_prints(plan, np.inf, 0.0)[0], abs=0.02)
-        rolls_db = -1.2
-    assert plan.prints.print_db == pytest.approx(np.quantile(told, 0.1) - rolls_db, abs=0.3)
+    assert plan.prints.print_db == pytest.approx(np.quantile(told, 0.1), abs=0.3)
     assert plan.prints.good_share == pytest.approx(np.mean(told >= plan.selectivity.asked_db), abs=0.02)
 
 

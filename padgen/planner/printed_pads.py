@@ -34,7 +34,8 @@ a printer are not simulated (`padgen.spec.Spread`).
 
 Every printed coil is judged over all states by the closed form of `padgen.physics.selectivity`: the smallest ON
 amplitude (of a taxel on alone) over the largest OFF amplitude (with all others on). The washers' unequal distances from
-the coil, and what their gaps make of the pull, are counted; leakage and other modes add what they add in the plan.
+the coil, and what their gaps make of the pull, are counted, and so are a taxel's other modes, off by as much as its
+resonance is. Leakage adds what it adds in the plan.
 
 There are four stages. In the first, tones and forces are the plan's, so that a detuned taxel moves less than planned
 when ON. In the others each tone is moved to where its taxel is believed to resonate, and forces restore the level that
@@ -52,7 +53,7 @@ import numpy as np
 
 from padgen.core.units import G_PER_CM3, GRAM, MG, MM, UM
 from padgen.physics.ladder import LevelLaw, ladder_ratio
-from padgen.physics.resonator import relative_energy
+from padgen.physics.resonator import ModalTaxels, felt_energy, relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.channels import hanging_gap_um, heard_modes
 from padgen.planner.drive_scheme import placed_channels
@@ -78,6 +79,7 @@ __all__ = [
     "covariance",
     "design_of",
     "drawn_prints",
+    "leaked_energy",
     "log_resonances",
     "missed_spreads",
     "pads_until_sure",
@@ -158,18 +160,19 @@ class Coils(NamedTuple):
 class Design(NamedTuple):
     """All that simulated prints take from a plan: arrays by channel (n,) and by taxel (t,), and the coils.
 
-    `beside` (2, n) is the energy of an OFF taxel by leakage and by its other modes, over that of its ON state: with all
-    coils in step, and re-tuned. `kept` is the share of its energy that an ON taxel keeps where its beams stretch.
-    `need` is the asked energy ratio of ON over OFF. `weight` (causes, n) is d ln f per unit of each of `Spreads`;
-    `pull_per_mm` (n,) is d ln of the pull per mm of gap; `sensitivity` (n, 3) is d ln f / d ln of width, thickness and
-    length. `field_length_mm` is the field's correlation length.
+    `leaks` is as `leaked_energy` returns it. `modes` has the heard modes of each of `coils`, or None where these are the
+    working ones alone. `kept` is the share of its energy that an ON taxel keeps where its beams stretch. `need` is the
+    asked energy ratio of ON over OFF. `weight` (causes, n) is d ln f per unit of each of `Spreads`; `pull_per_mm` (n,)
+    is d ln of the pull per mm of gap; `sensitivity` (n, 3) is d ln f / d ln of width, thickness and length.
+    `field_length_mm` is the field's correlation length.
     """
 
     resonance_hz: np.ndarray
     q: np.ndarray
     mass_g: np.ndarray
     pull: np.ndarray
-    beside: np.ndarray
+    leaks: np.ndarray
+    modes: tuple[ModalTaxels | None, ...]
     kept: float
     law: LevelLaw
     scheme: Scheme
@@ -298,12 +301,16 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
     alike: dict[tuple[int, ...], list[list[int]]] = {}
     for index in coils_of(plan).values():
         alike.setdefault(tuple(channel[index]), []).append(index)
+    coils = tuple(Coils(np.array(members), np.array(alike[members]).T) for members in sorted(alike))
+    heard = _heard_modes(plan)
+    heard_by_coils = [[heard[k] for k in one.channels if k in heard] for one in coils]
     return Design(
         resonance_hz=np.array([c.resonance_hz for c in plan.channels]),
         q=np.array([c.q for c in plan.channels]),
         mass_g=mass,
         pull=pull if (pull > 0).all() else np.ones(len(mass)),
-        beside=_added_off_energy(plan),
+        leaks=leaked_energy(plan),
+        modes=tuple(ModalTaxels(*map(np.concatenate, zip(*of, strict=True))) if of else None for of in heard_by_coils),
         kept=float(10 ** (-max(c.level_loss_db for c in plan.channels) / 10)),
         law=level_law(spec),
         scheme=plan.scheme,
@@ -327,23 +334,48 @@ def work(design: Design) -> float:
     return float(len(STAGES) * sum(np.multiply(each, coils)) + 10 * len(design.channel))
 
 
-def _added_off_energy(plan: Plan) -> np.ndarray:
-    """Return the energy (2, n) that leakage and other modes add to an OFF taxel, over that of its ON state.
+def leaked_energy(plan: Plan) -> np.ndarray:
+    """Return the energy (2, n) that leakage adds to an OFF taxel of each channel, over that of its ON state.
 
     The first row is for all coils in step, as by the driver table, the second for re-tuned coils, each at its own
     frequencies. Both take the other coils' tones to lie at the taxel's resonance, while they only come near it.
     """
     total = np.zeros((2, len(plan.channels)))
     for row, leaks_db in zip(total, (plan.reuse.leaks_db, plan.reuse.retuned_leaks_db), strict=True):
-        row += [0.0 if db is None else 10 ** (-db / 10) for db in leaks_db]
-    for channel_set in plan.sets:
-        if len(channel_set) < 2:
-            continue
-        taxels = placed_channels(plan.spec, channel_set)
-        modes = heard_modes(plan.spec, channel_set, taxels.line)
-        more = off_energy(taxels, plan.scheme, modes) - off_energy(taxels, plan.scheme)
-        total[:, [c.index for c in channel_set]] += np.maximum(more, 0.0)
+        if leaks_db:  # a fixture with a single taxel has none
+            row += [0.0 if db is None else 10 ** (-db / 10) for db in leaks_db]
     return total
+
+
+def _heard_modes(plan: Plan) -> dict[int, ModalTaxels]:
+    """Return the heard modes of each channel, by its index, of those that have more than the working one."""
+    heard = dict[int, ModalTaxels]()
+    for channel_set in plan.sets:
+        modes = heard_modes(plan.spec, channel_set, placed_channels(plan.spec, channel_set).line)
+        if modes.responses > 1:
+            heard |= {c.index: ModalTaxels(*(part[i : i + 1] for part in modes)) for i, c in enumerate(channel_set)}
+    return heard
+
+
+class _PrintedModes(NamedTuple):
+    """Modes of taxels in many pads: `Responses` whose frequencies are all off by `x` (n, pads), as the resonances.
+
+    Lines are those of all pads, the pads last.
+    """
+
+    modes: ModalTaxels
+    x: np.ndarray
+
+    @property
+    def responses(self) -> int:
+        """Number of responses that are worked out for each line."""
+        return self.modes.responses
+
+    def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return `felt_energy` (rows, lines) of these taxels; `rest` is far below what prints differ by."""
+        x = self.x[rows, None]
+        count, _, pads = x.shape
+        return felt_energy(self.modes, rows, (frequency.reshape(-1, pads) / x).reshape(count, -1))
 
 
 def _washer_weight(plan: Plan) -> np.ndarray:
@@ -478,7 +510,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
     taxels = len(design.channel)
     count = len(design.q)
     many = len(stages)
-    beside = design.beside[[int(stage == STAGES[-1]) for stage in stages]]
+    leaks = design.leaks[[int(stage == STAGES[-1]) for stage in stages]]
     known = [STAGES.index(stage) for stage in stages]
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
     step = max(BLOCK // taxels, 1)
@@ -499,30 +531,32 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
             one = np.ones_like(x[:1])
             tones, pulls = (np.concatenate([one, part])[known] for part in (x, pull))
             block = slice(number * unit + first, number * unit + first + x.shape[2])
-            for coils in design.coils:
-                _judge(design, coils, Ratios(x[2], pull[2]), Ratios(tones, pulls), beside, prints, block)
+            for coils, modes in zip(design.coils, design.modes, strict=True):
+                _judge(design, coils, modes, Ratios(x[2], pull[2]), Ratios(tones, pulls), leaks, prints, block)
     return prints
 
 
 def _judge(
     design: Design,
     coils: Coils,
+    modes: ModalTaxels | None,
     printed: Ratios,
     known: Ratios,
-    beside: np.ndarray,
+    leaks: np.ndarray,
     prints: Simulated,
     block: slice,
 ) -> None:
     """Judge `coils` in a block of pads, and enter the results into `prints`.
 
     `printed` (taxels, pads) is over the plan, `known` (stages, taxels, pads) what tones and lines follow at each stage;
-    `beside` (stages, n) is as in `Design`.
+    `modes` and `leaks` (stages, n) are as in `Design`.
     """
     n = len(coils.channels)
     shape = (*coils.taxels.shape, printed.x.shape[1])
     x, pulled = (part[coils.taxels].reshape(n, -1) for part in printed)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
     hz = f * x
+    printed_modes = _PrintedModes(modes, x) if modes else None
     for k, stage in enumerate(zip(*known, strict=True)):
         tone, strength = (part[coils.taxels].reshape(n, -1) for part in stage)
         tone_hz = f * tone
@@ -531,8 +565,9 @@ def _judge(
         rise = (hz / tone_hz) ** 2 * strength / pulled
         taxel = Channels(hz, q, driven.line * rise)
         on = (relative_energy(tone_hz, hz, q) / rise**2).reshape(shape)
-        more = beside[k, coils.channels, None, None]
-        off = more + (off_energy(taxel, design.scheme, drivers=driven).reshape(shape) if n > 1 else 0.0 * on)
+        off = np.zeros(shape) + leaks[k, coils.channels, None, None]
+        if n > 1:
+            off += off_energy(taxel, design.scheme, printed_modes, driven).reshape(shape)
         good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)
         with np.errstate(divide="ignore"):
             ratio = design.kept * on.min(0) / off.max(0)

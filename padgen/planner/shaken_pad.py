@@ -25,6 +25,7 @@ from padgen.physics.modes import RigidBody, box, combine
 from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs, rigid_mass, support_stiffness
 from padgen.planner.pad_mass import IRON_KG_PER_M3, PadMass
 from padgen.planner.plan import Plan, Prints, Recoil
+from padgen.planner.printed_pads import leaked_energy
 from padgen.spec import MountTable
 
 __all__ = [
@@ -88,9 +89,7 @@ class ShakenPad:
         force = pull * self.line
         dynamic = np.array([self.taxels.stiffness(float(f)) for f in self.hz])
         self.unit = np.abs(force / dynamic[channel_of, np.arange(len(force))])
-        leaks_db = plan.reuse.retuned_leaks_db or (None,) * len(plan.channels)
-        leak = np.array([0.0 if db is None else 10 ** (-db / 10) for db in leaks_db])
-        self.leak = leak[channel_of]
+        self.leak = leaked_energy(plan)[1, channel_of]
 
     def _whole(self) -> RigidBody:
         """Return everything on the mount as one body."""

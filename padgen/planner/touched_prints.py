@@ -40,6 +40,7 @@ from padgen.planner.printed_pads import (
     Design,
     design_of,
     drawn_prints,
+    leaked_energy,
     quantile_error,
     share_error,
     spreads_of,
@@ -172,12 +173,8 @@ class _Beside(NamedTuple):
 
 def _beside(plan: Plan, tones: str) -> _Beside:
     """Return what OFF taxels hear beside their own coil's tones, with tones of a kind."""
-    reuse = plan.reuse
-    count = len(plan.channels)
-    of_leaks = (reuse.leaks_db or (None,) * count, reuse.retuned_leaks_db or (None,) * count)
-    leaks = np.array([[0.0 if db is None else 10 ** (-db / 10) for db in row] for row in of_leaks])
     played = touched_plan(plan).channels if tones == TONES[0] else plan.channels
-    modes = np.zeros(count)
+    modes = np.zeros(len(plan.channels))
     for own_set, played_set in zip(plan.sets, channel_sets(played, plan.spec.coil.sets), strict=True):
         if len(own_set) < 2:
             continue
@@ -188,7 +185,7 @@ def _beside(plan: Plan, tones: str) -> _Beside:
         modes[[channel.index for channel in own_set]] = np.maximum(more, 0.0)
     mount = plan.spec.mount
     moves = mount.is_said and not mount.is_fast
-    return _Beside(leaks, modes, recoil_energy(touched_plan(plan)) if moves else 0.0)
+    return _Beside(leaked_energy(plan), modes, recoil_energy(touched_plan(plan)) if moves else 0.0)
 
 
 def _lines_of(channel_set: Sequence[Channel]) -> Channels:
