@@ -501,6 +501,7 @@ def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND
             one,
             one,
             np.zeros((2, count)),
+            0 * one,
             (None,),
             1.0,
             law,

@@ -210,9 +210,11 @@ def felt_response(
 
 
 def without_quiet_modes(
-    taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray, bias_ratio: float = 5.0
+    taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray, bias_ratio: float = 5.0, most: float = LEFT_OUT
 ) -> ModalTaxels:
     """Return `taxels` without the modes that stay inaudible in every drive scheme, and with a bound on their effect.
+
+    That is at most `most` of an OFF taxel's amplitude by its own mode.
 
     Amplitudes over lines add to at most Σ|line| · |largest response of the mode| (Minkowski). A mode responds with at
     most ``Q/√(1−1/(4Q²))``, and above all lines with at most ``1/(1−(f/f_k)²)``, f being the highest possible line,
@@ -231,16 +233,16 @@ def without_quiet_modes(
         heard = np.maximum(heard, np.sqrt(tone) * np.roll(line, by) / line)
     order = np.argsort(size, 1)
     total = np.cumsum(np.take_along_axis(size, order, 1), 1)
-    quiet = total <= LEFT_OUT * heard[:, None]
+    quiet = total <= most * heard[:, None]
     missing = np.where(quiet, total, 0.0).max(1)
     # The loudest first, so that modes left out of all taxels can be cut off.
     order = order[:, ::-1]
     kept = ~quiet[:, ::-1]
-    most = int(kept.sum(1).max())
+    count = int(kept.sum(1).max())
     gain = np.take_along_axis(taxels.gain, order[..., None], 1) * kept[..., None]
     return taxels._replace(
-        frequency_hz=np.take_along_axis(taxels.frequency_hz, order, 1)[:, :most],
-        gain=gain[:, :most],
+        frequency_hz=np.take_along_axis(taxels.frequency_hz, order, 1)[:, :count],
+        gain=gain[:, :count],
         left_out=np.divide(missing, heard, out=np.zeros(len(heard)), where=heard > 0),
     )
 

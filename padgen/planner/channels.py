@@ -17,6 +17,7 @@ from padgen.physics.magnetics import balanced_deflection
 from padgen.physics.modes import level_kept, resonance_rise
 from padgen.physics.pull import PullAt
 from padgen.physics.resonator import (
+    LEFT_OUT,
     ModalTaxels,
     TaxelModes,
     felt_gains,
@@ -170,10 +171,13 @@ def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
     )
 
 
-def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray) -> ModalTaxels:
-    """Return `coil_modes` without modes that no line of the drive excites much; `line` (n,) as in `Channels`."""
+def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray, left_out: float = LEFT_OUT) -> ModalTaxels:
+    """Return `coil_modes` without modes that no line of the drive excites much; `line` (n,) as in `Channels`.
+
+    Together these move an OFF taxel by at most `left_out` of what its own mode does.
+    """
     own_hz = np.array([c.resonance_hz for c in channels])
-    return without_quiet_modes(coil_modes(spec, channels), own_hz, line, spec.drive.bias_ratio)
+    return without_quiet_modes(coil_modes(spec, channels), own_hz, line, spec.drive.bias_ratio, left_out)
 
 
 def mode_names(spec: Spec, channel: Channel) -> tuple[str, ...]:

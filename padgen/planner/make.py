@@ -211,8 +211,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     some_found = list(islice(merged, 2))
     if not some_found:
         return None
-    most_printed = MOST_PRINTED_FOR_CURE if most else MOST_PRINTED
-    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, merged), most_printed)
+    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, merged), for_cure=most is not None)
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     if snaps(resting(spec, channels, sites)):
@@ -258,11 +257,11 @@ def _coils_key(choice: Choice) -> tuple[bool, int]:
     return choice.layout.surplus > 0, choice.layout.coils
 
 
-def _best(rank: Iterator[Choice], most_printed: int, known: Driven | None = None, overloaded: bool = False) -> Choice:
+def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, overloaded: bool = False) -> Choice:
     """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
 
-    In the second case prints of `most_printed` choices at most are simulated. Choices that exceed a limit of the coils
-    count only if all do: then again, with `overloaded`; what is `known` of them is not computed again.
+    In the second case prints of few choices are simulated, and of each few `for_cure`. Choices that exceed a limit of
+    the coils count only if all do: then again, with `overloaded`; what is `known` of them is not computed again.
     """
     tried: list[tuple[Choice, Tried]] = []
     known = known or {}
@@ -273,14 +272,14 @@ def _best(rank: Iterator[Choice], most_printed: int, known: Driven | None = None
         if key in hopeless:
             tried.append((choice, Tried(hopeless[key])))
             continue
-        one = _tried(choice, asked, choice.spec.print_share, known, overloaded)
+        one = _tried(choice, asked, choice.spec.print_share, known, for_cure, overloaded)
         if -inf < one.at_most_db < asked - NO_HOPE_DB:
             hopeless[key] = one.at_most_db
         if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
     if not overloaded and all(one.at_most_db == -inf for _, one in tried):
-        return _best((choice for choice, _ in tried), most_printed, known, overloaded=True)
+        return _best((choice for choice, _ in tried), for_cure, known, overloaded=True)
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     # Few prints are enough of those that surely work less often than another.
     chosen = tried[0][0]
@@ -294,8 +293,8 @@ def _best(rank: Iterator[Choice], most_printed: int, known: Driven | None = None
         if one.at_most_db < least:
             break
         may_be_better = one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share))
-        if may_be_better and printed < most_printed:
-            one = _tried(choice, least, max(surely, best.share), known, overloaded)
+        if may_be_better and printed < (MOST_PRINTED_FOR_CURE if for_cure else MOST_PRINTED):
+            one = _tried(choice, least, max(surely, best.share), known, for_cure, overloaded)
             printed += 1
         if (one.share, one.print_db) > (best.share, best.print_db):
             best = one
@@ -330,7 +329,9 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
             yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
-def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, overloaded: bool = False) -> Tried:
+def _tried(
+    choice: Choice, least_db: float, least_share: float, known: Driven, for_cure: bool, overloaded: bool
+) -> Tried:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
     The steps are the resonances and the sag alone, then pull and modes, then leakage, then simulated prints. Where
@@ -360,7 +361,7 @@ def _tried(choice: Choice, least_db: float, least_share: float, known: Driven, o
     bare = _assemble(choice, channels, _selectivity_of(choice))
     if not spec.touch.is_none:
         return _tried_under_touch(bare, overloaded)
-    paper_db, prints = compared_prints(bare, least_db, least_share)
+    paper_db, prints = compared_prints(bare, least_db, least_share, for_cure)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
         return Tried(at_most)

@@ -53,7 +53,7 @@ import numpy as np
 
 from padgen.core.units import G_PER_CM3, GRAM, MG, MM, UM
 from padgen.physics.ladder import LevelLaw, ladder_ratio
-from padgen.physics.resonator import ModalTaxels, felt_energy, relative_energy
+from padgen.physics.resonator import ModalTaxels, relative_energy
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.channels import hanging_gap_um, heard_modes
 from padgen.planner.drive_scheme import placed_channels
@@ -105,6 +105,8 @@ STEP_DECIMALS = 7
 """Decimals of the differences that are kept: the rest is less than their error, and other with another numpy."""
 WORKING_SHARE = 0.3
 """Share of the largest compliance above which a mode may be followed as the working one."""
+QUIET = 0.01
+"""Largest joint amplitude of modes that are left out, over an OFF taxel's amplitude by its own mode: 0.1 dB."""
 ROUNDING_DB = 1e-9
 NODES = 6
 """Nodes of the field per correlation length; with five the covariance is 1e-6 off."""
@@ -142,6 +144,8 @@ class Spreads:
 
 STAGES = ("planned", "coupon", "some", "retuned")
 """Stages of knowledge about a print: none, the error common to the print, also the field, every taxel's resonance."""
+JUDGED = ("planned", "retuned")
+"""Stages that findings are judged by."""
 NAMES = tuple(f.name for f in fields(Spreads))
 IN_EVERY_PRINT = "across_beads"
 OF_A_PRINT = ("modulus", "common_z_mm", "common_beads", "common_gap_mm", "common_glue_mg", IN_EVERY_PRINT)
@@ -160,11 +164,12 @@ class Coils(NamedTuple):
 class Design(NamedTuple):
     """All that simulated prints take from a plan: arrays by channel (n,) and by taxel (t,), and the coils.
 
-    `leaks` is as `leaked_energy` returns it. `modes` has the heard modes of each of `coils`, or None where these are the
-    working ones alone. `kept` is the share of its energy that an ON taxel keeps where its beams stretch. `need` is the
-    asked energy ratio of ON over OFF. `weight` (causes, n) is d ln f per unit of each of `Spreads`; `pull_per_mm` (n,)
-    is d ln of the pull per mm of gap; `sensitivity` (n, 3) is d ln f / d ln of width, thickness and length.
-    `field_length_mm` is the field's correlation length.
+    `leaks` is as `leaked_energy` returns it. `others` (n,) is the energy that other modes add to an OFF taxel in the
+    plan; `modes` has the heard modes of each of `coils`, or None where `others` are to be added in every print. `kept`
+    is the share of its energy that an ON taxel keeps where its beams stretch. `need` is the asked energy ratio of ON
+    over OFF. `weight` (causes, n) is d ln f per unit of each of `Spreads`; `pull_per_mm` (n,) is d ln of the pull per
+    mm of gap; `sensitivity` (n, 3) is d ln f / d ln of width, thickness and length. `field_length_mm` is the field's
+    correlation length.
     """
 
     resonance_hz: np.ndarray
@@ -172,6 +177,7 @@ class Design(NamedTuple):
     mass_g: np.ndarray
     pull: np.ndarray
     leaks: np.ndarray
+    others: np.ndarray
     modes: tuple[ModalTaxels | None, ...]
     kept: float
     law: LevelLaw
@@ -302,7 +308,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
     for index in coils_of(plan).values():
         alike.setdefault(tuple(channel[index]), []).append(index)
     coils = tuple(Coils(np.array(members), np.array(alike[members]).T) for members in sorted(alike))
-    heard = _heard_modes(plan)
+    others, heard = _other_modes(plan)
     heard_by_coils = [[heard[k] for k in one.channels if k in heard] for one in coils]
     return Design(
         resonance_hz=np.array([c.resonance_hz for c in plan.channels]),
@@ -310,6 +316,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         mass_g=mass,
         pull=pull if (pull > 0).all() else np.ones(len(mass)),
         leaks=leaked_energy(plan),
+        others=others,
         modes=tuple(ModalTaxels(*map(np.concatenate, zip(*of, strict=True))) if of else None for of in heard_by_coils),
         kept=float(10 ** (-max(c.level_loss_db for c in plan.channels) / 10)),
         law=level_law(spec),
@@ -347,14 +354,24 @@ def leaked_energy(plan: Plan) -> np.ndarray:
     return total
 
 
-def _heard_modes(plan: Plan) -> dict[int, ModalTaxels]:
-    """Return the heard modes of each channel, by its index, of those that have more than the working one."""
+def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
+    """Return the energy (n,) that other modes add to an OFF taxel, over that of its ON state, and the heard modes.
+
+    These are by the index of the channel, of those that hear more than their working mode.
+    """
+    total = np.zeros(len(plan.channels))
     heard = dict[int, ModalTaxels]()
     for channel_set in plan.sets:
-        modes = heard_modes(plan.spec, channel_set, placed_channels(plan.spec, channel_set).line)
+        if len(channel_set) < 2:
+            continue
+        taxels = placed_channels(plan.spec, channel_set)
+        modes = heard_modes(plan.spec, channel_set, taxels.line, QUIET)
+        more = off_energy(taxels, plan.scheme, modes) - off_energy(taxels, plan.scheme)
+        index = [c.index for c in channel_set]
+        total[index] = np.maximum(more, 0.0)
         if modes.responses > 1:
-            heard |= {c.index: ModalTaxels(*(part[i : i + 1] for part in modes)) for i, c in enumerate(channel_set)}
-    return heard
+            heard |= {k: ModalTaxels(*(part[i : i + 1] for part in modes)) for i, k in enumerate(index)}
+    return total, heard
 
 
 class _PrintedModes(NamedTuple):
@@ -372,10 +389,21 @@ class _PrintedModes(NamedTuple):
         return self.modes.responses
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return `felt_energy` (rows, lines) of these taxels; `rest` is far below what prints differ by."""
+        """Return `felt_energy` (rows, lines) of these taxels; `rest` is far below what prints differ by.
+
+        It is written out with one division, since most of the time of judging prints goes into it.
+        """
         x = self.x[rows, None]
         count, _, pads = x.shape
-        return felt_energy(self.modes, rows, (frequency.reshape(-1, pads) / x).reshape(count, -1))
+        hz = (frequency.reshape(-1, pads) / x).reshape(count, 1, -1)
+        mode = 1 / self.modes.frequency_hz[rows, :, None]
+        loss = hz * (mode / self.modes.q[rows, None, None])
+        stiff = 1 - (hz * mode) ** 2
+        scale = 1 / (stiff * stiff + loss * loss)
+        stiff *= scale
+        loss *= scale
+        gain = self.modes.gain[rows].transpose(0, 2, 1)
+        return ((gain @ stiff) ** 2 + (gain @ loss) ** 2).sum(1)
 
 
 def _washer_weight(plan: Plan) -> np.ndarray:
@@ -568,6 +596,8 @@ def _judge(
         off = np.zeros(shape) + leaks[k, coils.channels, None, None]
         if n > 1:
             off += off_energy(taxel, design.scheme, printed_modes, driven).reshape(shape)
+        if not modes:
+            off += design.others[coils.channels, None, None]
         good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)
         with np.errstate(divide="ignore"):
             ratio = design.kept * on.min(0) / off.max(0)
@@ -605,28 +635,34 @@ NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 def what_prints_keep(plan: Plan, quick: bool = False) -> Prints:
     """Simulate prints of `plan`, always the same ones, until the estimate is sure; with `quick` only a few."""
     design = design_of(plan, None)
-    return _simulated(plan, design, QUICK_PADS, STAGES) if quick else _simulated_until_sure(plan, design, STAGES)
+    return _simulated(plan, design, QUICK_PADS, JUDGED) if quick else _simulated_until_sure(plan, design, STAGES)
 
 
-def compared_prints(plan: Plan, least_db: float, least_share: float) -> tuple[float, Prints]:
+def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool = False) -> tuple[float, Prints]:
     """Return the selectivity in dB of the pad as drawn, leakage and other modes counted, and its re-tuned prints.
 
     As many prints are simulated as comparing layouts needs: none (`NOT_PRINTED`) if the drawn pad keeps less than
-    `least_db`, and few if these show that the share of good ones is surely below `least_share`.
+    `least_db`, and few if these show that the share of good ones is surely below `least_share`; with `quick` never
+    more. At first other modes add what they add in the plan: to follow them with every line takes several times as
+    long.
     """
-    design = design_of(plan, None)
+    exact = design_of(plan, None)
+    design = exact._replace(modes=(None,) * len(exact.coils))
     stages = STAGES[-1:]
     ratio = float(printed(design, spreads_of(plan.spec).none(), 1, 0, stages).ratio.min())
     paper_db = 10 * float(np.log10(ratio)) if ratio > 0 else float("-inf")
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
-    first = pads_until_sure(work(design))
-    for pads in sorted({min(QUICK_PADS, first), first}):
-        prints = _simulated(plan, design, pads, stages)
+    few = min(QUICK_PADS, pads_until_sure(work(design)))
+    for one in (design, exact):
+        prints = _simulated(plan, one, few, stages)
         is_below = prints.good_share + SURELY * prints.error_share < least_share
-        if is_below or not 0 < prints.good_share < plan.spec.print_share + NEAR_SHARE:
+        is_above = one is exact and prints.good_share >= plan.spec.print_share + NEAR_SHARE
+        if is_below or is_above or prints.good_share == 0:
             return paper_db, prints
-    return paper_db, _simulated_until_sure(plan, design, stages)
+    if quick:
+        return paper_db, prints
+    return paper_db, _simulated_until_sure(plan, exact, stages)
 
 
 def _simulated_until_sure(plan: Plan, design: Design, stages: tuple[str, ...]) -> Prints:
