@@ -321,7 +321,7 @@ def level_kept(alpha: Any, q: float, amplitude: Any, offset: Any = 0.0) -> Any:
     return high
 
 
-FLOOR = 0.007
+FLOOR = 0.0075
 """Relative error that remains for slender beams: mass of the flares, rounding of the edges, the references' own error.
 """
 OTHERS = 2.5
@@ -335,22 +335,22 @@ BENT = 0.012
 far above the working one, may be off by more (`padgen.physics.bounds.beam_inertia`).
 """
 UNCERTAINTY = {
-    "root": 0.102,
-    "tip": 0.177,
-    "mount": 0.3,
-    "crossbar": 0.12,
+    "root": 0.11,
+    "tip": 0.19,
+    "mount": 0.32,
+    "crossbar": 0.13,
     "yoke": 0.7,
-    "curl": 0.061,
-    "lateral root": 0.75,
-    "lateral tip": 0.75,
-    "shear": 0.79,
-    "lateral shear": 1.02,
-    "twist": 0.5,
-    "plate": 0.144,
-    "yoke pulled": 0.42,
-    "yoke sideways": 0.65,
-    "layers": 0.15,
-    "bends": 0.5,
+    "curl": 0.066,
+    "lateral root": 0.81,
+    "lateral tip": 0.81,
+    "shear": 0.85,
+    "lateral shear": 1.1,
+    "twist": 0.54,
+    "plate": 0.155,
+    "yoke pulled": 0.45,
+    "yoke sideways": 0.7,
+    "layers": 0.16,
+    "bends": 0.6,
     "warping": 0.32,
 }
 """Relative uncertainty of each flexibility, in the order of `uncertain_energies`; the last two are `sharp_energies`.
