@@ -17,6 +17,8 @@ import numpy as np
 import pytest
 
 from padgen.core.errors import SpecError
+from padgen.driver.ear import hear
+from padgen.driver.waveform import make_drive, steady
 from padgen.physics.magnetics import MU_0, CoilSource, SteelRing, Winding, flux_density
 from padgen.physics.remanence import remanent_current, root_lines
 from padgen.physics.resonator import receptance
@@ -25,6 +27,8 @@ from padgen.physics.selectivity import Channels, Scheme, all_states, loudest_lin
 from padgen.planner import make_plan, plan_to_json
 from padgen.planner.judge import KINDS, REMANENCE, _lines
 from padgen.spec import load_spec, parse_spec
+from tests.test_ear import all_states as pad_states
+from tests.test_ear import played
 
 HZ = np.array([48.0, 66.0, 98.0, 142.0])
 """Resonances on a comb of 1 Hz, of which no two lines meet; the first is near half of the third."""
@@ -189,3 +193,16 @@ def test_parts_of_one_s_own_need_not_state_it():
     assert spec.washer.coercivity_a_per_m == 200
     with pytest.raises(SpecError, match="nobody's"):
         parse_spec('name = "o"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\nwasher = "nobody\'s"\n')
+
+
+def test_what_is_heard_of_a_file_has_it(tmp_path):
+    """All ON and OFF states of a pad with tones, played sample by sample, keep what the lines of the plan say."""
+    spec = load_spec("calibration")
+    heard_db = []
+    for share in (0.0, 1.0):
+        plan = make_plan(replace(spec, drive=replace(spec.drive, remanent_share=share)))
+        drive = make_drive(plan, 8000)
+        heard = hear(plan, *played(plan, drive, steady(pad_states(plan, drive), drive.period_s), tmp_path))
+        assert heard.selectivity_db == pytest.approx(plan.selectivity.placed_all_states_db, abs=0.3)
+        heard_db.append(heard.selectivity_db)
+    assert heard_db[0] > heard_db[1] + 3

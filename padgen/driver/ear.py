@@ -1,8 +1,9 @@
 """The simulated ear: what fingers feel when a WAV file is played on a pad. From the file, not from the plan's drive.
 
-Samples → what a sound card's high-pass leaves of them → the coil's current through R and L → the pull by i² on each
-washer → every taxel's motion, all modes → what is felt on the boss in every state that is held, block by block. Left
-out: the coils beside (see `Plan.reuse`), the voltage that a moving washer induces, and what an amplifier adds.
+Samples → what a sound card's high-pass leaves of them → the coil's current through R and L → the pull by i² + ρ i (ρ by
+remanence, the largest of a coil's washers) → every taxel's motion, all modes → what is felt on the boss in every state
+that is held, block by block. Left out: the coils beside (see `Plan.reuse`), the voltage that a moving washer induces,
+and what an amplifier adds.
 
 All is heard twice: on a pad that is held still, and on its mount, where all coils shake the pad and each taxel's
 working mode is shaken by that (`padgen.physics.recoil_in_time`), as by the pull at the hanging gap.
@@ -31,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import FileError, Finding, at_least, number
-from padgen.core.units import GRAM, MH, MM, UM
+from padgen.core.units import GRAM, MA, MH, MM, UM
 from padgen.core.wav_reader import Wave
 from padgen.driver.signs import mount_text, printed_taxels
 from padgen.driver.slots import slots_of, worst_contrast
@@ -435,6 +436,10 @@ def _play(
     passing = high_pass(corner_hz, rate_hz)
     passed = np.zeros((wave.channels, 1))
     start = -int(np.ceil(LOOP_TAUS * slowest_s * rate_hz)) if sidecar["loops"] else 0
+    remanent_a = np.zeros((wave.channels, 1))
+    for taxel, heard in zip(plan.taxels, sidecar["taxels"], strict=True):
+        at = heard["wav_channel"]
+        remanent_a[at] = max(remanent_a[at, 0], plan.channels[taxel.channel].remanent_ma * MA)
     most_a, most, total, energy = np.zeros((4, wave.channels))
     size = max(rate_hz // GAP_BLOCKS_PER_S if gap else BLOCK // wave.channels, 1)
     for first, samples in _blocks(wave, start, wave.count + late, size):
@@ -443,10 +448,11 @@ def _play(
         if corner_hz:
             left, passed = lfilter(*passing, signal, zi=passed)
         current, memory = lfilter(*coefficients, left, zi=memory)
+        pulled = current**plan.spec.force_order + remanent_a * current
         for group in groups:
-            group.hear(first - late, current**plan.spec.force_order)
+            group.hear(first - late, pulled)
         if recoil is not None:
-            recoil.hear(first - late, current**plan.spec.force_order)
+            recoil.hear(first - late, pulled)
         current, signal = (part[:, max(late - first, 0) :] for part in (current, signal))
         most_a = np.maximum(most_a, np.abs(current).max(1, initial=0.0))
         most = np.maximum(most, np.abs(signal).max(1, initial=0.0))

@@ -207,9 +207,7 @@ def _heard(plan: Plan, drive: PadDrive, coil: CoilDrive, tuning: Tuning | None) 
     channels = [plan.channels[plan.taxels[k].channel] for k in coil.taxels]
     which = Channels(np.array([t.resonance_hz for t in taxels]), np.array([t.q for t in taxels]), coil.line_a2)
     modes = coil_modes(plan.spec, channels) if tuning is None else None
-    # Remanence, a second line of each channel, is left out as in all that plays in time.
-    scheme = drive.scheme._replace(remanence=0.0)
-    heard = np.concatenate([line_energy(which, part, modes) for part in own_lines(which, scheme)], 2)
+    heard = np.concatenate([line_energy(which, part, modes) for part in own_lines(which, drive.scheme)], 2)
     heard[:, 0][np.diag_indices(len(channels))] = 0.0
     if not drive.scheme.has_pair_spurs or len(channels) > MOST_WITH_SPURS:
         return _Heard(heard.sum(1), None, ())
