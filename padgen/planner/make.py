@@ -81,8 +81,8 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
-MOST_FOR_CURE = 48
-MOST_TAXELS_FOR_CURE = 1536
+MOST_FOR_CURE = 32
+MOST_TAXELS_FOR_CURE = 1024
 """Choices of layout, beams, gap, sets and drive that are tried to find out whether a cure works, and the taxels of all
 of them together: one that needs more is not proposed. A plan has no such bound: the one choice that works may come
 after hundreds."""

@@ -34,8 +34,8 @@ a printer are not simulated (`padgen.spec.Spread`).
 
 Every printed coil is judged over all states by the closed form of `padgen.physics.selectivity`: the smallest ON
 amplitude (of a taxel on alone) over the largest OFF amplitude (with all others on). The washers' unequal distances from
-the coil, and what their gaps make of the pull, are counted, and so are a taxel's other modes, off by as much as its
-resonance is. Leakage adds what it adds in the plan.
+the coil, and what their gaps make of the pull, are counted, and so are a re-tuned taxel's other modes, off by as much
+as its resonance is. Leakage adds what it adds in the plan, and so do other modes before that.
 
 There are four stages. In the first, tones and forces are the plan's, so that a detuned taxel moves less than planned
 when ON. In the others each tone is moved to where its taxel is believed to resonate, and forces restore the level that
@@ -538,7 +538,6 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
     taxels = len(design.channel)
     count = len(design.q)
     many = len(stages)
-    leaks = design.leaks[[int(stage == STAGES[-1]) for stage in stages]]
     known = [STAGES.index(stage) for stage in stages]
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
     step = max(BLOCK // taxels, 1)
@@ -560,7 +559,7 @@ def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tupl
             tones, pulls = (np.concatenate([one, part])[known] for part in (x, pull))
             block = slice(number * unit + first, number * unit + first + x.shape[2])
             for coils, modes in zip(design.coils, design.modes, strict=True):
-                _judge(design, coils, modes, Ratios(x[2], pull[2]), Ratios(tones, pulls), leaks, prints, block)
+                _judge(design, coils, modes, Ratios(x[2], pull[2]), Ratios(tones, pulls), stages, prints, block)
     return prints
 
 
@@ -570,33 +569,34 @@ def _judge(
     modes: ModalTaxels | None,
     printed: Ratios,
     known: Ratios,
-    leaks: np.ndarray,
+    stages: tuple[str, ...],
     prints: Simulated,
     block: slice,
 ) -> None:
     """Judge `coils` in a block of pads, and enter the results into `prints`.
 
-    `printed` (taxels, pads) is over the plan, `known` (stages, taxels, pads) what tones and lines follow at each stage;
-    `modes` and `leaks` (stages, n) are as in `Design`.
+    `printed` (taxels, pads) is over the plan, `known` (stages, taxels, pads) what tones and lines follow at each of
+    `stages`; `modes` are as in `Design`. Before a pad is re-tuned its detuned taxels count, and other modes as planned.
     """
     n = len(coils.channels)
     shape = (*coils.taxels.shape, printed.x.shape[1])
     x, pulled = (part[coils.taxels].reshape(n, -1) for part in printed)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
     hz = f * x
-    printed_modes = _PrintedModes(modes, x) if modes else None
-    for k, stage in enumerate(zip(*known, strict=True)):
-        tone, strength = (part[coils.taxels].reshape(n, -1) for part in stage)
+    for k, (stage, *followed) in enumerate(zip(stages, *known, strict=True)):
+        is_retuned = stage == STAGES[-1]
+        printed_modes = _PrintedModes(modes, x) if modes and is_retuned else None
+        tone, strength = (part[coils.taxels].reshape(n, -1) for part in followed)
         tone_hz = f * tone
         driven = channels(tone_hz, q, design.law(tone_hz), mass, pull * strength)
         # The line that would move each taxel by its level at its own resonance, over its driven line.
         rise = (hz / tone_hz) ** 2 * strength / pulled
         taxel = Channels(hz, q, driven.line * rise)
         on = (relative_energy(tone_hz, hz, q) / rise**2).reshape(shape)
-        off = np.zeros(shape) + leaks[k, coils.channels, None, None]
+        off = np.zeros(shape) + design.leaks[int(is_retuned), coils.channels, None, None]
         if n > 1:
             off += off_energy(taxel, design.scheme, printed_modes, driven).reshape(shape)
-        if not modes:
+        if printed_modes is None:
             off += design.others[coils.channels, None, None]
         good = design.kept * on >= np.maximum(design.need * off, 0.5 if n == 1 else 0.0)
         with np.errstate(divide="ignore"):
