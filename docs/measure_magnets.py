@@ -1,4 +1,4 @@
-"""Print the tables of docs/magnets.md: all, or `measure_magnets.py` air, core, image, space, pairs, times, heat, pads.
+"""Print the tables of docs/magnets.md: all, or some of air, core, image, space, pairs, times, heat, pads, most.
 
 `air` and `core` are 300 random magnets each, without and with a core; `space` a dozen over cores off the axis and in
 pairs, by elements in space. Half an hour of one core in all. Needs padgen[dev] and padgen[study].
@@ -6,11 +6,13 @@ pairs, by elements in space. Half an hour of one core in all. Needs padgen[dev] 
 
 import sys
 import time
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from padgen.core.errors import PadgenError
 from padgen.core.units import COPPER_OHM_M, MM, UM
 from padgen.physics.magnet_pull import magnet_pull, rest_on_spring, shared_core
 from padgen.physics.magnetics import solenoid
@@ -310,6 +312,70 @@ JOBS: dict[str, dict[str, object]] = {
 """Jobs that washers and magnets are compared by; 5 is 14 dB."""
 
 
+def most() -> None:
+    """Print, by how many channels there are, the one-coil pad whose prints keep most, of 48 tried."""
+    head(
+        "Most channels over one coil",
+        "channels",
+        "mover",
+        "pad mm",
+        "coil mm",
+        "core mm",
+        "band from Hz",
+        "drive",
+        "heat W",
+        "kept dB",
+        "prints",
+    )
+    for channels, mover in product(range(4, 8), ("disc-2x1", "washer M1.6")):
+        found = []
+        for side_mm, share, low_hz, core_mm in product((50, 54, 58, 66), (0.75, 0.83, 0.9), (50, 80), (0, 4)):
+            coil = wide_coil(round(side_mm * share, 1), core_mm)
+            parts = {} if mover.startswith("washer") else {"magnet": mover}
+            fields = {"band_hz": [low_hz, 1000], "q_min": 15, "delta_y": 5, "spacing": "optimised"}
+            sides = {"width_mm": side_mm, "depth_mm": side_mm}
+            try:
+                plan = make_plan(
+                    make_spec({"name": "most", "resolution": channels, "pad": sides, "coil": coil, **fields, **parts})
+                )
+            except PadgenError:
+                continue
+            found.append((plan.prints.good_share, plan.prints.print_db or 0.0, (side_mm, coil, low_hz), plan))
+        if not found:
+            row(channels, mover, *["none"] * 8)
+            continue
+        share, kept_db, (side_mm, coil, low_hz), plan = max(found, key=lambda one: one[:2])
+        watts = plan.load.copper_loss_w
+        sizes = (coil["outer_diameter_mm"], coil["core_diameter_mm"])
+        row(channels, mover, side_mm, *sizes, low_hz, plan.selectivity.drive, watts, kept_db, share)
+
+
+def wide_coil(outer_mm: float, core_mm: float) -> dict[str, object]:
+    """Return a coil of 600 turns that fill a third of its winding, 0.3 of its diameter high and open inside."""
+    inner_mm = 0.3 * outer_mm
+    wire_m2 = 0.35 * (outer_mm - inner_mm) / 2 * inner_mm * MM**2 / TURNS
+    length_m = np.pi * (outer_mm + inner_mm) / 2 * MM * TURNS
+    # Of the template's coil, as the square of the turns and the diameter; a core gives some three times as much.
+    inductance_mh = 6.4 * outer_mm / 44 * (3 if core_mm else 1)
+    return {
+        "name": "wide",
+        "source": "computed",
+        "outer_diameter_mm": outer_mm,
+        "inner_diameter_mm": inner_mm,
+        "length_mm": inner_mm,
+        "turns": TURNS,
+        "resistance_ohm": float(COPPER_OHM_M * length_m / wire_m2),
+        "inductance_mh": inductance_mh,
+        "core_diameter_mm": core_mm,
+        "core_relative_permeability": 1000 if core_mm else 1,
+        "gap_mm": 1,
+        "grid": [1, 1],
+    }
+
+
+TURNS = 600
+
+
 if __name__ == "__main__":
     parts = {
         "air": air,
@@ -320,6 +386,7 @@ if __name__ == "__main__":
         "times": times,
         "heat": heat,
         "pads": pads,
+        "most": most,
     }
     for part in sys.argv[1:] or parts:
         parts[part]()

@@ -140,6 +140,17 @@ def magnet_32(plan):
     assert first.line_a2 == pytest.approx(force_n / first.force_constant_n_per_a2, rel=1e-9)
 
 
+def magnet_6(plan):
+    """An OFF taxel hears the five tones by its resonance curve: 18.9 dB, less 0.9 by other modes."""
+    hz, q, line = np.array([(c.resonance_hz, c.q, c.line_a2) for c in plan.channels]).T
+    over = hz / hz[:, None]
+    heard = (line / line[:, None]) ** 2 / ((q[:, None] * (1 - over**2)) ** 2 + over**2)
+    np.fill_diagonal(heard, 0.0)
+    assert plan.scheme.name == "linear"
+    assert plan.selectivity.kept_db == pytest.approx(-10 * np.log10(heard.sum(1).max()), abs=1.2)
+    assert plan.prints.good_share >= 0.9
+
+
 def board_32(plan):
     """Resistance by hand: 49 turns of 16.8 mm in the mean, 0.15 mm wide, half of them 35 and half 15.2 µm thick."""
     turn_mm = np.pi * (9.6 + 1.8) / 2

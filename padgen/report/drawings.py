@@ -263,7 +263,7 @@ def draw_pad(plan: Plan) -> Any:
     pad = plan.spec.pad
     x, y = border(plan)[2]
     inner_x, inner_y = border(plan, 0)[2]
-    sides = (f"touch side: {felt_parts(plan)} to feel", "underside: beams, recesses and washers")
+    sides = (f"touch side: {felt_parts(plan)} to feel", f"underside: beams, recesses and {plan.spec.mover.kind}s")
     sheet, views = both_sides(plan, "the printed pad, in mm", sides)
     parts = ("window", "beam", "plate", "boss"), ("window", "plate", "beam", "recess", "washer")
     shapes = all_shapes(plan, ("recess", "washer", *parts[0]))
