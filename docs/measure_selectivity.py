@@ -275,8 +275,8 @@ def main() -> None:
         "## Clean sets for plain tones",
         "",
         'Resonances whose spurs miss every third taxel (`spacing = "optimised"`, `drive = "tones"`), equal velocity.',
-        "Found by moving one channel at a time and descents from the best sets. The bound was proven once, by branch and"
-        " bound,",
+        "Found by moving one channel at a time and descents from the best sets. The bound was proven once, by branch"
+        " and bound,",
         "for *any* resonances in the band: cells of the band, each term of an OFF taxel's energy at its least over the",
         "cells of its channels, halved until none is left. padgen has the search, not the proof.",
         "",
