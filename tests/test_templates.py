@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from padgen.planner import make_plan
+from padgen.planner.board_layout import board_of
 from padgen.report.charts import picture
 from padgen.report.plans import plan_text
 from padgen.solid.checks import check_pad
@@ -177,6 +178,20 @@ def fingertip_24(plan):
     stiffer = 1 + through * 2 * 80e3 * (0.45e-3 + 0.3e-3) / first.stiffness_n_per_m
     assert plan.touch.resonance_hz[0] / first.resonance_hz == pytest.approx(stiffer**0.5, rel=0.003)
     assert min(plan.felt.on_db) > 0
+
+
+def fingertip_board_24(plan):
+    """One taxel per cm² on a board that bears its heat; resistance by hand of 45 turns, half of them 70 µm thick."""
+    assert len(plan.taxels) / (plan.spec.pad.width_mm * plan.spec.pad.depth_mm / 100) >= 1
+    assert plan.touch.good_share >= 0.9
+    assert plan.touch.print_db >= 14
+    assert min(plan.felt.on_db) > 0
+    coil = plan.spec.coil
+    turn_mm = np.pi * (12 + 2.22) / 2
+    ohm = 1.72e-8 * 22.5 * turn_mm * 1e-3 / 0.2e-3 * (1 / 70e-6 + 1 / 30.4e-6)
+    assert coil.resistance_ohm == pytest.approx(ohm, rel=0.05)
+    assert plan.load.copper_loss_w <= coil.power_limit_w
+    assert len(board_of(plan).nets) == 12
 
 
 def palm_24(plan):

@@ -54,8 +54,10 @@ def _templates(options: argparse.Namespace) -> int:
     if options.name:
         print(options.head + template_text(options.name), end="")
         return DONE
-    for name in template_names():
-        print(f"{name:<12}  {template_text(name).splitlines()[0].lstrip('# ')}")
+    names = template_names()
+    longest = max(map(len, names))
+    for name in names:
+        print(f"{name:<{longest}}  {template_text(name).splitlines()[0].lstrip('# ')}")
     return DONE
 
 

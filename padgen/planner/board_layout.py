@@ -16,19 +16,20 @@ lanes. Pads with so many rows that the pins of one side do not suffice have a se
 x and y are in mm from the pad's centre, y away from the connector; layers count from the top.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
-from padgen.core.errors import InfeasibleError, at_most, number
+from padgen.core.errors import Finding, InfeasibleError, at_most, number
 from padgen.core.units import MM
 from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers
 from padgen.planner.coils.board import board_coil, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm
 from padgen.planner.plan import Plan
 
-__all__ = ["Board", "HeaderPin", "Hole", "Label", "Track", "Via", "board_of", "coil_path"]
+__all__ = ["Board", "HeaderPin", "Hole", "Label", "Track", "Via", "board_findings", "board_of", "coil_path"]
 
 PIN_MM = 2.54
 PIN_DRILL_MM = 1.0
@@ -105,6 +106,18 @@ class Board:
     holes: tuple[Hole, ...]
     labels: tuple[Label, ...]
     mark_mm: tuple[float, float]
+
+
+def board_findings(plan: Plan) -> Iterator[Finding]:
+    """Yield an error where the board of a plan with board coils cannot be made."""
+    if plan.spec.coil.kind != "board":
+        return
+    try:
+        board_of(plan)
+    except InfeasibleError as error:
+        turned = [plan.coils.columns, plan.coils.rows]
+        message = f"it cannot be made: {error.where} {error.message}"
+        yield Finding("error", "board.room", "board", message, ({"coil.grid": turned},))
 
 
 def board_of(plan: Plan) -> Board:

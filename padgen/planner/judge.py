@@ -17,6 +17,7 @@ from padgen.physics.resonator import ModalTaxels, felt_energy
 from padgen.physics.schemes import mean_pull_line, simplest_first
 from padgen.physics.selectivity import Channels, Scheme, all_states, scheme_lines
 from padgen.planner.ballast import ballast_findings
+from padgen.planner.board_layout import board_findings
 from padgen.planner.channels import coil_modes, mode_names
 from padgen.planner.core_pull import core_findings
 from padgen.planner.cures import Cure
@@ -530,7 +531,8 @@ def _places(plan: Plan) -> Iterator[Finding]:
             "layout.pitch",
             "pad",
             f"{name} of taxels lie {low:.2f} to {high:.2f} mm apart, a ratio of {about(high / low, 3)};"
-            f" up to {EVEN_RATIO:g} counts as even. Washers hang as near to their coil's axis as their beams allow",
+            f" up to {EVEN_RATIO:g} counts as even. The {plan.spec.mover.kind}s hang as near to their coil's axis as"
+            " their beams allow",
         )
 
 
@@ -767,6 +769,7 @@ PLAN_RULES: RuleBook[Plan] = RuleBook(
     core_findings,
     _mechanics,
     _places,
+    board_findings,
     judge_touch,
     judge_touched_prints,
     judge_felt,

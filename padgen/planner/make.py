@@ -18,6 +18,7 @@ from padgen.core.errors import InfeasibleError, SolverError, at_least, number
 from padgen.core.registry import SUSPENSIONS
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.selectivity import SQUARE, Scheme
+from padgen.planner.board_layout import board_of
 from padgen.planner.channels import driven, force_constants, plan_channels, resting
 from padgen.planner.core_pull import snaps
 from padgen.planner.cures import Cure, named_breakdown, refusal, varied, with_tried_cures
@@ -378,6 +379,8 @@ def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
     if choice is None:
         raise InfeasibleError("no layout holds", "resolution")
     bare = _assemble(choice, *_driven(choice))
+    if spec.coil.kind == "board":
+        board_of(bare)
     touch = planned_touch(bare, quick=True)
     assert touch is not None, "the spec names a contact"
     bare = replace(bare, touch=touch)

@@ -7,10 +7,11 @@ the faintest channel as strong as it must be to be felt. Parts whose values have
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import islice
 from math import ceil, isfinite
 from typing import Any, NamedTuple
 
-from padgen.core.errors import PadgenError
+from padgen.core.errors import InfeasibleError, PadgenError
 from padgen.planner.cures import Cure, varied
 from padgen.planner.thresholds import SENSATION
 from padgen.spec import Spec, catalogue
@@ -62,24 +63,35 @@ START = _TouchParts(0.45, 2.5, "steel-rod-4x2", 150.0, False, "disc-4x2", "serpe
 
 
 def decided_under_touch(spec: Spec, tried: Callable[[Spec, float], TouchTrial]) -> Spec:
-    """Return a spec whose open parts are decided; the spec itself where none is open, or none that was tried can be.
+    """Return a spec whose open parts are decided; the spec itself where none is open.
 
     `tried` returns what a decided spec keeps with its faintest channel so many dB above what is just felt, and raises
     `PadgenError` where no pad can be laid out.
+
+    Raises
+    ------
+    InfeasibleError
+        No choice of parts that was tried gives a pad.
     """
     is_open = frozenset(spec.touch.search.split("+"))
     if is_open.isdisjoint(SEARCHED):
         return spec
     movers = _movers(is_open)
+    refusals: list[PadgenError] = []
     known: dict[Spec, tuple[tuple[bool, float], Spec | None]] = {}
 
     def score(parts: _TouchParts) -> tuple[bool, float]:
         try:
             decided = _decided(spec, parts, is_open)
-        except PadgenError:
+        except PadgenError as error:
+            refusals.append(error)
             return WORST
         if decided not in known and len(known) < MOST_TRIALS:
-            known[decided] = _scored(decided, tried)
+            try:
+                known[decided] = _scored(decided, tried(decided, FELT_DB))
+            except PadgenError as error:
+                refusals.append(error)
+                known[decided] = NO_PAD
         return known.get(decided, NO_PAD)[0]
 
     values = {
@@ -92,6 +104,8 @@ def decided_under_touch(spec: Spec, tried: Callable[[Spec, float], TouchTrial]) 
         "place": PLACES if "contactor" in is_open else (START.place,),
     }
     best = START._replace(mover=movers[0])
+    if score(best) == WORST:
+        best = _climbed(best, "turned", values["turned"], score)
     # Pins nearer to the roots keep more for more heat: they take what is left of it at the end, or save it first.
     if not score(best)[0]:
         best = _climbed(best, "place", values["place"], score)
@@ -102,15 +116,42 @@ def decided_under_touch(spec: Spec, tried: Callable[[Spec, float], TouchTrial]) 
         before = best
         for name in IN_ORDER:
             best = _climbed(best, name, values[name], score)
+    if refusals and all(decided is None for _, decided in known.values()):
+        raise _nothing_found(spec, refusals[0], tried)
     return known.get(_decided(spec, best, is_open), NO_PAD)[1] or spec
 
 
-def _scored(decided: Spec, tried: Callable[[Spec, float], TouchTrial]) -> tuple[tuple[bool, float], Spec | None]:
+SIDES = ("width", "depth")
+COOL_PLACES = (START.place, 0.6, 0.8)
+"""Places of pins of which the later ones take less heat."""
+WIDER = (1.05, 1.1, 1.2, 1.3, 1.5)
+"""Sides of a pad over those asked for that are tried after no pad under touch was found."""
+
+
+def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], TouchTrial]) -> InfeasibleError:
+    """Return the refusal of a spec of which the search found no pad, with a wider pad on which its start works."""
+    is_open = frozenset(spec.touch.search.split("+"))
+
+    def works(sides: Cure, place: float | str) -> bool:
+        """Tell if the search's start works on a pad with such sides, with pins at a place."""
+        parts = START._replace(mover=_movers(is_open)[0], place=place)
+        try:
+            return tried(_decided(varied(spec, sides), parts, is_open), FELT_DB).within_limits
+        except PadgenError:
+            return False
+
+    wider = ({f"pad.{side}_mm": round(getattr(spec.pad, f"{side}_mm") * share, 1) for side in SIDES} for share in WIDER)
+    cures = list(islice((sides for sides in wider if any(works(sides, place) for place in COOL_PLACES)), 1))
+    searched = spec.touch.search.replace("+", ", ")
+    message = (
+        f"no choice of {searched} that was tried gives a pad to touch: {why.message};"
+        " touch.search = 'none' plans the spec as it is"
+    )
+    return InfeasibleError(message, why.where, cures)
+
+
+def _scored(decided: Spec, trial: TouchTrial) -> tuple[tuple[bool, float], Spec | None]:
     """Return the score of a decided spec, and the spec with the level that it must be driven at; none without a pad."""
-    try:
-        trial = tried(decided, FELT_DB)
-    except PadgenError:
-        return NO_PAD
     if not isfinite(trial.kept_db):
         return NO_PAD
     # Out of bounds, what takes less heat is nearer to being within.
@@ -154,7 +195,7 @@ def _next(name: str, values: tuple[Any, ...], parts: _TouchParts) -> tuple[Any, 
 
 
 def _decided(spec: Spec, parts: _TouchParts, is_open: frozenset[str]) -> Spec:
-    """Return a spec with one choice of parts: two channels a coil, in two sets that take turns like a chessboard."""
+    """Return a spec with one choice of parts: two channels a coil, of many coils in two sets that take turns."""
     change: Cure = {"touch.search": "none"}
     kind = spec.mover.kind
     if not is_open.isdisjoint(OF_MOVER):
@@ -171,13 +212,15 @@ def _decided(spec: Spec, parts: _TouchParts, is_open: frozenset[str]) -> Spec:
         change["contactor.place"] = parts.place
     low = max(parts.start_hz, spec.band_hz[0] * 1.03)
     high = min(low * parts.ratio * INTERLEAVED, spec.band_hz[1] / 1.03)
-    change["resonances_hz"] = [round(hz, 3) for hz in (low, low * INTERLEAVED, high / INTERLEAVED, high)]
     coils = ceil(spec.resolution / 2)
+    is_alone = coils == 1
+    resonances_hz = (low, high) if is_alone else (low, low * INTERLEAVED, high / INTERLEAVED, high)
+    change["resonances_hz"] = [round(hz, 3) for hz in resonances_hz[: spec.resolution]]
     pad = spec.pad
     rows = max(round((coils * pad.depth_mm / pad.width_mm) ** 0.5), 1)
     if parts.turned:
         rows = max(rows + (1 if rows**2 < coils * pad.depth_mm / pad.width_mm else -1), 1)
-    change |= {"coil.grid": [rows, ceil(coils / rows)], "coil.reuse": "alternate"}
+    change |= {"coil.grid": [rows, ceil(coils / rows)], "coil.reuse": "same" if is_alone else "alternate"}
     if spec.drive.level_law == 1.0:
         change["drive.level_law"] = SENSATION
     return varied(spec, change | _plate(spec, parts, is_open))
