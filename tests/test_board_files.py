@@ -18,7 +18,7 @@ from padgen.planner.coils.board import completed, house_of
 from padgen.solid.formats import board as board_format
 from padgen.solid.gerber import gerber_files
 from padgen.solid.kicad import pcb_text, project_text
-from padgen.spec import catalogue
+from padgen.spec import catalogue, load_spec
 
 PAD = {"name": "board", "resolution": 32, "band_hz": [80, 320], "q_min": 15, "delta_y": 5, "magnet": "disc-3x1"}
 
@@ -203,3 +203,13 @@ def test_kicad_finds_what_is_broken(plan, tmp_path):
     kinds = [set(one["kinds"]) for one in found]
     assert "clearance" in kinds[0] and found[0]["counts"][0] > 0
     assert found[1]["counts"][1] > 0 and found[2]["counts"][1] > 0
+
+
+def test_a_plan_tells_that_its_board_has_no_room_for_tracks():
+    """Beside the last column, the heads of the screws leave less than three tracks of 0.2 mm and their spaces take."""
+    spec = load_spec("fingertip-board-24")
+    narrow = replace(spec, coil=replace(spec.coil, grid=(3, 4)), pad=replace(spec.pad, width_mm=54.0, depth_mm=46.0))
+    finding = next(one for one in pg.plan(narrow).findings if one.code == "board.room")
+    assert finding.level == "error"
+    assert "tracks beside a column of coils" in finding.message
+    assert all(one.code != "board.room" for one in pg.plan(spec).findings)
