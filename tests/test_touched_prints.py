@@ -240,9 +240,7 @@ def test_a_search_that_finds_no_pad_says_so_with_a_wider_one():
     """Coils of 12 mm on a board have no room on 50 x 48 mm; the pad that is named is planned within all limits."""
     coil = {"kind": "board", "house": "heavy-0.2", "outer_diameter_mm": 12, "gap_mm": 0.4}
     given = {**FOUR, "pad": {"depth_mm": 48}, "coil": coil}
-    with pytest.raises(
-        pg.InfeasibleError, match="no choice of mover, .* that was tried gives a pad to touch"
-    ) as refused:
+    with pytest.raises(pg.InfeasibleError, match="that was tried gives a pad to touch") as refused:
         pg.plan(given)
     (cure,) = refused.value.cures
     wider = pg.plan({**given, "pad": {name.partition(".")[2]: size for name, size in cure.items()}})
