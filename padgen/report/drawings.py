@@ -42,6 +42,8 @@ FILLS = {
     "magnet": "#5f7383",
     "coil": "#cf8a5b",
     "core": "#43474d",
+    "ballast": "#8a9199",
+    "board": "#4f7d5c",
     "tray": "#b9cad3",
     "guard": "#c9d8c5",
     "screw": "#8d979f",
@@ -295,6 +297,7 @@ def draw_section(plan: Plan) -> Any:
     spec = plan.spec
     plate = plan.plate
     washer = plan.spec.moved
+    ballast = spec.ballast
     coil = spec.coil
     thick = spec.pad.frame_thickness_mm
     outline_points = outline(plan, channel)
@@ -391,6 +394,10 @@ def draw_section(plan: Plan) -> Any:
         "coil": [rectangle(coil_x + s * inner, coil_x + s * reach, bottom, top) for s in (-1, 1)],
         **({"core": [rectangle(coil_x - core, coil_x + core, bottom, top)]} if core else {}),
     }
+    if ballast:
+        half_ballast = ballast.width_mm / 2
+        ballast_top = spec.pocket_top_mm
+        parts["ballast"] = [rectangle(x - half_ballast, x + half_ballast, ballast_top - ballast.height_mm, ballast_top)]
     for name, cut in parts.items():
         sheet.part(name, cut, **({"linewidth": 0.4} if "behind" in name else {}))
 
@@ -413,6 +420,17 @@ def draw_section(plan: Plan) -> Any:
             "frame",
             f"holds all taxels; printed in one piece\nwith beams, plates and {felt_parts(plan)}",
             (rib, thick / 2),
+        ),
+        *(
+            [
+                Note(
+                    "ballast",
+                    f"{ballast.name}: mass\nthat skin detunes little",
+                    (x, ballast_top - ballast.height_mm / 2),
+                )
+            ]
+            if ballast
+            else []
         ),
         Note(mover, f"{made_of}, {size};\nglued in, and {acts}", (steel, (low + roof) / 2)),
         Note("gap", f"air between {mover} and coil", (steel, (low + top) / 2)),
@@ -521,13 +539,25 @@ def draw_exploded(plan: Plan) -> Any:
     windings = prisms("coil", grid, coil.outer_diameter_mm, z, top)
     cores = prisms("core", grid, coil.core_diameter_mm, top)
     coils = [*chain(*zip(windings, cores, strict=True))]
-    layers.append(("coil", f"{len(grid)} coil{plural(len(grid))}", "an amplifier output each", coils))
+    words = f"{len(grid)} coil{plural(len(grid))}"
+    if coil.kind == "board":
+        spirals = prisms("coil", grid, coil.outer_diameter_mm, top)
+        board = [Prism("board", edges, z, top), *spirals]
+        layers.append(("board", "1 board", f"printed circuit: {words},\nan amplifier output each", board))
+    else:
+        layers.append(("coil", words, "an amplifier output each", coils))
     z = top + step
     top = z + washer.thickness_mm
     rings = prisms("washer", bosses, washer.outer_diameter_mm, z, top)
     rings += prisms("hole", bosses, washer.inner_diameter_mm, top)
     name = f"{len(bosses)} {plan.spec.mover.kind}{plural(len(bosses))}"
     layers.append(("washer", name, "glued into the plates from below", rings))
+    if spec.ballast:
+        z = top + step / 3
+        top = z + spec.ballast.height_mm
+        name = f"{len(bosses)} {spec.ballast.name}"
+        sentence = f"ballast, pressed into the plates\nbefore the {plan.spec.mover.kind}s"
+        layers.append(("ballast", name, sentence, prisms("ballast", bosses, spec.ballast.width_mm, z, top)))
     z = top + step
     top = z + spec.pad.frame_thickness_mm
     height = z + plate.thickness_mm

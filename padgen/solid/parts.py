@@ -340,6 +340,7 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     if "tray" in (parts_g or {}):
         screw = plan_tray(plan).screw
         screws = f"{screw.name} x {number(screw.length_mm)} mm {screws}" if screw else screws
+    pins = "'s pins on the board" if coil.kind == "board" else ""
     amplifier = spec.amplifier
     load = plan.load
     parts = plan.parts
@@ -380,7 +381,7 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
             "wire",
             2 * coils,
             "leads",
-            f"two from each coil to its amplifier channel: {number(load.current_rms_ma)} mA rms",
+            f"two from each coil{pins} to its amplifier channel: {number(load.current_rms_ma)} mA rms",
         ),
         ("glue", len(plan.taxels), "drops", f"one under each {spec.mover.kind}{glue_mg}"),
     ]
