@@ -81,6 +81,14 @@ def test_as_many_prints_and_fingers_keep_what_is_asked_as_by_another_monte_carlo
         assert (weakest >= ours.weakest_db(share)).mean() == pytest.approx(share, abs=0.02)
 
 
+def test_the_board_under_a_finger_keeps_what_another_monte_carlo_says():
+    """Within 0.5 dB and 2 %: the other program leaves out other modes, which cost this pad little."""
+    plan = pg.plan("fingertip-board-24")
+    kept, _ = kept_figures(json.loads(plan_to_json(plan)), 8000, seed=3)
+    assert plan.touch.print_db == pytest.approx(np.quantile(kept, 0.1), abs=0.5)
+    assert plan.touch.good_share == pytest.approx((kept >= plan.selectivity.asked_db).mean(), abs=0.02)
+
+
 def test_a_pad_that_is_planned_untouched_is_as_before():
     bare = pin(touch="none")
     assert bare.touch is None

@@ -152,6 +152,9 @@ def kept_figures(plan, pads, seed):
         ks, cs, ms = skin(radius, tone, *typical)
         own = stiff + n[:, None] * ks - tone**2 * (mass + n[:, None] * ms) + 1j * tone * (damp + n[:, None] * cs)
         level = tone[0] / tone
+        if plan["spec"]["drive"]["level_law"] != 1.0:
+            told = np.array([touch["level_um"][j] for j in one])
+            level = told[:, None] / told[0] * np.ones(pads)
         force = level * np.abs(own)
         energy = np.empty((len(one), len(one), pads))
         for i in range(len(one)):
