@@ -302,10 +302,13 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
 
 
 def fitting_parts(plan: Plan) -> Parts:
-    """Return the parts of the catalogues that can play all channels of a plan, driven as it is planned."""
+    """Return the parts of the catalogues that can play all channels of a plan, driven as it is planned.
+
+    The smallest come first: amplifiers by the power of a channel, sound cards by their channels.
+    """
     coils = plan.coils.rows * plan.coils.columns
     load = plan.load
-    amplifiers = catalogue("amplifier").items()
+    amplifiers = sorted(catalogue("amplifier").items(), key=lambda part: part[1]["voltage_v"] * part[1]["current_a"])
     carrier = carrier_hz(plan.spec, plan.scheme, max(channel.resonance_hz for channel in plan.channels))
     passed = ("DC",) if plan.scheme.has_constant and carrier is None else ("AC", "DC")
     fed = {
@@ -315,7 +318,7 @@ def fitting_parts(plan: Plan) -> Parts:
         and load.voltage_peak_v <= entry["voltage_v"]
         and load.current_peak_ma * MA <= entry["current_a"]
     }
-    cards = catalogue("sound_card").items()
+    cards = sorted(catalogue("sound_card").items(), key=lambda part: int(part[1]["channels"]))
     return Parts(fed, tuple(name for name, e in cards if e["channels"] >= coils and e["coupling"] in passed))
 
 
