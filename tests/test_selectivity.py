@@ -9,6 +9,7 @@
 | energies at Q up to 1e8, ratios 1 + 1e-9 ... 1e6 | mpmath, 50 digits | 1e-12 | a few roundings; no cancellation |
 """
 
+from dataclasses import asdict
 from itertools import combinations
 from math import log10
 
@@ -30,7 +31,10 @@ from padgen.physics.selectivity import (
     one_hot_db,
     tone_energy,
 )
+from padgen.planner import make_plan
 from padgen.planner.search import largest_counts
+from padgen.spec import load_spec, make_spec
+from padgen.spec.load import without_none
 from tests.every_state import exhaustive_states_db
 
 SCHEMES = in_order()
@@ -367,3 +371,22 @@ def test_one_tone_alone_is_the_same_in_three_schemes():
     # R I + L I ω/2 bounds I |Z| from above, by at most √2.
     tone, root = (peak_voltage_v(s, one, FREQUENCIES[:1], 62.9, 41.7e-3, 0.0) for s in (TONES, SPUR_FREE))
     assert tone <= root <= np.sqrt(2) * tone
+
+
+def test_the_papers_figures_beside_the_plans():
+    """What docs/paper.md says of the pair at 61 and 76 Hz, by the resonance curve, and of 5 V on a channel alone."""
+    table = without_none(asdict(load_spec("paper-32")))
+    table["resonances_hz"] = [61, 76]
+    table["drive"]["level_law"] = 2.0  # the same force on both
+    low, high = make_plan(make_spec(table)).channels
+    assert 20 * np.log10(high.level_um / low.level_um) == pytest.approx(40 * np.log10(61 / 76), abs=0.02)
+    heard_db = []
+    for own, tone in ((low, high), (high, low)):
+        over = tone.resonance_hz / own.resonance_hz
+        heard_db.append(10 * np.log10((15 * (1 - over**2)) ** 2 + over**2))
+    assert sorted(heard_db) == pytest.approx([14.8, 18.3], abs=0.3)
+    told = []
+    for channel in make_plan(load_spec("paper-32")).channels:
+        impedance_ohm = np.hypot(62.9, 2 * np.pi * channel.resonance_hz / 2 * 41.7e-3)
+        told.append(channel.level_um * (5 / (np.sqrt(2 * channel.line_a2) * impedance_ohm)) ** 2)
+    assert told == pytest.approx([80, 42], rel=0.02)
