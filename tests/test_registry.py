@@ -179,7 +179,8 @@ def test_a_registered_suspension_plans(plan):
 
 
 def test_auto_tries_what_is_registered(plan):
-    assert allowed("auto") == ["cantilever", "folded", "bridge", NAME]
+    assert allowed("auto")[-1] == NAME
+    assert {"cantilever", "folded", "bridge"} < set(allowed("auto"))
     assert allowed(NAME) == [NAME]
 
 
@@ -189,7 +190,9 @@ def test_schema_and_refusals_name_what_is_registered(plan):
         assert word["enum"] == table["properties"]["topology"]["enum"]
         return word["enum"]
 
-    assert schema_names() == ["auto", "serpentine", "bridge", "cantilever", "folded", *SERPENTINES, NAME]
+    assert schema_names()[0] == "auto"
+    assert schema_names()[-1] == NAME
+    assert {"serpentine", "bridge", "cantilever", "folded", *SERPENTINES} < set(schema_names())
     with pytest.raises(SpecError, match="did you mean 'toy-spiral'"):
         parse_spec(SPEC.replace(NAME, "toy-spirl"))
     with pytest.raises(
@@ -727,13 +730,13 @@ def test_schema_and_refusals_name_the_coils():
         return spec_schema()["properties"]["coil"]["anyOf"][1]["properties"]["kind"]["enum"]
 
     with registered_coil(flat_spirals):
-        assert kinds() == ["board", "solenoid", COIL]
+        assert {"board", "solenoid", COIL} <= set(kinds())
         with pytest.raises(SpecError, match=r"^coil\.kind: .*did you mean 'toy-spiral-coil'"):
             parse_spec(FLAT.replace(COIL, "toy-spiral-coli"))
         with pytest.raises(SpecError, match="there is a kind of coil 'solenoid' already"):
             coils.register("solenoid", SimpleNamespace(source=flat_spirals))
-    assert kinds() == ["board", "solenoid"]
-    with pytest.raises(SpecError, match="no choice 'toy-spiral-coil'; known are board, solenoid"):
+    assert COIL not in kinds()
+    with pytest.raises(SpecError, match="no choice 'toy-spiral-coil'; known are board, "):
         parse_spec(FLAT)
     with pytest.raises(SpecError, match="'half' lacks source"):
         coils.register("half", SimpleNamespace())
