@@ -10,7 +10,7 @@ import pytest
 from padgen.core.errors import FileError, SpecError
 from padgen.planner import make_plan, plan_to_json
 from padgen.spec import catalogue, load_spec, make_spec, parse_spec, template_paths
-from padgen.spec.load import CATALOGUES, PARTS, spec_schema
+from padgen.spec.load import CATALOGUES, PARTS, laid_over, spec_schema
 
 BASE = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
 
@@ -204,3 +204,16 @@ def test_a_suspension_may_be_one_word():
     assert "folded" in str(spec_schema()["properties"]["suspension"])
     with pytest.raises(SpecError, match=r"suspension.topology: there is no choice 'foldd'; did you mean 'folded'"):
         parse_spec(BASE + 'suspension = "foldd"\n')
+
+
+def test_the_asked_ratio_may_be_given_in_decibels():
+    four = {"name": "four", "resolution": 32, "band_hz": [50, 200], "q_min": 15}
+    assert make_spec({**four, "delta_db": 14}).delta_y == pytest.approx(10**0.7, rel=1e-12)
+    for value in ("14", True, float("nan"), 900):
+        with pytest.raises(SpecError, match="delta_db: must be a number from -120 to 180 dB"):
+            make_spec({**four, "delta_db": value})
+    with pytest.raises(SpecError, match="delta_db: says the same as delta_y"):
+        make_spec({**four, "delta_db": 14, "delta_y": 5})
+    # What is set later takes the other's place, as by --set and in sweeps.
+    assert make_spec(laid_over({**four, "delta_db": 14}, {"delta_y": 3.0})).delta_y == 3.0
+    assert make_spec(laid_over({**four, "delta_y": 3.0}, {"delta_db": 20})).delta_y == pytest.approx(10)

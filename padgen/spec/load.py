@@ -892,6 +892,8 @@ def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
                 if inner.get(key) == figure and f"magnet.{key}" not in values:
                     del inner[key]
         inner[last] = value
+        if name in SAME_RATIO:
+            table.pop(SAME_RATIO[name], None)
     return table
 
 
@@ -932,6 +934,8 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; files that the tables name lie in `folder`."""
     table = _with_printer_file(dict(table), folder)
+    if IN_DB in table:
+        table["delta_y"] = _ratio_of_db(table.pop(IN_DB), table)
     given = set(table)
     if isinstance(coil := table.get("coil"), dict):
         given |= {f"coil.{name}" for name in coil}
@@ -978,6 +982,24 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
     SPEC_RULES.refuse(spec)
     return spec
+
+
+IN_DB = "delta_db"
+"""`delta_y` in decibels, as it may stand in a spec's place."""
+SAME_RATIO = {"delta_y": IN_DB, IN_DB: "delta_y"}
+LEAST_DB = -120.0
+MOST_DB = 180.0
+"""The bounds of `delta_y`, in decibels."""
+
+
+def _ratio_of_db(value: Any, table: dict[str, Any]) -> float:
+    """Return the ratio of amplitudes that a spec gives in decibels."""
+    if "delta_y" in table:
+        raise SpecError("says the same as delta_y: leave out one of them", IN_DB, [{IN_DB: None}])
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if not is_number or not LEAST_DB <= value <= MOST_DB:
+        raise SpecError(f"must be a number from {LEAST_DB:g} to {MOST_DB:g} dB, got {shown(value)}", IN_DB)
+    return float(10 ** (value / 20))
 
 
 def _sound_card(value: Any) -> SoundCard:
@@ -1087,6 +1109,8 @@ def spec_schema() -> dict[str, Any]:
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "padgen spec"
     tables = schema["properties"]
+    in_db = "delta_y in decibels, in its place: 14 is a ratio of 5 (dB)"
+    tables[IN_DB] = {"type": "number", "minimum": LEAST_DB, "maximum": MOST_DB, "description": in_db}
     words = {name: (sorted(catalogue(name)), "a catalogue name") for name in CATALOGUES}
     for name, (known, _) in words.items():
         tables[name]["properties"]["name"]["examples"] = known

@@ -752,7 +752,7 @@ class Spec:
         unit="1",
         low=1e-6,
         high=1e9,
-        doc="amplitude ratio ON over OFF that is asked for: 10 is 20 dB, 7 is 17, 5 is 14",
+        doc="amplitude ratio ON over OFF that is asked for: 10 is 20 dB, 7 is 17, 5 is 14; or delta_db = 14",
     )
     print_share: float = quantity(
         0.9,
