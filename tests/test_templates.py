@@ -16,7 +16,7 @@ import pytest
 from padgen.planner import make_plan
 from padgen.planner.board_layout import board_of
 from padgen.report.charts import picture
-from padgen.report.plans import plan_text
+from padgen.report.plans import pad_line, plan_text
 from padgen.solid.checks import check_pad
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import load_spec, template_paths
@@ -276,3 +276,13 @@ def test_no_words_of_the_section_collide_and_all_labels_point_into_their_parts(n
     figure = picture(plan, "section")
     assert_readable(figure)
     assert_labels_point_into_their_parts(figure)
+
+
+def test_the_first_table_says_how_far_nearest_taxels_are_apart():
+    """paper-32's lie like the squares of one colour: 8.84 mm is the diagonal of 6.25 mm."""
+    assert "(even; staggered like a chessboard, nearest taxels 8.8 mm apart)" in pad_line(
+        make_plan(load_spec("paper-32"))
+    )
+    uneven = pad_line(make_plan(load_spec("wide-11")))
+    assert "chessboard" not in uneven
+    assert "nearest taxels 8.8-16.2 mm apart" in uneven

@@ -1,7 +1,7 @@
 """Describe plans, builds and findings to people: as text, and as HTML for notebooks."""
 
 from collections.abc import Callable, Iterable, Sequence
-from math import isfinite
+from math import hypot, isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import span_text, table
@@ -65,8 +65,12 @@ def pad_line(plan: "Plan") -> str:
         if step
     ]
     even = "even" if pitch.ratio <= EVEN else "uneven"
-    taken = "every second place" if abs(pitch.taken - 0.5) < 1e-9 else f"{pitch.taken:.0%} of the places"
-    full = "" if pitch.taken > 1 - 1e-9 else f"; a taxel at {taken} of that grid"
+    nearest_mm = nearest_taxels_mm(plan)
+    apart = "-".join(dict.fromkeys(f"{v:.1f}" for v in nearest_mm))
+    full = "" if pitch.taken > 1 - 1e-9 else f"; nearest taxels {apart} mm apart"
+    is_grid = pitch.ratio <= EVEN and len(sides) == 2
+    if full and is_grid and nearest_mm[0] > hypot(pitch.x_mm[0], pitch.y_mm[0]) - 0.01:
+        full = f"; staggered like a chessboard{full.replace(';', ',')}"
     carrier = carrier_hz(plan.spec, plan.scheme, plan.channels[-1].resonance_hz)
     on_carrier = "" if carrier is None else f", on a carrier of {number(carrier)} Hz"
     return (
@@ -79,6 +83,19 @@ def pad_line(plan: "Plan") -> str:
         f" {coils.rows * coils.columns} amplifier"
         f" outputs, {output_coupling(plan)} coupled{on_carrier}."
     )
+
+
+def nearest_taxels_mm(plan: "Plan") -> tuple[float, float]:
+    """Return the smallest and the largest distance in mm from a taxel to the one that is nearest to it."""
+    from numpy import array, inf
+
+    places_mm = array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
+    nearest = []
+    for k, place_mm in enumerate(places_mm):
+        square = ((places_mm - place_mm) ** 2).sum(1)
+        square[k] = inf
+        nearest.append(float(square.min()) ** 0.5)
+    return min(nearest), max(nearest)
 
 
 EVEN = 1.2
