@@ -33,7 +33,7 @@ from padgen.driver.frames import taxel_grid
 from padgen.make.pad import Pad
 from padgen.planner.ballast import ballast_size, ballast_step
 from padgen.planner.drive_rows import COLUMNS
-from padgen.planner.fixtures import plan_tray, washer_underside_mm
+from padgen.planner.fixtures import plan_tray, spacer_mm, washer_underside_mm
 from padgen.planner.guard import plan_guard
 from padgen.planner.layout import coil_axis_mm
 from padgen.planner.movers import assembly_of
@@ -126,7 +126,7 @@ def page_data(
     return {
         "name": plan.name,
         "built": report is not None,
-        "verdict": {**asdict(plan.verdict), "about": pad_line(plan)},
+        "verdict": {**asdict(plan.verdict), "badge": _badge(plan), "about": pad_line(plan)},
         "figures": _figures(plan),
         "pad": _pad(plan),
         "coils": _coils(plan),
@@ -183,8 +183,19 @@ def _mass_g(volume_mm3: float, density_g_per_cm3: float) -> float:
     return volume_mm3 * MM**3 * density_g_per_cm3 * G_PER_CM3 / GRAM
 
 
+def _badge(plan: Plan) -> str:
+    """Return the few words beside the verdict, which say of what it holds."""
+    where = "untouched"
+    if plan.touch:
+        where = "under its own contact" if plan.touch.contact == "own" else f"under a {plan.touch.contact}"
+    words = {"good": f"Works {where}, as printed", "retune": f"Works {where}, re-tuned", "short": "Falls short"}
+    return words.get(plan.verdict.level, "Does not work")
+
+
 def _figures(plan: Plan) -> list[dict[str, str]]:
     """Return the four figures of the first screen."""
+    is_touched = plan.touch is not None
+    of_what = "prints and fingers" if is_touched else "prints"
     prints = plan.prints
     load = plan.load
     coil = plan.spec.coil
@@ -201,13 +212,13 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
         named = fitting[0] if fitting else "none of the catalogue suffices"
     return [
         {
-            "label": "Untouched",
+            "label": "Touched" if is_touched else "Untouched",
             "value": kept,
-            "note": f"ON over OFF in {plan.spec.print_share:.0%} of prints, {measured};"
+            "note": f"ON over OFF in {plan.spec.print_share:.0%} of {of_what}, {measured};"
             f" asked: {plan.selectivity.asked_db:.1f} dB",
         },
         {
-            "label": "Under a finger",
+            "label": "With typical skin" if is_touched else "Under a finger",
             "value": felt,
             "note": "ON over OFF, typical skin (a provisional model), as planned"
             if typical.all_states_db is not None
@@ -314,6 +325,20 @@ def _shape(part: ScenePart) -> dict[str, Any]:
     }
 
 
+def _board_of(plan: Plan) -> dict[str, str] | None:
+    """Return what assembling a pad on a board of coils needs to be told; None with wound coils."""
+    coil = plan.spec.coil
+    if coil.kind != "board":
+        return None
+    count = plan.coils.rows * plan.coils.columns
+    size = f"{number(coil.outer_diameter_mm)} mm on {coil.layers} layers"
+    return {
+        "part": f"{count} coils of {size}; padgen build --formats board makes its files, and board-parts.csv",
+        "step": f"Lay the board under the pad, the side with the names up and its dot under the corner with the groove,"
+        f" on spacers of {number(spacer_mm(plan))} mm at the four screws, and solder the pin header to it.",
+    }
+
+
 def _manual(plan: Plan) -> dict[str, Any]:
     """Return what assembling this pad needs: the tray's heights, screws, slicer settings."""
     tray = None
@@ -321,7 +346,7 @@ def _manual(plan: Plan) -> dict[str, Any]:
     try:
         tray = plan_tray(plan)
     except InfeasibleError as error:
-        why = str(error)
+        why = error.message
     heeded = assembly_of(plan.spec)
     heights = ("floor_mm", "socket_top_mm", "coil_top_mm", "height_mm", "gap_mm", "wires")
     return {
@@ -334,6 +359,7 @@ def _manual(plan: Plan) -> dict[str, Any]:
         "washer": plan.spec.moved.name,
         "ballast": ballast_size(plan.spec.ballast) if plan.spec.ballast else "",
         "ballast_step": ballast_step(plan.spec),
+        "board": _board_of(plan),
         "gluing": heeded[0],
         "wiring": heeded[1],
         "screws": heeded[2],

@@ -9,7 +9,6 @@ import { study } from "./study.js";
 import { facts, jump, table, unprinted } from "./tables.js";
 import { makeView } from "./view.js";
 
-const WORDS = { good: "Works untouched, as printed", retune: "Works untouched, re-tuned", short: "Falls short", error: "Does not work" };
 const SHOWN_MM = 0.35; // the largest motion, over the pad's thickness, as it is drawn
 const FRAME_S = 0.9; // seconds that a frame of a sequence is shown
 const SLOWED = [10, 20, 50, 100, 200, 500];
@@ -300,7 +299,7 @@ function moveTo(seconds) {
 function first() {
   const { verdict, pad } = data;
   put("name", data.name);
-  put("verdict", h("span", { class: `pill ${verdict.level}` }, WORDS[verdict.level] || ""), h("span", {}, verdict.sentence));
+  put("verdict", h("span", { class: `pill ${verdict.level}` }, verdict.badge), h("span", {}, verdict.sentence));
   for (const name of ["shaken", "touched"]) {
     put(name, verdict[name]);
     byId(name).hidden = !verdict[name];

@@ -11,11 +11,11 @@ export function manual(data, pictures) {
   const inRow = (values) => h("tr", {}, h("th", { scope: "row" }, values[0]), values.slice(1).map((value) => h("td", { class: "left" }, value)));
   const parts = [
     ["Pad", "1", `${num(pad.width_mm + 2 * pad.border_mm)} × ${num(pad.depth_mm + 2 * pad.border_mm)} × ${num(pad.boss_top_mm)} mm, printed ${own.felt} up`],
-    [`${mover[0].toUpperCase()}${mover.slice(1)}s`, String(washers), `${own.washer}: ${pad.washer_mm.map((v) => num(v)).join(" × ")} mm`],
+    [`${mover[0].toUpperCase()}${mover.slice(1)}s`, String(washers), `${own.washer}: ${pad.washer_mm.filter((v) => v).map((v) => num(v)).join(" × ")} mm`],
     ["Glue", `${washers} drops`, own.glue_mg ? `${num(own.glue_mg)} mg each` : "thin, as little as holds; weigh ten"],
-    ["Coils", String(count), `${own.coil}: ${num(pad.coil_mm[0])} mm across, ${num(pad.coil_mm[1])} mm long`],
+    own.board ? ["Board", "1", own.board.part] : ["Coils", String(count), `${own.coil}: ${num(pad.coil_mm[0])} mm across, ${num(pad.coil_mm[1])} mm long`],
     tray ? ["Tray", "1", `${num(tray.height_mm)} mm high; padgen build --parts tray makes its file`] : ["Tray", "none", own.no_tray],
-    ["Wires", String(2 * count), tray ? `two from each coil; ${tray.wires} through each slot` : "two from each coil"],
+    ["Wires", String(2 * count), tray ? `two from each coil; ${tray.wires} through each slot` : `two from each coil${own.board ? "'s pins on the board" : ""}`],
   ];
   if (own.guard) parts.push(["Guard plate", "1", `${num(own.guard.height_mm)} mm high, holes of ${num(own.guard.hole_diameter_mm)} mm; padgen build --parts guard makes its file`]);
   if (pad.hole_mm) parts.push(["Screws", "4", screw ? `${screw.name} × ${num(screw.length_mm)} mm${screw.nut ? " with nuts" : ""}` : `for ${num(pad.hole_mm)} mm holes`]);
@@ -26,7 +26,7 @@ export function manual(data, pictures) {
     ["Print", "print", `Print the pad as it lies in its file, recesses down, without supports, with the settings below.${tray ? " Print the tray with its sockets up, in the same layers, with any infill." : ""}${own.guard ? " Print the guard plate as it lies in its file, its pockets up." : ""} Free the gaps around the plates with a blade: every one of the ${washers} plates must swing.`],
     ...(own.ballast_step ? [["Press in the ballast", "washers", own.ballast_step]] : []),
     [`Glue the ${mover}s`, "washers", `Turn the pad over. A drop of thin glue in each of the ${washers} recesses, then press the ${mover} against ${own.ballast ? "the ballast" : "the roof"}, so that its underside lies ${num(pad.washer_underside_mm, 2)} mm within the plate. No glue may reach a beam.${own.gluing}`],
-    ["Set the coils", "coils", tray ? `Lead the wires up in the slot beside each socket, press each of the ${count} coils onto its floor, ${num(tray.floor_mm)} mm above the tray's bed, and hold it with a drop of glue. Coil 1 is in the corner with the groove; numbers go row by row.` : `Hold ${count} coils with their axes at the places of the wiring map, tops in one plane.`],
+    own.board ? ["Lay the board", "coils", own.board.step] : ["Set the coils", "coils", tray ? `Lead the wires up in the slot beside each socket, press each of the ${count} coils onto its floor, ${num(tray.floor_mm)} mm above the tray's bed, and hold it with a drop of glue. Coil 1 is in the corner with the groove; numbers go row by row.` : `Hold ${count} coils with their axes at the places of the wiring map, tops in one plane.`],
     ["Lay the wires", "wires", `${tray ? `Between the coils, below their tops, and out by the nearest slots, ${tray.wires} at a slot. ` : ""}Label each pair with its coil's number. ${own.wiring}`],
     ["Screw down the pad", "pad", `${pad.hole_mm ? `Pad on the ${tray ? "rim" : "frame"}, groove above groove, four screws hand-tight.` : "Pad on the rim, groove above groove, glued or clamped along the border."}${own.guard ? " The guard plate lies on the pad under the same screws, pockets down, grooves in line; before they are tight, slide it until every pin stands in the middle of its hole." : ""} The ${mover}s then hang ${num(tray ? tray.gap_mm : pad.gap_mm)} mm above the coils; 0.1 mm changes the pull by some ${num(own.pull_change, 1)} %, so shim short coils with paper.${own.screws}`],
   ];
