@@ -15,10 +15,13 @@ from padgen.core.errors import FileError, InfeasibleError, OlderPlanError, SpecE
 from padgen.ladders.extreme import random_table
 from padgen.make.planning import recorded_plan
 from padgen.physics.ladder import slot_half_width
+from padgen.physics.selectivity import Scheme, all_states, channels, one_hot_db
 from padgen.planner import make, make_plan, plan_from_json, plan_to_json, sizing
 from padgen.planner.channels import wanted_line_a2
 from padgen.planner.layout import candidates, channel_counts, place, room, slots
 from padgen.planner.make import choose, finish
+from padgen.planner.plan import level_law
+from padgen.planner.search import TRIED_SINGLY, largest_counts
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
@@ -50,6 +53,23 @@ def test_capacity_of_the_papers_band():
     assert capacity.paper_unrounded == pytest.approx(11.627, abs=1e-3)
     assert capacity.ratio == pytest.approx(1.4)
     assert capacity.exact <= capacity.exact_one_hot
+
+
+@pytest.mark.parametrize("asked_db", [3.0, 10.0, 25.9])
+@pytest.mark.parametrize("scheme", ["spur-free", "time-shared"])
+def test_large_counts_of_channels_hold_and_one_more_does_not(asked_db, scheme):
+    band_hz = (200.0, 460.0)
+    law = level_law(load_spec("pad-32"))
+    scheme = Scheme(scheme)
+    states, one_hot = largest_counts(band_hz, 1500.0, law, scheme, asked_db)
+
+    def ladder(count):
+        hz = np.geomspace(*band_hz, count)
+        return channels(hz, 1500.0, law(hz))
+
+    assert one_hot >= states > TRIED_SINGLY
+    assert all_states(ladder(states), scheme).db >= asked_db > all_states(ladder(states + 1), scheme).db
+    assert one_hot_db(ladder(one_hot), scheme) >= asked_db > one_hot_db(ladder(one_hot + 1), scheme)
 
 
 def test_fewest_coils_whose_prints_work():

@@ -395,7 +395,12 @@ LARGEST = 4096
 LARGEST_PRINTED = 1024
 """Largest count of channels whose prints are judged: of n channels that takes some twenty tables of n² numbers."""
 TRIED_SINGLY = 64
-"""Counts up to here are tried one by one; above, the largest that holds is found in doubling and halving steps."""
+"""Counts up to here are tried one by one; above, the largest that holds is guessed, and found in doubling and halving
+steps from there."""
+GUESSES = 2
+MOST_GUESSED_DB = 40.0
+"""Guesses that are made, each from the one before, and the most by which one may exceed what is asked: a hundred times
+as many channels."""
 
 
 def channel_limit(spec: Spec) -> int:
@@ -470,20 +475,30 @@ def largest_counts(
     are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
     """
 
-    def one_hot_holds(count: int) -> bool:
-        return one_hot_db(_ladder(band_hz, count, q, law), scheme) >= target_db
+    @lru_cache(maxsize=None)
+    def one_hot_kept_db(count: int) -> float:
+        return one_hot_db(_ladder(band_hz, count, q, law), scheme)
 
-    def states_hold(count: int) -> bool:
-        return all_states(_ladder(band_hz, count, q, law), scheme).db >= target_db
+    @lru_cache(maxsize=None)
+    def states_keep_db(count: int) -> float:
+        return all_states(_ladder(band_hz, count, q, law), scheme).db
+
+    def largest(kept_db: Callable[[int], float], high: int) -> int:
+        # A taxel beside its resonance hears a tone in proportion to one over their distance: to the count.
+        near = TRIED_SINGLY
+        for _ in range(GUESSES):
+            near = int(min(near * 10 ** (min(kept_db(near) - target_db, MOST_GUESSED_DB) / 20), high))
+        return _largest_that_holds(lambda count: kept_db(count) >= target_db, TRIED_SINGLY, high, near)
 
     singly = min(TRIED_SINGLY, most)
-    one_hot = next((count - 1 for count in range(2, singly + 1) if not one_hot_holds(count)), singly)
+    one_hot = next((count - 1 for count in range(2, singly + 1) if one_hot_kept_db(count) < target_db), singly)
     # From above, since no count keeps more in all states than with one channel on.
-    states = next((count for count in range(min(one_hot, searched_to(scheme)), 1, -1) if states_hold(count)), 1)
+    from_above = range(min(one_hot, searched_to(scheme)), 1, -1)
+    states = next((count for count in from_above if states_keep_db(count) >= target_db), 1)
     if one_hot == TRIED_SINGLY:
-        one_hot = _largest_that_holds(one_hot_holds, TRIED_SINGLY, most)
+        one_hot = largest(one_hot_kept_db, most)
         if states == TRIED_SINGLY:
-            states = _largest_that_holds(states_hold, TRIED_SINGLY, one_hot)
+            states = largest(states_keep_db, one_hot)
     return states, one_hot
 
 
@@ -516,13 +531,21 @@ def printed_count(
     return _largest_that_holds(holds, 1, most)
 
 
-def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int) -> int:
+def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: int | None = None) -> int:
     """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
 
-    The steps up from `low` double until one fails, and then halve: the work grows with the square of a count or faster.
+    The steps away from `near` (None: from `low`) double until one passes the count sought, and then halve: the work
+    grows with the square of a count or faster.
     """
-    step = 1
     failing = high + 1
+    if near and low < near <= high:
+        step = 1
+        while near > low and not holds(near):
+            failing = near
+            near -= step
+            step *= 2
+        low = max(low, near)
+    step = 1
     while failing - low > 1:
         tried = min(low + step, high) if failing > high else (low + failing) // 2
         low, failing = (tried, failing) if holds(tried) else (low, tried)
