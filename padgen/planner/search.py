@@ -534,18 +534,13 @@ def printed_count(
 def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: int | None = None) -> int:
     """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
 
-    The steps away from `near` (None: from `low`) double until one passes the count sought, and then halve: the work
-    grows with the square of a count or faster.
+    The steps up from `near`, where that holds, else from `low`, double until one fails, and then halve: the work grows
+    with the square of a count or faster.
     """
-    failing = high + 1
-    if near and low < near <= high:
-        step = 1
-        while near > low and not holds(near):
-            failing = near
-            near -= step
-            step *= 2
-        low = max(low, near)
+    if near is not None and near > low and holds(near):
+        low = near
     step = 1
+    failing = high + 1
     while failing - low > 1:
         tried = min(low + step, high) if failing > high else (low + failing) // 2
         low, failing = (tried, failing) if holds(tried) else (low, tried)
