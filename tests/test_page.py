@@ -154,15 +154,30 @@ def test_the_first_screen_has_verdict_picture_and_figures(page, paper_plan, pape
     assert len(paper_html.encode()) <= 1.5e6
 
 
+def test_a_touched_plan_says_what_it_keeps_under_a_finger(opened):
+    """Its figures are the plan's, and the coils are bought as one board."""
+    plan = pg.plan("fingertip-board-24")
+    page = opened(page_html(page_data(plan)))
+    typical = next(touched for touched in plan.touched if touched.skin == "typical")
+    assert page.text_content("#verdict .pill") == "Works under a fingertip, re-tuned"
+    assert page.locator(".figure h2").all_text_contents() == ["Touched", "With typical skin", "Heat", "Outputs"]
+    values = page.locator(".figure .value").all_text_contents()
+    assert values[:2] == [f"{plan.touch.print_db:.1f} dB", f"{typical.all_states_db:.1f} dB"]
+    assert "in 90% of prints and fingers" in page.text_content(".figure:first-child p:last-child")
+    manual = page.text_content("#manual")
+    assert "12 coils of 12 mm on 4 layers" in manual
+    assert "Lay the board under the pad" in manual
+
+
 @pytest.mark.parametrize("window", [(1280, 720), (1366, 768), (1280, 860), (1920, 1080), (390, 844)])
-@pytest.mark.parametrize("name", ["paper-16", "big-512"])
+@pytest.mark.parametrize("name", ["paper-16", "big-512", "fingertip-board-24"])
 def test_all_four_figures_are_in_the_window(opened, name, window):
-    """Also below the verdict of paper-16, which is a line longer: what it keeps where it lies loose."""
+    """Also below the verdicts of paper-16 and of a touched plan, which say what they keep where they lie loose."""
     width, height = window
     plan = pg.plan(name)
     page = opened(page_html(page_data(plan)), viewport={"width": width, "height": height})
     assert page.text_content("#shaken") == plan.verdict.shaken
-    assert page.locator("#shaken").is_visible() == (name == "paper-16")
+    assert page.locator("#shaken").is_visible() == (name != "big-512")
     boxes = [figure.bounding_box() for figure in page.locator(".figure").all()]
     assert len(boxes) == 4
     assert max(box["y"] + box["height"] for box in boxes) <= height

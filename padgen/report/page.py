@@ -210,6 +210,7 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
         named = f"as {plan.spec.amplifier.name}"
     else:
         named = fitting[0] if fitting else "none of the catalogue suffices"
+    idle = f"; all coils with all taxels OFF: {about(count * load.idle_w)} W" if load.idle_w else ""
     return [
         {
             "label": "Touched" if is_touched else "Untouched",
@@ -228,7 +229,7 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
             "label": "Heat",
             "value": f"{about(count * load.copper_loss_w)} W",
             "note": f"all coils, all taxels on; each coil {about(load.copper_loss_w)} W (limit"
-            f" {number(coil.power_limit_w)} W); all coils with all taxels OFF: {about(count * load.idle_w)} W",
+            f" {about(coil.power_limit_w, 3)} W)" + idle,
         },
         {
             "label": "Outputs",

@@ -1,7 +1,7 @@
 """Describe plans, builds and findings to people: as text, and as HTML for notebooks."""
 
 from collections.abc import Callable, Iterable, Sequence
-from math import hypot, isfinite
+from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import span_text, table
@@ -64,18 +64,25 @@ def pad_line(plan: "Plan") -> str:
         for name, step in (("columns", pitch.x_mm), ("rows", pitch.y_mm))
         if step
     ]
-    even = "even" if pitch.ratio <= EVEN else "uneven"
+    is_even = pitch.ratio <= EVEN
     nearest_mm = nearest_taxels_mm(plan)
-    apart = "-".join(dict.fromkeys(f"{v:.1f}" for v in nearest_mm))
-    full = "" if pitch.taken > 1 - 1e-9 else f"; nearest taxels {apart} mm apart"
-    is_grid = pitch.ratio <= EVEN and len(sides) == 2
-    if full and is_grid and nearest_mm[0] > hypot(pitch.x_mm[0], pitch.y_mm[0]) - 0.01:
-        full = f"; staggered like a chessboard{full.replace(';', ',')}"
+    nearest = "nearest taxels " + "-".join(dict.fromkeys(f"{v:.1f}" for v in nearest_mm)) + " mm apart"
+    is_full = pitch.taken > 1 - 1e-9
+    spaced = ""
+    if sides and is_full:
+        spaced = f", {' and '.join(sides)} apart ({'even' if is_even else 'uneven'})"
+    elif sides and is_even:
+        diagonal_mm = hypot(pitch.x_mm[0], pitch.y_mm[0]) if len(sides) == 2 else inf
+        like = "staggered like a chessboard, " if nearest_mm[0] > diagonal_mm - 0.01 else ""
+        spaced = f", {' and '.join(sides)} apart (even; {like}{nearest})"
+    elif sides:
+        # On no grid: lines of taxels cross where no taxel is, and their distances say little.
+        spaced = f", unevenly spaced, {nearest}"
     carrier = carrier_hz(plan.spec, plan.scheme, plan.channels[-1].resonance_hz)
     on_carrier = "" if carrier is None else f", on a carrier of {number(carrier)} Hz"
     return (
         f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
-        + (f", {' and '.join(sides)} apart ({even}{full})" if sides else "")
+        + spaced
         + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
         + f" channel{plural(len(plan.sets[0]))}"
         + (" (one coil has those of even number, the next those of odd number)" if coils.sets > 1 else "")
