@@ -8,7 +8,6 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
-from scipy.io import wavfile
 
 from padgen.core.errors import FileError, SpecError
 from padgen.driver import frames as frames_module
@@ -19,11 +18,9 @@ from padgen.driver.frames import (
     state_frame,
     taxel_grid,
     text_frames,
-    wiring_findings,
 )
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, parse_spec
-from tests.recordings import recorded
 
 TURNED = (
     'name = "t"\nresolution = 11\nband_hz = [50, 400]\nq_min = 15\n'
@@ -455,73 +452,3 @@ def test_patterns_are_on_everywhere_once(plan):
 def test_text_that_cannot_be_drawn_is_refused(plan, text, sentence):
     with pytest.raises(SpecError, match=sentence):
         text_frames(plan, text)
-
-
-def felt(plan: Plan, path, place) -> list:
-    """Return the findings where the amplifier channel of each coil is connected to the coil `place` (None: to none)."""
-    known = {taxel.id for taxel in plan.taxels}
-    rows = ["played,felt"]
-    for taxel in plan.taxels:
-        at = place(*taxel.coil)
-        got = "" if at is None else f"r{at[0]}c{at[1]}{taxel.id[taxel.id.index('k') :]}"
-        rows.append(f"{taxel.id},{got if got in known else ''}")
-    path.write_text("\n".join(rows))
-    return wiring_findings(plan, path)
-
-
-@pytest.mark.parametrize(
-    ("place", "told"),
-    [
-        (lambda r, c: (r, c), []),
-        (lambda r, c: (3 - r, 3 - c), ["coils: are all connected in the opposite order"]),
-        (lambda r, c: (r, 3 - c), ["coils: are all connected with left and right exchanged"]),
-        (lambda r, c: (3 - r, c), ["coils: are all connected with the first row of coils at the top"]),
-        (lambda r, c: (c, r), ["coils: are all connected column by column"]),
-        (
-            lambda r, c: {(0, 1): (2, 3), (2, 3): (0, 1), (3, 3): None}.get((r, c), (r, c)),
-            ["coil r3c3: nothing was felt", "coil r0c1 and coil r2c3: are swapped"],
-        ),
-        (
-            lambda r, c: {(0, 0): (0, 1), (0, 1): (0, 2), (0, 2): (0, 0)}.get((r, c), (r, c)),
-            [f"coil r0c{k}: its amplifier channel is connected to coil r0c{(k + 1) % 3}" for k in range(3)],
-        ),
-    ],
-)
-def test_swapped_coils_are_found_by_what_was_felt(paper_plan, tmp_path, place, told):
-    found = [f"{f.where}: {f.message}" for f in felt(paper_plan, tmp_path / "felt.csv", place) if f.level == "error"]
-    assert len(found) == len(told) and all(map(str.startswith, found, told)), found
-
-
-def test_swapped_coils_are_found_by_recordings(paper_plan, tmp_path):
-    rng = np.random.default_rng(1)
-    channel = {t.id: paper_plan.channels[t.channel] for t in paper_plan.taxels}
-    # The sensor hears little at r0c1k0, whose coil is not the one that plays, and nothing at r1c0k0.
-    for name, share in (("r0c0k0", 1.0), ("r0c1k0", 0.1), ("r0c2k0", 0.8), ("r1c0k0", 0.0), ("r1c1k0", 1.2)):
-        made = recorded(rng, (channel[name].resonance_hz,), (15.0,), seconds=3.0, rate=2000)
-        motion = share * made.motion + 1e-3 * rng.standard_normal(len(made.motion))
-        columns = np.stack([made.reference / 2 / np.abs(made.reference).max(), motion / 2 / np.abs(made.motion).max()])
-        wavfile.write(tmp_path / f"{name}.wav", made.rate, columns.T.astype(np.float32))
-    found = [f for f in wiring_findings(paper_plan, tmp_path) if f.level == "error"]
-    assert [(f.code, f.where) for f in found] == [
-        ("wiring.swapped", "coil r0c1 and coil r1c0"),
-        ("wiring.silent", "coil r0c1"),
-        ("wiring.silent", "coil r1c0"),
-    ]
-
-
-def test_what_was_felt_at_other_taxels_or_is_no_table(paper_plan, tmp_path):
-    path = tmp_path / "felt.csv"
-    path.write_text("r0c0k0,r0c0k1\nr0c1k0,r0c1k0\nr0c1k1,\nr0c2k0,r0c3k0\nr0c2k1,r1c2k1\n")
-    found = {f.code: f for f in wiring_findings(paper_plan, path)}
-    assert set(found) == {"wiring.taxel", "wiring.silent", "wiring.mixed", "wiring.untried"}
-    assert found["wiring.silent"].message.startswith("1 of its 2 taxels were not felt")
-    assert "13 of them" in found["wiring.untried"].message
-    for text, sentence in (
-        ("r0c0k0,r0c0k9", "row 1: there is no taxel 'r0c0k9'"),
-        ("played,felt\nr0c0k0", "row 2: must have the taxel that was played"),
-        ("", "has no rows"),
-        ("played,felt", "has no rows"),
-    ):
-        path.write_text(text)
-        with pytest.raises(FileError, match=sentence):
-            wiring_findings(paper_plan, path)

@@ -83,8 +83,9 @@ def drive(
         Images of the pad, a pixel a taxel: PNG, CSV, NPY, text, or folders of them; or levels (k, taxels) in 0 … 1.
     text : str, optional
         Letters of 5 x 7 taxels, which scroll where they do not fit.
-    pattern : {'each', 'rows', 'columns', 'checkerboard', 'sweep'}, optional
-        One of each (taxel in turn, to check a new pad's wiring), rows, columns, checkerboard and sweep.
+    pattern : {'each', 'rows', 'columns', 'checkerboard', 'sweep', 'crossed'}, optional
+        One of each (taxel in turn, to check a new pad's wiring), rows, columns, checkerboard, sweep, and crossed (coils
+        with the other set's tones, which only a swapped coil answers).
     seconds : float, optional
         How long each frame lasts; by default as the plan's frame rate has it, and a state until its taxels have their
         levels.
@@ -124,11 +125,15 @@ def drive(
     (1, 32)
     """
     from padgen.driver.drive_folder import Drive, levels_of
+    from padgen.driver.frames import CROSSED
 
     known = _tuning_of(tuning, plan, warm)
     levels = levels_of(plan, state, frames, text, pattern)
     held = state is not None
-    return Drive(plan, levels, seconds, held, loop, rate_hz, signal, carrier_hz, known, progress, brake, warm)
+    is_crossed = pattern == CROSSED
+    return Drive(
+        plan, levels, seconds, held, loop, rate_hz, signal, carrier_hz, known, progress, brake, warm, is_crossed
+    )
 
 
 class Excited(NamedTuple):
@@ -185,15 +190,15 @@ def check_wiring(plan: "Plan", felt: "str | Path") -> list[Finding]:
     plan : Plan
         The printed plan.
     felt : path
-        Which coils are swapped, by a CSV of the taxels played,felt with the pattern 'each', or a folder of recordings
-        named after taxels; nothing is written.
+        Which coils are swapped, by a CSV of the taxels played,felt with the patterns 'each' and 'crossed', or a folder
+        of recordings named after taxels; nothing is written.
 
     Raises
     ------
     FileError
         The file is no such table, or names a taxel that the pad does not have.
     """
-    from padgen.driver.frames import wiring_findings
+    from padgen.driver.wiring import wiring_findings
 
     return wiring_findings(plan, Path(felt))
 
@@ -252,8 +257,11 @@ def play(
     import numpy as np
 
     from padgen.driver.drive_folder import levels_of
+    from padgen.driver.frames import CROSSED
     from padgen.driver.serial_line import play_frames
 
+    if pattern == CROSSED:
+        raise SpecError(f"{CROSSED!r} is of a WAV: the firmware plays each coil its own resonances", "--pattern")
     levels = levels_of(plan, state, frames, text, pattern)
     if levels is None:
         raise SpecError("needs something to show; add --state or --frames", "--port")

@@ -28,6 +28,7 @@ DEFAULT_WAVES = "csv,json,wav"
 DEPTHS = ("24", "float")
 SHOWN = ("state", "frames", "text", "pattern")
 """Options that say what is shown."""
+FELT = "what was felt instead goes to --wiring as played,felt"
 
 
 def add_drive(commands: Any) -> None:
@@ -91,8 +92,10 @@ def _shown_of(options: argparse.Namespace, plan: Any) -> tuple[dict[str, Any], t
     if options.frames is not None:
         frames = read_frames(options.frames, plan)
         return {**asked, "frames": frames.levels}, frames.notes
-    note = "taxels are played in the plan's order, coil by coil; what was felt instead goes to --wiring as played,felt"
-    return asked, (note,) if options.pattern == "each" else ()
+    if options.pattern != "each":
+        return asked, ()
+    then = "; then play --pattern crossed, and add its rows" if plan.coils.sets > 1 else ""
+    return asked, (f"taxels are played in the plan's order, coil by coil; {FELT}{then}",)
 
 
 def _shows(options: argparse.Namespace) -> bool:
@@ -138,12 +141,17 @@ def _drive(options: argparse.Namespace) -> int:
         if shown.frames is not None and options.tuning is None and (folder / "tuning.json").exists():
             notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
         driven = shown.save_folder(folder, options.formats, options.depth, options.hear, options.gap)
+    if shown.played:
+        order = f"{', '.join(shown.played[:3])} … {shown.played[-1]}"
+        sense = "the resonances that each coil does not have, so that only one whose plug is elsewhere moves anything"
+        notes = (*notes, f"played are {order}, {sense}; {FELT}")
     from padgen.report.plans import warm_drive_line
     from padgen.report.results import driven_table, driven_text
 
     if options.warm:
         notes = (*notes, warm_drive_line(plan))
-    answer(options, driven_table(plan, driven, notes), driven_text(plan, driven, shown.frames, notes, options.verbose))
+    pictured = None if shown.played else shown.frames
+    answer(options, driven_table(plan, driven, notes), driven_text(plan, driven, pictured, notes, options.verbose))
     return code_of((*plan.findings, *driven.findings))
 
 

@@ -21,12 +21,13 @@ from padgen.driver.excitation import SAMPLES_OF_HIGHEST, Excitation, excitation
 from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.formats.wav import FILE as WAV
-from padgen.driver.frames import pattern_frames, read_frames, state_frame, text_frames
+from padgen.driver.frames import CROSSED, pattern_frames, read_frames, state_frame, text_frames
 from padgen.driver.loads import excitation_load, judge_limits, judge_load, judge_warmth
 from padgen.driver.outputs import Outputs, needed_outputs
 from padgen.driver.signs import PlayedPad, PlayedRecoil, choose_signs, played_recoil
 from padgen.driver.slots import FrameContrast, frame_contrast, slot_findings
 from padgen.driver.waveform import RATES_HZ, PadDrive, Timeline, brake_of, drive_at, ramp_s, steady, timeline
+from padgen.driver.wiring import crossed, crossed_frames, crossed_names
 from padgen.measured.shaking import measuring_band_hz
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.resonator import ring_up_time
@@ -174,6 +175,8 @@ def levels_of(
     if len(named) > 1:
         raise SpecError(f"and {named[1]} are given; one of {', '.join(given)} is shown, not both", named[0])
     makers = {"state": state_frame, "text": text_frames, "pattern": pattern_frames}
+    if pattern == CROSSED:
+        return crossed_frames(plan)
     for name in named:
         if name in makers:
             return makers[name](plan, given[name])
@@ -192,7 +195,8 @@ class Drive:
     """The frames that a plan's coils are to show; made by `padgen.drive`, whose parameters these are.
 
     `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states. With `brake`
-    a WAV stops taxels that go OFF in counter-phase. Where the pad is driven `warm`, so is the `tuning`.
+    a WAV stops taxels that go OFF in counter-phase. Where the pad is driven `warm`, so is the `tuning`. In a `crossed`
+    one outputs play the lines of their neighbours, to tell where coils are connected.
     """
 
     plan: Plan
@@ -207,10 +211,16 @@ class Drive:
     progress: Callable[[str], None] = lambda step: None
     brake: bool = False
     warm: bool = False
+    crossed: bool = False
 
     def __repr__(self) -> str:
         shown = "tables" if self.frames is None else f"{len(self.frames)} frames"
         return f"<Drive {self.plan.name}: {shown}, {self.plan.selectivity.drive}>"
+
+    @property
+    def played(self) -> tuple[str, ...]:
+        """What each frame of a `crossed` drive plays, by output and channel, as `padgen.check_wiring` reads it."""
+        return crossed_names(self.plan) if self.crossed else ()
 
     def save(
         self,
@@ -289,6 +299,8 @@ class Drive:
             for broken, sentence in rules:
                 if broken:
                     raise SpecError(sentence, "--brake")
+        if self.crossed and (hear or set(written) - {"csv", "json", "wav"}):
+            raise SpecError(f"{CROSSED!r} is of a WAV, which nothing on the pad should answer to", "--pattern")
         self.progress("choosing phases and signs")
         drive = drive_at(self.plan, RATES_HZ, self.rate_hz, self.tuning, self.carrier_hz)
         shown = None
@@ -302,6 +314,8 @@ class Drive:
             held_s -= brake_of(self.plan, self.tuning).seconds if self.brake else 0.0
             signs = choose_signs(pad, self.frames, held_s, self.plan.scheme.takes_turns)
             shown = _timeline(drive, self, self.frames, signs)
+            if self.crossed:
+                drive = crossed(self.plan, drive)
         job = DriveJob(self.plan, self, self.progress, drive, shown, depth, hear, gap)
         for each in written.values() if shown else ():
             getattr(each, "refuse", lambda job: None)(job)
@@ -320,7 +334,7 @@ class Drive:
         elif where and len(played) == len(written):
             job.findings += judge_limits(where.FILE, self.plan, drive, tuning=self.tuning)
         contrast = None
-        if shown and self.frames is not None and pad is not None:
+        if shown and self.frames is not None and pad is not None and not self.crossed:
             job.recoil = played_recoil(pad, self.frames, np.broadcast_to(signs, self.frames.shape))
             contrast = frame_contrast(self.plan, drive, shown, self.tuning)
             job.findings += slot_findings(self.plan, drive, self.frames, shown, self.brake, self.tuning, signs)

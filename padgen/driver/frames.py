@@ -14,10 +14,9 @@ one pixel for each sub-cell of each coil's cell. A level is a share of a taxel's
 
 Letters are 5 pixels wide and 7 high, a blank column between two. A pixel is as many whole rows and columns of taxels as
 fit and keep it nearly square in mm; on a pad of fewer than 7 rows or 5 columns it is a share of one, in levels of grey.
-Patterns check a new pad: `wiring_findings` says what was felt of them tells of its wiring.
+Patterns check a new pad: `padgen.driver.wiring` says what was felt of them tells of its wiring.
 """
 
-import csv
 import re
 import unicodedata
 import warnings
@@ -30,13 +29,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from padgen.core.errors import FileError, Finding, SpecError, number, shown
+from padgen.core.errors import FileError, SpecError, number, shown
 from padgen.core.files import read_bounded, reason
 from padgen.core.registry import unknown_name
 from padgen.planner.layout import taxel_places
 from padgen.planner.plan import Plan
 
 __all__ = [
+    "CROSSED",
     "LARGEST_TABLE",
     "PATTERNS",
     "SUFFIXES",
@@ -45,10 +45,10 @@ __all__ = [
     "map_text",
     "pattern_frames",
     "read_frames",
+    "read_text",
     "state_frame",
     "taxel_grid",
     "text_frames",
-    "wiring_findings",
 ]
 
 Row = TypeVar("Row", list[str], str)
@@ -117,7 +117,8 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
         raise FileError(f"is a damaged picture ({error})", str(path)) from error
 
 
-def _text(path: Path, most_bytes: int = LARGEST_TEXT, what: str = "a text of frames") -> str:
+def read_text(path: Path, most_bytes: int = LARGEST_TEXT, what: str = "a text of frames") -> str:
+    """Return the text of a file of at most so many bytes; raises `FileError` where it is none, saying `what` it is."""
     try:
         return read_bounded(path, most_bytes, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -207,7 +208,7 @@ def _array(path: Path, check: Check) -> Iterator[np.ndarray]:
 
 
 def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
-    text = _text(path)
+    text = read_text(path)
     if any(sign in text for sign in ";\t,"):
         return _tables(text, path, check)
     lines = text.splitlines()
@@ -229,11 +230,11 @@ def _signs(path: Path, check: Check) -> Iterator[np.ndarray]:
 
 
 READERS: dict[str, Callable[[Path, Check], Iterator[np.ndarray]]] = {
-    ".csv": lambda path, check: _tables(_text(path), path, check),
+    ".csv": lambda path, check: _tables(read_text(path), path, check),
     ".gif": _pictures,
     ".npy": _array,
     ".png": _pictures,
-    ".tsv": lambda path, check: _tables(_text(path), path, check),
+    ".tsv": lambda path, check: _tables(read_text(path), path, check),
     ".txt": _signs,
 }
 SUFFIXES = tuple(READERS)
@@ -458,8 +459,6 @@ N     O     P     Q     R     S     T     U     V     W     X     Y     Z
 ..#.. ..#.. ..... ..... ..... #.... ...#. .#... ..... ..... .#.#. ..... #####
 """
 LONGEST_TEXT = 1000
-LARGEST_FELT = 1 << 24
-"""Bytes of a table of what was felt."""
 
 
 def _glyphs() -> dict[str, np.ndarray]:
@@ -536,10 +535,14 @@ PATTERNS: dict[str, Callable[[np.ndarray], Iterator[np.ndarray]]] = {
 """Images (rows, columns) of each pattern for the grid of a pad's taxels; 'each' goes in the plan's order, by coils."""
 
 
+CROSSED = "crossed"
+"""The pattern in which each output plays the tones of the other set of resonances (`padgen.driver.wiring`)."""
+
+
 def pattern_frames(plan: Plan, name: str) -> np.ndarray:
     """Return levels (k, taxels) in 0 … 1 of the pattern called `name`; raises SpecError where there is none."""
     if name not in PATTERNS:
-        raise unknown_name(name, list(PATTERNS), "pattern", "--pattern")
+        raise unknown_name(name, [*PATTERNS, CROSSED], "pattern", "--pattern")
     return _levels(plan, PATTERNS[name](taxel_grid(plan)), "--pattern")
 
 
@@ -555,123 +558,3 @@ def _levels(plan: Plan, images: Iterable[np.ndarray], where: str) -> np.ndarray:
             )
         frames.append(_on_taxels(grid, image))
     return np.stack(frames)
-
-
-Coil = tuple[int, int]
-LEAST_HEARD = 1 / 3
-"""Least answer of a taxel over the middle one's of its channel: coils around move it by a tenth at most."""
-
-
-def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
-    """Say which coils are swapped by what was felt: rows ``played,felt`` of taxels, `felt` empty where nothing was.
-
-    A WAV, or a folder of recordings named after taxels as `padgen.measured.read` reads them, tells it too: a taxel
-    moves where it answers to its own coil's current about as the others of its channel do. Swapped leads of one coil
-    cannot be felt and do no harm: it pulls with the square of its current.
-
-    Raises
-    ------
-    FileError
-        The file is no such table, or names a taxel that the pad does not have.
-    """
-    taxels = {taxel.id: taxel for taxel in plan.taxels}
-    felt: dict[Coil, list[Coil | None]] = {}
-    findings = []
-    heard = path.is_dir() or path.suffix.lower() in (".wav", ".wave")
-    for row, (played, got) in (_heard_rows if heard else _felt_rows)(plan, path):
-        for name in filter(None, (played, got)):
-            if name not in taxels:
-                raise FileError(unknown_name(name, list(taxels), "taxel", "").message, f"{path}, row {row}")
-        played_coil = taxels[played].coil
-        felt.setdefault(played_coil, []).append(taxels[got].coil if got else None)
-        if got and got != played and taxels[got].coil == played_coil:
-            sentence = (
-                f"was felt as {got} of the same coil: the two resonances are exchanged, or {played} is far off its own;"
-                " measure the print (padgen retune)"
-            )
-            findings.append(Finding("warning", "wiring.taxel", played, sentence))
-    moved: dict[Coil, Coil] = {}
-    silent = [_coil(played_coil) for played_coil, places in felt.items() if not any(places)]
-    if heard and len(silent) == 2 < len(felt):
-        sentence = "are the only silent ones: if both are connected, their plugs are exchanged"
-        findings.append(Finding("error", "wiring.swapped", " and ".join(silent), sentence))
-    for played_coil, places in felt.items():
-        at = sorted({place for place in places if place})
-        sense = "heard" if heard else "felt"
-        if not at:
-            sentence = f"nothing was {sense} when it was played: look at its wire, its plug and its amplifier channel"
-            findings.append(Finding("error", "wiring.silent", _coil(played_coil), sentence))
-        elif len(at) > 1:
-            sentence = f"was felt at {' and '.join(map(_coil, at))}: play its taxels again"
-            findings.append(Finding("error", "wiring.mixed", _coil(played_coil), sentence))
-        elif None in places:
-            count = f"{places.count(None)} of its {len(places)} taxels"
-            sentence = f"{count} were not felt: are their washers glued in, and free?"
-            findings.append(Finding("warning", "wiring.silent", _coil(played_coil), sentence))
-        if len(at) == 1 and played_coil != at[0]:
-            moved[played_coil] = at[0]
-    findings += _moved_findings(plan, moved, set(felt))
-    if untried := plan.coils.rows * plan.coils.columns - len(felt):
-        findings.append(Finding("note", "wiring.untried", "coils", f"{untried} of them are not in the table"))
-    return findings
-
-
-Rows = Iterator[tuple[int, tuple[str, str]]]
-
-
-def _heard_rows(plan: Plan, path: Path) -> Rows:
-    """Yield each recorded taxel as felt where it is, or as silent."""
-    from padgen.measured.fits import fitted
-    from padgen.measured.read import read_measured
-
-    measured = read_measured(path, plan)
-    if any(getattr(part, "squared_current_a2", None) is None for part in measured.taxels):
-        raise FileError("must hold the current of a coil and the motion of its taxel in every recording", str(path))
-    channel = {taxel.id: taxel.channel for taxel in plan.taxels}
-    size = {c.id: 0.0 if c.cause else float(np.abs(c.seen.data).max()) for c in fitted(measured, plan)[1]}
-    for row, (name, heard_sizes) in enumerate(size.items(), start=1):
-        usual = np.median([other for at, other in size.items() if other and channel[at] == channel[name]] or [0.0])
-        yield row, (name, name if heard_sizes > LEAST_HEARD * usual else "")
-
-
-def _felt_rows(plan: Plan, path: Path) -> Rows:
-    lines = _text(path, LARGEST_FELT, "a table of what was felt").splitlines()
-    rows = [(k, [cell.strip() for cell in row]) for k, row in enumerate(csv.reader(lines), start=1) if any(row)]
-    if rows and rows[0][1] == ["played", "felt"]:
-        del rows[0]
-    for k, row in rows:
-        if len(row) != 2 or not row[0]:
-            raise FileError(
-                f"must have the taxel that was played and the one that was felt, has {len(row)} cells",
-                f"{path}, row {k}",
-            )
-        yield k, (row[0], row[1])
-    if not rows:
-        raise FileError("has no rows of played,felt", str(path))
-
-
-def _moved_findings(plan: Plan, moved: dict[Coil, Coil], tried: set[Coil]) -> Iterator[Finding]:
-    """Yield a finding for a plug that is on the wrong way, else for each pair that is swapped, else for each coil."""
-    rows = plan.coils.rows
-    columns = plan.coils.columns
-    whole: dict[str, Callable[[int, int], Coil]] = {
-        "in the opposite order, the last first": lambda r, c: (rows - 1 - r, columns - 1 - c),
-        "with left and right exchanged, as seen from the coils' side": lambda r, c: (r, columns - 1 - c),
-        "with the first row of coils at the top, where it belongs at the bottom": lambda r, c: (rows - 1 - r, c),
-        "column by column, where they belong row by row": lambda r, c: divmod(c * rows + r, columns),
-    }
-    for wording, place in whole.items():
-        if len(moved) > 2 and all(moved.get(coil, coil) == place(*coil) for coil in tried):
-            yield Finding("error", "wiring.order", "coils", f"are all connected {wording}")
-            return
-    for planned_coil, at in moved.items():
-        if moved.get(at) != planned_coil:
-            wording = f"its amplifier channel is connected to {_coil(at)}"
-            yield Finding("error", "wiring.swapped", _coil(planned_coil), wording)
-        elif planned_coil < at:
-            pair = f"{_coil(planned_coil)} and {_coil(at)}"
-            yield Finding("error", "wiring.swapped", pair, "are swapped: exchange their plugs")
-
-
-def _coil(coil: Coil) -> str:
-    return f"coil r{coil[0]}c{coil[1]}"

@@ -5,7 +5,7 @@ The most channels that one coil holds are counted by the paper's bound, by the e
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import islice
 from math import ceil, exp, floor, log
 from typing import Any, NamedTuple
@@ -475,11 +475,11 @@ def largest_counts(
     are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
     """
 
-    @lru_cache(maxsize=None)
+    @cache
     def one_hot_kept_db(count: int) -> float:
         return one_hot_db(_ladder(band_hz, count, q, law), scheme)
 
-    @lru_cache(maxsize=None)
+    @cache
     def states_keep_db(count: int) -> float:
         return all_states(_ladder(band_hz, count, q, law), scheme).db
 
