@@ -509,6 +509,15 @@ def test_a_pad_beyond_the_bed_is_said_before_it_is_built():
     assert "plan.bed" not in {f.code for f in plan_of().findings}
 
 
+def test_a_pad_that_no_smaller_one_replaces_is_told_the_bed_that_bears_it():
+    """On less area 64 taxels of this band keep 13 dB less, so that a smaller pad is no cure."""
+    wide = make_plan(parse_spec(FOUR_LINES.format(64, 50, 250) + "[pad]\nwidth_mm = 300\ndepth_mm = 150\n"))
+    (finding,) = [f for f in wide.findings if f.code == "plan.bed"]
+    assert finding.message.endswith("; printer.bed_x_mm = 312 with printer.bed_y_mm = 210 would do")
+    printed = make_plan(replace(wide.spec, printer=replace(wide.spec.printer, bed_x_mm=312.0)))
+    assert "plan.bed" not in {f.code for f in printed.findings}
+
+
 def test_no_beam_is_shorter_than_thick_and_those_beyond_the_model_are_found():
     plan = plan_of(7, 220, 22000, "[suspension]\ntopology = 'cantilever'\n")
     assert all(c.beam.length_mm >= c.beam.thickness_mm for c in plan.channels)

@@ -363,17 +363,32 @@ def _bed(plan: Plan) -> Iterator[Finding]:
     size = sorted((pad.width_mm + 2 * pad.border_mm, pad.depth_mm + 2 * pad.border_mm))
     bed = sorted((printer.bed_x_mm, printer.bed_y_mm))
     if size[0] > bed[0] or size[1] > bed[1]:
-        # The largest active area that fits on the bed, in either orientation.
+        # The largest active area that fits on the bed in either orientation, that of the same shape, or a larger bed.
         short, long = (side - 2 * pad.border_mm for side in bed)
         width, depth = (short, long) if pad.width_mm <= pad.depth_mm else (long, short)
-        cure = {"pad.width_mm": min(pad.width_mm, width), "pad.depth_mm": min(pad.depth_mm, depth)}
+        cures: list[Cure] = []
+        if short > 0:
+            share = min(width / pad.width_mm, depth / pad.depth_mm)
+            cures = [
+                {"pad.width_mm": min(pad.width_mm, width), "pad.depth_mm": min(pad.depth_mm, depth)},
+                {
+                    "pad.width_mm": float(at_most(pad.width_mm * share)),
+                    "pad.depth_mm": float(at_most(pad.depth_mm * share)),
+                },
+            ]
+        along_x, along_y = reversed(size) if printer.bed_x_mm >= printer.bed_y_mm else size
+        larger = {
+            "printer.bed_x_mm": float(at_least(max(along_x, printer.bed_x_mm))),
+            "printer.bed_y_mm": float(at_least(max(along_y, printer.bed_y_mm))),
+        }
+        cures.append(larger)
         yield Finding(
             "error",
             "plan.bed",
             "pad",
             f"with its border it measures {number(size[1])} x {number(size[0])} mm, the bed of {printer.name} is"
             f" {number(bed[1])} x {number(bed[0])} mm",
-            (cure,) if short > 0 else (),
+            tuple(cures),
         )
 
 

@@ -82,6 +82,8 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
+BESIDE_THE_BEAMS = {"mount.kind", "mount.base_mass_g", "printer.bed_x_mm", "printer.bed_y_mm"}
+"""Fields that no layout or beam depends on."""
 MOST_FOR_CURE = 32
 MOST_TAXELS_FOR_CURE = 1024
 """Choices of layout, beams, gap, sets and drive that are tried to find out whether a cure works, and the taxels of all
@@ -165,10 +167,10 @@ def with_cures(spec: Spec, choice: Choice) -> Plan:
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
 
-    Where `cure` only changes the mount, the beams of `choice` are kept. Without a `choice`, the plan is that of the
+    Where `cure` only changes the mount or the printer's bed, the beams of `choice` are kept. Without a `choice`, the plan is that of the
     first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
     """
-    if choice and set(cure) <= {"mount.kind", "mount.base_mass_g"}:
+    if choice and set(cure) <= BESIDE_THE_BEAMS:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
     cured_spec = varied(spec, cure)
     most = min(MOST_FOR_CURE, max(MOST_TAXELS_FOR_CURE // cured_spec.resolution, 1))
