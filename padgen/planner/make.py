@@ -167,8 +167,8 @@ def with_cures(spec: Spec, choice: Choice) -> Plan:
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
 
-    Where `cure` only changes the mount or the printer's bed, the beams of `choice` are kept. Without a `choice`, the plan is that of the
-    first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
+    Where `cure` only changes the mount or the printer's bed, the beams of `choice` are kept. Without a `choice`, the
+    plan is that of the first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
     """
     if choice and set(cure) <= BESIDE_THE_BEAMS:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
