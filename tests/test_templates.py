@@ -10,11 +10,13 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import manifold3d
 import numpy as np
 import pytest
 
 from padgen.planner import make_plan
 from padgen.planner.board_layout import board_of
+from padgen.planner.layout import taxel_places
 from padgen.report.charts import picture
 from padgen.report.plans import pad_line, plan_text
 from padgen.solid.checks import check_pad
@@ -268,6 +270,39 @@ def test_golden(name, request):
 
 def test_no_golden_is_left_over():
     assert sorted(p.stem for p in GOLDEN.glob("*.json")) == TEMPLATES
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_the_welded_seams_are_the_union_of_the_solids(name):
+    """Seams are welded by padgen; manifold3d's boolean of the same tiles and border is the same body.
+
+    Compared are volume and symmetric difference, 1e-9 of the volume: both place vertices within 1e-10 mm.
+    """
+    plan, pad = made(name)
+    rows, columns = pad.grid.shape
+    places = taxel_places(plan)
+    parts = [manifold_at(pad.border.mesh)]
+    for (row, column), tile in np.ndenumerate(pad.grid):
+        at_mm = ((column + 0.5 - columns / 2) * plan.cell.width_mm, (row + 0.5 - rows / 2) * plan.cell.depth_mm)
+        is_turned = places[row, column] >= 0 and plan.taxels[places[row, column]].turned
+        parts.append(manifold_at(pad.tiles[tile].mesh, at_mm, -1 if is_turned else 1))
+    union = manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add)
+    weld = manifold_at(pad.mesh)
+    volume_mm3 = weld.volume()
+    differing_mm3 = (weld - union).volume() + (union - weld).volume()
+    assert abs(union.volume() - volume_mm3) <= 1e-9 * volume_mm3
+    assert differing_mm3 <= 1e-9 * volume_mm3
+    assert len(weld.decompose()) == 1
+
+
+def manifold_at(mesh, at_mm=(0.0, 0.0), sign=1):
+    """Return a mesh as a manifold, turned by 180° about z where `sign` is -1, and moved."""
+    vertices_mm = mesh.vertices_mm * (sign, sign, 1) + (*at_mm, 0.0)
+    made_of = manifold3d.Manifold(
+        manifold3d.Mesh64(vert_properties=vertices_mm, tri_verts=mesh.triangles.astype(np.uint64))
+    )
+    assert made_of.status() == manifold3d.Error.NoError
+    return made_of
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
