@@ -16,12 +16,13 @@ from functools import partial
 from itertools import islice
 from math import ceil
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import netgen.occ as occ
 import ngsolve as ng
 import numpy as np
+from rich.console import Console
+from rich.progress import track
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from padgen.core.errors import SolverError
@@ -30,7 +31,8 @@ from padgen.ladders.stages import axisymmetric_pull, charges_pull, paper_pull, t
 from padgen.physics.magnetics import MILD_STEEL, TEAM_STEEL, CoilSource, SteelRing, solenoid
 from padgen.physics.pull import BROUGHT, PullTable, leakage, make_table, parts_key, solved_pulls
 from padgen.planner import make_plan
-from padgen.planner.movers.washer import magnetic_parts
+from padgen.planner.coils import coil_source
+from padgen.planner.movers.washer import magnetic_parts, steel_ring
 from padgen.spec import Coil, Washer, load_spec
 from padgen.spec.fields import build
 from padgen.spec.load import catalogue, template_paths
@@ -217,11 +219,11 @@ def brought_parts() -> Iterator[tuple[CoilSource, SteelRing]]:
     for coil in catalogue("coil").values():
         for washer in catalogue("washer").values():
             if washer["relative_permeability"] >= 2:
-                parts = build(Coil, {}, "coil", coil), build(Washer, {}, "washer", washer)
-                spec: Any = SimpleNamespace(coil=parts[0], washer=parts[1])
-                yield magnetic_parts(spec)
+                yield coil_source(build(Coil, {}, "coil", coil)), steel_ring(build(Washer, {}, "washer", washer))
     for name in template_paths():
-        yield magnetic_parts(load_spec(name))
+        spec = load_spec(name)
+        if spec.mover.kind == "washer":
+            yield magnetic_parts(spec)
 
 
 def supplied_table(parts: tuple[CoilSource, SteelRing], part: int) -> PullTable:
@@ -244,7 +246,9 @@ def tables() -> None:
     parts = list(dict.fromkeys(brought_parts()))
     asked = [(pair, part) for pair in parts for part in range(RANGES)]
     with ProcessPoolExecutor() as pool:
-        made = iter(pool.map(supplied_table, *zip(*asked, strict=True)))
+        solved = pool.map(supplied_table, *zip(*asked, strict=True))
+        shown = {"total": len(asked), "console": Console(stderr=True), "disable": not sys.stderr.isatty()}
+        made = iter(list(track(solved, "solving tables of pulls", **shown)))
     for pair in parts:
         ranges = []
         for table in islice(made, RANGES):

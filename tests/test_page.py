@@ -167,6 +167,9 @@ def test_a_touched_plan_says_what_it_keeps_under_a_finger(opened):
     manual = page.text_content("#manual")
     assert "12 coils of 12 mm on 4 layers" in manual
     assert "Lay the board under the pad" in manual
+    # A tenth of the amplifier's 30 V, which every amplifier of the catalogue but small ones gives.
+    assert "at a tenth of full scale (-20 dB) and set each output of the amplifier to 3 V peak, 2.1 V rms" in manual
+    assert "Sound card (motu-24ao), output k → amplifier (6 x pam8403), input k" in page.text_content("#wiring")
 
 
 @pytest.mark.parametrize("window", [(1280, 720), (1366, 768), (1280, 860), (1920, 1080), (390, 844)])

@@ -102,8 +102,10 @@ def draw_to_scale(plan: Plan, figure: Figure) -> Any:
     area = Outline(first.x.low, first.x.high + apart * (len(figure.panels) - 1), first.y.low, first.y.high)
     # So large that a number of three digits fits into a disc.
     least = LEAST_DISC_IN * 2.12 * wide / min(mark.diameter for mark in first.marks)
-    sheet = Sheet(title_of(plan, figure.title), area, (0.7, 0.3, 1.1, 0.85), (max(9.5, least), max(7.6, least)))
     notes = [fill(note, NOTE_LETTERS) for note in figure.notes]
+    below = 0.4 + NOTE_LINE_IN * sum(note.count("\n") + 1 for note in notes)
+    room = (0.7, 0.3, below, 0.85)
+    sheet = Sheet(title_of(plan, figure.title), area, room, (max(9.5, least), max(6.5 + below, least)))
     for place, panel in enumerate(figure.panels):
         beside = np.array([apart * place, 0.0])
         for shape in panel.shapes:
@@ -128,6 +130,8 @@ def draw_to_scale(plan: Plan, figure: Figure) -> Any:
 LEAST_DISC_IN = 0.28
 ROOMY_DISC_IN = 0.45
 NOTE_LETTERS = 120
+NOTE_LINE_IN = 0.15
+"""Letters in a line of a note, and the height of one, in inches."""
 
 
 def size_in(panels: Sequence[Panel]) -> tuple[float, float]:

@@ -92,6 +92,33 @@ def pad_line(plan: "Plan") -> str:
     )
 
 
+def feeding_lines(plan: "Plan") -> tuple[str, str]:
+    """Return two sentences on what feeds the coils: from card to coil, and how the amplifier's gain is set."""
+    spec = plan.spec
+    count = plan.coils.rows * plan.coils.columns
+    load = plan.load
+    amplifiers = [f"{n} x {name}" for name, n in plan.parts.amplifiers.items()]
+    amplifier = spec.amplifier.name if spec.amplifier else next(iter(amplifiers), "of your own")
+    card = spec.sound_card
+    cards = plan.parts.sound_cards
+    named = card.name if card else next(iter(cards), "")
+    chain = (
+        f"Sound card{f' ({named})' if named else ''}, output k → amplifier ({amplifier}), input k; its output k → both"
+        f" leads of coil k, {count} times. The supply feeds the amplifier alone, which gives each coil up to"
+        f" {load.voltage_peak_v:.2g} V and {load.current_peak_ma:.3g} mA peak, and all of them"
+        f" {about(count * load.copper_loss_w)} W with all taxels on."
+    )
+    full_v = spec.drive.voltage_limit_v
+    gain = (
+        f"A sample of 1 in padgen's WAV files stands for {number(full_v)} V at a coil: before coils are connected, play"
+        f" a sine of 100 Hz at a tenth of full scale (-20 dB) and set each output of the amplifier to"
+        f" {about(full_v / 10)} V peak, {about(full_v / 10 / 2**0.5)} V rms"
+    )
+    if card and card.full_scale_v:
+        gain += f"; that is {about(full_v / card.full_scale_v)} times what {card.name} gives"
+    return chain, f"{gain}."
+
+
 def nearest_taxels_mm(plan: "Plan") -> tuple[float, float]:
     """Return the smallest and the largest distance in mm from a taxel to the one that is nearest to it."""
     from numpy import array, inf
