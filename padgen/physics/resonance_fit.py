@@ -64,6 +64,9 @@ REACH = 10.0
 CLOSE_REACH = 4.0
 """Largest |Q (s − 1/s)| of fitted lines, five bandwidths on either side; and about another mode among them."""
 LEAST_SHARE = 0.05
+FED_BACK = 3
+CUBED = 1.6
+"""Ratio to a resonance up to which the response counts in its third power."""
 FURTHER_Q = 1.0
 """Smallest further peak, over the largest, and its smallest Q: a broader one is no mode, but a slope of the whole."""
 FEWEST_LINES = 14
@@ -144,11 +147,15 @@ second.
 """
 
 
+NOT_FED = np.zeros((0, 1))
+
+
 class MeasuredLines(NamedTuple):
     """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
 
     A record lasts `seconds` (0 for a spectrum). `slow` (k, n) are transforms of the response times the time and times
-    its square and, with an excitation, of that times the time. `noise` is that of a line where it is known.
+    its square and, with an excitation, of that times the time. `cube` (n,) is that of the response's third power, of
+    the part near a resonance. `noise` is that of a line where it is known.
     """
 
     frequency: np.ndarray
@@ -157,6 +164,7 @@ class MeasuredLines(NamedTuple):
     seconds: float = 0.0
     slow: np.ndarray | None = None
     noise: float = 0.0
+    fed: np.ndarray = NOT_FED
 
     @property
     def step_hz(self) -> float:
@@ -165,10 +173,21 @@ class MeasuredLines(NamedTuple):
 
     def at(self, keep: np.ndarray) -> "MeasuredLines":
         """Return the lines of the indices `keep`."""
-        slow = None if self.slow is None else self.slow[:, keep]
         return self._replace(
-            frequency=self.frequency[keep], data=self.data[keep], inputs=self.inputs[:, keep], slow=slow
+            frequency=self.frequency[keep],
+            data=self.data[keep],
+            inputs=self.inputs[:, keep],
+            slow=None if self.slow is None else self.slow[:, keep],
+            fed=self.fed[:, keep] if len(self.fed) else self.fed,
         )
+
+    def cubed(self, hz: float) -> "MeasuredLines":
+        """Return a record's lines with their `cube`, of the response within an octave and a bit about `hz`."""
+        near = np.where((self.frequency > hz / CUBED) & (self.frequency < hz * CUBED), self.data, 0)
+        count = 2 * len(near) + 2
+        cube = np.fft.rfft(np.fft.irfft(np.concatenate([[0], near, [0]]), count) ** 3)[1:-1]
+        size = np.linalg.norm(cube) or 1.0
+        return self._replace(fed=(cube * (np.linalg.norm(near) / size))[None])
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "MeasuredLines":
         """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
@@ -317,6 +336,7 @@ def fit_driven(
         first = _solve(lines.around(chosen.hz, chosen.q), np.log([chosen.hz, chosen.q]), n or 0)
         lines = _record_lines(rate_hz, _filled(first, rate_hz, y, held, n or 0)[1], x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
+    fit = _with_bent_spring(fit, _fit_peaks(lines.cubed(float(fit.modes[0, 0])), peaks, near_hz, n or 0, exact))
     if held.any():
         fit, _ = _filled(fit, rate_hz, y, held, n or 0)
     hz, q = fit.modes[0]
@@ -568,11 +588,13 @@ def _basis(lines: MeasuredLines, theta: np.ndarray, power: int, extra: np.ndarra
     """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
     shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
+    first = _mode(lines.frequency, *np.exp(theta[:2]), 0)
+    fed = [first * force for force in lines.fed]
     if lines.seconds:
         shapes += [(s - 1 / s) ** k for k in range(3)]
     else:
         shapes += [s**power, s ** (power - 2)]
-    return np.concatenate([np.stack([x * shape for x in lines.inputs for shape in shapes], 1), extra], 1)
+    return np.concatenate([np.stack([*(x * shape for x in lines.inputs for shape in shapes), *fed], 1), extra], 1)
 
 
 def _projected(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
@@ -634,11 +656,14 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
     """Return the slopes (n, p) of the fitted data over ln f₀ and ln Q of each mode."""
     lines = fit.lines
     slopes = []
-    each = (len(fit.factors) - fit.extra.shape[1]) // len(lines.inputs)
+    each = (len(fit.factors) - fit.extra.shape[1] - len(lines.fed)) // len(lines.inputs)
     for k, (hz, q) in enumerate(fit.modes):
         s = lines.frequency / hz
         mode = _mode(lines.frequency, hz, q, 0)
         whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * mode
+        if not k and len(lines.fed):
+            of_fed = fit.factors[each * len(lines.inputs) :][: len(lines.fed)]
+            whole = whole + of_fed @ lines.fed * mode * s**0
         slopes += [whole * ((1j - 2 * q * s) * s * mode - power), -whole * mode * q * (1 - s) * (1 + s)]
     return np.stack(slopes, 1)
 
@@ -696,7 +721,9 @@ def _correlation(residual: np.ndarray) -> float:
 
 def _gain(fit: _Solved) -> float:
     """Return the decrease of the sum of squares by the modes' first columns, in variances of a part of a line."""
-    smooth = np.arange(fit.basis.shape[1]) >= len(fit.modes)
+    fed = fit.basis.shape[1] - fit.extra.shape[1] - len(fit.lines.fed)
+    place = np.arange(fit.basis.shape[1])
+    smooth = (place >= len(fit.modes)) & ((place < fed) | (place >= fed + len(fit.lines.fed)))
     plain = _projected(fit.basis[:, smooth], fit.lines.data)
     taken = float(np.vdot(plain, plain).real) - fit.cost
     return taken / max(max(fit.noise, fit.lines.noise) ** 2 / 2, np.finfo(float).tiny)
@@ -710,7 +737,7 @@ def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak
     free = np.ones(len(rest), bool)
     for hz, q, _ in peaks:
         free &= np.abs(detuning(lines.frequency, hz, q)) > 2
-    part = lines._replace(data=rest).at(np.flatnonzero(free))
+    part = lines._replace(data=rest, fed=NOT_FED).at(np.flatnonzero(free))
     if len(part.data) < FEWEST_LINES:
         return 0.0, 1.0, 0.0
     for points in (each for each in SMOOTHED if each <= max(len(part.data) // 4, 1)):
@@ -860,6 +887,12 @@ def _fit_peaks(
         order = [first, *(k for k in range(len(fit.modes)) if k != first)]
         fit = _solve(fit.lines, fit.theta.reshape(-1, 2)[order].ravel(), power, fit.extra)
     return fit
+
+
+def _with_bent_spring(fit: _Solved, bent: _Solved) -> _Solved:
+    """Return the fit whose spring has a term of the third power, `bent`, where the data show that, else `fit`."""
+    shown = fit.cost - bent.cost > WORTH * bent.noise**2 / 2
+    return bent if shown and _are_resolved(bent) else fit
 
 
 def _without_hum(fit: _Solved, power: int) -> _Solved:
