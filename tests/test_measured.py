@@ -369,6 +369,7 @@ def test_silence_around_a_coils_turn_changes_nothing(plan):
         longer = replace(
             first,
             squared_current_a2=np.concatenate([pause, first.squared_current_a2, pause]),
+            current_a=np.concatenate([pause, first.current_a, pause]),
             displacement=np.concatenate([noise[0], first.displacement, noise[1]]),
         )
         alone, padded = (fit_measured(replace(whole, taxels=(part,)), plan)[0] for part in (first, longer))

@@ -157,7 +157,10 @@ def _fit(part: Spectrum | TaxelRecord, channel: Channel, near_hz: float | None) 
         )
     if square is None:
         return fit_decay(part.rate_hz, moved, near_hz, exact, part.clipped)
-    return fit_driven(part.rate_hz, square, moved, near_hz, part.power, channel.ring_up_ms * MS, part.clipped, exact)
+    rings_s = channel.ring_up_ms * MS
+    return fit_driven(
+        part.rate_hz, square, moved, near_hz, part.power, rings_s, part.clipped, exact, current=part.current_a
+    )
 
 
 def _heard(part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool) -> list[tuple[str, float | None]]:

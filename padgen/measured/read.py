@@ -82,7 +82,8 @@ class Spectrum:
 class TaxelRecord:
     """A taxel's motion (n,) over time, in µm (µm/s, µm/s²) where `absolute`, else relative; `power` as of `Spectrum`.
 
-    `squared_current_a2` (n,) is the coil's i², None for a free decay. `clipped` (n,) marks samples of the motion at the
+    `squared_current_a2` (n,) is the coil's i², None for a free decay, `current_a` its i where the sensor may pick that
+    up beside the answer to i². `clipped` (n,) marks samples of the motion at the
     ends of the scale. `shared` names all taxels that a record of a whole coil may hold; `id` is the first of them.
     """
 
@@ -95,6 +96,7 @@ class TaxelRecord:
     power: int | None = None
     clipped: np.ndarray | None = None
     shared: tuple[str, ...] = ()
+    current_a: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -233,8 +235,8 @@ def _lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> i
     return max(min(int(rate_hz / (SAMPLES_OF_PLANNED * highest)), count // FEWEST_LEFT), 1)
 
 
-def _squared_current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, where: str) -> np.ndarray:
-    """Return the coil's i², or i where the force goes with that, from its 'current' or its 'voltage'.
+def _current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, where: str) -> np.ndarray:
+    """Return the coil's current, or what is proportional to it, from its 'current' or its 'voltage'.
 
     The sentence about silence begins with `what`.
     """
@@ -242,8 +244,16 @@ def _squared_current(column: np.ndarray, rate: float, plan: Plan, kind: str, wha
         raise FileError(f"{what} is {number(float(abs(column[0])))} throughout; leave it out for a free decay", where)
     if kind == "voltage":
         coil = plan.spec.coil
-        column = current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
-    return np.asarray(column**plan.spec.force_order)
+        return current_of_voltage(rate, column, coil.resistance_ohm, coil.inductance_mh * MH)
+    return column
+
+
+def _driven(record: TaxelRecord, current: np.ndarray | None, plan: Plan) -> TaxelRecord:
+    """Return a record with what its current gives: i², or i where the force goes with that."""
+    if current is None:
+        return record
+    order = plan.spec.force_order
+    return replace(record, squared_current_a2=current**order, current_a=current if order == 2 else None)
 
 
 # WAV
@@ -290,19 +300,23 @@ def _records(
         )
     columns, held = _averaged(wave, factor, where)
     driven = count == due + 1
-    squared = (
-        _squared_current(columns[:, 0], rate, plan, excitation, "channel 1, the excitation,", where) if driven else None
-    )
+    current = None
+    if driven:
+        current = _current(columns[:, 0], rate, plan, excitation, "channel 1, the excitation,", where)
     return [
-        TaxelRecord(
-            taxel,
-            f"{where}, channel {k + 1 + driven} ({'coil of ' if shared else ''}{taxel})",
-            rate,
-            columns[:, k + driven],
-            squared,
-            False,
-            clipped=held[:, k + driven] if held[:, k + driven].any() else None,
-            shared=shared,
+        _driven(
+            TaxelRecord(
+                taxel,
+                f"{where}, channel {k + 1 + driven} ({'coil of ' if shared else ''}{taxel})",
+                rate,
+                columns[:, k + driven],
+                None,
+                False,
+                clipped=held[:, k + driven] if held[:, k + driven].any() else None,
+                shared=shared,
+            ),
+            current,
+            plan,
         )
         for k, taxel in enumerate(ids[:due])
     ]
@@ -672,7 +686,7 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         raise FileError("has both 'current_a' and 'voltage_v'; leave one out, best the voltage", sheet.where)
     unit = _unit(sheet, "time_s")
     values = sheet.numbers()
-    squared = None
+    current = None
     if len(values) < 2:
         raise FileError("has one line of numbers; a record needs at least 32", sheet.where)
     axis = sheet.names.index("time_s")
@@ -695,8 +709,9 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
     for name in drives:
         column = values[:, sheet.names.index(name)]
         kind = name.partition("_")[0]
-        squared = _squared_current(column, rate, plan, kind, f"column {name!r}", sheet.where)
-    return [
-        TaxelRecord(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], squared, *unit)
+        current = _current(column, rate, plan, kind, f"column {name!r}", sheet.where)
+    records = (
+        TaxelRecord(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], None, *unit)
         for taxel, parts in columns.items()
-    ]
+    )
+    return [_driven(record, current, plan) for record in records]

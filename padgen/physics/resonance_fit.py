@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import SolverError, at_least, at_most, number
+from padgen.physics.record_faults import refuse_gap, refuse_other_knocks, without_pick_up
 from padgen.physics.resonance_judge import (
     COMPARABLE,
     LEAST_GAIN,
@@ -64,7 +65,6 @@ REACH = 10.0
 CLOSE_REACH = 4.0
 """Largest |Q (s − 1/s)| of fitted lines, five bandwidths on either side; and about another mode among them."""
 LEAST_SHARE = 0.05
-FED_BACK = 3
 CUBED = 1.6
 """Ratio to a resonance up to which the response counts in its third power."""
 FURTHER_Q = 1.0
@@ -141,21 +141,23 @@ clipped samples, whose fit takes half a second.
 LATE_S = 5e-3
 CLOCK = 100e-6 * (2 / 3) ** 0.5
 DRIFT = 0.15
+BENT = 0.03
 """Delay (s) from which reference and sensor may have clocks of their own, as a pluck and the player have; one sigma of
 their ratio, each being anywhere within 100 ppm; one sigma of a gain's drift in a record or, of a shorter one, in a
-second.
+second; and of what a spring's law has beyond its third power, over the shift by that.
 """
 
 
 NOT_FED = np.zeros((0, 1))
+"""Of lines without forces that the response makes."""
 
 
 class MeasuredLines(NamedTuple):
     """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
 
     A record lasts `seconds` (0 for a spectrum). `slow` (k, n) are transforms of the response times the time and times
-    its square and, with an excitation, of that times the time. `cube` (n,) is that of the response's third power, of
-    the part near a resonance. `noise` is that of a line where it is known.
+    its square and, with an excitation, of that times the time. `fed` (k, n) are forces on the first mode that the
+    response itself makes. `noise` is that of a line where it is known.
     """
 
     frequency: np.ndarray
@@ -182,12 +184,16 @@ class MeasuredLines(NamedTuple):
         )
 
     def cubed(self, hz: float) -> "MeasuredLines":
-        """Return a record's lines with their `cube`, of the response within an octave and a bit about `hz`."""
+        """Return a record's lines `fed` back by the third power of the response near `hz`, over its largest's square.
+
+        The spring of a mode may soften or stiffen: its motion to the third power is then a further force on it
+        (nonlinear identification through feedback of the outputs: D. E. Adams, R. J. Allemang, Mech. Syst. Signal
+        Process. 14, 2000, 637-656).
+        """
         near = np.where((self.frequency > hz / CUBED) & (self.frequency < hz * CUBED), self.data, 0)
-        count = 2 * len(near) + 2
-        cube = np.fft.rfft(np.fft.irfft(np.concatenate([[0], near, [0]]), count) ** 3)[1:-1]
-        size = np.linalg.norm(cube) or 1.0
-        return self._replace(fed=(cube * (np.linalg.norm(near) / size))[None])
+        moved = np.fft.irfft(np.concatenate([[0], near, [0]]), 2 * len(near) + 2)
+        largest = np.abs(moved).max() or 1.0
+        return self._replace(fed=np.fft.rfft(moved**3)[None, 1:-1] / largest**2)
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "MeasuredLines":
         """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
@@ -280,11 +286,13 @@ def fit_driven(
     ring_s: float | None = None,
     clipped: np.ndarray | None = None,
     exact: bool = False,
+    current: np.ndarray | None = None,
 ) -> ResonanceFit:
     """Fit the `response` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
 
-    `power` is as in `fit_spectrum`. `ring_s` is about the time constant of the resonance; `clipped` (n,) marks samples
-    of the response at the end of their scale. With `exact` the peak nearest to `near_hz` is taken however small it is.
+    With the `current` (n,) itself what the sensor picks up of it is taken out. `power` is as in `fit_spectrum`.
+    `ring_s` is about the time constant of the resonance; `clipped` (n,) marks samples of the response at the end of
+    their scale. With `exact` the peak nearest to `near_hz` is taken however small it is.
 
     Raises
     ------
@@ -296,6 +304,7 @@ def fit_driven(
     refuse_bad_record(y)
     if np.ptp(x) == 0:
         raise SolverError("the excitation does not change; leave its column out for a free decay")
+    refuse_gap(rate_hz, y, clipped)
     if len(y) > MOST_SAMPLES:
         raise SolverError(
             f"lasts {number(len(y) / rate_hz)} s; at most {at_most(MOST_SAMPLES / rate_hz)} s of it can be fitted: cut"
@@ -303,6 +312,8 @@ def fit_driven(
         )
     held = np.zeros(len(y), bool) if clipped is None else clipped
     rings = ring_s or len(y) / rate_hz / 8
+    if current is not None:
+        y = without_pick_up(rate_hz, np.asarray(current, float), y)
     first_lag = _lag(_cross(rate_hz, x, y))
     x, y, held = _shifted(first_lag, x, y, held)
     # Without silence, the constant of the excitation hides none of its lines.
@@ -367,6 +378,7 @@ def fit_decay(
     """
     whole = np.asarray(response, float)
     refuse_bad_record(whole)
+    refuse_gap(rate_hz, whole, clipped)
     size = np.abs(whole - whole.mean())
     first = int(size[: int(BEGINS * len(size))].argmax())
     late = int(size.argmax())
@@ -394,6 +406,7 @@ def fit_decay(
         if seconds * rate_hz >= 0.9 * len(y):
             break
         y = y[: max(int(seconds * rate_hz), FEWEST_SAMPLES)]
+    refuse_other_knocks(rate_hz, whole, peaks[0].hz)
     further = [k for k in taps[1:] if k + len(y) <= len(whole) and len(y) <= apart]
     parts = [lines, *(_record_lines(rate_hz, whole[k : k + len(y)]) for k in further)]
     inputs = np.repeat(np.eye(len(parts)), len(lines.data), 1) * np.concatenate([part.inputs[0] for part in parts])
@@ -588,8 +601,8 @@ def _basis(lines: MeasuredLines, theta: np.ndarray, power: int, extra: np.ndarra
     """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
     shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
-    first = _mode(lines.frequency, *np.exp(theta[:2]), 0)
-    fed = [first * force for force in lines.fed]
+    hz, q = np.exp(theta[:2])
+    fed = [_mode(lines.frequency, hz, q, 0) * force for force in lines.fed]
     if lines.seconds:
         shapes += [(s - 1 / s) ** k for k in range(3)]
     else:
@@ -663,7 +676,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
         whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * mode
         if not k and len(lines.fed):
             of_fed = fit.factors[each * len(lines.inputs) :][: len(lines.fed)]
-            whole = whole + of_fed @ lines.fed * mode * s**0
+            whole = whole + of_fed @ lines.fed * mode
         slopes += [whole * ((1j - 2 * q * s) * s * mode - power), -whole * mode * q * (1 - s) * (1 + s)]
     return np.stack(slopes, 1)
 
@@ -721,9 +734,10 @@ def _correlation(residual: np.ndarray) -> float:
 
 def _gain(fit: _Solved) -> float:
     """Return the decrease of the sum of squares by the modes' first columns, in variances of a part of a line."""
-    fed = fit.basis.shape[1] - fit.extra.shape[1] - len(fit.lines.fed)
     place = np.arange(fit.basis.shape[1])
-    smooth = (place >= len(fit.modes)) & ((place < fed) | (place >= fed + len(fit.lines.fed)))
+    after_fed = fit.basis.shape[1] - fit.extra.shape[1]
+    is_fed = (place >= after_fed - len(fit.lines.fed)) & (place < after_fed)
+    smooth = (place >= len(fit.modes)) & ~is_fed
     plain = _projected(fit.basis[:, smooth], fit.lines.data)
     taken = float(np.vdot(plain, plain).real) - fit.cost
     return taken / max(max(fit.noise, fit.lines.noise) ** 2 / 2, np.finfo(float).tiny)
@@ -992,13 +1006,16 @@ def _result(
         refuse_two(hz, peak, tuple(others))
     late = np.zeros(len(fit.residual)) if fit.lines.slow is None else fit.lines.slow[0] * fit.lines.seconds
     unseen = np.stack([DRIFT / max(seconds, 1.0) * late, clock * 2j * np.pi * fit.lines.frequency * late], 1)
+    # By what the largest motion shifts the resonance: 3/8 of the third power's part of the spring.
+    fed = len(fit.factors) - fit.extra.shape[1] - len(fit.lines.fed)
+    bent = float(0.375 * np.abs(fit.factors[fed : fed + len(fit.lines.fed)]).sum() / q)
     place = len(fit.theta) + np.array([0, len(fit.factors) * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
     errors = []
     for each in (0 * unseen, unseen):
         covariance = _covariance(fit, n, phased, each)
         sigma = np.sqrt(np.append(np.diag(covariance)[:2], along @ covariance[np.ix_(place, place)] @ along))
-        errors.append((float(hz * sigma[0]), float(q * sigma[1]), float(sigma[2])))
+        errors.append((float(hz * np.hypot(sigma[0], BENT * bent)), float(q * sigma[1]), float(sigma[2])))
     lines = fit.lines
     drive = fit.lines.inputs[0]
     strong = np.abs(drive) > EXCITED * np.abs(drive).max()
