@@ -347,7 +347,10 @@ def fit_driven(
         first = _solve(lines.around(chosen.hz, chosen.q), np.log([chosen.hz, chosen.q]), n or 0)
         lines = _record_lines(rate_hz, _filled(first, rate_hz, y, held, n or 0)[1], x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
-    fit = _with_bent_spring(fit, _fit_peaks(lines.cubed(float(fit.modes[0, 0])), peaks, near_hz, n or 0, exact))
+    cubed = lines.cubed(float(fit.modes[0, 0]))
+    if _may_be_bent(fit, cubed, n or 0):
+        bent = _fit_peaks(cubed, peaks, near_hz, n or 0, exact)
+        fit = bent if _is_worth(fit, bent) and _are_resolved(bent) else fit
     if held.any():
         fit, _ = _filled(fit, rate_hz, y, held, n or 0)
     hz, q = fit.modes[0]
@@ -903,10 +906,20 @@ def _fit_peaks(
     return fit
 
 
-def _with_bent_spring(fit: _Solved, bent: _Solved) -> _Solved:
-    """Return the fit whose spring has a term of the third power, `bent`, where the data show that, else `fit`."""
-    shown = fit.cost - bent.cost > WORTH * bent.noise**2 / 2
-    return bent if shown and _are_resolved(bent) else fit
+def _may_be_bent(fit: _Solved, cubed: MeasuredLines, power: int) -> bool:
+    """Return whether a term of the third power in the spring explains what a straight one alone does not.
+
+    Further modes are left out: a peak that leans looks like two.
+    """
+    places = np.searchsorted(cubed.frequency, fit.lines.frequency)
+    straight = _solve(fit.lines, fit.theta[:2], power, fit.extra) if len(fit.modes) > 1 else fit
+    bent = _solve(fit.lines._replace(fed=cubed.fed[:, places]), straight.theta, power, fit.extra)
+    return _is_worth(straight, bent)
+
+
+def _is_worth(fit: _Solved, more: _Solved) -> bool:
+    """Return whether a fit with more terms explains more than chance does."""
+    return bool(fit.cost - more.cost > WORTH * more.noise**2 / 2)
 
 
 def _without_hum(fit: _Solved, power: int) -> _Solved:
@@ -935,7 +948,7 @@ def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _
     size = np.abs(more.factors[: len(more.modes)]) / np.abs(fit.factors[0])
     same = np.abs(more.theta[0] - fit.theta[0]) < 0.5 / more.modes[0, 1] and 0.5 < size[0] < 2
     is_clearer = same and (size[1:] < 2).all() and _are_resolved(more)
-    return more if is_clearer and fit.cost - more.cost > WORTH * more.noise**2 / 2 else None
+    return more if is_clearer and _is_worth(fit, more) else None
 
 
 def _are_resolved(fit: _Solved) -> bool:
