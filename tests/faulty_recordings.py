@@ -104,7 +104,8 @@ def plucked(rng, count, slam=0.0, first=False):
 
     def ringing(at_s, f, k, size):
         since = np.maximum(time - at_s, 0)[:, None]
-        return size * np.exp(-np.pi * f * since / k) * np.sin(2 * np.pi * f * since)
+        damped_hz = f * np.sqrt(1 - 1 / (4 * k**2))
+        return size * np.exp(-np.pi * f * since / k) * np.sin(2 * np.pi * damped_hz * since)
 
     other = hz * rng.choice([0.7, 0.8, 0.9, 1.2], count)
     places = (2.2, 0.5) if first else (0.5, 2.2)

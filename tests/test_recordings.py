@@ -115,6 +115,27 @@ def test_both_taxels_of_a_coil_in_one_recording(plan, tmp_path, excitation, hz, 
     assert [fit.q for fit in found] == pytest.approx(q, rel=0.05)
 
 
+def test_a_taxel_plucked_alone_tells_whose_the_peaks_of_its_coil_are(plan, tmp_path):
+    """Printed so that the two have changed places, which nothing but the planned order tells otherwise."""
+    written(tmp_path, "r0c1", hz=(66.0, 82.0), q=(14.0, 18.0), size=(1, 0.8), excitation="chirp", rate=4000)
+    by_order = fit_measured(read_measured([tmp_path / "r0c1.wav"], plan), plan)
+    assert {fit.id: round(fit.resonance_hz) for fit in by_order} == {"r0c1k0": 66, "r0c1k1": 82}
+    assert all(fit.order_assumed for fit in by_order)
+    for name, hz, at in (
+        ("r0c1k0", 82.2, {66: "r0c1k1", 82: "r0c1k0"}),
+        ("r0c1k1", 82.2, {66: "r0c1k0", 82: "r0c1k1"}),
+    ):
+        for each in tmp_path.glob("r0c1k*.wav"):
+            each.unlink()
+        written(tmp_path, name, hz=(hz,), q=(18.0,), excitation="pluck", rate=4000, seconds=3.0)
+        both = fit_measured(read_measured([tmp_path / f"{n}.wav" for n in ("r0c1", name)], plan), plan)
+        assert {round(fit.resonance_hz): fit.id for fit in both} == at
+        assert not any(fit.order_assumed for fit in both)
+    written(tmp_path, "r0c1k0", hz=(74.0,), q=(18.0,), excitation="pluck", rate=4000, seconds=3.0)
+    with pytest.raises(FileError, match=r"shows no resonance at 7.* Hz, where r0c1k0 has its own alone"):
+        fit_measured(read_measured([tmp_path / f"{n}.wav" for n in ("r0c1", "r0c1k0")], plan), plan)
+
+
 def test_a_peak_of_unknown_taxel_is_refused(plan, tmp_path):
     written(tmp_path, "r0c1", hz=(74.0,), q=(15.0,), rate=4000)
     with pytest.raises(FileError, match=r"shows 1 resonances \(7[34].* Hz\) of 2 taxels, and it is not clear which"):

@@ -35,6 +35,8 @@ CLEAR = 4.0
 """Least difference in squared sigmas of the two best ways to give such peaks to taxels; below it, none is taken."""
 ALONE_SPREAD = 0.05
 """Relative one sigma of a resonance, once the factor by which all of a print are off the plan is taken out."""
+SAME_HZ = 0.02
+"""Largest relative difference of a taxel's resonance alone from its peak in a record of the coil."""
 MOST_NAMED = 5
 
 
@@ -57,7 +59,8 @@ class TaxelFit:
     measurement is in relative units. `q_measured` is False where a table left Q out: then Q is the plan's, with a wide
     error. `methods` has the figures of each method (none for a table); the first method's are used. `agree` is False
     where the methods differ by more than their errors. `snr_db` is the peak over the noise of one point. `sensor` is
-    what the data are of, as stated or recognised, '' where that is unknown.
+    what the data are of, as stated or recognised, '' where that is unknown. `order_assumed` is True where a recording
+    of the whole coil has its peak and no recording of one taxel alone tells whose it is.
     """
 
     id: str
@@ -72,6 +75,7 @@ class TaxelFit:
     snr_db: float | None
     methods: tuple[MethodFit, ...]
     sensor: str = ""
+    order_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,15 +119,17 @@ def fitted(
     fits: dict[str, TaxelFit] = {}
     curves = []
     refused = []
-    for part in measured.taxels:
+    # Taxels that are recorded alone come first: they tell which peaks of their coil are theirs.
+    for part in sorted(measured.taxels, key=lambda part: isinstance(part, TaxelRecord) and bool(part.shared)):
         try:
-            for taxel, near_hz in _heard(part, plan, nearest):
+            alone_hz = {taxel: fit.resonance_hz for taxel, fit in fits.items()}
+            for taxel, near_hz in _heard(part, plan, nearest, alone_hz):
                 if isinstance(part, TaxelRow):
                     fits[taxel] = _from_row(part, channels[taxel])
-                    continue
-                fit = _fit(part, channels[taxel], near_hz)
-                fits[taxel] = _from_fit(taxel, fit, part)
-                curves.append(Curve(taxel, fit.seen, ""))
+                elif taxel not in alone_hz:
+                    fit = _fit(part, channels[taxel], near_hz)
+                    fits[taxel] = _from_fit(taxel, fit, part, alone_hz)
+                    curves.append(Curve(taxel, fit.seen, ""))
         except SolverError as error:
             assert not isinstance(part, TaxelRow)  # a table states its resonances
             refused.append((part, error.message))  # the error itself would keep the fit's arrays alive
@@ -163,11 +169,13 @@ def _fit(part: Spectrum | TaxelRecord, channel: Channel, near_hz: float | None) 
     )
 
 
-def _heard(part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool) -> list[tuple[str, float | None]]:
+def _heard(
+    part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool, alone_hz: dict[str, float]
+) -> list[tuple[str, float | None]]:
     """Return the taxels that a part of a measurement is of, each with the frequency in Hz near which it is sought.
 
     Peaks in a record of a whole coil go to its taxels in their planned order, so that they are off the plan by about
-    one factor; some may be missing, and peaks may be left over.
+    one factor; some may be missing, and peaks may be left over. A taxel of known `alone_hz` has the peak that is there.
 
     Raises
     ------
@@ -181,7 +189,17 @@ def _heard(part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool) -
     first = _fit(part, channel[planned[0][1]], planned[0][0])
     peaks = [(first.resonance_hz, first.peak), *first.others]
     peaks_hz = sorted(hz for hz, size in peaks if size > SHARED_PEAK * max(p[1] for p in peaks))
+    settled: list[tuple[str, float | None]] = []
+    for taxel in (each for each in part.shared if each in alone_hz):
+        hz = min(peaks_hz, key=lambda peak_hz: abs(log(peak_hz / alone_hz[taxel])), default=0.0)
+        if not hz or abs(log(hz / alone_hz[taxel])) > SAME_HZ:
+            raise SolverError(f"shows no resonance at {number(alone_hz[taxel])} Hz, where {taxel} has its own alone")
+        settled.append((taxel, hz))
+        peaks_hz.remove(hz)
+        planned = [each for each in planned if each[1] != taxel]
     count = min(len(peaks_hz), len(planned))
+    if not count:
+        return settled
     ways: list[tuple[float, list[tuple[str, float | None]]]] = []
     for chosen_hz in combinations(peaks_hz, count):
         for taxels in combinations(planned, count):
@@ -196,7 +214,7 @@ def _heard(part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool) -
             f"shows {len(peaks_hz)} resonances ({listed}) of {len(planned)} taxels,"
             " and it is not clear which are missing; record these alone, each in a file of its name"
         )
-    return ways[0][1]
+    return settled + ways[0][1]
 
 
 def _from_row(row: TaxelRow, channel: Channel) -> TaxelFit:
@@ -218,7 +236,7 @@ def _from_row(row: TaxelRow, channel: Channel) -> TaxelFit:
     )
 
 
-def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord) -> TaxelFit:
+def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord, alone_hz: dict[str, float]) -> TaxelFit:
     by_least_squares = MethodFit("least squares", fit.resonance_hz, fit.resonance_error_hz, fit.q, fit.q_error)
     unit = (2 * np.pi * fit.resonance_hz) ** (fit.power or 0)
     return TaxelFit(
@@ -234,6 +252,7 @@ def _from_fit(taxel: str, fit: ResonanceFit, part: Spectrum | TaxelRecord) -> Ta
         float(20 * np.log10(fit.peak / fit.noise)) if fit.noise > 0 else None,
         (by_least_squares, MethodFit("circle", *fit.check)) if fit.check else (by_least_squares,),
         "" if fit.power is None else SENSORS[fit.power],
+        isinstance(part, TaxelRecord) and len(part.shared) > 1 and not alone_hz.keys() & set(part.shared),
     )
 
 

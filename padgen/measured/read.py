@@ -203,9 +203,11 @@ def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) 
                 raise FileError(
                     "is a table, which has all taxels in one file; give that file, not the folder", str(path)
                 )
-            if part.id in named:
-                raise FileError(f"is a second file of {part.id}, beside {named[part.id].where}; keep one", str(path))
-            named[part.id] = replace(part, where=str(path)) if len(taxel_ids) == 1 else part
+            # A taxel may be recorded alone beside its coil: it tells which of the coil's peaks is its own.
+            name = part.id if len(taxel_ids) == 1 else path.stem
+            if name in named:
+                raise FileError(f"is a second file of {name}, beside {named[name].where}; keep one", str(path))
+            named[name] = replace(part, where=str(path)) if len(taxel_ids) == 1 else part
         stated.append(is_stated)
     if not named:
         raise FileError(f"holds no CSV or WAV file named after a taxel, such as {ids[0]}.csv", where)
@@ -213,9 +215,9 @@ def _read_named(files: Sequence[Path], plan: Plan, excitation: str, where: str) 
 
 
 def _ordered(parts: list[Part], stated: bool, where: str, plan: Plan) -> Measured:
-    by_id = {part.id: part for part in parts}
-    taxels = tuple(by_id[taxel.id] for taxel in plan.taxels if taxel.id in by_id)
-    return Measured(where, taxels, stated)
+    place = {taxel.id: k for k, taxel in enumerate(plan.taxels)}
+    known = [part for part in parts if part.id in place]
+    return Measured(where, tuple(sorted(known, key=lambda part: place[part.id])), stated)
 
 
 def _nearest(name: str, known: tuple[str, ...]) -> str:

@@ -607,6 +607,14 @@ def _of_fits(fits: Sequence[TaxelFit]) -> Iterator[Finding]:
             f"the methods differ by more than their errors ({split[0].id}: {wording}): a second resonance, a nonlinear"
             " one, a disturbed record, or a voltage taken for a current (--excitation voltage); look at its data",
         )
+    if assumed := [fit.id for fit in fits if fit.order_assumed]:
+        yield Finding(
+            "note",
+            "retune.assumed",
+            _named(assumed),
+            "the peaks of a coil's recording are given to its taxels in their planned order; pluck one of them and add"
+            f" its file ({assumed[0]}.wav), which settles that",
+        )
     for sensor in ("velocity", "acceleration"):
         if fitted := [fit.id for fit in fits if fit.sensor == sensor]:
             wording = f"the data are taken to be of {sensor}, as stated or by their slope over frequency"
