@@ -1,9 +1,10 @@
 """Print the tables of the force ladder for docs/accuracy.md; `measure_force.py [team | tables | bounds | campaign N]`.
 
 Without a word about two minutes of one core, TEAM problem 20 (`team`) two more. `tables` writes padgen/physics/pulls.*,
-the tables that plans read: after every change of the pull's physics (half an hour of two cores). `campaign 300` solves random pairs
-by the solid field into tests/reference/force_campaign.csv, going on where it was (two hours). `bounds` tries the bounds
-of gap and softening on 1,960 combinations of core, gap, offset and sag (six minutes). Needs padgen[study].
+the tables that plans read: after every change of the pull's physics (half an hour of two cores). `campaign 300` solves
+random pairs by the solid field into tests/reference/force_campaign.csv, going on where it was (two hours). `bounds`
+tries the bounds of gap and softening on 1,960 combinations of core, gap, offset and sag (six minutes). Needs
+padgen[study].
 """
 
 import csv
