@@ -217,3 +217,21 @@ def test_the_asked_ratio_may_be_given_in_decibels():
     # What is set later takes the other's place, as by --set and in sweeps.
     assert make_spec(laid_over({**four, "delta_db": 14}, {"delta_y": 3.0})).delta_y == 3.0
     assert make_spec(laid_over({**four, "delta_y": 3.0}, {"delta_db": 20})).delta_y == pytest.approx(10)
+
+
+def test_a_printer_of_one_s_own_is_given_by_its_nozzle():
+    """Lengths that a nozzle sets go with it; the bed and what a slicer adds are the nearest catalogue printer's."""
+    lines = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
+    known = parse_spec(lines + '[printer]\nname = "fdm-0.4"\n').printer
+    own = parse_spec(lines + '[printer]\nname = "my-0.6"\nnozzle_mm = 0.6\nbed_x_mm = 300\n').printer
+    assert (own.name, own.nozzle_mm, own.bed_x_mm, own.bed_y_mm) == ("my-0.6", 0.6, 300, known.bed_y_mm)
+    for field in ("line_width_mm", "smallest_beam_mm", "layer_mm", "first_layer_mm", "smallest_pin_mm"):
+        assert getattr(own, field) == pytest.approx(1.5 * getattr(known, field), abs=1e-4)
+    assert "in proportion to the nozzle" in own.source
+    pixel = parse_spec(lines + '[printer]\nname = "my-resin"\nprocess = "resin"\nnozzle_mm = 0.04\n').printer
+    assert pixel.process == "resin"
+    assert pixel.line_width_mm < known.line_width_mm
+    with pytest.raises(SpecError, match=r"there is no printer 'my-0.6' in .* lacks process, nozzle_mm, .*nozzle"):
+        parse_spec(lines + '[printer]\nname = "my-0.6"\nbed_x_mm = 300\n')
+    with pytest.raises(SpecError, match=r"printer.nozzle_mm: must be at least 0.01 and at most 2 mm, got -1"):
+        parse_spec(lines + '[printer]\nname = "my-0.6"\nnozzle_mm = -1\nprocess = "fdm"\n')

@@ -14,7 +14,7 @@ from copy import deepcopy
 from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
-from math import floor, inf
+from math import floor, inf, log
 from pathlib import Path
 from typing import Any, get_args
 
@@ -1075,11 +1075,45 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
         overrides = {**_of_grade(overrides.get("grade", entries.get(name, {}).get("grade"))), **overrides}
     if name in entries:
         return build(kind, overrides, table, entries[name])
+    if table == "printer" and "nozzle_mm" in overrides:
+        overrides = {**_of_nozzle(overrides), **overrides}
     optional = {f.name for f in fields(kind) if f.default is not MISSING}
     required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - optional
-    if required <= set(overrides) | {"name"} or name == OWN:
+    missing = [f.name for f in fields(kind) if f.name in required - set(overrides) - {"name"}]
+    if not missing or name == OWN:
         return build(kind, {"name": name, **overrides}, table)
+    if len(overrides) > 1:
+        hint = "; with nozzle_mm the rest is taken for that nozzle" if table == "printer" else ""
+        raise SpecError(
+            f"there is no {table} {shown(name)} in the catalogue ({', '.join(entries)}), and one of your own lacks"
+            f" {', '.join(missing)}{hint}",
+            f"{table}.name",
+        )
     raise unknown_name(name, list(entries), table, f"{table}.name")
+
+
+IN_NOZZLES = (
+    *("line_width_mm", "smallest_beam_mm", "layer_mm", "first_layer_mm"),
+    *("smallest_pin_mm", "smallest_gap_mm"),
+)
+"""Fields of a printer that go with its nozzle, or with its pixel."""
+
+
+def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a printer that is given by its nozzle: those of the catalogue's nearest one, in proportion.
+
+    What is no nozzle or process is refused where the field is read.
+    """
+    nozzle_mm = printer["nozzle_mm"]
+    every = list(catalogue("printer").values())
+    entries = [row for row in every if row["process"] == printer.get("process", "fdm")]
+    if isinstance(nozzle_mm, bool) or not isinstance(nozzle_mm, (int, float)) or not 0 < nozzle_mm < inf or not entries:
+        return every[0]
+    nearest = min(entries, key=lambda row: abs(log(row["nozzle_mm"] / nozzle_mm)))
+    share = nozzle_mm / nearest["nozzle_mm"]
+    in_proportion = {name: round(nearest[name] * share, 4) for name in IN_NOZZLES if nearest[name]}
+    source = f"what is not given: {nearest['name']}, in proportion to the nozzle (assumed)"
+    return {**nearest, **in_proportion, "source": source}
 
 
 def _completed_by(coil: Any) -> Callable[[dict[str, Any]], Coil] | None:
