@@ -1,7 +1,8 @@
 """The spec: its defaults, its refusals and their messages."""
 
+import json
 import tomllib
-from dataclasses import FrozenInstanceError, fields
+from dataclasses import MISSING, FrozenInstanceError, fields
 from math import sqrt
 
 import jsonschema
@@ -228,6 +229,10 @@ def test_a_printer_of_one_s_own_is_given_by_its_nozzle():
     for field in ("line_width_mm", "smallest_beam_mm", "layer_mm", "first_layer_mm", "smallest_pin_mm"):
         assert getattr(own, field) == pytest.approx(1.5 * getattr(known, field), abs=1e-4)
     assert "in proportion to the nozzle" in own.source
+    # One that has all its fields takes nothing from the catalogue.
+    whole = {f.name: getattr(own, f.name) for f in fields(own) if f.default is MISSING}
+    table = "".join(f"{name} = {json.dumps(value)}\n" for name, value in whole.items())
+    assert parse_spec(lines + "[printer]\n" + table).printer.hole_loss_mm == 0 < own.hole_loss_mm
     pixel = parse_spec(lines + '[printer]\nname = "my-resin"\nprocess = "resin"\nnozzle_mm = 0.04\n').printer
     assert pixel.process == "resin"
     assert pixel.line_width_mm < known.line_width_mm

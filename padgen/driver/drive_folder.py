@@ -219,7 +219,7 @@ class Drive:
 
     @property
     def played(self) -> tuple[str, ...]:
-        """What each frame of a `crossed` drive plays, by output and channel, as `padgen.check_wiring` reads it."""
+        """Names of what each frame of a `crossed` drive plays, for the table of `padgen.check_wiring`; else none."""
         return crossed_names(self.plan) if self.crossed else ()
 
     def save(
@@ -300,7 +300,9 @@ class Drive:
                 if broken:
                     raise SpecError(sentence, "--brake")
         if self.crossed and (hear or set(written) - {"csv", "json", "wav"}):
-            raise SpecError(f"{CROSSED!r} is of a WAV, which nothing on the pad should answer to", "--pattern")
+            raise SpecError(
+                f"{CROSSED!r} is played from a WAV; leave out --hear and formats for other players", "--pattern"
+            )
         self.progress("choosing phases and signs")
         drive = drive_at(self.plan, RATES_HZ, self.rate_hz, self.tuning, self.carrier_hz)
         shown = None

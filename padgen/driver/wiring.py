@@ -90,10 +90,10 @@ def _crossed(plan: Plan) -> list[tuple[str, Coil, int]]:
 def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
     """Say which coils are swapped by what was felt: rows ``played,felt`` of taxels, `felt` empty where nothing was.
 
-    A *played* with an x for the k is of the pattern 'crossed'. A WAV, or a folder of
-    recordings named after taxels as `padgen.measured.read` reads them, tells it too: a taxel moves where it answers to
-    its own coil's current about as the others of its channel do. Swapped leads of one coil cannot be felt and do no
-    harm: it pulls with the square of its current.
+    A *played* with an x for the k is of the pattern 'crossed'. A WAV, or a folder of recordings named after taxels as
+    `padgen.measured.read` reads them, tells it too: a taxel moves where it answers to its own coil's current about as
+    the others of its channel do. Swapped leads of one coil cannot be felt and do no harm: it pulls with the square of
+    its current.
 
     Raises
     ------

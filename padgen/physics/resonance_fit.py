@@ -149,7 +149,7 @@ second; and of what a spring's law has beyond its third power, over the shift by
 
 
 NOT_FED = np.zeros((0, 1))
-"""Of lines without forces that the response makes."""
+"""No forces made by the response: what `MeasuredLines.fed` has where the spring is taken to be straight."""
 
 
 class MeasuredLines(NamedTuple):
@@ -220,6 +220,12 @@ class _Solved(NamedTuple):
     noise: float
     extra: np.ndarray
     caps: np.ndarray | None = None
+
+    @property
+    def of_fed(self) -> slice:
+        """Places of the columns, and factors, of forces that the response makes."""
+        end = len(self.factors) - self.extra.shape[1]
+        return slice(end - len(self.lines.fed), end)
 
     @property
     def modes(self) -> np.ndarray:
@@ -678,8 +684,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
         mode = _mode(lines.frequency, hz, q, 0)
         whole = fit.factors[k : each * len(lines.inputs) : each] @ lines.inputs * s**power * mode
         if not k and len(lines.fed):
-            of_fed = fit.factors[each * len(lines.inputs) :][: len(lines.fed)]
-            whole = whole + of_fed @ lines.fed * mode
+            whole = whole + fit.factors[fit.of_fed] @ lines.fed * mode
         slopes += [whole * ((1j - 2 * q * s) * s * mode - power), -whole * mode * q * (1 - s) * (1 + s)]
     return np.stack(slopes, 1)
 
@@ -737,10 +742,8 @@ def _correlation(residual: np.ndarray) -> float:
 
 def _gain(fit: _Solved) -> float:
     """Return the decrease of the sum of squares by the modes' first columns, in variances of a part of a line."""
-    place = np.arange(fit.basis.shape[1])
-    after_fed = fit.basis.shape[1] - fit.extra.shape[1]
-    is_fed = (place >= after_fed - len(fit.lines.fed)) & (place < after_fed)
-    smooth = (place >= len(fit.modes)) & ~is_fed
+    smooth = np.arange(fit.basis.shape[1]) >= len(fit.modes)
+    smooth[fit.of_fed] = False
     plain = _projected(fit.basis[:, smooth], fit.lines.data)
     taken = float(np.vdot(plain, plain).real) - fit.cost
     return taken / max(max(fit.noise, fit.lines.noise) ** 2 / 2, np.finfo(float).tiny)
@@ -1020,8 +1023,7 @@ def _result(
     late = np.zeros(len(fit.residual)) if fit.lines.slow is None else fit.lines.slow[0] * fit.lines.seconds
     unseen = np.stack([DRIFT / max(seconds, 1.0) * late, clock * 2j * np.pi * fit.lines.frequency * late], 1)
     # By what the largest motion shifts the resonance: 3/8 of the third power's part of the spring.
-    fed = len(fit.factors) - fit.extra.shape[1] - len(fit.lines.fed)
-    bent = float(0.375 * np.abs(fit.factors[fed : fed + len(fit.lines.fed)]).sum() / q)
+    bent = float(0.375 * np.abs(fit.factors[fit.of_fed]).sum() / q)
     place = len(fit.theta) + np.array([0, len(fit.factors) * phased])
     along = np.array([fit.factors[0].real, fit.factors[0].imag]) / peak
     errors = []

@@ -42,7 +42,7 @@ from padgen.planner.plan import Plan, plan_from_json, plan_to_json
 from padgen.planner.printing import other_slicers_text
 from padgen.report.figures import ROLES, figure_names, page_figures, plain_figure
 from padgen.report.motion import motion_data
-from padgen.report.plans import feeding_lines, output_coupling, pad_line
+from padgen.report.plans import gain_line, output_coupling, pad_line
 from padgen.report.rungs import marks_read, study_figure
 from padgen.solid.mesh import signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
@@ -363,7 +363,7 @@ def _manual(plan: Plan) -> dict[str, Any]:
         "board": _board_of(plan),
         "gluing": heeded[0],
         "wiring": heeded[1],
-        "gain": feeding_lines(plan)[1],
+        "gain": gain_line(plan),
         "has_two_sets": plan.coils.sets > 1,
         "screws": heeded[2],
         "pull_change": max(c.pull_exponent for c in plan.channels) * 10 / plan.spec.coil.gap_mm,

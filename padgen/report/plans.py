@@ -92,8 +92,8 @@ def pad_line(plan: "Plan") -> str:
     )
 
 
-def feeding_lines(plan: "Plan") -> tuple[str, str]:
-    """Return two sentences on what feeds the coils: from card to coil, and how the amplifier's gain is set."""
+def feeding_line(plan: "Plan") -> str:
+    """Return what feeds the coils: sound card, amplifier, supply, and what they must give."""
     spec = plan.spec
     count = plan.coils.rows * plan.coils.columns
     load = plan.load
@@ -102,13 +102,18 @@ def feeding_lines(plan: "Plan") -> tuple[str, str]:
     card = spec.sound_card
     cards = plan.parts.sound_cards
     named = card.name if card else next(iter(cards), "")
-    chain = (
+    return (
         f"Sound card{f' ({named})' if named else ''}, output k → amplifier ({amplifier}), input k; its output k → both"
         f" leads of coil k, {count} times. The supply feeds the amplifier alone, which gives each coil up to"
         f" {load.voltage_peak_v:.2g} V and {load.current_peak_ma:.3g} mA peak, and all of them"
         f" {about(count * load.copper_loss_w)} W with all taxels on."
     )
-    full_v = spec.drive.voltage_limit_v
+
+
+def gain_line(plan: "Plan") -> str:
+    """Return how the amplifier's gain is set, so that files are played at the level that they state."""
+    card = plan.spec.sound_card
+    full_v = plan.spec.drive.voltage_limit_v
     gain = (
         f"A sample of 1 in padgen's WAV files stands for {number(full_v)} V at a coil: before coils are connected, play"
         f" a sine of 100 Hz at a tenth of full scale (-20 dB) and set each output of the amplifier to"
@@ -116,7 +121,7 @@ def feeding_lines(plan: "Plan") -> tuple[str, str]:
     )
     if card and card.full_scale_v:
         gain += f"; that is {about(full_v / card.full_scale_v)} times what {card.name} gives"
-    return chain, f"{gain}."
+    return f"{gain}."
 
 
 def nearest_taxels_mm(plan: "Plan") -> tuple[float, float]:

@@ -1075,11 +1075,11 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
         overrides = {**_of_grade(overrides.get("grade", entries.get(name, {}).get("grade"))), **overrides}
     if name in entries:
         return build(kind, overrides, table, entries[name])
-    if table == "printer" and "nozzle_mm" in overrides:
-        overrides = {**_of_nozzle(overrides), **overrides}
     optional = {f.name for f in fields(kind) if f.default is not MISSING}
     required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - optional
     missing = [f.name for f in fields(kind) if f.name in required - set(overrides) - {"name"}]
+    if missing and table == "printer" and "nozzle_mm" in overrides:
+        return build(kind, {"name": name, **overrides}, table, _of_nozzle(overrides))
     if not missing or name == OWN:
         return build(kind, {"name": name, **overrides}, table)
     if len(overrides) > 1:

@@ -6,7 +6,7 @@ from padgen.planner.layout import coil_axis_mm
 from padgen.planner.movers import assembly_of
 from padgen.report.drawings import border, pad_shapes
 from padgen.report.figures import Discs, Figure, Panel, Scale, Shape
-from padgen.report.plans import feeding_lines
+from padgen.report.plans import feeding_line
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -65,7 +65,7 @@ def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
             for k, channel_set in enumerate(plan.sets)
         )
         notes.append(f"Coils of two kinds alternate: {'; '.join(played)}.")
-    notes.append(feeding_lines(plan)[0])
+    notes.append(feeding_line(plan))
     return (
         Figure(
             title="which amplifier output feeds which coil",
