@@ -292,10 +292,20 @@ def test_a_steep_overhang():
 def test_walls_and_gaps_are_measured(width):
     wall = box((10, width, 3)) + box((3, 10, 3)) + box((3, 10, 3), (7, 0, 0))
     gap = box((10, 10, 3)) - box((8, width, 5), (1, 4, -1))
-    (cut,) = sections(wall, from_manifold(wall))
-    assert smallest(cut, False, 1.8) == pytest.approx(width, abs=5e-3)
-    (cut,) = sections(gap, from_manifold(gap))
-    assert smallest(cut, True, 1.8) == pytest.approx(width, abs=5e-3)
+    cuts = sections(wall, from_manifold(wall))
+    assert len(cuts) == 1 and smallest(cuts, False, 1.8) == pytest.approx(width, abs=5e-3)
+    cuts = sections(gap, from_manifold(gap))
+    assert len(cuts) == 1 and smallest(cuts, True, 1.8) == pytest.approx(width, abs=5e-3)
+
+
+@pytest.mark.parametrize("widths", [(0.2, 0.5, 0.9), (0.9, 0.5, 0.2), (0.5, 0.2, 0.2), (0.5, 3, 0.9), (3, 3, 3)])
+def test_the_narrowest_of_several_heights_is_that_of_the_narrowest_alone(widths):
+    ends = box((3, 10, 9)) + box((3, 10, 9), (7, 0, 0))
+    wall = sum((box((10, width, 3), (0, 0, 3 * k)) for k, width in enumerate(widths)), ends)
+    cuts = sections(wall, from_manifold(wall))
+    assert len(cuts) >= 3
+    assert smallest(cuts, False, 1.8) == min(smallest([cut], False, 1.8) for cut in cuts)
+    assert smallest(cuts, False, 1.8) == pytest.approx(min(*widths, 1.8), abs=5e-3)
 
 
 def test_many_findings_are_summed_up(small_pad, small_plan):

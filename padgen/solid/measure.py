@@ -35,6 +35,8 @@ STATIONS = (0.4, 0.65, 0.9)
 """Shares of a straight beam's length, from the root, at which width and thickness are measured, beyond the flare."""
 HEIGHTS = (0.02, 0.5, 0.98)
 """Shares of a recess's depth at which the room for a washer is measured, since its mouth may be narrower."""
+WIDTH_STEPS = 512
+"""Steps in which the width of the narrowest wall or gap is found."""
 LARGEST_RECESS = 1.5
 """Largest diameter of a hole that counts as a recess, in planned recess diameters."""
 NEAR_MM = 0.05
@@ -303,9 +305,27 @@ def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> l
     return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
-def smallest(section: tuple[float, Any], gaps: bool, bound_mm: float) -> float:
-    """Return the width in mm of the narrowest wall, or gap, or `bound_mm` where none is narrower than that."""
-    return _bisect(lambda width: bool(narrow(section, width, gaps)), bound_mm)
+def smallest(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> float:
+    """Return the width in mm of the narrowest wall, or gap, in any of the cuts, or `bound_mm` where none is narrower.
+
+    It is right within half of a step of `bound_mm` / `WIDTH_STEPS`. A cut that has nothing narrower than those before
+    it is looked at once.
+    """
+    step_mm = bound_mm / WIDTH_STEPS
+    least = WIDTH_STEPS + 1
+    for cut in cuts:
+        low = 0
+        high = least - 1
+        if not high or not narrow(cut, high * step_mm, gaps):
+            continue
+        while high - low > 1:
+            middle = (low + high) // 2
+            if narrow(cut, middle * step_mm, gaps):
+                high = middle
+            else:
+                low = middle
+        least = high
+    return bound_mm if least > WIDTH_STEPS else (least - 0.5) * step_mm
 
 
 def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, Narrow | None]:
