@@ -7,9 +7,11 @@ import manifold3d
 import numpy as np
 import pytest
 
+from padgen.core import cache
 from padgen.core.errors import GeometryError
 from padgen.planner import make_plan
 from padgen.planner.layout import to_cell
+from padgen.solid import checks
 from padgen.solid.checks import check_against, check_mesh, check_pad
 from padgen.solid.measure import sections, smallest, unsupported_spans
 from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology
@@ -296,6 +298,20 @@ def test_walls_and_gaps_are_measured(width):
     assert len(cuts) == 1 and smallest(cuts, False, 1.8) == pytest.approx(width, abs=5e-3)
     cuts = sections(gap, from_manifold(gap))
     assert len(cuts) == 1 and smallest(cuts, True, 1.8) == pytest.approx(width, abs=5e-3)
+
+
+def test_narrow_places_are_measured_once(small_plan, monkeypatch, tmp_path):
+    thin = with_beam(small_plan, 0, width_mm=0.2)
+    pad = build_pad(thin)
+    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    report = check_pad(pad, thin)
+    assert "print.wall" in codes(report)
+    calls = []
+    monkeypatch.setattr(checks, "smallest", lambda *arguments: calls.append(arguments) or 0.1)
+    assert check_pad(pad, thin) == report and not calls
+    (entry,) = tmp_path.glob("narrow-places/*/*.entry")
+    cache.store("narrow-places", entry.stem, {"another": "form"})
+    assert check_pad(pad, thin).figures["smallest_wall_mm"] == 0.1
 
 
 @pytest.mark.parametrize("widths", [(0.2, 0.5, 0.9), (0.9, 0.5, 0.2), (0.5, 0.2, 0.2), (0.5, 3, 0.9), (3, 3, 3)])

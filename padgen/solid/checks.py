@@ -5,14 +5,15 @@ ones, too.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import asdict, astuple, dataclass, replace
 from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from padgen.core import cache
 from padgen.core.errors import Finding, GeometryError, at_least, number
+from padgen.core.files import file_hash
 from padgen.core.rules import Rule, RuleBook, broken_rules
 from padgen.planner.plan import Plan
 from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, differences, loose_triangles
@@ -54,6 +55,9 @@ FACET_MM = 0.012
 UNCOMPARED = Finding(
     "error", "mesh.intersects", "mesh", "too many of its triangles lie over each other for all of them to be compared"
 )
+KIND = "narrow-places"
+CODE = ("solid/checks.py", "solid/measure.py", "solid/mesh.py", "core/errors.py")
+"""The cache's name for measured walls, gaps and spans, and the code that they depend on."""
 MOST_BODIES = 100
 """Most bodies of a mesh whose walls are measured; a mesh with more is no pad."""
 Wrong = tuple[str, Narrow, str]
@@ -196,9 +200,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     solid, refused = _manifold(mesh)
     if solid is None:
         return figures, [*findings, *refused]
-    print_figures, printable_findings = _kept_printable(
-        mesh.vertices_mm.tobytes(), mesh.triangles.tobytes(), plan.spec.printer, sample.places
-    )
+    print_figures, printable_findings = _kept_printable(mesh, plan.spec.printer, sample.places)
     taxels = sample.plan.taxels
     dimensions = list(measured(sample.plan, solid))
     off_mm = [abs(d.built_mm - d.planned_mm) for d in dimensions]
@@ -372,14 +374,30 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
         return None, [Finding("error", "mesh.manifold", "mesh", error.message)]
 
 
-@lru_cache(maxsize=64)
-def _kept_printable(
-    vertices_mm: bytes, triangles: bytes, printer: Printer, places: Places
-) -> tuple[dict[str, Any], list[Finding]]:
-    """Return the result of `_printable`, remembered because variants of a layout have the same sample."""
-    corners = np.frombuffer(vertices_mm).copy()
-    sides = np.frombuffer(triangles, np.int64)
-    return _printable(Mesh(corners.reshape(-1, 3), sides.reshape(-1, 3)), printer, places)
+def _kept_printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
+    """Return the result of `_printable` from the cache, or measure it and keep it: variants have the same sample."""
+    inputs = {
+        "mesh": [file_hash(part.tobytes()) for part in mesh],
+        "printer": asdict(printer),
+        "places": places,
+        "code": cache.code_hash(*CODE),
+        "versions": [cache.version(name) for name in ("manifold3d", "numpy")],
+    }
+    key = cache.key_of(inputs)
+
+    def known() -> tuple[dict[str, Any], list[Finding]] | None:
+        try:
+            figures, findings = cache.load(KIND, key)
+            return dict(figures), [Finding(*each) for each in findings]
+        except (TypeError, ValueError):  # absent, or of another form
+            return None
+
+    def measured_anew() -> tuple[dict[str, Any], list[Finding]]:
+        figures, findings = _printable(mesh, printer, places)
+        cache.store(KIND, key, (figures, [astuple(each) for each in findings]))
+        return figures, findings
+
+    return cache.once(KIND, key, known, measured_anew)
 
 
 def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
