@@ -9,8 +9,6 @@ from dataclasses import astuple
 
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
-from padgen.measured.tune import tuned_drive_csv
-from padgen.measured.tuning import warm_plan
 from padgen.planner.drive_rows import BIAS, COLUMNS, DriveRow, bias_row, coil_rows, table_csv
 from padgen.planner.plan import Plan, carrier_hz
 from padgen.planner.touched_prints import played_plan
@@ -26,12 +24,16 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the table, and those of the warm pad and of the print as measured where these are driven."""
     out.write(FILE, drive_csv(job.plan))
     tuning = job.request.tuning
-    if job.request.warm:
+    warm = job.request.warm
+    # Loaded here: a build writes the plan's table alone, and re-tuning takes longer to load than that to write.
+    if warm:
+        from padgen.measured.tuning import warm_plan
+
         out.write("drive-warm.csv", drive_csv(warm_plan(job.plan)))
-        if tuning is not None and any(taxel.measured for taxel in tuning.taxels):
-            out.write("drive-tuned-warm.csv", tuned_drive_csv(job.plan, tuning))
-    elif tuning is not None:
-        out.write("drive-tuned.csv", tuned_drive_csv(job.plan, tuning))
+    if tuning is not None and (not warm or any(taxel.measured for taxel in tuning.taxels)):
+        from padgen.measured.tune import tuned_drive_csv
+
+        out.write("drive-tuned-warm.csv" if warm else "drive-tuned.csv", tuned_drive_csv(job.plan, tuning))
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:

@@ -14,7 +14,6 @@ from padgen.core.units import MN
 from padgen.driver.formats import DriveJob
 from padgen.driver.formats.csv import drive_rows, planned_carrier_hz
 from padgen.driver.frames import LARGEST_TABLE, taxel_grid
-from padgen.measured.tuning import warm_plan
 from padgen.physics.schemes import bias_a, current_lines_a, formula, mean_pull_line, mean_square_a2
 from padgen.physics.selectivity import SQUARE, Scheme
 from padgen.planner.drive_scheme import slot_ms
@@ -34,6 +33,8 @@ def write(out: OutputFolder, job: DriveJob) -> None:
     """Add the table, and that of the warm pad where it is driven."""
     out.write(FILE, drive_json(job.plan))
     if job.request.warm:
+        from padgen.measured.tuning import warm_plan
+
         out.write("drive-warm.json", drive_json(warm_plan(job.plan)))
 
 

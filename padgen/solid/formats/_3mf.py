@@ -5,7 +5,9 @@ package is unpacked within bounds, and its parts are placed one by one until the
 """
 
 import io
+import struct
 import zipfile
+import zlib
 from array import array
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -319,8 +321,6 @@ def picture_png(mesh: Mesh, size_px: tuple[int, int]) -> bytes:
 
     A depth buffer in numpy, so that it needs no window and no graphics driver.
     """
-    from PIL import Image
-
     width, height = (OVERSAMPLE * n for n in size_px)
     right = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH), 0])
     toward = np.array([np.sin(AZIMUTH) * np.cos(ELEVATION), -np.cos(AZIMUTH) * np.cos(ELEVATION), np.sin(ELEVATION)])
@@ -349,9 +349,23 @@ def picture_png(mesh: Mesh, size_px: tuple[int, int]) -> bytes:
     steps = range(OVERSAMPLE)
     # A mean over two axes would take ten times as long.
     image = np.add.reduce([image[i::OVERSAMPLE, j::OVERSAMPLE] for i in steps for j in steps]) / OVERSAMPLE**2
-    result = io.BytesIO()
-    Image.fromarray((image * 255 + 0.5).astype(np.uint8)).save(result, "PNG", optimize=False)
-    return result.getvalue()
+    return _png((image * 255 + 0.5).astype(np.uint8))
+
+
+def _png(pixels: np.ndarray) -> bytes:
+    """Return a picture (height, width, 3) of bytes as PNG, which Pillow takes a tenth of a build to load for."""
+    height, width, _ = pixels.shape
+    # Each line is the difference from the one above, whose filter is number 2.
+    lines = np.insert(np.diff(pixels, axis=0, prepend=np.zeros_like(pixels[:1])).reshape(height, -1), 0, 2, axis=1)
+    parts = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
+        (b"IDAT", zlib.compress(lines.tobytes())),
+        (b"IEND", b""),
+    )
+    png = b"\x89PNG\r\n\x1a\n"
+    for name, data in parts:
+        png += struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+    return png
 
 
 def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
