@@ -105,42 +105,42 @@ def test_an_excitation_shakes_every_coil(work, capsys):
 
 
 def test_the_loop_from_a_simulated_print_to_a_tuned_file(work, capsys):
-    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o", "--json"]) in (0, 1)
+    assert cli.run(["retune", "tiny.toml", "--simulate", "4", "-o", "o", "--json"]) in (0, 1)
     told = json.loads(capsys.readouterr().out)
     printed = json.loads((work / "o/printed.json").read_text())["taxels"]
     tuned = json.loads((work / "o/tuning.json").read_text())["taxels"]
     off = [abs(a["resonance_hz"] / b["resonance_hz"] - 1) for a, b in zip(tuned, printed, strict=True)]
     assert np.median(off) < 3e-3
     assert told["after_db"] > told["before_db"]
-    code = cli.run(["drive", "paper-32", "--tuning", "o/tuning.json", "--state", "all", "--hear", "-o", "o", "--json"])
+    code = cli.run(["drive", "tiny.toml", "--tuning", "o/tuning.json", "--state", "all", "--hear", "-o", "o", "--json"])
     assert code in (0, 1)
     heard = json.loads(capsys.readouterr().out)["heard"]["summary"]["selectivity_db"]
     # The ear hears the print as it was fitted: what was predicted for it.
     assert heard == pytest.approx(told["after_db"], abs=0.3)
-    assert cli.run(["drive", "paper-32", "--state", "10", "-o", "o"]) == 0
+    assert cli.run(["drive", "tiny.toml", "--state", "1000", "-o", "o"]) == 0
     assert "o/tuning.json has a print's" in capsys.readouterr().out.replace("\n  ", " ")
 
 
 def test_what_was_measured_is_never_simulated_over(work, capsys):
     told = "taxel,resonance_hz,q\nr0c0k0,57.5,14\nr0c0k1,74.2,16\n"
-    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) in (0, 1)
-    assert cli.run(["retune", "paper-32", "--simulate", "5", "-o", "o"]) in (0, 1)
+    assert cli.run(["retune", "tiny.toml", "--simulate", "4", "-o", "o"]) in (0, 1)
+    assert cli.run(["retune", "tiny.toml", "--simulate", "5", "-o", "o"]) in (0, 1)
     (work / "o/measured.csv").write_text(told)
     before = {path.name: path.read_bytes() for path in (work / "o").iterdir()}
     capsys.readouterr()
-    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) == 2
+    assert cli.run(["retune", "tiny.toml", "--simulate", "4", "-o", "o"]) == 2
     assert "o/measured.csv: is not of a simulated print" in capsys.readouterr().err
     assert {path.name: path.read_bytes() for path in (work / "o").iterdir()} == before
-    assert cli.run(["retune", "paper-32", "o/measured.csv", "-o", "o"]) in (0, 1)
+    assert cli.run(["retune", "tiny.toml", "o/measured.csv", "-o", "o"]) in (0, 1)
     assert cli.run(["plan", "quad-64", "-o", "o"]) in (0, 1)
     assert (work / "o/measured.csv").read_text() == told
 
 
 def test_every_command_lists_what_it_wrote(work, capsys):
-    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o", "--verbose"]) in (0, 1)
-    assert len(re.findall(r"^ *r\dc\dk\d ", capsys.readouterr().out, re.M)) == 32  # all taxels have a line
-    assert cli.run(["drive", "paper-32", "--formats", "csv,c", "-o", "o"]) == 0
-    assert cli.run(["drive", "paper-32", "--excite", "chirp", "--rate", "8000", "-o", "o"]) == 0
+    assert cli.run(["retune", "tiny.toml", "--simulate", "4", "-o", "o", "--verbose"]) in (0, 1)
+    assert len(re.findall(r"^ *r\dc\dk\d ", capsys.readouterr().out, re.M)) == 4  # all taxels have a line
+    assert cli.run(["drive", "tiny.toml", "--formats", "csv,c", "-o", "o"]) == 0
+    assert cli.run(["drive", "tiny.toml", "--excite", "chirp", "--rate", "8000", "-o", "o"]) == 0
     listed = json.loads((work / "o/manifest.json").read_text())["files"]
     assert set(listed) == set(names(work / "o")) - {"manifest.json"}
     assert cli.run(["plan", "quad-64", "-o", "o"]) in (0, 1)
@@ -150,14 +150,14 @@ def test_every_command_lists_what_it_wrote(work, capsys):
 @pytest.mark.parametrize(
     "command",
     [
-        ["drive", "paper-32", "-o", "d"],
-        ["drive", "paper-32", "-o", "d", "--formats", "c,hjif"],
-        ["drive", "paper-32", "-o", "d", "--formats", "csv,json,wav,syntacts", "--state", "all", "--hear"],
-        ["play", "paper-32", "--port", "none", "--state", "10"],
+        ["drive", "tiny.toml", "-o", "d"],
+        ["drive", "tiny.toml", "-o", "d", "--formats", "c,hjif"],
+        ["drive", "tiny.toml", "-o", "d", "--formats", "csv,json,wav,syntacts", "--state", "all", "--hear"],
+        ["play", "tiny.toml", "--port", "none", "--state", "1000"],
     ],
 )
 def test_a_bad_tuning_ends_every_command_alike(work, capsys, command):
-    assert cli.run(["retune", "paper-32", "--simulate", "4", "-o", "o"]) in (0, 1)
+    assert cli.run(["retune", "tiny.toml", "--simulate", "4", "-o", "o"]) in (0, 1)
     capsys.readouterr()
     text = (work / "o/tuning.json").read_text()
     for bad in (
