@@ -20,7 +20,14 @@ def of_kind(kind, seed=3):
 
 @pytest.mark.parametrize(
     "kind",
-    ["leaning by 0.1", "leaning by 0.3", "leaning by 1", "half the force", "pick-up of 20 %", "pick-up of 100 %"],
+    [
+        pytest.param("leaning by 0.1", marks=pytest.mark.soak),
+        pytest.param("leaning by 0.3", marks=pytest.mark.soak),
+        "leaning by 1",
+        "half the force",
+        pytest.param("pick-up of 20 %", marks=pytest.mark.soak),
+        "pick-up of 100 %",
+    ],
 )
 def test_a_fault_that_is_in_the_fit_leaves_f_and_q_right(kind):
     """A quarter of a bandwidth and 15 % are asked; of 24, at least 20 lie within two sigma (22.9 are expected)."""

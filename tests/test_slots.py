@@ -90,16 +90,20 @@ def test_a_slower_taxel_takes_a_longer_brake():
 
 
 SHOWN = [
-    ("paper-32", {"text": "HI"}),
-    ("pad-32", {"text": "HI"}),
-    ("triple-48", {"text": "HI"}),
-    ("quad-64", {"text": "OK"}),
-    ("wide-11", {"pattern": "rows"}),
+    ("paper-32", {"text": "HI"}, False),
+    ("pad-32", {"text": "HI"}, True),
+    ("triple-48", {"text": "HI"}, False),
+    ("quad-64", {"text": "OK"}, True),
+    ("wide-11", {"pattern": "rows"}, False),
+    pytest.param("paper-32", {"text": "HI"}, True, marks=pytest.mark.soak),
+    pytest.param("pad-32", {"text": "HI"}, False, marks=pytest.mark.soak),
+    pytest.param("triple-48", {"text": "HI"}, True, marks=pytest.mark.soak),
+    pytest.param("quad-64", {"text": "OK"}, False, marks=pytest.mark.soak),
+    pytest.param("wide-11", {"pattern": "rows"}, True, marks=pytest.mark.soak),
 ]
 
 
-@pytest.mark.parametrize("brake", [False, True], ids=["as it is", "braked"])
-@pytest.mark.parametrize(("name", "shown"), SHOWN, ids=[name for name, _ in SHOWN])
+@pytest.mark.parametrize(("name", "shown", "brake"), SHOWN)
 def test_bytes_keep_over_their_slots_what_is_stated(name, shown, brake, tmp_path):
     plan = pg.plan(name)
     driven = pg.drive(plan, **shown, brake=brake).save(tmp_path, formats=("wav",), hear=True)

@@ -224,6 +224,7 @@ def test_what_sufficed_for_the_last_width_is_tried_first(monkeypatch):
     assert settings[1:] == [[2, 2]] * (len(settings) - 1) != []
 
 
+@pytest.mark.soak
 def test_a_folded_resin_taxel_is_known_to_its_stated_error(monkeypatch, tmp_path):
     """Order 2 is 6 % off on the usual mesh for this taxel, so that nothing can be extrapolated from it.
 
