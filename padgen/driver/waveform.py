@@ -36,7 +36,7 @@ a table (row, 2n) that never changes and weights (2n, coils) that turn by one an
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache
 from itertools import pairwise, product
 from math import ceil, floor
 from typing import NamedTuple
@@ -231,8 +231,7 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
             phase = np.zeros(len(k)) if alone else 2 * low_crest_phases(k // 2, np.sqrt(line))
         if not scheme.is_root or not len(k):
             return phase, RootMargin(np.zeros(len(k)), -np.inf, 0.0, 1.0)
-        margin = partial(
-            root_margin,
+        return phase, root_margin(
             k,
             line,
             phase,
@@ -240,21 +239,12 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
             rate_hz=rate_hz,
             resistance_ohm=spec.coil.resistance_ohm,
             inductance_h=spec.coil.inductance_mh * MH,
+            voltage_limit_v=spec.drive.voltage_limit_v,
             # How far the root's lines may reach: about a carrier they go to both sides.
             bandwidth_hz=band_hz if carrier_hz is None else max(min(band_hz - carrier_hz, carrier_hz), 1.0),
+            # More of it would heat the coil and pull the washers by more than the plan was judged by.
+            most_constant=1 + spec.drive.headroom,
         )
-        # The margin is for the amplifier's band, and for its voltage as far as the planned constant goes: more of it
-        # would heat the coil and pull the washers by more than the plan was judged by.
-        most = 1 + spec.drive.headroom
-        wanted = margin(voltage_limit_v=spec.drive.voltage_limit_v)
-        if wanted.constant <= most:
-            return phase, wanted
-        least = margin(voltage_limit_v=np.inf)
-        if least.constant >= most:
-            return phase, least
-        part = (most - least.constant) / (wanted.constant - least.constant)
-        share = least.share + part * (wanted.share - least.share)
-        return phase, RootMargin(share, least.alias_db, least.peak_v, most)
 
     coils = []
     alias_db = []

@@ -14,7 +14,7 @@ those with each alone are computed; states between have the same bound.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -422,12 +422,14 @@ def root_margin(
     inductance_h: float,
     voltage_limit_v: float,
     bandwidth_hz: float | None = None,
+    most_constant: float = np.inf,
 ) -> RootMargin:
     """Return the smallest margin that keeps `ALIAS_DB`, and the voltage limit if any margin keeps it.
 
     Lines (n,) are at harmonics of 1/period. The amplifier passes frequencies below half of `rate_hz`, or below
     `bandwidth_hz`. Where no margin up to `MOST_SHARE` keeps `ALIAS_DB` the result is `MOST_SHARE`; where none keeps the
-    limit, the one with the lowest peak. Periods of more than `MOST_SAMPLES` are judged by a piece at their deepest dip.
+    limit, the one with the lowest peak. For the limit it grows only until `RootMargin.constant` is `most_constant`.
+    Periods of more than `MOST_SAMPLES` are judged by a piece at their deepest dip.
     """
     k = np.asarray(harmonic, int)
     line = np.asarray(line_a2, float)
@@ -453,16 +455,29 @@ def root_margin(
         resistance_ohm,
         inductance_h,
     )
-    margin = _smallest(lambda h: _together_db(coil, h), _smallest(lambda h: _alone_db(coil, h), SMALLEST))
+    least = _smallest(lambda h: _together_db(coil, h), _smallest(lambda h: _alone_db(coil, h), SMALLEST))
     peaks = dict[float, float]()
-    for tried in np.geomspace(margin, MOST_SHARE, PEAKS).tolist():
+    for tried in np.geomspace(least, MOST_SHARE, PEAKS).tolist():
         peaks[tried] = _peak_v(coil, tried)
         if peaks[tried] <= voltage_limit_v:
             break
-    margin = min(peaks, key=lambda tried: peaks[tried])  # also the one within the limit, all before it being above
+    lowest = min(peaks, key=lambda tried: peaks[tried])  # also the one within the limit, all before it being above
+    wanted = _with_margin(coil, lowest, peaks[lowest])
+    if wanted.constant <= most_constant:
+        return wanted
+    first = next(iter(peaks))
+    enough = _with_margin(coil, first, peaks[first])
+    if enough.constant >= most_constant:
+        return enough
+    part = (most_constant - enough.constant) / (wanted.constant - enough.constant)
+    share = enough.share + part * (wanted.share - enough.share)
+    return RootMargin(share, enough.alias_db, enough.peak_v, most_constant)
+
+
+def _with_margin(coil: _Coil, margin: float, peak_v: float) -> RootMargin:
     share = _margin_share(coil, margin)
     alias = max(_alone_db(coil, margin), _together_db(coil, margin))
-    return RootMargin(share, alias, peaks[margin], float((coil.least + share @ line) / line.sum()))
+    return RootMargin(share, alias, peak_v, float((coil.least + share @ coil.line) / coil.line.sum()))
 
 
 def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
@@ -481,7 +496,12 @@ def _deepest_piece(
         angle = omega * time + start
         force += a * np.cos(angle)
         slope -= omega * a * np.sin(angle)
-    return force, slope, np.kaiser(PIECE, WINDOW)
+    return force, slope, _window()
+
+
+@cache
+def _window() -> np.ndarray:
+    return np.kaiser(PIECE, WINDOW)
 
 
 def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
