@@ -41,6 +41,7 @@ coil = { grid = [1, 2] }
 taxel = { washer_clearance_mm = 0.2, glue_gap_mm = 0.1 }
 suspension = { topology = "cantilever", thickness_mm = 0.3 }
 """
+ONE_COIL = FOUR.replace("[1, 2]", "[1, 1]").replace("resolution = 4", "resolution = 2")
 FILAMENT_MM2 = math.pi / 4 * 1.75**2
 LINE_MM = 0.45
 THIN_MM = 0.15
@@ -273,7 +274,7 @@ def test_dialects_say_the_same(plan, usual, tmp_path, how):
 def test_a_lost_layer_lowers_the_resonance_as_thickness_does(plan, tmp_path):
     hand = Hand(plan, width=lambda taxel, layer: 0.0 if taxel.channel == 0 and layer else None)
     report = check_gcode(plan, hand.file(tmp_path))
-    assert told(report) == {"laid.layers", "laid.resonance"}
+    assert told(report) == {"laid.layers", "laid.resonance", "laid.selectivity"}
     finding = one(report, "laid.layers")
     assert finding.where == "2 of 4 beams" and "0.2 mm thick in 1 layer, planned are 0.3 mm in 2" in finding.message
     assert report.figures["taxels"][0]["resonance_hz"] == pytest.approx(
@@ -408,10 +409,107 @@ def test_thick_filament_is_told_by_the_plastic(plan, tmp_path):
     assert report.findings == () and report.figures["filament_mm"] == 2.85
 
 
+def moved(path, change):
+    """Move every point (x, y) of a file of G-code in mm."""
+
+    def replaced(match):
+        x, y = change(float(match[1]), float(match[2]))
+        return f"X{x:.6f} Y{y:.6f}"
+
+    path.write_text(re.sub(r"X([-\d.]+) Y([-\d.]+)", replaced, path.read_text()))
+    return path
+
+
+def test_supports_in_a_recess_are_told(plan, tmp_path):
+    """A taxel's recess holds a support, at a height of its own; a skirt around the pad is none."""
+    at = next(t for t in plan.taxels if t.id == "r0c1k0")
+    x, y = at.x_mm + 100, at.y_mm + 90
+    support = f"G92 E0\n;TYPE:Support material\nG0 X{x - 1:.3f} Y{y:.3f} Z0.25\nG1 X{x + 1:.3f} Y{y:.3f} E0.05"
+    skirt = "G92 E0\n;TYPE:Skirt/Brim\nG0 X70 Y70\nG1 X130 Y70 E1"
+    report = check_gcode(plan, Hand(plan).file(tmp_path, footer=f"{skirt}\n{support}\n; support_material = 1"))
+    (finding,) = report.findings
+    assert (finding.code, finding.level, finding.where) == ("laid.support", "error", "1 of 4 taxels")
+    assert finding.message.endswith("(r0c1k0): supports is 1, must be none")
+    assert check_gcode(plan, Hand(plan).file(tmp_path, footer=skirt)).findings == ()
+
+
+@pytest.mark.parametrize("scale", [0.985, 0.99, 1.0, 1.01, 1.015])
+def test_a_pad_of_another_size_is_told_with_its_size(plan, tmp_path, scale):
+    """Within 0.2 %: beads lie half their width inside the plan's plastic, and the middle of all sizes is taken."""
+    path = moved(Hand(plan).file(tmp_path), lambda x, y: (100 + scale * (x - 100), 90 + scale * (y - 90)))
+    report = check_gcode(plan, path)
+    assert report.figures["scale"] == pytest.approx(scale, abs=2e-3)
+    assert ("laid.scale" in told(report, "error")) == (scale != 1)
+
+
+def test_a_mirrored_pad_is_told(plan, tmp_path):
+    path = moved(Hand(plan).file(tmp_path), lambda x, y: (200 - x, y))
+    with pytest.raises(FileError, match="holds the pad four mirrored; switch mirroring off"):
+        check_gcode(plan, path)
+
+
+def test_every_pad_on_the_plate_is_judged(plan, tmp_path):
+    """Three of them, the second without a beam; one after the other only the first is, which is said."""
+    whole = Hand(plan).lay()
+    spoiled = Hand(plan, width=lambda taxel, layer: 0.0 if taxel.id == "r0c1k0" else None).lay()
+    beads = [*whole.beads]
+    for pad, aside_mm in ((spoiled, 50.0), (whole, 100.0)):
+        beads += [(x0 + aside_mm, y0, x1 + aside_mm, y1, *rest) for x0, y0, x1, y1, *rest in pad.beads]
+    path = tmp_path / "three.gcode"
+    whole.beads = sorted(beads, key=lambda bead: bead[-1])
+    path.write_text(whole.text())
+    report = check_gcode(plan, path)
+    pads = sorted((*pad["centre_mm"], pad["errors"] > 0) for pad in report.figures["pads"])
+    assert [bad for *_, bad in pads] == [False, True, False]
+    assert np.array([pad[:2] for pad in pads]) == pytest.approx(np.array([[100, 90], [150, 90], [200, 90]]), abs=0.01)
+    beam = one(report, "laid.beam")
+    assert beam.where.endswith("1 of 4 beams") and "r0c1k0" in beam.message
+    first = Hand(plan).lay().text()
+    path.write_text(first + Hand(plan, (150.0, 90.0)).lay().text())
+    one_by_one = check_gcode(plan, path)
+    assert [(f.code, f.level) for f in one_by_one.findings] == [("laid.after", "note")]
+    assert len(one_by_one.figures["pads"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("setting", "cause"),
+    [
+        ("extrusion_multiplier = 0.9", "extrusion multiplier is 0.9, must be 1"),
+        ("filament_flow_ratio = 0.9", "extrusion multiplier is 0.9, must be 1"),
+        ("ironing = 1\n; ironing_type = top", "ironing is 1, must be 0"),
+        ("spiral_mode = 1", "spiral vase is 1, must be 0"),
+        ("fuzzy_skin = all", "fuzzy skin is all, must be none"),
+    ],
+)
+def test_a_setting_that_may_spoil_all_is_named_with_what_is_spoiled(plan, tmp_path, setting, cause):
+    report = check_gcode(plan, Hand(plan, flow=0.9).file(tmp_path, footer=f"; {setting}"))
+    assert one(report, "laid.mass").level == "error" and one(report, "laid.mass").message.endswith(cause)
+    as_planned = check_gcode(plan, Hand(plan).file(tmp_path, footer=f"; {setting}\n; ironing_type = top"))
+    assert as_planned.findings == ()
+
+
+def test_what_detuned_taxels_cost_is_told_in_db(tmp_path, monkeypatch, capsys):
+    """As re-tuning says of a print of one coil that was measured to have these resonances, and the planned Q."""
+    monkeypatch.chdir(tmp_path)
+    plan = make_plan(parse_spec(ONE_COIL))
+    wide = plan.channels[1].beam.width_mm
+    hand = Hand(plan, width=lambda taxel, layer: 0.9 * wide if taxel.channel and layer < 2 else None)
+    report = check_gcode(plan, hand.file(tmp_path))
+    figures = report.figures
+    lost = one(report, "laid.selectivity")
+    assert f"it keeps {figures['planned_db']:.1f} dB" in lost.message
+    assert figures["planned_db"] < figures["drawn_db"] - 1
+    rows = [f"{t['id']},{t['resonance_hz']},{plan.channels[t['channel']].q}" for t in figures["taxels"]]
+    Path("measured.csv").write_text("\n".join(["taxel,resonance_hz,q", *rows, ""]))
+    Path("two.toml").write_text(ONE_COIL)
+    assert cli.run(["retune", "two.toml", "measured.csv", "--json"]) in (0, 1)
+    measured = json.loads(capsys.readouterr().out)
+    assert figures["planned_db"] == pytest.approx(measured["before_db"], abs=0.3)
+    assert figures["retuned_db"] == pytest.approx(measured["after_db"], abs=0.3)
+
+
 def gcode_of_another(plan, folder):
-    return Hand(
-        make_plan(parse_spec(FOUR.replace("[1, 2]", "[1, 1]").replace("resolution = 4", "resolution = 2")))
-    ).file(folder)
+    return Hand(make_plan(parse_spec(ONE_COIL))).file(folder)
 
 
 def cut_short(plan, folder):

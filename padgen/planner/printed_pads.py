@@ -79,6 +79,7 @@ __all__ = [
     "covariance",
     "design_of",
     "drawn_prints",
+    "known_print_db",
     "leaked_energy",
     "log_resonances",
     "missed_spreads",
@@ -536,31 +537,56 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
 def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tuple[str, ...] = STAGES) -> Simulated:
     """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory."""
     taxels = len(design.channel)
-    count = len(design.q)
-    many = len(stages)
-    known = [STAGES.index(stage) for stage in stages]
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
-    step = max(BLOCK // taxels, 1)
-    prints = Simulated(
+    prints = _unjudged(design, pads, stages)
+    for number in range(-(-pads // unit)):
+        drawn = drawn_prints(design, spreads, seed, number, min(unit, pads - number * unit))
+        _judge_drawn(design, drawn, number * unit, stages, prints)
+    return prints
+
+
+def known_print_db(plan: Plan, resonances_hz: np.ndarray) -> tuple[float, float] | None:
+    """Return what a print with these resonances (taxels,) keeps, in dB: with the planned tones, and re-tuned.
+
+    None where nothing moves an OFF taxel.
+    """
+    design = design_of(plan, None)
+    log_x = np.log(resonances_hz / design.resonance_hz[design.channel])
+    at_every_stage = np.repeat(log_x[None, :, None], 3, axis=0)
+    prints = _unjudged(design, 1, JUDGED)
+    _judge_drawn(design, Drawn(at_every_stage, np.zeros_like(at_every_stage)), 0, JUDGED, prints)
+    if not np.isfinite(prints.ratio).all():
+        return None
+    planned, retuned = (10 * np.log10(np.maximum(prints.ratio[:, 0], np.finfo(float).tiny))).tolist()
+    return planned, retuned
+
+
+def _unjudged(design: Design, pads: int, stages: tuple[str, ...]) -> Simulated:
+    taxels = len(design.channel)
+    many = len(stages)
+    return Simulated(
         np.full((many, pads), np.inf),
         np.zeros((many, pads), int),
         np.ones((many, pads), bool),
-        np.zeros(count),
+        np.zeros(len(design.q)),
         np.zeros(2),
         np.zeros((many, taxels), int),
         np.zeros((many, taxels), int),
     )
-    for number in range(-(-pads // unit)):
-        drawn = drawn_prints(design, spreads, seed, number, min(unit, pads - number * unit))
-        prints.square[:] += np.bincount(design.channel, (drawn.log_x[2] ** 2).sum(1), count)
-        for first in range(0, drawn.log_x.shape[2], step):
-            x, pull = (np.exp(np.clip(part[:, :, first : first + step], -FARTHEST, FARTHEST)) for part in drawn)
-            one = np.ones_like(x[:1])
-            tones, pulls = (np.concatenate([one, part])[known] for part in (x, pull))
-            block = slice(number * unit + first, number * unit + first + x.shape[2])
-            for coils, modes in zip(design.coils, design.modes, strict=True):
-                _judge(design, coils, modes, Ratios(x[2], pull[2]), Ratios(tones, pulls), stages, prints, block)
-    return prints
+
+
+def _judge_drawn(design: Design, drawn: Drawn, before: int, stages: tuple[str, ...], prints: Simulated) -> None:
+    """Judge drawn prints at the given stages, and enter the results into `prints` after those of `before` pads."""
+    known = [STAGES.index(stage) for stage in stages]
+    step = max(BLOCK // len(design.channel), 1)
+    prints.square[:] += np.bincount(design.channel, (drawn.log_x[2] ** 2).sum(1), len(design.q))
+    for first in range(0, drawn.log_x.shape[2], step):
+        x, pull = (np.exp(np.clip(part[:, :, first : first + step], -FARTHEST, FARTHEST)) for part in drawn)
+        one = np.ones_like(x[:1])
+        tones, pulls = (np.concatenate([one, part])[known] for part in (x, pull))
+        block = slice(before + first, before + first + x.shape[2])
+        for coils, modes in zip(design.coils, design.modes, strict=True):
+            _judge(design, coils, modes, Ratios(x[2], pull[2]), Ratios(tones, pulls), stages, prints, block)
 
 
 def _judge(

@@ -15,6 +15,7 @@ __all__ = [
     "print_settings",
     "profile_text",
     "prusa_profile",
+    "shaping_profile",
 ]
 
 PROFILE_FILE = "pad.ini"
@@ -128,27 +129,31 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
     printer = spec.printer
     if printer.process != "fdm":
         return {}
+    hot, bed = (str(celsius) for celsius in TYPICAL_C.get(spec.material.name, TYPICAL_C["pla"]))
+    x = number(printer.bed_x_mm)
+    y = number(printer.bed_y_mm)
+    return shaping_profile(spec) | {
+        "skirts": "0", "filament_diameter": "1.75",
+        "temperature": hot, "first_layer_temperature": hot, "bed_temperature": bed, "first_layer_bed_temperature": bed,
+        "perimeter_speed": "30", "external_perimeter_speed": "20", "small_perimeter_speed": "15", "infill_speed": "40",
+        "solid_infill_speed": "30", "top_solid_infill_speed": "20", "gap_fill_speed": "15", "bridge_speed": "20",
+        "first_layer_speed": "15", "travel_speed": "120", "retract_length": "0.8", "slowdown_below_layer_time": "10",
+        "gcode_flavor": "marlin", "bed_shape": f"0x0,{x}x0,{x}x{y},0x{y}", "max_print_height": number(printer.bed_z_mm),
+    }  # fmt: skip
+
+
+def shaping_profile(spec: Spec) -> dict[str, str]:
+    """Return the settings for PrusaSlicer that change what is laid, by its own names."""
     profile = {key: value for setting in _settings(spec) for key, value in setting.prusa.items()}
     # With more than two perimeters the inner ones would hang free over the recesses. All further settings are
     # PrusaSlicer's defaults, written because a user's profile may have other values.
-    profile |= {
+    return profile | {
         "perimeters": "2", "extra_perimeters": "1", "infill_every_layers": "1", "fill_angle": "45",
         "external_perimeters_first": "0", "overhangs": "1", "bridge_flow_ratio": "1",
         "extrusion_multiplier": "1", "gap_fill_enabled": "1", "min_feature_size": "25%", "min_bead_width": "85%",
         "wall_distribution_count": "1", "wall_transition_length": "100%", "wall_transition_angle": "10",
         "wall_transition_filter_deviation": "25%", "slice_closing_radius": "0.049", "slicing_mode": "regular",
         "resolution": "0", "gcode_resolution": "0.005", "fuzzy_skin": "none", "ironing": "0", "spiral_vase": "0",
-        "skirts": "0", "filament_diameter": "1.75",
-    }  # fmt: skip
-    hot, bed = (str(celsius) for celsius in TYPICAL_C.get(spec.material.name, TYPICAL_C["pla"]))
-    x = number(printer.bed_x_mm)
-    y = number(printer.bed_y_mm)
-    return profile | {
-        "temperature": hot, "first_layer_temperature": hot, "bed_temperature": bed, "first_layer_bed_temperature": bed,
-        "perimeter_speed": "30", "external_perimeter_speed": "20", "small_perimeter_speed": "15", "infill_speed": "40",
-        "solid_infill_speed": "30", "top_solid_infill_speed": "20", "gap_fill_speed": "15", "bridge_speed": "20",
-        "first_layer_speed": "15", "travel_speed": "120", "retract_length": "0.8", "slowdown_below_layer_time": "10",
-        "gcode_flavor": "marlin", "bed_shape": f"0x0,{x}x0,{x}x{y},0x{y}", "max_print_height": number(printer.bed_z_mm),
     }  # fmt: skip
 
 

@@ -253,6 +253,16 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
         f"by {plain(figures['slicer'])}: {figures['layers']} layers, {number(figures['height_mm'])} mm high, the pad's"
         f" centre at ({number(x)}, {number(y)}) mm{turned}; compared with {figures['compared_with']}",
     ]
+    if len(figures["pads"]) > 1:
+        bad = sum(pad["errors"] > 0 for pad in figures["pads"])
+        lines.append(
+            f"{len(figures['pads'])} pads are on the plate, {bad or 'none'} with errors; the table is of the first"
+        )
+    if figures["drawn_db"] is not None and figures["planned_db"] is not None:
+        lines.append(
+            f"with the planned tones it keeps {figures['planned_db']:.1f} dB (as drawn {figures['drawn_db']:.1f} dB),"
+            f" re-tuned {figures['retuned_db']:.1f} dB"
+        )
     if figures["settings_to_change"] and faults:
         changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])
         lines.append(f"in the slicer set: {', '.join(changes)}")

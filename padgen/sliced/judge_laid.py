@@ -7,9 +7,9 @@ bed; both are neglected. So is a shift of the edges of frame and plate, which ch
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import pi
+from math import pi, sqrt
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,9 +19,11 @@ from padgen.core.errors import Finding, number, plural
 from padgen.core.units import G_PER_CM3, MG, MM
 from padgen.physics.ladder import slot_half_width
 from padgen.planner.plan import Channel, Plan
+from padgen.planner.printed_pads import known_print_db
+from padgen.planner.printing import shaping_profile
 from padgen.planner.suspensions import Arrangement, BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.sliced.laid_pad import LaidPad, laid_pad, read_settings
+from padgen.sliced.laid_pad import LaidPad, laid_pads, read_settings
 
 __all__ = ["LaidReport", "check_gcode"]
 
@@ -45,9 +47,21 @@ SETTINGS = {
     "thick_bridges": ("thick_bridges",),
     "wall_generator": ("perimeter_generator", "wall_generator"),
     "infill": ("fill_density", "sparse_infill_density"),
+    "supports": ("support_material", "enable_support"),
+    "raft": ("raft_layers",),
     "nozzle": ("nozzle_diameter",),
 }
 """Settings by the plan's names, with their names in comments of G-code."""
+IN_ORCA = {"ironing": "ironing_type", "spiral_vase": "spiral_mode", "extrusion_multiplier": "filament_flow_ratio"}
+"""Names that OrcaSlicer and Bambu Studio have for PrusaSlicer's."""
+SPOIL_ALL = ("extrusion_multiplier", "ironing", "spiral_vase", "fuzzy_skin", "resolution", "gcode_resolution")
+"""Settings by PrusaSlicer's names that may cause any fault."""
+SCALE_SHARE = 0.004
+"""Difference of the pad's size from the plan's that is reported: it is measured to 0.001."""
+SURELY_OTHER_MASS = 0.05
+"""Difference of a plate's plastic above which the pad is another one: f moves by half of it."""
+LOST_DB = 1.0
+"""Loss of selectivity, with the planned tones, that is reported."""
 NAMED = 3
 """Most taxels that a sentence names."""
 
@@ -99,7 +113,7 @@ class _Beams(NamedTuple):
 
 
 def check_gcode(plan: Plan, path: Path) -> LaidReport:
-    """Judge the pad of `plan` as the G-code in a file lays it.
+    """Judge every pad of `plan` as the G-code in a file lays it; the figures are those of the best match.
 
     Raises
     ------
@@ -107,37 +121,98 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
         The file is not G-code as text, or does not hold the whole of this pad.
     """
     settings = read_settings(path)
-    laid = laid_pad(plan, path, _numeric(settings.get("filament_diameter", "")))
-    beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
-    stated = {name: settings[key] for name, keys in SETTINGS.items() for key in keys if key in settings}
-    first, *others = laid.all_steps_mm.round(4).tolist()
+    filament_mm = _numeric(settings.get("filament_diameter", ""))
+    if settings.get("use_volumetric_e") == "1":  # what is fed is mm³, as of a filament of 1 mm²
+        filament_mm = sqrt(4 / pi)
+    pads = laid_pads(plan, path, filament_mm)
+    needs, names = _needed(plan)
+    # The first of its names counts: PrusaSlicer has an ironing_type that says nothing unless there is ironing.
+    stated = {name: settings[key] for name, keys in names.items() for key in reversed(keys) if key in settings}
+    first, *others = pads[0].all_steps_mm.round(4).tolist()
     usual = max(others, key=others.count, default=first)
     # As far as comments do not state them, as laid.
     has = {"layer_height": f"{number(usual)} mm", "first_layer_height": f"{number(first)} mm"} | stated
-    wrong = _wrong(plan.printing, has)
+    wrong = _wrong(needs, has)
+    judged = [_judged(plan, laid, wrong) for laid in pads]
+    figures, findings = judged[0]
+    for other, more in judged[1:]:
+        x, y = other["centre_mm"]
+        beside = f"the pad at ({number(x)}, {number(y)}) mm: "
+        findings = [*findings, *(replace(finding, where=beside + finding.where) for finding in more)]
+    places = [
+        {
+            "centre_mm": each["centre_mm"],
+            "turned_deg": each["turned_deg"],
+            "errors": sum(finding.level == "error" for finding in of_pad),
+        }
+        for each, of_pad in judged
+    ]
+    of_the_file = {
+        "slicer": settings.get("slicer", "unknown"),
+        "layers": len(pads[0].all_steps_mm),
+        "height_mm": round(float(pads[0].all_steps_mm.sum()), 4),
+        "settings": {name: value for name, value in has.items() if name in SETTINGS},
+        "settings_to_change": [*wrong.values()],
+        "pads": places,
+    }
+    return LaidReport(of_the_file | figures, tuple(findings))
+
+
+def _needed(plan: Plan) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
+    """Return the settings that the plan counts on, and the names that slicers' comments have for each."""
+    covered = {key for keys in SETTINGS.values() for key in keys}
+    profile = shaping_profile(plan.spec) if plan.spec.printer.process == "fdm" else {}
+    more = {name: value for name, value in profile.items() if name not in covered}
+    names = {name: (name, *([IN_ORCA[name]] if name in IN_ORCA else ())) for name in more}
+    return {**plan.printing, **more}, {**SETTINGS, **names}
+
+
+def _judged(plan: Plan, laid: LaidPad, wrong: Wrong) -> tuple[dict[str, Any], list[Finding]]:
+    """Return the figures and findings of one pad as laid."""
+    beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
+    keeps = None if np.isnan(laid_hz).any() else known_print_db(plan, laid_hz)
     findings = [
+        *_of_pad(laid, wrong),
         *_of_beams(plan, beams, wrong),
         *_of_taxels(plan, laid, plastic, wrong),
         *_resonance_findings(plan, laid_hz),
     ]
-    if laid.bottom_mm > DEPTH_MM:
-        raft = f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft"
-        findings.insert(0, Finding("error", "laid.raft", "pad", raft))
+    drawn = known_print_db(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
+    if keeps and drawn and drawn[0] - keeps[0] > LOST_DB:
+        sentence = (
+            f"with the planned tones it keeps {keeps[0]:.1f} dB, {drawn[0] - keeps[0]:.1f} dB less than as drawn;"
+            f" re-tuned {keeps[1]:.1f} dB"
+        )
+        level = "warning" if keeps[0] > 0 else "error"
+        findings.append(Finding(level, "laid.selectivity", "pad", sentence))
     figures = {
-        "slicer": settings.get("slicer", "unknown"),
-        "layers": len(laid.all_steps_mm),
-        "height_mm": round(float(laid.all_steps_mm.sum()), 4),
         "centre_mm": [round(laid.placing.x_mm, 3), round(laid.placing.y_mm, 3)],
         "turned_deg": 90 * laid.placing.quarters,
         "match": round(laid.placing.match, 4),
+        "scale": _number(laid.scale),
         "filament_mm": laid.filament_mm,
-        "settings": has,
-        "settings_to_change": [*wrong.values()],
+        "drawn_db": round(drawn[0], 2) if drawn else None,
+        "planned_db": round(keeps[0], 2) if keeps else None,
+        "retuned_db": round(keeps[1], 2) if keeps else None,
         "taxels": _taxel_figures(plan, laid, beams, plastic, laid_hz),
     }
-    return LaidReport(figures, tuple(findings))
+    return figures, findings
+
+
+def _of_pad(laid: LaidPad, wrong: Wrong) -> Iterator[Finding]:
+    """Find a raft, another size of the whole pad, and pads that come after it."""
+    if laid.bottom_mm > DEPTH_MM:
+        raft = f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft"
+        cause = ": {name} is {has}, must be {needs}".format(**wrong["raft"]) if "raft" in wrong else ""
+        yield Finding("error", "laid.raft", "pad", raft + cause)
+    if abs(laid.scale - 1) > SCALE_SHARE:
+        sentence = f"it is laid at {laid.scale:.1%} of its size in the plane; the slicer must scale it to 100 %"
+        yield Finding("error", "laid.scale", "pad", sentence)
+    if laid.is_followed:
+        sentence = "what is laid after it, object by object, is not judged; export it in a file of its own"
+        yield Finding("note", "laid.after", "pad", sentence)
 
 
 def _channels(plan: Plan) -> np.ndarray:
@@ -209,8 +284,8 @@ def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> n
 def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """Return the settings that differ from those that the plan counts on."""
     wrong = {}
-    for name in SETTINGS:
-        if name not in needs or name not in has or _plain(has[name]) == _plain(needs[name]):
+    for name in needs:
+        if name not in has or _plain(has[name]) == _plain(needs[name]):
             continue
         unit = " mm" if needs[name].endswith("mm") and "mm" not in has[name] else ""
         shown = {"0": "off", "1": "on"}.get(has[name], has[name]) if needs[name] in ("on", "off") else has[name]
@@ -224,7 +299,8 @@ def _plain(text: str) -> Any:
     for word in ("arachne", "classic"):
         if word in text:
             return word
-    return {"on": 1.0, "off": 0.0}.get(text, _numeric(text))
+    value = {"on": 1.0, "off": 0.0, "none": 0.0, "no ironing": 0.0}.get(text, _numeric(text))
+    return text if value is None else value
 
 
 def _numeric(text: str) -> float | None:
@@ -239,12 +315,13 @@ def _told(
 ) -> Iterator[Finding]:
     """Yield one finding that names the first few of `names`, or none where there are no names.
 
-    Its sentence ends with those of the settings `causes`, which may cause the fault, that are wrong.
+    Its sentence ends with those settings that are wrong of `causes`, which may cause the fault, and of `SPOIL_ALL`.
     """
     names = list(names)
     if names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        cause = "; ".join("{name} is {has}, must be {needs}".format(**wrong[name]) for name in causes if name in wrong)
+        of_these = [wrong[name] for name in (*causes, *SPOIL_ALL) if name in wrong]
+        cause = "; ".join("{name} is {has}, must be {needs}".format(**each) for each in of_these)
         sentence = f"{sentence} ({', '.join(names[:NAMED])}{more}){': ' if cause else ''}{cause}"
         yield Finding(level, code, f"{len(names)} of {of}", sentence)
 
@@ -294,7 +371,7 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
             most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
             foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
             sentence = f"in the {what} are laid {most} mm {word} than planned"
-            sides = "xy_size_compensation", "wall_generator", "nozzle"
+            sides = "xy_size_compensation", "wall_generator", "nozzle", "infill_overlap"
             yield from _told("warning", "laid.width", names, of, sentence, wrong, *foot, *sides)
 
 
@@ -337,8 +414,13 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     sentence = (
         f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
     )
-    fills = "infill", "infill_overlap", "thick_bridges"
-    yield from _told("warning", "laid.mass", ids[off], of, sentence, wrong, *fills)
+    fills = "infill", "infill_overlap", "thick_bridges", "xy_size_compensation"
+    level = "error" if np.abs(plastic - 1).max() > SURELY_OTHER_MASS else "warning"
+    yield from _told(level, "laid.mass", ids[off], of, sentence, wrong, *fills)
+    # A raft's own layers are supports, too.
+    supported = ids[laid.is_supported & (laid.bottom_mm <= DEPTH_MM)]
+    sentence = "supports stand under the plate, in the recess or in gaps, where they cannot be taken out without harm"
+    yield from _told("error", "laid.support", supported, of, sentence, wrong, "supports")
 
 
 def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:

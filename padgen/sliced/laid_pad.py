@@ -29,7 +29,7 @@ from padgen.planner.layout import outline, taxel_places
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath
 
-__all__ = ["PLATE", "LaidPad", "Layer", "PadMaps", "Placing", "TaxelMap", "laid_pad", "read_layers", "read_settings"]
+__all__ = ["PLATE", "LaidPad", "Layer", "PadMaps", "Placing", "TaxelMap", "laid_pads", "read_layers", "read_settings"]
 
 LONGEST_LINE = 1 << 16
 END_BYTES = 1 << 18
@@ -40,7 +40,8 @@ CHORD_MM = 0.005
 """Largest distance of an arc from the chords that replace it."""
 INCH_MM = 25.4
 SAME_Z_MM = 1e-4
-NOT_OBJECT = (b"SKIRT", b"BRIM", b"SUPPORT", b"PRIME", b"WIPE", b"CUSTOM", b"RAFT")
+NOT_OBJECT = (b"SKIRT", b"BRIM", b"PRIME", b"WIPE", b"CUSTOM", b"RAFT")
+SUPPORT = b"SUPPORT"
 """First words, in slicers' comments, of the kinds of extrusions that are no part of the object."""
 OTHER_FILES = (
     (b"GCDE", "is binary G-code (.bgcode); switch binary G-code off in the slicer and export it as text"),
@@ -67,7 +68,8 @@ class Layer:
     """The plastic laid at one height: straight extrusions from `start` to `stop` (n, 2) in mm.
 
     `area_mm2` (n,) is the cross-section of the plastic. `height_mm` (n,) is the height of an extrusion as the slicer
-    states it, nan where it states none. `top_mm` is the height of the nozzle.
+    states it, nan where it states none. `top_mm` is the height of the nozzle. `supports` (m, 2, 2) are the ends in mm
+    of extrusions that support the object, of this height and from the layer below on.
     """
 
     top_mm: float
@@ -75,6 +77,7 @@ class Layer:
     stop: np.ndarray
     area_mm2: np.ndarray
     height_mm: np.ndarray
+    supports: np.ndarray
 
     @property
     def volume_mm3(self) -> np.ndarray:
@@ -127,27 +130,37 @@ def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
         A move cannot be read, or a layer has more extrusions than any pad.
     """
     numbers = array("d")
-    for move in chain(_extrusions(path), [()]):  # after the last move, its layer ends
+    supports = array("d")
+    for is_support, move in chain(_extrusions(path), [(False, ())]):  # after the last move, its layer ends
+        if len(numbers) + len(supports) > MOST_MOVES * 7:
+            raise FileError(f"has more than {MOST_MOVES} extrusions at one height; no pad has", str(path))
+        if is_support:  # some slicers lay supports at heights of their own, which are no layers of the object
+            supports.extend(move[:4])
+            continue
         if numbers and (not move or abs(numbers[4] - move[4]) > SAME_Z_MM):
             rows = np.frombuffer(numbers).reshape(-1, 7)
             length = np.hypot(*(rows[:, 2:4] - rows[:, :2]).T)
             rows = rows[length > 0]
             length = length[length > 0]
             area_mm2 = rows[:, 5] * (pi / 4 * filament_mm**2) / length
-            yield Layer(float(numbers[4]), rows[:, :2], rows[:, 2:4], area_mm2, rows[:, 6])
+            beneath = np.frombuffer(supports).reshape(-1, 2, 2)
+            yield Layer(float(numbers[4]), rows[:, :2], rows[:, 2:4], area_mm2, rows[:, 6], beneath)
             numbers = array("d")
+            supports = array("d")
         numbers.extend(move)
-        if len(numbers) > MOST_MOVES * 7:
-            raise FileError(f"has more than {MOST_MOVES} extrusions at one height; no pad has", str(path))
 
 
-def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
-    """Yield moves that lay plastic: from x, y, to x, y, z, fed filament and stated height, in mm; arcs as chords."""
+def _extrusions(path: Path) -> Iterator[tuple[bool, tuple[float, ...]]]:
+    """Yield whether a move lays a support, and the move: from x, y, to x, y, z, fed filament and stated height, in mm.
+
+    Arcs come as chords.
+    """
     at = dict.fromkeys("XYZE", 0.0)
     unit = 1.0
     is_relative = False
     is_e_relative = False
     is_beside = False
+    is_support = False
     height = nan
     with path.open("rb") as file:
         for count, line in enumerate(iter(lambda: file.readline(LONGEST_LINE), b""), start=1):
@@ -157,7 +170,9 @@ def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
                 if note[2]:
                     height = float(note[2])
                 else:
-                    is_beside = note[1].upper().startswith(NOT_OBJECT)
+                    kind = note[1].upper()
+                    is_beside = kind.startswith(NOT_OBJECT)
+                    is_support = kind.startswith(SUPPORT)
             command = CODE.match(line)
             if not command:
                 continue
@@ -183,12 +198,12 @@ def _extrusions(path: Path) -> Iterator[tuple[float, ...]]:
                 if code == 92 or fed <= 0 or is_beside or (code < 2 and begin == end):
                     continue
                 if code < 2:
-                    yield *begin, *end, at["Z"], fed, height
+                    yield is_support, (*begin, *end, at["Z"], fed, height)
                 elif "I" in words or "J" in words:
                     middle = x + words.get("I", 0.0), y + words.get("J", 0.0)
                     chords = _chords(begin, end, middle, 2 * code - 5)
                     for start, stop in pairwise(chords):
-                        yield *start, *stop, at["Z"], fed / (len(chords) - 1), height
+                        yield is_support, (*start, *stop, at["Z"], fed / (len(chords) - 1), height)
                 else:
                     raise FileError(
                         f"line {count} is an arc by its radius; must be one by its middle (I, J), or lines", str(path)
@@ -453,8 +468,19 @@ LONG_MM = 1.0
 ALIKE = 2e-3
 """Difference of correlations that may be rounding; a pad that looks the same when turned then gets the smaller turn."""
 IMAGE_MM = 0.5
+PIXEL_SHARE = 1.1
+"""Least size of a pixel over the usual width of a bead."""
 MOST_IMAGE = 1000
 """Pixel size of the images that are compared, and the most pixels along a side of the searched area."""
+SCALES = np.linspace(0.97, 1.03, 61)
+SCALE_SHARE = 5e-4
+MOST_SCALED = 20_000
+"""Sizes of the pad that are tried, the share of plastic by which they may differ, and the most points tried."""
+MOST_PADS = 64
+LEAST_SHARE = 0.8
+"""Most pads on a plate, and the least plastic of another one in the lowest layer over the first one's."""
+SUPPORT_STEPS = 5
+"""Points of each extrusion of a support that are looked up."""
 WIDEST_MM = 2000.0
 FIRST_LAYERS = 8
 """Layers among which the pad's lowest is searched: a raft, or a line that primes the nozzle, may lie below it."""
@@ -484,10 +510,13 @@ class LaidPad:
     the slice of its nodes, evenly spaced from root to tip. `plate_mm3` is the plastic of plate and boss. `recess_mm` is
     the depth below the lowest strands of the recess's roof, `strand_mm` the height of these strands, `room_mm` the
     diameter of the largest circle near the recess's middle that holds no plastic. `gap_mm` is the narrowest gap around
-    plate and beams. `all_steps_mm` are the thicknesses of all layers.
+    plate and beams. `is_supported` (taxels,) tells where supports stand in a taxel's cell. `all_steps_mm` are the
+    thicknesses of all layers. `scale` is the pad's size in the plane over the planned one (nan where it has another
+    shape). `is_followed` tells that something as high is laid after the pad, in layers of its own.
     """
 
     placing: Placing
+    scale: float
     bottom_mm: float
     filament_mm: float
     areas_mm2: np.ndarray
@@ -498,11 +527,13 @@ class LaidPad:
     strand_mm: np.ndarray
     room_mm: np.ndarray
     gap_mm: np.ndarray
+    is_supported: np.ndarray
+    is_followed: bool
     all_steps_mm: np.ndarray
 
 
-def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPad:
-    """Find the pad of `plan` in a file of G-code and measure it, layer by layer.
+def laid_pads(plan: Plan, path: Path, filament_mm: float | None = None) -> tuple[LaidPad, ...]:
+    """Find every pad of `plan` in a file of G-code and measure it, layer by layer; the best match comes first.
 
     Where the filament's diameter is not given, it is the one of `FILAMENTS_MM` with which the lowest layer comes out
     full.
@@ -515,18 +546,21 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     where = str(path)
     maps = PadMaps(plan)
     reading = read_layers(path, filament_mm or FILAMENTS_MM[0])
-    placing, layer, step, full = _placed(maps, reading, where)
+    placings, layer, step, full = _placed(maps, reading, where)
     diameter_mm = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
     share = 1.0 if filament_mm else (diameter_mm / FILAMENTS_MM[0]) ** 2
     bottom = layer.top_mm - step
+    scales = [_scale(maps, placing, layer) for placing in placings]
+    rows: list[list[tuple[Any, ...]]] = [[] for _ in placings]
     top = 0.0
     last = step
-    rows = []
+    is_followed = False
     whole = max(plan.plate.boss_top_mm, plan.spec.pad.frame_thickness_mm)
     layer_mm = plan.spec.printer.layer_mm
     for each in chain([layer], reading):
         step = each.top_mm - bottom - top
         if step <= 0 and top > whole - max(last, layer_mm) - 0.05:
+            is_followed = _is_as_high(reading, bottom + whole - layer_mm)
             break  # what comes after the pad
         if step <= 0:
             raise FileError(
@@ -534,7 +568,9 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
                 " layer by layer, all objects together",
                 where,
             )
-        rows.append(_laid_layer(maps, placing, replace(each, area_mm2=share * each.area_mm2), top, step))
+        scaled = replace(each, area_mm2=share * each.area_mm2)
+        for pad_rows, placing in zip(rows, placings, strict=True):
+            pad_rows.append(_laid_layer(maps, placing, scaled, top, step))
         top = top + step
         last = step
     if not top > whole - max(last, layer_mm) - 0.05:
@@ -543,7 +579,29 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
             " short, or of another pad",
             where,
         )
-    steps, areas, plate, roof, strands, room, gap = (np.array(part) for part in zip(*rows, strict=True))
+    pads = zip(placings, scales, rows, strict=True)
+    return tuple(
+        _of_layers(maps, placing, scale, bottom, diameter_mm, is_followed, pad_rows)
+        for placing, scale, pad_rows in pads
+    )
+
+
+def _is_as_high(layers: Iterator[Layer], top_mm: float) -> bool:
+    return any(layer.top_mm > top_mm for layer in layers)
+
+
+def _of_layers(
+    maps: PadMaps,
+    placing: Placing,
+    scale: float,
+    bottom_mm: float,
+    filament_mm: float,
+    is_followed: bool,
+    rows: list[tuple[Any, ...]],
+) -> LaidPad:
+    """Put together what `_laid_layer` has measured of a pad."""
+    plan = maps.plan
+    steps, areas, plate, roof, strands, room, gap, supported = (np.array(part) for part in zip(*rows, strict=True))
     tops = np.cumsum(steps)
     taxels = np.arange(len(plan.taxels))
     beam_layers = int((tops - steps < _beams_top_mm(plan)).sum())
@@ -554,24 +612,27 @@ def laid_pad(plan: Plan, path: Path, filament_mm: float | None = None) -> LaidPa
     below = np.arange(len(steps))[:, None] < np.where(has_roof, first, len(steps))
     return LaidPad(
         placing,
-        bottom,
-        diameter_mm,
+        scale,
+        bottom_mm,
+        filament_mm,
         areas[:beam_layers],
         steps[:beam_layers],
         tuple(tuple(m.beams) for m in maps.maps),
         plate.sum(0),
-        np.where(has_roof, tops[first] - strand, top),
+        np.where(has_roof, tops[first] - strand, tops[-1]),
         strand,
         np.where(below[:, None], room, np.inf).min(0).max(0),
         gap.min(0),
+        np.asarray(supported.any(0)),
+        is_followed,
         steps,
     )
 
 
-def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing, Layer, float, float]:
-    """Find the pad by its lowest layer; return its place, that layer, the layer's thickness in mm and its fullness.
+def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[list[Placing], Layer, float, float]:
+    """Find the pads by their lowest layer; return their places, that layer, its thickness in mm and its fullness.
 
-    The fullness is the plastic of that layer within the taxels over the plan's there.
+    The fullness is the plastic of that layer within the first pad's taxels over the plan's there.
     """
     least = 1.0
     top = 0.0
@@ -590,8 +651,11 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
         if not step > 0:
             continue
         placing = _registered(maps, layer, step)
+        mirrored = _registered(maps, replace(layer, start=layer.start * (-1, 1), stop=layer.stop * (-1, 1)), step)
+        if mirrored.other <= MOST_OTHER and mirrored.match > placing.match + ALIKE:
+            raise FileError(f"holds the pad {maps.plan.name} mirrored; switch mirroring off in the slicer", where)
         if placing.other <= MOST_OTHER:
-            return placing, layer, step, _fullness(maps, placing, layer, step)
+            return _with_others(maps, placing, layer, step), layer, step, _fullness(maps, placing, layer, step)
         least = min(least, placing.other)
     if not top:
         raise FileError("has no moves that lay plastic; it is no G-code of a print", where)
@@ -601,6 +665,54 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[Placing
         " down, or is turned by no quarter turn",
         where,
     )
+
+
+def _with_others(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> list[Placing]:
+    """Return the place of a pad and of the others that a layer holds, which are looked for in what is left of it."""
+    placings = [placing]
+    pad = maps.plan.spec.pad
+    half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm + LONG_MM
+    rest = layer
+    least_mm3 = 0.0
+    while len(placings) < MOST_PADS:
+        middle = (rest.start + rest.stop) / 2
+        at = turned(middle - (placing.x_mm, placing.y_mm), -placing.quarters)
+        beyond = (np.abs(at) > half).any(1)
+        least_mm3 = least_mm3 or LEAST_SHARE * float(rest.volume_mm3[~beyond].sum())
+        rest = replace(
+            rest,
+            start=rest.start[beyond],
+            stop=rest.stop[beyond],
+            area_mm2=rest.area_mm2[beyond],
+            height_mm=rest.height_mm[beyond],
+        )
+        if rest.volume_mm3.sum() < least_mm3 or not len(rest.start):
+            break
+        placing = _registered(maps, rest, step_mm)
+        if placing.other > MOST_OTHER:
+            break
+        placings.append(placing)
+    return placings
+
+
+def _scale(maps: PadMaps, placing: Placing, layer: Layer) -> float:
+    """Return the size of a pad over the planned one: that at which most of its lowest beads lie in the plan's plastic.
+
+    Beads lie half their width inside, so that many sizes have all of them there; the middle of these is returned, which
+    wider or narrower walls do not change. It is no number where no size has all of them.
+    """
+    points, line = cut(layer, COARSE_MM)
+    points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
+    on = maps.found(points)[0] >= 0
+    points = points[on]
+    volume = (layer.volume_mm3 / np.bincount(line, minlength=len(layer.start)))[line][on]
+    every = len(points) // MOST_SCALED + 1
+    points = points[::every]
+    volume = volume[::every]
+    inside = np.array([volume[maps.solid_at(points / scale)].sum() for scale in SCALES])
+    if inside.max() < (1 - SCALE_SHARE) * volume.sum():  # it has another shape
+        return nan
+    return float(SCALES[inside > (1 - SCALE_SHARE) * inside.max()].mean())
 
 
 def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> float:
@@ -654,15 +766,17 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
         score = correlate(laid, kernel, method="fft")
         shift = np.array(np.unravel_index(int(score.argmax()), score.shape)) + 1 - kernel.shape
         matches.append((float(score.max()), quarters, low + (shift + np.array(kernel.shape) / 2) * coarse))
-    if coarse > IMAGE_MM:
-        fine = planned(IMAGE_MM)
-    middles = [(np.arange(n) + 0.5) * IMAGE_MM - n * IMAGE_MM / 2 for n in fine.shape]
+    # Pixels between the middles of wide beads would be bare.
+    pixel = max(IMAGE_MM, PIXEL_SHARE * float(np.median(layer.area_mm2)) / height_mm)
+    if coarse != pixel:
+        fine = planned(pixel)
+    middles = [(np.arange(n) + 0.5) * pixel - n * pixel / 2 for n in fine.shape]
     best = Placing(0.0, 0.0, 0, 0.0, 1.0)
     for _, quarters, centre in sorted(sorted(matches, key=lambda item: -item[0])[:2], key=lambda item: item[1]):
         start, stop = (turned(end - centre, -quarters) for end in (layer.start, layer.stop))
         turned_points = turned(points - centre, -quarters)
         moved = _off_centre(start, stop, size / 2)
-        shown = image(turned_points - moved, -np.array(fine.shape) * IMAGE_MM / 2, fine.shape, IMAGE_MM)
+        shown = image(turned_points - moved, -np.array(fine.shape) * pixel / 2, fine.shape, pixel)
         match = float(np.corrcoef(shown.ravel(), fine.ravel())[0, 1]) if shown.any() else 0.0
         if match > best.match + ALIKE:
             x, y = (centre + turned(moved[None], quarters)[0]).tolist()
@@ -705,7 +819,8 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
     """Measure the layer that begins at `below_mm`, for each taxel.
 
     Return its thickness; areas (taxels, nodes) of the beams in mm²; plastic (taxels,) of the plates, of the recesses'
-    roofs, and the same times its height; room (shifts, taxels) about the recess's middle; and gap (taxels,).
+    roofs, and the same times its height; room (shifts, taxels) about the recess's middle; gap (taxels,); and whether
+    supports stand in the taxel's cell (taxels,).
     """
     plan = maps.plan
     count = len(maps.plan.taxels)
@@ -748,7 +863,12 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
         own_mm = maps.maps[channel].node_mm
         areas[k, : len(own_mm)] /= own_mm
     gap = sides.reshape(count, stations, 2).sum(2).min(1)
-    return step_mm, areas, plate, roof, strands, room, gap
+    supported = np.zeros(count, bool)
+    if len(layer.supports):
+        steps = np.linspace(layer.supports[:, 0], layer.supports[:, 1], SUPPORT_STEPS).reshape(-1, 2)
+        beneath = maps.found(turned(steps - (placing.x_mm, placing.y_mm), -placing.quarters))[0]
+        supported[beneath[beneath >= 0]] = True
+    return step_mm, areas, plate, roof, strands, room, gap, supported
 
 
 def _pieces(
