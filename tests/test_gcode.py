@@ -435,10 +435,10 @@ def test_supports_in_a_recess_are_told(plan, tmp_path):
 
 @pytest.mark.parametrize("scale", [0.985, 0.99, 1.0, 1.01, 1.015])
 def test_a_pad_of_another_size_is_told_with_its_size(plan, tmp_path, scale):
-    """Within 0.2 %: beads lie half their width inside the plan's plastic, and the middle of all sizes is taken."""
+    """Within 0.3 %: beads lie half their width inside the plan's plastic, and the middle of all sizes is taken."""
     path = moved(Hand(plan).file(tmp_path), lambda x, y: (100 + scale * (x - 100), 90 + scale * (y - 90)))
     report = check_gcode(plan, path)
-    assert report.figures["scale"] == pytest.approx(scale, abs=2e-3)
+    assert report.figures["scale"] == pytest.approx(scale, abs=3e-3)
     assert ("laid.scale" in told(report, "error")) == (scale != 1)
 
 

@@ -313,6 +313,113 @@ def test_a_slicer_without_variable_line_width(folder):
     assert 0.04 < np.abs(widths).max() < 0.14
 
 
+LINES = ("perimeter", "external_perimeter", "first_layer", "infill", "solid_infill", "top_infill")
+WIDE = [f"--{kind.replace('_', '-')}-extrusion-width=0.7" for kind in LINES]
+SUPPORTED = ["--support-material"]
+VASE = ["--spiral-vase", "--perimeters=1", "--top-solid-layers=0", "--fill-density=0"]
+KINDS = [
+    ("as planned", [], "", ""),
+    ("supports", SUPPORTED, "laid.support", "supports is 1"),
+    (
+        "supports from the bed",
+        ["--support-material", "--support-material-buildplate-only"],
+        "laid.support",
+        "supports is 1",
+    ),
+    ("ironing", ["--ironing"], "laid.width", "ironing is 1"),
+    (
+        "vase",
+        ["--spiral-vase", "--perimeters=1", "--top-solid-layers=0", "--fill-density=0"],
+        "laid.mass",
+        "spiral vase is 1",
+    ),
+    ("two pads", ["--duplicate=2"], "", ""),
+    ("three pads", ["--duplicate=3"], "", ""),
+    ("one after the other", ["--duplicate=2", "--complete-objects"], "laid.after", "object by object"),
+    ("scale 101 %", ["--scale=1.01"], "laid.scale", "its size"),
+    ("scale 99 %", ["--scale=0.99"], "laid.scale", "its size"),
+    ("flow 90 %", ["--extrusion-multiplier=0.9"], "laid.mass", "extrusion multiplier is 0.9"),
+    ("flow 110 %", ["--extrusion-multiplier=1.1"], "laid.mass", "extrusion multiplier is 1.1"),
+    ("layers of 0.3 mm", ["--layer-height=0.3", "--first-layer-height=0.3"], "laid.layers", "layer height is 0.3"),
+    ("infill 20 %", ["--fill-density=20%"], "laid.mass", "infill is 20%"),
+    ("brim", ["--brim-width=5"], "", ""),
+    ("raft", ["--raft-layers=2"], "laid.raft", "raft is 2"),
+    ("elephant foot", ["--elefant-foot-compensation=0.3"], "laid.width", "elephant foot compensation is 0.3"),
+    ("narrower", ["--xy-size-compensation=-0.1"], "laid.width", "xy size compensation is -0.1"),
+    ("wider", ["--xy-size-compensation=0.1"], "laid.width", "xy size compensation is 0.1"),
+    ("thick bridges", ["--thick-bridges"], "laid.recess", "thick bridges is on"),
+    ("turned by 90°", ["--rotate=90"], "", ""),
+    ("fuzzy skin", ["--fuzzy-skin=all"], "laid.gap", "fuzzy skin is all"),
+    ("infill overlap", ["--infill-overlap=50%"], "laid.mass", "infill overlap is 50%"),
+    ("coarse meshes", ["--resolution=0.2"], "laid.washer", "resolution is 0.2"),
+    ("coarse paths", ["--gcode-resolution=0.3"], "laid.washer", "gcode resolution is 0.3"),
+    ("outer walls first", ["--external-perimeters-first"], "", ""),
+    ("thick filament", ["--filament-diameter=2.85"], "", ""),
+    ("fed by volume", ["--use-volumetric-e"], "", ""),
+    ("skirt", ["--skirts=3"], "", ""),
+]
+"""Kinds of slicing: arguments, the finding that it must have, and what that must say; none where it is as planned."""
+PRINTERS = {
+    "fdm-0.25": '"fdm-0.25"',
+    "0.3": '{ name = "own-0.3", nozzle_mm = 0.3 }',
+    "fdm-0.4": '"fdm-0.4"',
+    "0.5": '{ name = "own-0.5", nozzle_mm = 0.5 }',
+    "0.6": '{ name = "own-0.6", nozzle_mm = 0.6 }',
+}
+
+
+@cache
+def of_eight(printer, folder):
+    """Build a pad of eight taxels for a printer; one that lays it as planned by our own profile."""
+    text = (
+        f'name = "eight"\nresolution = 8\nband_hz = [50, 200]\nq_min = 15\nprinter = {PRINTERS[printer]}\n'
+        "pad = { width_mm = 40, depth_mm = 40 }\ncoil = { grid = [2, 2] }\n"
+        "taxel = { washer_clearance_mm = 0.4 }\n"
+    )
+    Pad(parse_spec(text)).save(folder / f"eight-{printer}", ("stl",))
+    return folder / f"eight-{printer}"
+
+
+@pytest.mark.parametrize("printer", PRINTERS)
+@pytest.mark.parametrize(("kind", "arguments", "code", "word"), KINDS, ids=[kind for kind, *_ in KINDS])
+def test_a_kind_of_slicing_is_judged_with_its_cause(folder, printer, kind, arguments, code, word):
+    pad = of_eight(printer, folder)
+    plan = plan_from_json((pad / "plan.json").read_text())
+    path = pad / f"{kind}.gcode"
+    ours = ("--load", pad / PROFILE_FILE, pad / "pad.stl", "--output", path)
+    program("prusa-slicer", "--export-gcode", *ours, *arguments)
+    report = check_gcode(plan, path)
+    codes = {finding.code for finding in report.findings if finding.level != "note"}
+    as_planned = {finding.code for finding in sliced_as_planned(printer, folder).findings}
+    if not code:
+        assert codes <= as_planned, [finding.message for finding in report.findings]
+    else:
+        messages = [finding.message for finding in report.findings if finding.code == code]
+        assert any(word in message for message in messages), [str(finding) for finding in report.findings]
+    count = 3 if kind == "three pads" else 2 if kind == "two pads" else 1
+    assert len(report.figures["pads"]) == count
+
+
+@cache
+def sliced_as_planned(printer, folder):
+    pad = of_eight(printer, folder)
+    path = pad / "honest.gcode"
+    program("prusa-slicer", "--export-gcode", "--load", pad / PROFILE_FILE, pad / "pad.stl", "--output", path)
+    report = check_gcode(plan_from_json((pad / "plan.json").read_text()), path)
+    assert not [finding for finding in report.findings if finding.level == "error"], report.findings
+    return report
+
+
+@pytest.mark.parametrize("printer", PRINTERS)
+def test_another_nozzle_is_named_or_lays_the_pad_as_planned(folder, printer):
+    pad = of_eight(printer, folder)
+    path = pad / "nozzle.gcode"
+    ours = ("--load", pad / PROFILE_FILE, pad / "pad.stl", "--output", path)
+    program("prusa-slicer", "--export-gcode", *ours, "--nozzle-diameter=0.8", *WIDE)
+    report = check_gcode(plan_from_json((pad / "plan.json").read_text()), path)
+    assert {setting["name"]: setting["has"] for setting in report.figures["settings_to_change"]}["nozzle"] == "0.8 mm"
+
+
 def settings(lines):
     return dict(line.split(" = ", 1) for line in lines if " = " in line and not line.startswith("#"))
 

@@ -57,7 +57,7 @@ IN_ORCA = {"ironing": "ironing_type", "spiral_vase": "spiral_mode", "extrusion_m
 SPOIL_ALL = ("extrusion_multiplier", "ironing", "spiral_vase", "fuzzy_skin", "resolution", "gcode_resolution")
 """Settings by PrusaSlicer's names that may cause any fault."""
 SCALE_SHARE = 0.004
-"""Difference of the pad's size from the plan's that is reported: it is measured to 0.001."""
+"""Difference of the pad's size from the plan's that is reported: it is measured to 0.003."""
 SURELY_OTHER_MASS = 0.05
 """Difference of a plate's plastic above which the pad is another one: f moves by half of it."""
 LOST_DB = 1.0

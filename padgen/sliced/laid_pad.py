@@ -472,7 +472,7 @@ PIXEL_SHARE = 1.1
 """Least size of a pixel over the usual width of a bead."""
 MOST_IMAGE = 1000
 """Pixel size of the images that are compared, and the most pixels along a side of the searched area."""
-SCALES = np.linspace(0.97, 1.03, 61)
+SCALES = np.linspace(0.95, 1.05, 101)
 SCALE_SHARE = 5e-4
 MOST_SCALED = 20_000
 """Sizes of the pad that are tried, the share of plastic by which they may differ, and the most points tried."""
@@ -703,7 +703,11 @@ def _scale(maps: PadMaps, placing: Placing, layer: Layer) -> float:
     """
     points, line = cut(layer, COARSE_MM)
     points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
-    on = maps.found(points)[0] >= 0
+    pad = maps.plan.spec.pad
+    half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm
+    beyond = (np.abs(points) - half).max(1)
+    # Cells, and the beads along the outer edge; the border between them has screw holes and marks.
+    on = (maps.found(points)[0] >= 0) | ((beyond > -LONG_MM) & (beyond < (SCALES[-1] - 1) * half.max()))
     points = points[on]
     volume = (layer.volume_mm3 / np.bincount(line, minlength=len(layer.start)))[line][on]
     every = len(points) // MOST_SCALED + 1
