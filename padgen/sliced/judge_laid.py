@@ -172,7 +172,7 @@ def _judged(plan: Plan, laid: LaidPad, wrong: Wrong) -> tuple[dict[str, Any], li
     beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
-    keeps = None if np.isnan(laid_hz).any() else known_print_db(plan, laid_hz)
+    keeps = known_print_db(plan, laid_hz) if (laid_hz > 0).all() else None
     findings = [
         *_of_pad(laid, wrong),
         *_of_beams(plan, beams, wrong),
