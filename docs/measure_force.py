@@ -248,8 +248,9 @@ def tables() -> None:
     asked = [(pair, part) for pair in parts for part in range(RANGES)]
     with ProcessPoolExecutor() as pool:
         solved = pool.map(supplied_table, *zip(*asked, strict=True))
-        shown = {"total": len(asked), "console": Console(stderr=True), "disable": not sys.stderr.isatty()}
-        made = iter(list(track(solved, "solving tables of pulls", **shown)))
+        hidden = not sys.stderr.isatty()
+        shown = track(solved, "solving tables of pulls", len(asked), console=Console(stderr=True), disable=hidden)
+        made = iter(list(shown))
     for pair in parts:
         ranges = []
         for table in islice(made, RANGES):
