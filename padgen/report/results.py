@@ -260,8 +260,8 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
         )
     if figures["drawn_db"] is not None and figures["planned_db"] is not None:
         lines.append(
-            f"with the planned tones it keeps {figures['planned_db']:.1f} dB (as drawn {figures['drawn_db']:.1f} dB),"
-            f" re-tuned {figures['retuned_db']:.1f} dB"
+            f"with the planned tones this print keeps {figures['planned_db']:.1f} dB between on and off (as drawn"
+            f" {figures['drawn_db']:.1f} dB), re-tuned {figures['retuned_db']:.1f} dB"
         )
     if figures["settings_to_change"] and faults:
         changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])

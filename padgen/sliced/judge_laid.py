@@ -182,8 +182,8 @@ def _judged(plan: Plan, laid: LaidPad, wrong: Wrong) -> tuple[dict[str, Any], li
     drawn = known_print_db(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
     if keeps and drawn and drawn[0] - keeps[0] > LOST_DB:
         sentence = (
-            f"with the planned tones it keeps {keeps[0]:.1f} dB, {drawn[0] - keeps[0]:.1f} dB less than as drawn;"
-            f" re-tuned {keeps[1]:.1f} dB"
+            f"with the planned tones this print keeps {keeps[0]:.1f} dB, {drawn[0] - keeps[0]:.1f} dB less than as"
+            f" drawn; re-tuned {keeps[1]:.1f} dB"
         )
         level = "warning" if keeps[0] > 0 else "error"
         findings.append(Finding(level, "laid.selectivity", "pad", sentence))

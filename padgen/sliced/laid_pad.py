@@ -469,7 +469,8 @@ ALIKE = 2e-3
 """Difference of correlations that may be rounding; a pad that looks the same when turned then gets the smaller turn."""
 IMAGE_MM = 0.5
 PIXEL_SHARE = 1.1
-"""Least size of a pixel over the usual width of a bead."""
+MOST_PIXEL_MM = 1.5
+"""Least size of a pixel over the usual width of a bead, as far as nozzles go."""
 MOST_IMAGE = 1000
 """Pixel size of the images that are compared, and the most pixels along a side of the searched area."""
 SCALES = np.linspace(0.95, 1.05, 101)
@@ -771,7 +772,8 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
         shift = np.array(np.unravel_index(int(score.argmax()), score.shape)) + 1 - kernel.shape
         matches.append((float(score.max()), quarters, low + (shift + np.array(kernel.shape) / 2) * coarse))
     # Pixels between the middles of wide beads would be bare.
-    pixel = max(IMAGE_MM, PIXEL_SHARE * float(np.median(layer.area_mm2)) / height_mm)
+    usual_mm = float(np.median(layer.area_mm2)) / height_mm
+    pixel = float(np.clip(PIXEL_SHARE * usual_mm, IMAGE_MM, MOST_PIXEL_MM))
     if coarse != pixel:
         fine = planned(pixel)
     middles = [(np.arange(n) + 0.5) * pixel - n * pixel / 2 for n in fine.shape]
