@@ -240,3 +240,15 @@ def test_a_printer_of_one_s_own_is_given_by_its_nozzle():
         parse_spec(lines + '[printer]\nname = "my-0.6"\nbed_x_mm = 300\n')
     with pytest.raises(SpecError, match=r"printer.nozzle_mm: must be at least 0.01 and at most 2 mm, got -1"):
         parse_spec(lines + '[printer]\nname = "my-0.6"\nnozzle_mm = -1\nprocess = "fdm"\n')
+
+
+@pytest.mark.parametrize(
+    ("field", "most", "beyond"),
+    [("line_width_mm", 0.8, 0.81), ("layer_mm", 0.32, 0.33), ("first_layer_mm", 0.32, 0.33)],
+)
+def test_lines_and_layers_go_with_their_nozzle(field, most, beyond):
+    lines = 'name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n'
+    printer = '[printer]\nname = "fdm-0.4"\n'
+    assert getattr(parse_spec(f"{lines}{printer}{field} = {most}\n").printer, field) == most
+    with pytest.raises(SpecError, match=rf"printer.{field}: must be at most .* the nozzle of 0.4 mm, so {most} mm"):
+        parse_spec(f"{lines}{printer}{field} = {beyond}\n")

@@ -487,6 +487,32 @@ def _down(value: float) -> float:
     return floor(value * 1e3 + SLACK_MM) / 1e3
 
 
+WIDEST_LINE = 2.0
+HIGHEST_LAYER = 0.8
+"""Most width of a line and most height of a layer over the nozzle's diameter: beyond them no plastic reaches."""
+
+
+def _nozzle_rules(spec: Spec) -> list[Rule]:
+    """Bound lines and layers of filament by the nozzle that lays them."""
+    printer = spec.printer
+    if printer.process != "fdm":
+        return []
+    return [
+        Rule(
+            value <= share * printer.nozzle_mm + SLACK_MM,
+            f"printer.{field}",
+            f"must be at most {number(share)} times the nozzle of {number(printer.nozzle_mm)} mm, so"
+            f" {number(share * printer.nozzle_mm)} mm, got {number(value)} mm",
+            [{f"printer.{field}": round(share * printer.nozzle_mm, 9)}],
+        )
+        for field, value, share in (
+            ("line_width_mm", printer.line_width_mm, WIDEST_LINE),
+            ("layer_mm", printer.layer_mm, HIGHEST_LAYER),
+            ("first_layer_mm", printer.first_layer_mm, HIGHEST_LAYER),
+        )
+    ]
+
+
 LEAST_PRINTED_MM = 0.01
 """Least thickness and width of a beam as it prints, that of the fields for both."""
 
@@ -754,6 +780,7 @@ SPEC_RULES: RuleBook[Spec] = RuleBook(
     _ballast_rules,
     _taxel_rules,
     _contactor_rules,
+    _nozzle_rules,
     _beam_rules,
     _printed_rules,
     _threshold_rules,
