@@ -171,6 +171,7 @@ def table_of(row: Row) -> dict[str, Any]:
         "taxel": {"centre_post": row["centre_post"] == "yes", "washer_clearance_mm": 0.2},
         "printer": {
             "name": "fdm-0.25" if row["process"] == "fdm" else "resin-0.05",
+            "nozzle_mm": 0.5,  # for every layer of the set
             "longest_bridge_mm": 50,
             "smallest_beam_mm": 0.05,
             "shortest_beam_mm": 0.0,

@@ -577,7 +577,7 @@ def test_no_gap_is_suggested_that_a_coil_may_not_have():
         ("[taxel]\nglue_gap_mm = 0.10001\n", 0.5),
         ("printer = 'fdm-0.25'\n[washer]\nname = 'iso7092-m1.6'\nthickness_mm = 0.31\n", 0.45),
         ("[printer]\nname = 'fdm-0.4'\nlayer_mm = 0.2\nfirst_layer_mm = 0.3\n", 0.5),
-        ("[printer]\nname = 'fdm-0.4'\nfirst_layer_mm = 0.6\n", 0.6),
+        ("[printer]\nname = 'fdm-0.4'\nnozzle_mm = 0.8\nfirst_layer_mm = 0.6\n", 0.6),
     ],
 )
 def test_a_recess_is_whole_layers_deep(extra, depth_mm):
