@@ -32,7 +32,7 @@ test: $(STAMP) ## the whole test suite (compilers and chromium, which some need,
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
 	@{ command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; }
-	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile
+	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile --no-loadscope-reorder
 
 soak: $(STAMP) ## random bytes for the firmware, random specs, and the samples and scenes that make test leaves out (hours)
 	$(BIN)/python -m pytest -m soak

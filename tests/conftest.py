@@ -32,6 +32,25 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--regenerate", action="store_true", help="write the golden texts anew")
 
 
+LONGEST = (
+    "docs",
+    "page",
+    "touched_prints",
+    "explore",
+    "templates",
+    "limits",
+    "slots",
+    "explain",
+    "elasticity",
+    "yield",
+)
+"""Files whose tests take longest, which begin first, so that no process works on one of them while others are done."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in LONGEST)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Give all tests one cache and one secret, shared between their processes, apart from the user's."""
