@@ -300,6 +300,13 @@ def test_walls_and_gaps_are_measured(width):
     assert len(cuts) == 1 and smallest(cuts, True, 1.8) == pytest.approx(width, abs=5e-3)
 
 
+@pytest.mark.parametrize("length", [0.05, 0.2, 0.5])
+def test_a_fin_too_short_for_the_figure_is_still_found(length):
+    """Over the figure's whole range a short fin counts as a corner's splinter; at the printer's limit it is a wall."""
+    fin = box((10, 10, 3)) + box((0.2, length + 1, 3), (5, 9, 0))
+    assert "print.wall" in codes(checked(fin))
+
+
 def test_narrow_places_are_measured_once(small_plan, monkeypatch, tmp_path):
     thin = with_beam(small_plan, 0, width_mm=0.2)
     pad = build_pad(thin)

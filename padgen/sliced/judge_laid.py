@@ -133,7 +133,8 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
     # As far as comments do not state them, as laid.
     has = {"layer_height": f"{number(usual)} mm", "first_layer_height": f"{number(first)} mm"} | stated
     wrong = _wrong(needs, has)
-    judged = [_judged(plan, laid, wrong) for laid in pads]
+    drawn = known_print_db(plan, np.array([plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels]))
+    judged = [_judged(plan, laid, wrong, drawn) for laid in pads]
     figures, findings = judged[0]
     for other, more in judged[1:]:
         x, y = other["centre_mm"]
@@ -167,8 +168,10 @@ def _needed(plan: Plan) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
     return {**plan.printing, **more}, {**SETTINGS, **names}
 
 
-def _judged(plan: Plan, laid: LaidPad, wrong: Wrong) -> tuple[dict[str, Any], list[Finding]]:
-    """Return the figures and findings of one pad as laid."""
+def _judged(
+    plan: Plan, laid: LaidPad, wrong: Wrong, drawn: tuple[float, float] | None
+) -> tuple[dict[str, Any], list[Finding]]:
+    """Return the figures and findings of one pad as laid; `drawn` is what it keeps as drawn, in dB."""
     beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
@@ -179,7 +182,6 @@ def _judged(plan: Plan, laid: LaidPad, wrong: Wrong) -> tuple[dict[str, Any], li
         *_of_taxels(plan, laid, plastic, wrong),
         *_resonance_findings(plan, laid_hz),
     ]
-    drawn = known_print_db(plan, np.array([plan.channels[t.channel].resonance_hz for t in plan.taxels]))
     if keeps and drawn and drawn[0] - keeps[0] > LOST_DB:
         sentence = (
             f"with the planned tones this print keeps {keeps[0]:.1f} dB, {drawn[0] - keeps[0]:.1f} dB less than as"

@@ -474,7 +474,7 @@ MOST_PIXEL_MM = 1.5
 MOST_IMAGE = 1000
 """Pixel size of the images that are compared, and the most pixels along a side of the searched area."""
 SCALES = np.linspace(0.95, 1.05, 101)
-SCALE_SHARE = 5e-4
+OUTSIDE_SHARE = 5e-4
 MOST_SCALED = 20_000
 """Sizes of the pad that are tried, the share of plastic by which they may differ, and the most points tried."""
 MOST_PADS = 64
@@ -715,9 +715,9 @@ def _scale(maps: PadMaps, placing: Placing, layer: Layer) -> float:
     points = points[::every]
     volume = volume[::every]
     inside = np.array([volume[maps.solid_at(points / scale)].sum() for scale in SCALES])
-    if inside.max() < (1 - SCALE_SHARE) * volume.sum():  # it has another shape
+    if inside.max() < (1 - OUTSIDE_SHARE) * volume.sum():  # it has another shape
         return nan
-    return float(SCALES[inside > (1 - SCALE_SHARE) * inside.max()].mean())
+    return float(SCALES[inside > (1 - OUTSIDE_SHARE) * inside.max()].mean())
 
 
 def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> float:

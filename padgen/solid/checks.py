@@ -409,19 +409,12 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     bound = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
     limit = printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
-    wall_mm = smallest(cuts, False, bound)
-    gap_mm = smallest(cuts, True, bound)
     figures = {
-        "smallest_wall_mm": wall_mm if cuts else None,
-        "smallest_gap_mm": gap_mm if cuts else None,
+        "smallest_wall_mm": smallest(cuts, False, bound) if cuts else None,
+        "smallest_gap_mm": smallest(cuts, True, bound) if cuts else None,
         "longest_bridge_mm": span,
     }
-    wrong: list[Wrong] = []
-    if wall_mm < _least_wall_mm(printer):
-        wrong += _too_narrow(cuts, False, printer)
-    if gap_mm < printer.smallest_gap_mm:
-        wrong += _too_narrow(cuts, True, printer)
-    wrong += _overhangs(mesh, printer)
+    wrong = [*_too_narrow(cuts, False, printer), *_too_narrow(cuts, True, printer), *_overhangs(mesh, printer)]
     for thin in thin_skins(solid, mesh, printer.layer_mm):
         sentence = f"{number(thin.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm"
         wrong.append(("print.skin", thin, sentence))
@@ -433,13 +426,9 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     return figures, list(few(findings))
 
 
-def _least_wall_mm(printer: Printer) -> float:
-    return min(printer.line_width_mm, printer.smallest_beam_mm)
-
-
 def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> Iterator[Wrong]:
     """Find walls, or gaps, too thin for the printer; of those above each other only the lowest."""
-    limit = printer.smallest_gap_mm if gaps else _least_wall_mm(printer)
+    limit = printer.smallest_gap_mm if gaps else min(printer.line_width_mm, printer.smallest_beam_mm)
     seen: set[tuple[int, int]] = set()
     for cut, place in ((each, place) for each in cuts for place in narrow(each, limit - FACET_MM, gaps)):
         near = round(place.x_mm / APART_MM), round(place.y_mm / APART_MM)
