@@ -418,6 +418,28 @@ def _prints(plan: Plan) -> Iterator[Finding]:
         )
 
 
+def _life(plan: Plan) -> Iterator[Finding]:
+    """Warn where re-tuning once is not enough for what the spec says the pad goes through."""
+    life = plan.life
+    wanted = plan.spec.print_share
+    if plan.touch is not None or plan.prints.good_share < wanted or life.good_share >= wanted:
+        return
+    kept = "" if life.print_db is None else f"; {wanted:.0%} keep {life.print_db:.1f} dB"
+    when = f"even without a change of temperature, fewer than {wanted:.0%} do"
+    cures: tuple[Cure, ...] = ()
+    if life.retune_k > 0:
+        when = f"re-tune it whenever it is {number(life.retune_k)} K warmer or colder"
+        cures = ({"life.temperature_range_k": life.retune_k},)
+    yield Finding(
+        "warning",
+        "print.life",
+        "pad",
+        f"re-tuned once, {life.good_share:.0%} of its prints still keep the {plan.selectivity.asked_db:.1f} dB asked"
+        f" for when it is {number(life.temperature_range_k)} K warmer or colder, aged, and of unlike Q{kept}; {when}",
+        cures,
+    )
+
+
 def _layers(plan: Plan) -> Iterator[Finding]:
     spec = plan.spec
     single = [c for c in plan.channels if c.beam.layers < 2 and spec.printer.process == "fdm"]
@@ -777,6 +799,7 @@ PLAN_RULES: RuleBook[Plan] = RuleBook(
     _imperceptible,
     _slow,
     _prints,
+    _life,
     _layers,
     _modes,
     judge_modes,

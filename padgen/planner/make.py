@@ -37,9 +37,11 @@ from padgen.planner.drive_scheme import (
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
 from padgen.planner.left_out import left_out
+from padgen.planner.life import planned_life
 from padgen.planner.limits import exceeded
 from padgen.planner.pins import with_errors
 from padgen.planner.plan import (
+    NO_LIFE,
     NO_RECOIL,
     NOT_JUDGED,
     NOT_WARM,
@@ -59,7 +61,7 @@ from padgen.planner.plan import (
     scheme_named,
     sets_db,
 )
-from padgen.planner.printed_pads import NOT_PRINTED, SURELY, compared_prints, what_prints_keep
+from padgen.planner.printed_pads import NOT_PRINTED, SURELY, compared_prints, design_of, what_prints_keep
 from padgen.planner.printing import print_settings
 from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
@@ -82,7 +84,13 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
-BESIDE_THE_BEAMS = {"mount.kind", "mount.base_mass_g", "printer.bed_x_mm", "printer.bed_y_mm"}
+BESIDE_THE_BEAMS = {
+    "mount.kind",
+    "mount.base_mass_g",
+    "printer.bed_x_mm",
+    "printer.bed_y_mm",
+    "life.temperature_range_k",
+}
 """Fields that no layout or beam depends on."""
 MOST_FOR_CURE = 32
 MOST_TAXELS_FOR_CURE = 1024
@@ -432,7 +440,8 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     spec = bare.spec
     touched = tuple(touched_pads(spec, channels, bare.scheme))
     bare = replace(bare, touched=touched)
-    prints = what_prints_keep(bare, quick)
+    design = design_of(bare, None)
+    prints = what_prints_keep(bare, design, quick)
     recoil = NO_RECOIL if quick and not spec.mount.is_said else planned_recoil(bare, prints)
     if touch := planned_touch(replace(bare, recoil=recoil), quick):
         bare = replace(bare, touch=touch)
@@ -449,6 +458,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
         warm=warm,
         left_out=left_out(replace(bare, recoil=recoil, warm=warm)),
         prints=prints,
+        life=planned_life(replace(bare, prints=prints), design, quick),
         capacity=capacity,
         parts=fitting_parts(bare),
         refresh=frame_contrasts(bare.channels, spec.coil.sets, bare.selectivity),
@@ -525,6 +535,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         pushed=pushed_taxels(spec, channels),
         recoil=NO_RECOIL,
         warm=NOT_WARM,
+        life=NO_LIFE,
         felt=felt_levels(spec, channels, scheme),
     )
 

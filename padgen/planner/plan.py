@@ -29,6 +29,7 @@ from padgen.spec.load import LARGEST_PLAN, without_none
 __all__ = [
     "CARRIER_OVER_RESONANCE",
     "NOT_JUDGED",
+    "NO_LIFE",
     "NO_RECOIL",
     "TURNS",
     "Beam",
@@ -724,6 +725,30 @@ class Warm:
         return self.beam_c - self.room_c
 
 
+@dataclass(frozen=True, slots=True)
+class Life:
+    """What untouched prints keep that were re-tuned once, and then change as `[life]` in the spec says (docs/yield.md).
+
+    Each print is judged `temperature_range_k` warmer and colder than at re-tuning, aged, with its own Q; the worse of
+    the two counts. `print_db` is what the spec's `print_share` of them keep, None where nothing moves OFF taxels;
+    `good_share` of them keep what is asked. With 95 % confidence the figures of `pads` simulated pads are within
+    `error_db` and `error_share`. `shifts` are the changes of all resonances when it is warm and cold, relative.
+    `retune_k` is the largest change of temperature up to which `print_share` of them keep what is asked: at most
+    `temperature_range_k`, 0 where it is not kept without any.
+    """
+
+    temperature_range_k: float
+    shifts: tuple[float, float]
+    print_db: float | None
+    good_share: float
+    retune_k: float
+    pads: int
+    error_db: float | None
+    error_share: float
+
+
+NO_LIFE = Life(0.0, (0.0, 0.0), None, 0.0, 0.0, 0, None, 1.0)
+"""Placeholder in a plan whose prints are not simulated yet."""
 NOT_WARM = Warm(23.0, 0.0, 23.0, 23.0, 23.0, 23.0, 0.0, 0.0, 0.0, (), 23.0, (), (), ())
 """The placeholder in a plan whose temperatures are not worked out yet."""
 NO_RECOIL = Recoil(0.0, None, 0, None, None, None, None, None)
@@ -775,6 +800,7 @@ class Plan:
     pushed: Pushed
     recoil: Recoil
     warm: Warm
+    life: Life
     felt: Felt
     touch: Touch | None = None
 
@@ -911,7 +937,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     try:
         table = json.loads(text)
         is_plan = isinstance(table, dict) and "spec" in table
-        if is_plan and not ({"verdict", "recoil", "warm"} <= {*table} and _has_warm_levels(table["warm"])):
+        if is_plan and not ({"verdict", "recoil", "warm", "life"} <= {*table} and _has_warm_levels(table["warm"])):
             raise OlderPlanError("was written by an older padgen; padgen plan makes it anew from its spec", where)
         plan: Plan = read_as(Plan, table, "the plan")
         for broken in broken_rules(_part_rules(plan)):

@@ -1,8 +1,9 @@
 """Simulate prints of a plan (Monte-Carlo), as many as its verdict needs, and judge every printed coil.
 
 A simulated print differs from the plan in its resonances and in the pull on its washers; Q and the masses of the
-response stay. Each cause is a normal random number z of the given sigma and multiplies a resonance by ``exp(s z)``,
-with s = d ln f / d z. So neither dimensions nor resonances become negative, however large the spread.
+response stay (`padgen.planner.life` simulates other Q, and what comes after re-tuning). Each cause is a normal random
+number z of the given sigma and multiplies a resonance by ``exp(s z)``, with s = d ln f / d z. So neither dimensions nor
+resonances become negative, however large the spread.
 
 ====================  ==============================  =====================================================
 cause                 acts on                         d ln f
@@ -72,6 +73,7 @@ __all__ = [
     "Coils",
     "Design",
     "Drawn",
+    "Drift",
     "Simulated",
     "Spreads",
     "coils_of",
@@ -378,11 +380,12 @@ def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
 class _PrintedModes(NamedTuple):
     """Modes of taxels in many pads: `Responses` whose frequencies are all off by `x` (n, pads), as the resonances.
 
-    Lines are those of all pads, the pads last.
+    `q_ratio` (n, pads) is their Q over the plan's. Lines are those of all pads, the pads last.
     """
 
     modes: ModalTaxels
     x: np.ndarray
+    q_ratio: np.ndarray | None = None
 
     @property
     def responses(self) -> int:
@@ -399,12 +402,19 @@ class _PrintedModes(NamedTuple):
         hz = (frequency.reshape(-1, pads) / x).reshape(count, 1, -1)
         mode = 1 / self.modes.frequency_hz[rows, :, None]
         loss = hz * (mode / self.modes.q[rows, None, None])
+        if self.q_ratio is not None:
+            losses = 1 / self.q_ratio[rows, None]
+            loss = (loss.reshape(count, -1, pads) * losses).reshape(loss.shape)
         stiff = 1 - (hz * mode) ** 2
         scale = 1 / (stiff * stiff + loss * loss)
         stiff *= scale
         loss *= scale
         gain = self.modes.gain[rows].transpose(0, 2, 1)
-        return ((gain @ stiff) ** 2 + (gain @ loss) ** 2).sum(1)
+        energy: np.ndarray = ((gain @ stiff) ** 2 + (gain @ loss) ** 2).sum(1)
+        if self.q_ratio is None:
+            return energy
+        # Over the energy at resonance, which goes with the square of Q.
+        return (energy.reshape(count, -1, pads) * losses**2).reshape(energy.shape)
 
 
 def _washer_weight(plan: Plan) -> np.ndarray:
@@ -445,10 +455,34 @@ def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
 
 
 class Ratios(NamedTuple):
-    """Resonances and pulls over the planned ones."""
+    """Resonances and pulls over the planned ones, and Q over the planned one; None where it is as planned."""
 
     x: np.ndarray
     pull: np.ndarray
+    q: np.ndarray | None = None
+
+
+class Drift(NamedTuple):
+    """What prints may do after re-tuning: `log_x` is the change of ln f of all taxels of all pads, as by warmth.
+
+    One sigma each, of ln: `ageing` of the resonances of a pad, `q_print` of its Q over the plan's, `q` from taxel to
+    taxel.
+    """
+
+    log_x: float
+    ageing: float
+    q_print: float
+    q: float
+
+
+class Later(NamedTuple):
+    """Drawn prints after re-tuning: ln of the resonance (taxels, pads) over then, and ln of Q over the plan's.
+
+    Q was the same when they were re-tuned, so that their lines follow it.
+    """
+
+    log_x: np.ndarray
+    log_q: np.ndarray
 
 
 class Drawn(NamedTuple):
@@ -489,6 +523,15 @@ def drawn_prints(design: Design, spreads: Spreads, seed: int, unit: int, pads: i
         log_pull[:] = pull * sigma["common_gap_mm"] * common["common_gap_mm"]
         log_pull[2] += pull * sigma["gap_mm"] * of_taxel
     return Drawn(log_x, log_pull)
+
+
+def _drawn_later(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> Later:
+    """Return what happens to `pads` drawn prints after re-tuning, from streams of its own as in `drawn_prints`."""
+    of_print, of_taxel = (np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in (4, 5))
+    ageing, q_print = of_print.standard_normal((pads, 2)).T
+    q = of_taxel.standard_normal((pads, taxels)).T
+    log_x = np.broadcast_to(drift.log_x + drift.ageing * ageing, q.shape)
+    return Later(log_x, np.clip(drift.q_print * q_print + drift.q * q, -FARTHEST, FARTHEST))
 
 
 def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
@@ -534,14 +577,26 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
     return total
 
 
-def printed(design: Design, spreads: Spreads, pads: int, seed: int, stages: tuple[str, ...] = STAGES) -> Simulated:
-    """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory."""
+def printed(
+    design: Design,
+    spreads: Spreads,
+    pads: int,
+    seed: int,
+    stages: tuple[str, ...] = STAGES,
+    drift: Drift | None = None,
+) -> Simulated:
+    """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory.
+
+    With a `drift`, they are judged after it.
+    """
     taxels = len(design.channel)
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
     prints = _unjudged(design, pads, stages)
     for number in range(-(-pads // unit)):
-        drawn = drawn_prints(design, spreads, seed, number, min(unit, pads - number * unit))
-        _judge_drawn(design, drawn, number * unit, stages, prints)
+        many = min(unit, pads - number * unit)
+        drawn = drawn_prints(design, spreads, seed, number, many)
+        later = None if drift is None else _drawn_later(drift, taxels, seed, number, many)
+        _judge_drawn(design, drawn, number * unit, stages, prints, later)
     return prints
 
 
@@ -575,18 +630,32 @@ def _unjudged(design: Design, pads: int, stages: tuple[str, ...]) -> Simulated:
     )
 
 
-def _judge_drawn(design: Design, drawn: Drawn, before: int, stages: tuple[str, ...], prints: Simulated) -> None:
-    """Judge drawn prints at the given stages, and enter the results into `prints` after those of `before` pads."""
+def _judge_drawn(
+    design: Design,
+    drawn: Drawn,
+    before: int,
+    stages: tuple[str, ...],
+    prints: Simulated,
+    later: Later | None = None,
+) -> None:
+    """Judge drawn prints at the given stages, and enter the results into `prints` after those of `before` pads.
+
+    With `later` they are judged as they are then, with the tones and lines of now.
+    """
     known = [STAGES.index(stage) for stage in stages]
     step = max(BLOCK // len(design.channel), 1)
     prints.square[:] += np.bincount(design.channel, (drawn.log_x[2] ** 2).sum(1), len(design.q))
     for first in range(0, drawn.log_x.shape[2], step):
-        x, pull = (np.exp(np.clip(part[:, :, first : first + step], -FARTHEST, FARTHEST)) for part in drawn)
+        pads = slice(first, first + step)
+        x, pull = (np.exp(np.clip(part[:, :, pads], -FARTHEST, FARTHEST)) for part in drawn)
         one = np.ones_like(x[:1])
         tones, pulls = (np.concatenate([one, part])[known] for part in (x, pull))
         block = slice(before + first, before + first + x.shape[2])
+        now = Ratios(x[2], pull[2])
+        if later is not None:
+            now = Ratios(x[2] * np.exp(later.log_x[:, pads]), pull[2], np.exp(later.log_q[:, pads]))
         for coils, modes in zip(design.coils, design.modes, strict=True):
-            _judge(design, coils, modes, Ratios(x[2], pull[2]), Ratios(tones, pulls), stages, prints, block)
+            _judge(design, coils, modes, now, Ratios(tones, pulls), stages, prints, block)
 
 
 def _judge(
@@ -606,12 +675,17 @@ def _judge(
     """
     n = len(coils.channels)
     shape = (*coils.taxels.shape, printed.x.shape[1])
-    x, pulled = (part[coils.taxels].reshape(n, -1) for part in printed)
+    x = printed.x[coils.taxels].reshape(n, -1)
+    pulled = printed.pull[coils.taxels].reshape(n, -1)
     f, q, mass, pull = (v[coils.channels, None] for v in (design.resonance_hz, design.q, design.mass_g, design.pull))
+    q_ratio = None
+    if printed.q is not None:
+        q_ratio = printed.q[coils.taxels].reshape(n, -1)
+        q = q * q_ratio
     hz = f * x
-    for k, (stage, *followed) in enumerate(zip(stages, *known, strict=True)):
+    for k, (stage, *followed) in enumerate(zip(stages, known.x, known.pull, strict=True)):
         is_retuned = stage == STAGES[-1]
-        printed_modes = _PrintedModes(modes, x) if modes and is_retuned else None
+        printed_modes = _PrintedModes(modes, x, q_ratio) if modes and is_retuned else None
         tone, strength = (part[coils.taxels].reshape(n, -1) for part in followed)
         tone_hz = f * tone
         driven = channels(tone_hz, q, design.law(tone_hz), mass, pull * strength)
@@ -658,9 +732,8 @@ NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 """Placeholder in a plan whose prints are not simulated yet."""
 
 
-def what_prints_keep(plan: Plan, quick: bool = False) -> Prints:
+def what_prints_keep(plan: Plan, design: Design, quick: bool = False) -> Prints:
     """Simulate prints of `plan`, always the same ones, until the estimate is sure; with `quick` only a few."""
-    design = design_of(plan, None)
     return _simulated(plan, design, QUICK_PADS, JUDGED) if quick else _simulated_until_sure(plan, design, STAGES)
 
 

@@ -25,7 +25,7 @@ from padgen.planner.plan import level_law, scheme_for, sets_db
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, narrowest_mm, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread
-from padgen.spec.model import Coil, DriveTable, LimitsTable, PadTable, SuspensionTable
+from padgen.spec.model import Coil, DriveTable, LifeTable, LimitsTable, PadTable, SuspensionTable
 
 __all__ = [
     "DRAWN_SHARE",
@@ -278,6 +278,7 @@ def beams_only(spec: Spec) -> Spec:
         sound_card=None,
         drive=DriveTable(),
         limits=LimitsTable(),
+        life=LifeTable(),
     )
 
 

@@ -23,8 +23,9 @@ from padgen.physics.warmth import (
 from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE, washer_underside_mm
 from padgen.planner.pad_mass import PadMass
 from padgen.planner.plan import TURNS, Plan, Warm, carrier_hz
+from padgen.spec.model import Material
 
-__all__ = ["copper_ohm", "planned_warmth", "warm_layers"]
+__all__ = ["copper_ohm", "planned_warmth", "softened", "warm_layers"]
 
 PLASTIC_W_PER_M_K = 0.2
 """Conductivity of printed plastics: data sheets give 0.13 (PLA) to 0.25 (nylon), prints less across their layers."""
@@ -55,10 +56,9 @@ def planned_warmth(plan: Plan) -> Warm:
     beam_c = float(plates_c.max())
     heat_w = plan.load.copper_loss_w * plan.coils.rows * plan.coils.columns
     stored_j = 4 * float((layers.stored_j_per_k * (warm_c - room_c)).sum())
-    softer = -spec.material.softening_per_k / 2
     channel_rise_k = plates_c.mean((1, 2)) - room_c
     cold_hz = np.array([channel.resonance_hz for channel in plan.channels])
-    warm_hz = cold_hz * np.maximum(1 + softer * channel_rise_k, LEAST_SHARE)
+    warm_hz = cold_hz * softened(spec.material, channel_rise_k)
     mean_coil_c = coil_c
     if heat_w > 0:
         mean_coil_c = float(np.average(warm_c[0], weights=layers.heat_w))
@@ -74,13 +74,21 @@ def planned_warmth(plan: Plan) -> Warm:
         mean_beam_c=float(plates_c.mean()),
         error=WARM_ERROR,
         warm_up_min=stored_j / heat_w / 60 if heat_w > 0 else 0.0,
-        resonance_shift=max(softer * (beam_c - room_c), LEAST_SHARE - 1),
+        resonance_shift=float(softened(spec.material, beam_c - room_c)) - 1,
         resonances_hz=tuple(warm_hz.tolist()),
         mean_coil_c=mean_coil_c,
         levels_um=tuple((level_um * left).tolist()),
         lost_db=tuple((-20 * np.log10(left)).tolist()),
         lost_by_voltage_db=tuple((-20 * np.log10(left_by_voltages)).tolist()),
     )
+
+
+def softened(material: Material, rise_k: np.ndarray | float) -> np.ndarray:
+    """Return the share of its resonance that a taxel keeps whose plastic is warmer by `rise_k`; colder, it is above 1.
+
+    Half the relative change of the modulus, which is a slope at room temperature.
+    """
+    return np.maximum(1 - material.softening_per_k / 2 * np.asarray(rise_k), LEAST_SHARE)
 
 
 def copper_ohm(ohm: float, copper_c: float) -> float:

@@ -207,6 +207,11 @@ def _power_lines(plan: "Plan") -> list[str]:
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
         )
+        if plan.touch is None and plan.life.good_share >= plan.spec.print_share and plan.life.print_db is not None:
+            lines.append(
+                f"Re-tuned once, they keep {plan.life.print_db:.1f} dB when {number(plan.life.temperature_range_k)} K"
+                " warmer or colder, aged, and of unlike Q."
+            )
     left_db = moving_pad_db(plan)
     is_told = plan.spec.mount.is_fast or plan.verdict.shaken or plan.touch is not None
     if left_db is not None and prints.print_db is not None and not is_told:

@@ -18,6 +18,7 @@ __all__ = [
     "ContactorTable",
     "DriveTable",
     "GuardTable",
+    "LifeTable",
     "LimitsTable",
     "Magnet",
     "Material",
@@ -575,6 +576,20 @@ class LimitsTable:
 
 
 @dataclass(frozen=True, slots=True)
+class LifeTable:
+    """What a pad goes through after its taxels were measured and re-tuned once (docs/yield.md)."""
+
+    temperature_range_k: float = quantity(
+        10.0, unit="K", low=0, high=60, doc="how much warmer or colder than at re-tuning the pad may be in use"
+    )
+    ageing: float = quantity(
+        0.005, unit="1", low=0, high=0.3, doc="spread of the resonances' change by creep and ageing, from pad to pad"
+    )
+    common_q: float = quantity(0.1, unit="1", low=0, high=1, doc="spread of Q about q_min from pad to pad, relative")
+    q: float = quantity(0.1, unit="1", low=0, high=1, doc="spread of Q from taxel to taxel, relative")
+
+
+@dataclass(frozen=True, slots=True)
 class MountTable:
     """The place of the pad in use: what holds it, and what is below it (docs/recoil.md)."""
 
@@ -790,6 +805,7 @@ class Spec:
     drive: DriveTable = field(default_factory=DriveTable)
     model: Model = field(default_factory=Model)
     limits: LimitsTable = field(default_factory=LimitsTable)
+    life: LifeTable = field(default_factory=LifeTable)
     mount: MountTable = field(default_factory=MountTable)
     touch: TouchTable = field(default_factory=TouchTable)
     contactor: ContactorTable = field(default_factory=ContactorTable)

@@ -1,0 +1,86 @@
+"""Work out what prints keep for life: re-tuned once, then warmer or colder, aged, and with Q of their own.
+
+Nothing printed keeps its resonances: plastic softens by some tenths of a percent per kelvin, and creeps. All taxels of
+a pad shift alike, but the tones stay, so that each tone moves its own taxel less and its neighbours more. Nor is a Q
+the one that was planned: a taxel of lower Q is driven harder for the same level, and its neighbours hear that.
+
+Re-tuning follows resonances and levels as they are then, Q included. What comes after is a shift of ln f common to a
+pad, by the plastic's softening and by ageing. Levels are those of tuned taxels, so that a detuned ON taxel counts by
+what it still moves.
+"""
+
+from math import log
+
+import numpy as np
+
+from padgen.planner.plan import Life, Plan
+from padgen.planner.printed_pads import (
+    QUICK_PADS,
+    STAGES,
+    Design,
+    Drift,
+    Simulated,
+    printed,
+    quantile_error,
+    share_error,
+    spreads_of,
+)
+from padgen.planner.warm_pad import softened
+from padgen.spec import Spec
+
+__all__ = ["planned_life"]
+
+STEP_K = 0.5
+"""Step of the temperatures up to which a pad may be used without re-tuning."""
+
+
+def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
+    """Return what the prints of a plan keep for life, from as many prints as its `Prints`; with `quick` from few."""
+    spec = plan.spec
+    range_k = spec.life.temperature_range_k
+    pads = min(plan.prints.pads, QUICK_PADS) if quick else plan.prints.pads
+    ends = [_after(spec, design, change_k, pads) for change_k in (range_k, -range_k)]
+    ratio = np.minimum(*(end.ratio[0] for end in ends))
+    share = float((ends[0].good[0] & ends[1].good[0]).mean())
+    rising_db = np.sort(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)))
+    reached = min(int((1 - spec.print_share) * pads), pads - 1)
+    is_heard = plan.prints.print_db is not None and bool(np.isfinite(rising_db).all())
+    return Life(
+        temperature_range_k=range_k,
+        shifts=(_shift(spec, range_k), _shift(spec, -range_k)),
+        print_db=float(rising_db[reached]) if is_heard else None,
+        good_share=share,
+        retune_k=range_k if share >= spec.print_share else _largest_change_k(spec, design, pads),
+        pads=pads,
+        error_db=quantile_error(rising_db, spec.print_share) if is_heard else None,
+        error_share=share_error(share, pads),
+    )
+
+
+def _after(spec: Spec, design: Design, change_k: float, pads: int) -> Simulated:
+    """Judge prints that are warmer by `change_k` than when they were re-tuned, aged, and with Q of their own."""
+    life = spec.life
+    drift = Drift(log(1 + _shift(spec, change_k)), life.ageing, life.common_q, life.q)
+    return printed(design, spreads_of(spec), pads, 0, STAGES[-1:], drift)
+
+
+def _shift(spec: Spec, change_k: float) -> float:
+    """Return the relative change of all resonances of a pad that is warmer by `change_k`."""
+    return float(softened(spec.material, change_k)) - 1
+
+
+def _largest_change_k(spec: Spec, design: Design, pads: int) -> float:
+    """Return the largest whole number of `STEP_K` up to which the asked share of few prints is good; 0 without one."""
+    pads = min(pads, QUICK_PADS)
+    low = 0
+    high = int(np.ceil(spec.life.temperature_range_k / STEP_K))
+    while high - low > 1:
+        middle = (low + high) // 2
+        good = _after(spec, design, middle * STEP_K, pads).good[0]
+        if good.mean() >= spec.print_share:
+            good = good & _after(spec, design, -middle * STEP_K, pads).good[0]
+        if good.mean() >= spec.print_share:
+            low = middle
+        else:
+            high = middle
+    return low * STEP_K
