@@ -91,9 +91,17 @@ def per_mm(plan: dict, channel: dict) -> float:
 
 
 def kept_db(
-    plan: dict, level: str | None = "typical", pads: int = 2000, leak: bool = True, seed: int = 0
+    plan: dict,
+    level: str | None = "typical",
+    pads: int = 2000,
+    leak: bool = True,
+    seed: int = 0,
+    for_life: bool = False,
 ) -> np.ndarray:
-    """Return ON over OFF in dB of each pad's worst coil and state (pads,), each taxel driven at its own resonance."""
+    """Return ON over OFF in dB of each pad's worst coil and state (pads,), each taxel driven at its own resonance.
+
+    With `for_life` each taxel has a Q of its own, and the pad has aged and is warmer or colder, whichever is worse.
+    """
     spec = plan["spec"]
     channels = plan["channels"]
     taxels = plan["taxels"]
@@ -129,22 +137,43 @@ def kept_db(
         log_f[i] += channel["pull_shift"] * (channel["pull_exponent"] + 1) * wider / gap
         log_pull[i] = -channel["pull_exponent"] * wider / gap
     worst = np.full(pads, np.inf)
+    q_ratio = np.ones((len(taxels), pads))
+    shifts = [np.ones(pads)]
+    if for_life:
+        life = spec["life"]
+        q_ratio = np.exp(life["common_q"] * rng.standard_normal(pads) + life["q"] * rng.standard_normal(q_ratio.shape))
+        aged = np.exp(life["ageing"] * rng.standard_normal(pads))
+        per_k = spec["material"]["softening_per_k"] / 2
+        shifts = [aged * (1 - per_k * k) for k in (life["temperature_range_k"], -life["temperature_range_k"])]
     for coil in {tuple(t["coil"]) for t in taxels}:
         index = [i for i, t in enumerate(taxels) if tuple(t["coil"]) == coil]
         x, pulled = (np.exp(part[index]) for part in (log_f, log_pull))
-        worst = np.minimum(worst, coil_db(plan, [taxels[i] for i in index], x, pulled, leak))
+        for shift in shifts:
+            kept = coil_db(plan, [taxels[i] for i in index], x, pulled, leak, q_ratio[index], shift)
+            worst = np.minimum(worst, kept)
     return worst
 
 
-def coil_db(plan: dict, taxels: list[dict], x: np.ndarray, pulled: np.ndarray, leak: bool) -> np.ndarray:
+def coil_db(
+    plan: dict,
+    taxels: list[dict],
+    x: np.ndarray,
+    pulled: np.ndarray,
+    leak: bool,
+    q_ratio: np.ndarray,
+    shift: np.ndarray,
+) -> np.ndarray:
+    """Return ON over OFF in dB (pads,) of a coil whose resonances moved by `shift` after its tones were set."""
     channels = [plan["channels"][t["channel"]] for t in taxels]
     law = plan["spec"]["drive"]["level_law"]
     tone = np.array([c["resonance_hz"] for c in channels])[:, None] * x
 
     boss = plan["spec"]["taxel"]["boss_diameter_mm"] / 2e3
 
-    def answer(i: int, hz: np.ndarray) -> np.ndarray:
+    def answer(i: int, hz: np.ndarray, moved_to: np.ndarray | float) -> np.ndarray:
         """Return the size of what is felt of taxel i at `hz` per line of i², all modes scaled with the print.
+
+        Its resonance is then `moved_to` times that at re-tuning.
 
         It is the root mean square over the boss: of a mode's motion up and of half a radius times its tilts. The force
         constant has the working mode's share of the pull already. Modes that only roll have no motion up, and are
@@ -157,15 +186,15 @@ def coil_db(plan: dict, taxels: list[dict], x: np.ndarray, pulled: np.ndarray, l
         felt = motions[:, 2:5] * [1.0, boss / 2, boss / 2] * moved[:, None] / (motions[working, 2] * moved[working])
         total = np.zeros((3, *hz.shape), complex)
         for mode_hz, part in zip(c["modes_hz"], felt, strict=True):
-            s = hz / (mode_hz * x[i])
-            total += part[:, None] / (1 - s**2 + 1j * s / c["q"])
+            s = hz / (mode_hz * x[i] * moved_to)
+            total += part[:, None] / (1 - s**2 + 1j * s / (c["q"] * q_ratio[i]))
         size = np.sqrt((np.abs(total) ** 2).sum(0))
-        return size * pulled[i] * c["force_constant_n_per_a2"] / (c["stiffness_n_per_m"] * x[i] ** 2)
+        return size * pulled[i] * c["force_constant_n_per_a2"] / (c["stiffness_n_per_m"] * (x[i] * moved_to) ** 2)
 
     # Levels in m, so that lines are in A².
     level = channels[0]["level_um"] * 1e-6 * (tone / channels[0]["resonance_hz"]) ** -law
     rho = max(c["remanent_ma"] for c in channels) / 1e3
-    line = [level[j] / answer(j, tone[j]) for j in range(len(channels))]
+    line = [level[j] / answer(j, tone[j], 1.0) for j in range(len(channels))]
     # All lines of the squared current with their makers: its products are written out by hand.
     many = len(channels)
     made = [({j}, tone[j], line[j]) for j in range(many)]
@@ -184,10 +213,11 @@ def coil_db(plan: dict, taxels: list[dict], x: np.ndarray, pulled: np.ndarray, l
         made += [({a, b}, hz, current[a] * current[b]) for hz in (played[a] + played[b], abs(played[a] - played[b]))]
     off = []
     for i in range(many):
-        heard = sum((size * answer(i, hz)) ** 2 for makers, hz, size in made if i not in makers)
+        heard = sum((size * answer(i, hz, shift)) ** 2 for makers, hz, size in made if i not in makers)
         around = plan["reuse"]["retuned_leaks_db"][channels[i]["index"]] if leak else None
         off.append(heard / level[i] ** 2 + (0.0 if around is None else 10 ** (-around / 10)))
-    return -10 * np.log10(np.maximum(np.max(off, axis=0), 1e-30))
+    on = [(line[j] * answer(j, tone[j], shift) / level[j]) ** 2 for j in range(many)]
+    return 10 * np.log10(np.min(on, axis=0) / np.maximum(np.max(off, axis=0), 1e-30))
 
 
 if __name__ == "__main__":

@@ -43,10 +43,12 @@ from padgen.physics.selectivity import Scheme, channels, print_share
 from padgen.planner import Plan, make_plan, plan_to_json
 from padgen.planner import printed_pads as module
 from padgen.planner.drive_scheme import _lines_apart
+from padgen.planner.life import planned_life
 from padgen.planner.print_yield import OUTCOMES, print_yield
-from padgen.planner.printed_pads import NOT_PRINTED, Spreads, compared_prints, spreads_of, what_prints_keep
+from padgen.planner.printed_pads import NOT_PRINTED, Spreads, compared_prints, design_of, spreads_of, what_prints_keep
 from padgen.planner.search import largest_counts, printed_count
 from padgen.spec import load_spec, parse_spec
+from padgen.spec.model import LifeTable
 from tests.print_and_count import kept_db
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
@@ -576,7 +578,7 @@ def test_spread_of_a_ratio_and_coils_of_a_plan():
     # The largest of several channels' samples is a little larger than its sigma.
     assert module.missed_spreads(design, spreads) == pytest.approx(missed, rel=6 / sqrt(2 * pads))
     plan = replace(plan, selectivity=replace(plan.selectivity, asked_db=21.5))
-    prints = what_prints_keep(plan)
+    prints = what_prints_keep(plan, design_of(plan, None))
     taxels = print_yield(plan, prints.pads).good_prints
     assert len(set(prints.coil_shares)) > 1
     for (row, column), own in module.coils_of(plan).items():
@@ -688,6 +690,48 @@ def test_what_templates_keep_by_a_program_of_its_own(name):
         assert drawn == pytest.approx(compared_prints(plan, np.inf, 0.0)[0], abs=0.02)
     assert plan.prints.print_db == pytest.approx(np.quantile(told, 0.1), abs=0.3)
     assert plan.prints.good_share == pytest.approx(np.mean(told >= plan.selectivity.asked_db), abs=0.02)
+
+
+@pytest.mark.parametrize(("name", "range_k"), [("pad-32", 16.0), ("quad-64", 4.0), ("resin-fine", 2.0)])
+def test_what_prints_keep_for_life_by_a_program_of_its_own(name, range_k):
+    """Within 0.3 dB by the program that shares no code, of pads that keep all, most and few of what is asked."""
+    plan = template(name)
+    spec = replace(plan.spec, life=replace(plan.spec.life, temperature_range_k=range_k))
+    plan = replace(plan, spec=spec)
+    life = planned_life(plan, design_of(plan, None))
+    told = kept_db(json.loads(plan_to_json(plan)), pads=4000, for_life=True)
+    assert life.print_db == pytest.approx(np.quantile(told, 0.1), abs=0.3)
+    # A decibel is up to a quarter of all prints, and the programs differ by 0.2 dB before anything has changed.
+    assert life.good_share == pytest.approx(np.mean(told >= plan.selectivity.asked_db), abs=0.06)
+    assert life.print_db < plan.prints.print_db - 0.5
+
+
+def test_a_pad_that_nothing_happens_to_keeps_for_life_what_it_keeps_re_tuned():
+    plan = template("pad-32")
+    nothing = LifeTable(temperature_range_k=0.0, ageing=0.0, common_q=0.0, q=0.0)
+    plan = replace(plan, spec=replace(plan.spec, life=nothing))
+    design = design_of(plan, None)
+    few = replace(plan, prints=what_prints_keep(plan, design, quick=True))
+    life = planned_life(few, design)
+    assert life.pads == few.prints.pads
+    assert life.print_db == pytest.approx(few.prints.print_db, abs=1e-9)
+    assert (life.shifts, life.retune_k) == ((0.0, 0.0), 0.0)
+
+
+def test_the_change_of_temperature_up_to_which_prints_keep_what_is_asked():
+    """At that change nine in ten keep it, half a kelvin beyond it they do not, and the finding names it."""
+    plan = template("quad-64")
+    kept_k = plan.life.retune_k
+    assert 0 < kept_k < plan.life.temperature_range_k
+    finding = next(finding for finding in plan.findings if finding.code == "print.life")
+    assert f"whenever it is {kept_k:g} K warmer or colder" in finding.message
+    shares = []
+    for range_k in (kept_k, kept_k + 1.0):
+        spec = replace(plan.spec, life=replace(plan.spec.life, temperature_range_k=range_k))
+        changed = replace(plan, spec=spec)
+        shares.append(planned_life(changed, design_of(changed, None)).good_share)
+    # By 200 prints, of which nine in ten are sure to 4 %.
+    assert shares[0] > plan.spec.print_share - 0.04 > shares[1]
 
 
 @pytest.mark.parametrize("seed", [None, 13, 147])

@@ -20,10 +20,12 @@ from padgen.planner.printed_pads import (
     Design,
     Drift,
     Simulated,
+    pads_until_sure,
     printed,
     quantile_error,
     share_error,
     spreads_of,
+    work,
 )
 from padgen.planner.warm_pad import softened
 from padgen.spec import Spec
@@ -35,10 +37,16 @@ STEP_K = 0.5
 
 
 def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
-    """Return what the prints of a plan keep for life, from as many prints as its `Prints`; with `quick` from few."""
+    """Return what the prints of a plan keep for life, from as many prints as that takes; with `quick` from few."""
+    few = min(plan.prints.pads, QUICK_PADS)
+    life = _life(plan, design, few)
+    pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), plan.prints.pads)
+    return life if quick or pads <= few else _life(plan, design, pads)
+
+
+def _life(plan: Plan, design: Design, pads: int) -> Life:
     spec = plan.spec
     range_k = spec.life.temperature_range_k
-    pads = min(plan.prints.pads, QUICK_PADS) if quick else plan.prints.pads
     ends = [_after(spec, design, change_k, pads) for change_k in (range_k, -range_k)]
     ratio = np.minimum(*(end.ratio[0] for end in ends))
     share = float((ends[0].good[0] & ends[1].good[0]).mean())
@@ -70,17 +78,26 @@ def _shift(spec: Spec, change_k: float) -> float:
 
 
 def _largest_change_k(spec: Spec, design: Design, pads: int) -> float:
-    """Return the largest whole number of `STEP_K` up to which the asked share of few prints is good; 0 without one."""
+    """Return the largest whole number of `STEP_K` up to which the asked share of few prints is good; 0 without one.
+
+    It is found with other modes as they are in the plan, and lowered until it holds with those of every print.
+    """
     pads = min(pads, QUICK_PADS)
+    as_planned = design._replace(modes=(None,) * len(design.coils))
+
+    def holds(of: Design, steps: int) -> bool:
+        good = np.ones(pads, bool)
+        for change_k in (steps * STEP_K, -steps * STEP_K):
+            good &= _after(spec, of, change_k, pads).good[0]
+            if good.mean() < spec.print_share:
+                return False
+        return True
+
     low = 0
     high = int(np.ceil(spec.life.temperature_range_k / STEP_K))
     while high - low > 1:
         middle = (low + high) // 2
-        good = _after(spec, design, middle * STEP_K, pads).good[0]
-        if good.mean() >= spec.print_share:
-            good = good & _after(spec, design, -middle * STEP_K, pads).good[0]
-        if good.mean() >= spec.print_share:
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if holds(as_planned, middle) else (low, middle)
+    while low > 0 and not holds(design, low):
+        low -= 1
     return low * STEP_K
