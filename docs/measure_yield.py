@@ -1,14 +1,18 @@
 """Measures what docs/yield.md reports of the plan's estimate and of the search. Prints Markdown.
 
 python docs/measure_yield.py templates    each template's estimate against 40,000 simulated pads of another seed
+python docs/measure_yield.py life         what each template keeps for life, beside a program of its own
 python docs/measure_yield.py [SPECS]      the same of random specs, and as many small ones of which every layout is
                                           planned; an hour for 200
 """
 
+import json
 import random
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -16,11 +20,17 @@ from padgen.core.errors import PadgenError
 from padgen.core.units import decibel
 from padgen.planner import Plan, make_plan
 from padgen.planner.layout import SLACK_MM, candidates, coil_reach_mm
+from padgen.planner.life import planned_life
 from padgen.planner.make import Choice, _assemble, _decided_specs, _driven, choose
+from padgen.planner.plan import plan_to_json
 from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
 from padgen.planner.search import _beams, channel_limit, sites_of
 from padgen.spec import Spec, load_spec, parse_spec
 from padgen.spec.load import template_paths
+from padgen.spec.model import LifeTable
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tests.print_and_count import kept_db
 
 SPECS = 200
 PADS = 40_000
@@ -104,6 +114,28 @@ def templates() -> list[str]:
     return text
 
 
+def for_life() -> list[str]:
+    """What each template keeps re-tuned once, 10 K warmer or colder, aged, of unlike Q; by two programs."""
+    lines = []
+    for path in sorted(template_paths()):
+        plan = make_plan(load_spec(str(path)))
+        spec = replace(plan.spec, life=LifeTable())
+        plan = replace(plan, spec=spec)
+        life = planned_life(plan, design_of(plan, None))
+        program = "–"
+        try:
+            told = kept_db(json.loads(plan_to_json(plan)), pads=SMALL_PADS, for_life=True)
+            program = f"{np.quantile(told, 1 - spec.print_share):.1f}"
+        except (AssertionError, TypeError):  # bent beams, or magnets
+            pass
+        kept = ["–" if db is None else f"{db:.1f}" for db in (plan.prints.print_db, life.print_db)]
+        lines.append(
+            f"| {plan.name} | {plan.selectivity.asked_db:.1f} | {kept[0]} | {kept[1]} | {program}"
+            f" | {100 * life.good_share:.0f} | {life.retune_k:g} |"
+        )
+    return lines
+
+
 def estimates(specs: int) -> list[str]:
     seed = 0
     off = list[tuple[float, ...]]()
@@ -156,8 +188,9 @@ def searches(specs: int) -> list[str]:
 
 if __name__ == "__main__":
     asked = sys.argv[1] if len(sys.argv) > 1 else str(SPECS)
-    if asked == "templates":
-        raise SystemExit(print("\n".join(templates())))
+    for name, lines in (("templates", templates), ("life", for_life)):
+        if asked == name:
+            raise SystemExit(print("\n".join(lines())))
     count = int(asked)
     for part in (estimates, searches):
         print("\n".join(["", *part(count)]), flush=True)

@@ -55,6 +55,7 @@ def test_changes_keep_what_they_promise(explained):
             assert gained == pytest.approx(change.gained_db)
             assert change.good_share in (None, planned.prints.good_share)
             assert change.print_db in (None, planned.prints.print_db)
+            assert change.life_share in (None, planned.life.good_share)
 
 
 def test_one_more_than_held_does_not_hold(explained):

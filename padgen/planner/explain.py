@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from math import inf, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,8 +67,9 @@ class Change:
     With the change `channels` per coil, driven by the scheme `drive`, keep the asked selectivity: `gained` more than
     without it. If there were room for all, `gained_in_band` more would (0 where no more are counted). `gained_db` is
     added to the all-state selectivity of as many channels as planned. A new plan with the change and as many channels
-    has `good_share` of its re-tuned prints keep the asked selectivity, and the asked share of them keep `print_db`;
-    both are None where that plan has errors, the latter also where a coil has one channel.
+    has `good_share` of its re-tuned prints keep the asked selectivity, `life_share` of them for life (`Life`; None of a
+    touched pad), and the asked share of them keep `print_db`; all are None where that plan has errors, the last also
+    where a coil has one channel.
     """
 
     change: str
@@ -79,6 +80,7 @@ class Change:
     gained_in_band: int
     gained_db: float | None
     good_share: float | None
+    life_share: float | None
     print_db: float | None
 
 
@@ -107,9 +109,10 @@ class Explanation:
     """The limits of a plan's coils, and the changes that would help.
 
     On the plan's grid `channels` per coil, driven by the scheme `drive`, keep the asked selectivity; `limits` say what
-    stops one more. `good_share` and `print_db` are of the plan's re-tuned prints, as in `Change`. `channel_shares` (n,)
-    are the shares of the prints in which a taxel of each channel is good. `stage_channels` are the channels per coil
-    that prints would keep in the band at each of `padgen.planner.printed_pads.STAGES`, the last one `Capacity.prints`.
+    stops one more. `good_share`, `life_share` and `print_db` are of the plan's prints, as in `Change`. `channel_shares`
+    (n,) are the shares of the prints in which a taxel of each channel is good. `stage_channels` are the channels per
+    coil that prints would keep in the band at each of `padgen.planner.printed_pads.STAGES`, the last one
+    `Capacity.prints`.
     """
 
     channels: int
@@ -119,6 +122,7 @@ class Explanation:
     capacities: tuple[CapacityRow, ...]
     channel_shares: tuple[float, ...]
     good_share: float | None
+    life_share: float | None
     print_db: float | None
     stage_channels: tuple[int, ...]
     movers: tuple[MoverRow, ...] = ()
@@ -176,7 +180,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     in_band = _channels_in_band(spec)
     planned = _figures(spec, grid, count)
     now = planned.kept_db if planned else None
-    share_now, print_now_db = _prints(spec, grid, count)
+    now_printed = _prints(spec, grid, count)
     changes = []
     for cost, cure in _changes(plan):
         try:
@@ -192,13 +196,19 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
         more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(changed) - in_band
-        prints = _prints(changed, grid, count, optimise) if figures else (None, None)
+        prints = _prints(changed, grid, count, optimise) if figures else NO_PRINTS
         change = Change(
             as_lines(cure), COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints
         )
-        more_db = max(gained_db or 0.0, (prints[1] or -inf) - (print_now_db or inf))
-        prints_more = (prints[0] or 0.0) - (share_now or 0.0) > WORTH_SHARE
-        if prints_more or change.gained > 0 or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB)):
+        more_db = max(gained_db or 0.0, (prints.kept_db or -inf) - (now_printed.kept_db or inf))
+        prints_more = (prints.good_share or 0.0) - (now_printed.good_share or 0.0) > WORTH_SHARE
+        lives_longer = (prints.life_share or 0.0) - (now_printed.life_share or 0.0) > WORTH_SHARE
+        if (
+            prints_more
+            or lives_longer
+            or change.gained > 0
+            or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB))
+        ):
             changes.append(change)
     changes.sort(key=lambda change: _rank(change, spec.print_share))
     design = design_of(plan, None)
@@ -217,19 +227,25 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         changes=tuple(changes),
         capacities=tuple(_capacities(spec)),
         channel_shares=tuple(shares.tolist()),
-        good_share=share_now,
-        print_db=print_now_db,
+        good_share=now_printed.good_share,
+        life_share=now_printed.life_share,
+        print_db=now_printed.kept_db,
         stage_channels=(*stages, plan.capacity.prints),
         movers=tuple(_movers(spec)),
     )
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
-    """Return a sort key: good prints up to the share `asked`, below it their selectivity, then channels, then cost."""
+    """Return a sort key: good prints up to the share `asked`, below it their selectivity, then those good for life.
+
+    Changes that are alike in this go by the channels that they buy, then by their cost.
+    """
     share = change.good_share or 0.0
+    life_share = min(change.life_share or 0.0, asked)
     print_db = change.print_db or 0.0
     short_db = -print_db if share < asked else 0.0
-    return -min(share, asked), short_db, -change.gained, -change.gained_in_band, COSTS.index(change.cost), -print_db
+    bought = -change.gained, -change.gained_in_band, COSTS.index(change.cost)
+    return -min(share, asked), short_db, -life_share, *bought, -print_db
 
 
 def _channels_in_band(spec: Spec) -> int:
@@ -304,16 +320,28 @@ def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) ->
     )
 
 
-def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> tuple[float | None, float | None]:
-    """Return `Change.good_share` and `Change.print_db` for `count` channels per coil on `grid`."""
+class _Printed(NamedTuple):
+    """`Change.good_share`, `Change.life_share` and `Change.print_db`."""
+
+    good_share: float | None
+    life_share: float | None
+    kept_db: float | None
+
+
+NO_PRINTS = _Printed(None, None, None)
+
+
+def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> _Printed:
+    """Return what prints of `count` channels per coil on `grid` keep."""
     try:
         plan = make_plan(_with_grid(spec, grid, count, optimise))
     except SpecError:
-        return None, None
-    works = all(finding.level != "error" for finding in plan.findings)
-    if works and plan.touch is not None:
-        return plan.touch.good_share, plan.touch.print_db
-    return (plan.prints.good_share, plan.prints.print_db) if works else (None, None)
+        return NO_PRINTS
+    if any(finding.level == "error" for finding in plan.findings):
+        return NO_PRINTS
+    if plan.touch is not None:
+        return _Printed(plan.touch.good_share, None, plan.touch.print_db)
+    return _Printed(plan.prints.good_share, plan.life.good_share, plan.prints.print_db)
 
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
@@ -389,6 +417,7 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
         (0, ({"suspension.topology": name} for name in topologies)),
         (0, [{"suspension.thickness_mm": round(weakest.beam.thickness_mm + printer.layer_mm, 6)}]),
         (1, () if spec.spread.bed_meshed else [{"spread.bed_meshed": True}]),
+        (1, ({"material": name} for name in _materials(spec))),
         (1, ({"band_hz": [float(number(low * less)), float(number(high * more))]} for less, more in bands)),
         (1, ({"printer": entry["name"]} for entry in finer if entry["process"] == printer.process)),
         (2, ({spec.mover_part: entry["name"]} for entry in smaller)),
@@ -396,6 +425,14 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
         *_touch_changes(spec),
     ]
     return [(cost, cure) for cost, cures in kinds for cure in cures]
+
+
+def _materials(spec: Spec) -> Iterator[str]:
+    """Yield the catalogue's materials that the printer prints and that soften less when warm, the least first."""
+    entries = [entry for entry in catalogue("material").values() if entry["process"] == spec.printer.process]
+    for entry in sorted(entries, key=lambda entry: entry["softening_per_k"]):
+        if entry["softening_per_k"] < spec.material.softening_per_k:
+            yield entry["name"]
 
 
 PLACES = (0.7, 0.85, 1.2)

@@ -578,6 +578,7 @@ EXPLAINED = (
     "change",
     "needs\na new",
     "good\nprints",
+    "good\nfor\nlife",
     "prints\nkeep dB",
     "more\nchannels",
     "more if\nthere is\nroom",
@@ -608,9 +609,10 @@ def _mover_cells(row: "MoverRow") -> tuple[str, ...]:
     return row.mover, row.coil, str(row.coils), str(row.channels), heat, f"{row.peak_v:.2g}", share, kept, row.outputs
 
 
-def _printed_cells(of: "Explanation | Change") -> tuple[str, str]:
+def _printed_cells(of: "Explanation | Change") -> tuple[str, str, str]:
     share = "" if of.good_share is None else f"{of.good_share:.0%}"
-    return share, "" if of.print_db is None else f"{of.print_db:.1f}"
+    for_life = "" if of.life_share is None else f"{of.life_share:.0%}"
+    return share, for_life, "" if of.print_db is None else f"{of.print_db:.1f}"
 
 
 def yield_text(result: "PrintYield") -> str:
