@@ -464,7 +464,12 @@ SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1)
 MOST_OTHER = 0.15
 """Largest share of a sub-cell that may differ from the plan: usual profiles have 0.06, other pads 0.23 or more."""
 LONG_MM = 1.0
-"""Least length of a bead along the pad's edge, and its largest distance from the edge where that was first found."""
+PARALLEL_MM = 5e-3
+"""Least length of a bead along the pad's edge, and its largest distance from the edge where that was first found; and
+by how much its ends may differ in that distance: files have micrometres, so that ends may be one or two off."""
+SHORT_MM = 0.02
+"""Extrusions shorter than this count by their volume only: of how wide they are, rounded lengths say nothing, and the
+beads before and behind end there."""
 ALIKE = 2e-3
 """Difference of correlations that may be rounding; a pad that looks the same when turned then gets the smaller turn."""
 IMAGE_MM = 0.5
@@ -794,7 +799,7 @@ def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.
     """Return by how much (2,) in mm the middle between the beads at opposite edges is off the pad's middle."""
     off = np.zeros(2)
     for k in (0, 1):
-        along = np.abs(stop[:, k] - start[:, k]) < 1e-3
+        along = np.abs(stop[:, k] - start[:, k]) < PARALLEL_MM
         along &= np.abs(stop[:, 1 - k] - start[:, 1 - k]) > LONG_MM
         along &= np.maximum(np.abs(start), np.abs(stop))[:, 1 - k] < half_mm[1 - k] + LONG_MM
         depth = [half_mm[k] - side * start[along, k] for side in (-1, 1)]
@@ -889,8 +894,9 @@ def _pieces(
     wide = layer.area_mm2 / height
     strand = np.isnan(layer.height_mm) & (wide > STRAND * np.median(wide))
     height = np.where(strand, np.sqrt(4 / np.pi * layer.area_mm2), height)
-    width = layer.area_mm2 / height + ROUND_EDGES * height
-    run = np.cumsum(np.hypot(*(layer.stop - layer.start).T) / piece_mm + 1)
+    length = np.hypot(*(layer.stop - layer.start).T)
+    width = np.where(length < SHORT_MM, 0.0, layer.area_mm2 / height + ROUND_EDGES * height)
+    run = np.cumsum(length / piece_mm + 1)
     ends = np.searchsorted(run, np.arange(MOST_PIECES, run[-1], MOST_PIECES))
     for first, last in pairwise((0, *ends.tolist(), len(run))):
         part = replace(layer, start=layer.start[first:last], stop=layer.stop[first:last])
