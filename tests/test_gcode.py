@@ -23,7 +23,7 @@ from padgen import cli
 from padgen.core.errors import FileError
 from padgen.planner import make_plan
 from padgen.sliced.judge_laid import check_gcode
-from padgen.sliced.laid_pad import read_layers, read_settings
+from padgen.sliced.laid_pad import PadMaps, read_layers, read_settings
 from padgen.spec import parse_spec
 
 REFERENCE = Path(__file__).parent / "reference" / "four-0.2mm.gcode.gz"
@@ -418,6 +418,54 @@ def moved(path, change):
 
     path.write_text(re.sub(r"X([-\d.]+) Y([-\d.]+)", replaced, path.read_text()))
     return path
+
+
+def test_a_pad_whose_outline_is_a_micrometre_off_is_found_as_before(plan, tmp_path):
+    """Files have coordinates in micrometres, so that the ends of a straight bead may differ by one or two of them.
+
+    Only beads along the right and the upper edge are bent. Looked for without them, the pad would lie half a line off.
+    """
+
+    def bent(x, y):
+        up = x - 100 > 12.5 and y > 90
+        right = y - 90 > 12.5 and x > 100
+        return x + 1.5e-3 * up, y + 1.5e-3 * right
+
+    figures = check_gcode(plan, moved(Hand(plan).file(tmp_path), bent)).figures
+    assert figures["centre_mm"] == pytest.approx([100, 90], abs=2e-3)
+
+
+def test_beads_on_both_sides_of_a_gap_are_as_far_apart_as_they_are(plan):
+    """Within 2 µm wherever they lie in the map's pixels of 20 µm: the middle of the gap is nobody's pixel."""
+    maps = PadMaps(plan)
+    taxel = plan.taxels[0]
+    channel = plan.channels[taxel.channel]
+    arrangement = plan.arrangement(channel)
+    half_mm = float(arrangement.blocks[0][3])
+    wall_mm = float(arrangement.window_mm[1]) / 2
+    inward_mm = np.linspace(0.03, 0.3, 101)
+    hand = Hand(plan)
+    washer = float(arrangement.washer_x_mm), 0.0
+    away_mm = []
+    for y in (half_mm - inward_mm, wall_mm + inward_mm):
+        points = np.array([hand.on_pad(taxel, channel, washer, washer[0] + 0.013, float(at)) for at in y])
+        away_mm.append(maps.from_gap_mm(*maps.found(points)))
+    assert sum(away_mm) == pytest.approx(wall_mm - half_mm + 2 * inward_mm, abs=2e-3)
+
+
+def test_what_is_shorter_than_its_rounding_says_nothing_of_its_width(plan, tmp_path):
+    """A micrometre of bead with the least plastic that a file can state would be 0.8 mm wide, and narrow a recess."""
+    at = next(t for t in plan.taxels if t.id == "r0c1k0")
+    x, y = at.x_mm + 100 + 1.9, at.y_mm + 90
+    dot = f"G92 E0\nG1 Z0.3\nG0 X{x:.3f} Y{y:.3f}\nG1 X{x:.3f} Y{y + 1e-3:.3f} E0.00003"
+    path = Hand(plan).file(tmp_path)
+    text = path.read_text()
+    rest = text.index(";LAYER_CHANGE", text.index(";Z:0.3"))
+    path.write_text(text[:rest] + dot.replace("G92 E0\n", "M83\n") + "\nM82\n" + text[rest:])
+    report = check_gcode(plan, path)
+    assert report.findings == ()
+    room = {taxel["id"]: taxel["recess_room_mm"] for taxel in report.figures["taxels"]}
+    assert room[at.id] == pytest.approx(3.7 - 0.043, abs=0.04)
 
 
 def test_supports_in_a_recess_are_told(plan, tmp_path):

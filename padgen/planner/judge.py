@@ -431,17 +431,14 @@ def _life(plan: Plan) -> Iterator[Finding]:
         do = "move every taxel by more than 0.7 of its level"
         kept = ""
     when = f"even without a change of temperature, fewer than {wanted:.0%} do"
-    cures: tuple[Cure, ...] = ()
     if life.retune_k > 0:
         when = f"re-tune it whenever it is {number(life.retune_k)} K warmer or colder"
-        cures = ({"life.temperature_range_k": life.retune_k},)
     yield Finding(
         "warning",
         "print.life",
         "pad",
         f"re-tuned once, {life.good_share:.0%} of its prints still {do} when"
         f" it is {number(life.temperature_range_k)} K warmer or colder, aged, and of unlike Q{kept}; {when}",
-        cures,
     )
 
 

@@ -84,13 +84,7 @@ GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2
 """Layouts that are tried again with serpentine beams where straight ones print too unevenly: most of a second each."""
-BESIDE_THE_BEAMS = {
-    "mount.kind",
-    "mount.base_mass_g",
-    "printer.bed_x_mm",
-    "printer.bed_y_mm",
-    "life.temperature_range_k",
-}
+BESIDE_THE_BEAMS = {"mount.kind", "mount.base_mass_g", "printer.bed_x_mm", "printer.bed_y_mm"}
 """Fields that no layout or beam depends on."""
 MOST_FOR_CURE = 32
 MOST_TAXELS_FOR_CURE = 1024

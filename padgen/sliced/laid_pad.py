@@ -257,7 +257,8 @@ class TaxelMap:
 
     `owner` is the nearest body (`FRAME`, `PLATE`, or `BEAM` plus the beam's index), `node` the fractional node number
     along the beams (−1 off them), `station` the nearest station of a gap (−1: none near), `side` the side of that gap,
-    and `aside_mm` the distance from the gap's middle. `solid` is where the lowest layer has plastic.
+    `aside_mm` the distance of the pixel's middle from the gap's, and `outward` its direction from there (x + iy).
+    `solid` is where the lowest layer has plastic.
     """
 
     def __init__(self, plan: Plan, channel: Channel) -> None:
@@ -348,6 +349,7 @@ class TaxelMap:
         self.station = np.full(self.shape, -1, np.int32)
         self.side = np.zeros(self.shape, np.int8)
         self.aside_mm = np.full(self.shape, np.inf, np.float32)
+        self.outward = np.zeros(self.shape, np.complex64)
         self.stations = 0
         if not middle.any():
             return
@@ -361,7 +363,11 @@ class TaxelMap:
         here = (off < NEAR_MM) & ((self.owner == lower) | (self.owner == upper))
         self.station[here] = numbers[at[0], at[1]][here]
         self.side[here] = (self.owner == upper)[here]
-        self.aside_mm[here] = off[here]
+        # The middle is as thick as the pixels within rounding of it: the nearest one lies on this side of it.
+        short = np.abs(one - other)[at[0], at[1]] / 2
+        self.aside_mm[here] = (off + short)[here]
+        apart = np.subtract(np.indices(self.shape), at)
+        self.outward[here] = ((apart[0] + 1j * apart[1]) / np.maximum(np.hypot(*apart), 1))[here]
         self.stations = len(names)
 
 
@@ -373,6 +379,7 @@ class PadMaps:
     station: np.ndarray
     side: np.ndarray
     aside_mm: np.ndarray
+    outward: np.ndarray
     solid: np.ndarray
 
     def __init__(self, plan: Plan) -> None:
@@ -418,6 +425,13 @@ class PadMaps:
         shape = self.shape[channel].T
         at = [((along[:, k] - corner[k]) / pixel).astype(np.int32).clip(0, shape[k] - 1) for k in (0, 1)]
         return taxel, along, self.first[channel] + at[0] * shape[1] + at[1]
+
+    def from_gap_mm(self, taxel: np.ndarray, along: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+        """Return the distances (n,) of points from the middle of the nearest gap; arguments as `found` returns them."""
+        pixel_mm = self.pixel_mm[self.channel[taxel]][:, None]
+        x, y = ((along - self.corner[taxel]) % pixel_mm - pixel_mm / 2).T
+        outward = self.outward[pixel]
+        return self.aside_mm[pixel] + x * outward.real + y * outward.imag
 
     def solid_at(self, points: np.ndarray) -> np.ndarray:
         """Return where, among points (n, 2) in mm, the plan has plastic in its lowest layer."""
@@ -857,7 +871,7 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
         shared += np.bincount(at + 1, volume_on * ahead, len(shared))
         station = maps.station[pixel]
         on = station >= 0
-        free = maps.aside_mm[pixel] - width / 2
+        free = maps.from_gap_mm(taxel, along, pixel) - width / 2
         np.minimum.at(sides, ((taxel * stations + station) * 2 + maps.side[pixel])[on], free[on])
         near = np.abs(along).max(1) < radius + 1
         volume, width, height, taxel, along = (part[near] for part in (volume, width, height, taxel, along))
