@@ -435,8 +435,10 @@ def test_a_pad_whose_outline_is_a_micrometre_off_is_found_as_before(plan, tmp_pa
     assert figures["centre_mm"] == pytest.approx([100, 90], abs=2e-3)
 
 
-def test_beads_on_both_sides_of_a_gap_are_as_far_apart_as_they_are(plan):
+@pytest.mark.parametrize("gap_mm", [0.3, 0.311, 0.322])
+def test_beads_on_both_sides_of_a_gap_are_as_far_apart_as_they_are(gap_mm):
     """Within 2 µm wherever they lie in the map's pixels of 20 µm: the middle of the gap is nobody's pixel."""
+    plan = make_plan(parse_spec(f'{FOUR}printer = {{ name = "fdm-0.4", smallest_gap_mm = {gap_mm} }}'))
     maps = PadMaps(plan)
     taxel = plan.taxels[0]
     channel = plan.channels[taxel.channel]
