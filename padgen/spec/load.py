@@ -1123,7 +1123,7 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
 
 IN_NOZZLES = (
     *("line_width_mm", "smallest_beam_mm", "layer_mm", "first_layer_mm"),
-    *("smallest_pin_mm", "smallest_gap_mm"),
+    *("smallest_pin_mm", "smallest_gap_mm", "xy_compensation_mm"),
 )
 """Fields of a printer that go with its nozzle, or with its pixel."""
 
