@@ -547,7 +547,9 @@ def test_what_detuned_taxels_cost_is_told_in_db(tmp_path, monkeypatch, capsys):
     report = check_gcode(plan, hand.file(tmp_path))
     figures = report.figures
     lost = one(report, "laid.selectivity")
-    assert f"keeps {figures['planned_db']:.1f} dB" in lost.message
+    kept = f"keeps {figures['planned_db']:.1f} of the {figures['drawn_db']:.1f} dB that one as drawn keeps"
+    assert kept in lost.message
+    assert f"re-tuned, {figures['retuned_db']:.1f} of" in lost.message
     assert figures["planned_db"] < figures["drawn_db"] - 1
     rows = [f"{t['id']},{t['resonance_hz']},{plan.channels[t['channel']].q}" for t in figures["taxels"]]
     Path("measured.csv").write_text("\n".join(["taxel,resonance_hz,q", *rows, ""]))

@@ -184,8 +184,8 @@ def _judged(
     ]
     if keeps and drawn and drawn[0] - keeps[0] > LOST_DB:
         sentence = (
-            f"with the planned tones this print keeps {keeps[0]:.1f} dB, {drawn[0] - keeps[0]:.1f} dB less than as"
-            f" drawn; re-tuned {keeps[1]:.1f} dB"
+            f"with the planned tones this print keeps {keeps[0]:.1f} of the {drawn[0]:.1f} dB that one as drawn keeps;"
+            f" re-tuned, {keeps[1]:.1f} of {drawn[1]:.1f} dB"
         )
         level = "warning" if keeps[0] > 0 else "error"
         findings.append(Finding(level, "laid.selectivity", "pad", sentence))
