@@ -41,7 +41,8 @@ def test_what_lies_in_the_folder(folder):
     names = {p.name for p in folder.iterdir()}
     assert names == {
         "plan.json", "drive.csv", "drive.json", "bom.csv", "checks.json", "manifest.json",
-        "pad.stl", "pad.3mf", "pad.glb", "pad.ini", "slicer-settings.txt", *(f"taxel-{i}.step" for i in range(4)),
+        "pad.stl", "pad.3mf", "pad.glb", "pad.ini", "pad-orca.json", "slicer-settings.txt",
+        *(f"taxel-{i}.step" for i in range(4)),
     }  # fmt: skip
 
 

@@ -1,7 +1,9 @@
 """The slicer's settings: its profile, the project in the 3MF, the names in other slicers, the place on the bed."""
 
+import json
 import re
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,12 +12,15 @@ from padgen.make.pad import Pad
 from padgen.planner import make_plan
 from padgen.planner.layout import corner_groove
 from padgen.planner.printing import (
+    IN_ORCA,
     OTHER_SLICERS_FILE,
     PROFILE_FILE,
+    orca_text,
     other_slicers_text,
     print_settings,
     profile_text,
     prusa_profile,
+    shaping_profile,
 )
 from padgen.solid.formats._3mf import read_3mf
 from padgen.solid.mesh import as_manifold
@@ -62,9 +67,32 @@ def test_other_slicers_have_it_by_their_names():
     assert "X-Y contour compensation: 0.014 mm, X-Y hole compensation: -0.014 mm" in orca
 
 
+def test_the_preset_for_orca_says_what_pad_ini_says():
+    """All that shapes a print, by the names in a G-code of Bambu Studio 2.4; what has no name there is named here."""
+    plan = make_plan(load_spec("quad-64"))
+    preset = json.loads(orca_text(plan))
+    assert (preset["type"], preset["from"], preset["name"]) == ("process", "User", "padgen quad-64")
+    assert all(isinstance(value, str) for value in preset.values())
+    shaping = shaping_profile(plan.spec)
+    same = {key: IN_ORCA.get(key, key) for key in shaping if IN_ORCA.get(key, key) in preset}
+    assert {key: preset[orca] for key, orca in same.items() if orca not in ("resolution", "ironing_type")} == {
+        key: shaping[key] for key, orca in same.items() if orca not in ("resolution", "ironing_type")
+    }
+    left_out = {key for key in shaping if key not in same}
+    assert left_out == {
+        "nozzle_diameter", "extra_perimeters", "infill_every_layers", "external_perimeters_first", "gap_fill_enabled",
+        "extrusion_multiplier",
+    }  # fmt: skip
+    assert float(preset["xy_hole_compensation"]) == -float(shaping["xy_size_compensation"]) < 0
+    assert preset["resolution"] == shaping["gcode_resolution"]
+    # Names that are taken from the file are those that a Bambu Studio of version 2.4 writes.
+    known = (Path(__file__).parent / "reference" / "bambu_studio_settings.txt").read_text(encoding="ascii").split()
+    assert {*preset} - {"type", "name", "from", "inherits"} <= {*known}
+
+
 def test_resin_has_no_such_profile(tmp_path):
     plan = make_plan(load_spec("resin-fine"))
-    assert profile_text(plan) == ""
+    assert profile_text(plan) == orca_text(plan) == ""
     assert "layer height: 0.05 mm" in other_slicers_text(plan)
     assert "Arachne" not in other_slicers_text(plan)
 

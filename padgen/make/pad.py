@@ -213,7 +213,14 @@ class Pad:
         from padgen.driver.formats.csv import drive_csv
         from padgen.driver.formats.json import drive_json
         from padgen.planner import plan_to_json
-        from padgen.planner.printing import OTHER_SLICERS_FILE, PROFILE_FILE, other_slicers_text, profile_text
+        from padgen.planner.printing import (
+            ORCA_FILE,
+            OTHER_SLICERS_FILE,
+            PROFILE_FILE,
+            orca_text,
+            other_slicers_text,
+            profile_text,
+        )
 
         plan = self.plan
         pad = self.solid
@@ -246,6 +253,7 @@ class Pad:
                 ("bom.csv", self.bill),
                 ("checks.json", json_text({"figures": figures, "findings": findings})),
                 (PROFILE_FILE, profile_text(plan)),
+                (ORCA_FILE, orca_text(plan)),
                 (OTHER_SLICERS_FILE, other_slicers_text(plan)),
                 ("report.html", self.report().html if page else ""),
             ):

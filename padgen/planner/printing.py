@@ -1,5 +1,6 @@
 """Slicer settings with which the pad prints as planned, by plain names and by those of PrusaSlicer and others."""
 
+import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -9,8 +10,11 @@ from padgen.planner.plan import Beam, Plan
 from padgen.spec import Spec
 
 __all__ = [
+    "IN_ORCA",
+    "ORCA_FILE",
     "OTHER_SLICERS_FILE",
     "PROFILE_FILE",
+    "orca_text",
     "other_slicers_text",
     "print_settings",
     "profile_text",
@@ -19,6 +23,7 @@ __all__ = [
 ]
 
 PROFILE_FILE = "pad.ini"
+ORCA_FILE = "pad-orca.json"
 OTHER_SLICERS_FILE = "slicer-settings.txt"
 TYPICAL_C = {"pla": (215, 60), "petg": (240, 80), "abs": (250, 100), "pa12": (255, 100)}
 """Typical temperatures of nozzle and bed for materials of the catalogue, by filament makers; others take PLA's."""
@@ -157,6 +162,65 @@ def shaping_profile(spec: Spec) -> dict[str, str]:
     }  # fmt: skip
 
 
+IN_ORCA = {
+    "first_layer_height": "initial_layer_print_height",
+    "perimeter_generator": "wall_generator",
+    "extrusion_width": "line_width",
+    "first_layer_extrusion_width": "initial_layer_line_width",
+    "perimeter_extrusion_width": "inner_wall_line_width",
+    "external_perimeter_extrusion_width": "outer_wall_line_width",
+    "infill_extrusion_width": "sparse_infill_line_width",
+    "solid_infill_extrusion_width": "internal_solid_infill_line_width",
+    "top_infill_extrusion_width": "top_surface_line_width",
+    "xy_size_compensation": "xy_contour_compensation",
+    "thin_walls": "detect_thin_wall",
+    "fill_density": "sparse_infill_density",
+    "fill_pattern": "sparse_infill_pattern",
+    "top_fill_pattern": "top_surface_pattern",
+    "bottom_fill_pattern": "bottom_surface_pattern",
+    "solid_infill_below_area": "minimum_sparse_infill_area",
+    "top_solid_layers": "top_shell_layers",
+    "bottom_solid_layers": "bottom_shell_layers",
+    "infill_overlap": "infill_wall_overlap",
+    "support_material": "enable_support",
+    "perimeters": "wall_loops",
+    "fill_angle": "infill_direction",
+    "overhangs": "detect_overhang_wall",
+    "bridge_flow_ratio": "bridge_flow",
+    "extrusion_multiplier": "filament_flow_ratio",
+    "gcode_resolution": "resolution",
+    "ironing": "ironing_type",
+    "spiral_vase": "spiral_mode",
+}
+"""Names that OrcaSlicer and Bambu Studio have for PrusaSlicer's settings, where they are others. Those of both stand in
+the comments of Bambu Studio's G-code (2.4)."""
+NOT_OF_ORCAS_PROCESS = (
+    *("nozzle_diameter", "extra_perimeters", "infill_every_layers", "external_perimeters_first", "resolution"),
+    *("extrusion_multiplier", "gap_fill_enabled", "ironing"),
+)
+"""Settings that they do not have, that are of their printers and filaments, or that have other values there."""
+
+
+def orca_text(plan: Plan) -> str:
+    """Return the text of a process preset for OrcaSlicer and Bambu Studio; empty for printers that lay no filament."""
+    spec = plan.spec
+    if spec.printer.process != "fdm":
+        return ""
+    shaping = shaping_profile(spec)
+    ours = {IN_ORCA.get(key, key): value for key, value in shaping.items() if key not in NOT_OF_ORCAS_PROCESS}
+    hole_mm = number(-spec.printer.xy_compensation_mm)
+    name = f"padgen {plan.name}"
+    preset = {"type": "process", "name": name, "print_settings_id": name, "from": "User", "inherits": ""}
+    # Infill of 100 % is solid there. Thicknesses of shells would ask for more solid layers than the counts do.
+    only_there = {
+        "xy_hole_compensation": hole_mm, "internal_solid_infill_pattern": "concentric", "top_shell_thickness": "0",
+        "bottom_shell_thickness": "0", "ironing_type": "no ironing", "brim_type": "no_brim", "print_flow_ratio": "1",
+        "enable_arc_fitting": "0", "wall_sequence": "inner wall/outer wall", "skirt_loops": "0",
+        "top_one_wall_type": "not apply", "only_one_wall_first_layer": "0",
+    }  # fmt: skip
+    return json.dumps(preset | ours | only_there, indent=4) + "\n"
+
+
 def profile_text(plan: Plan) -> str:
     """Return the text of the file for ``prusa-slicer --load``; empty where there is no such profile."""
     spec = plan.spec
@@ -180,8 +244,9 @@ def other_slicers_text(plan: Plan) -> str:
     if plan.spec.printer.process != "fdm":
         return heading + "".join(f"{each.name.replace('_', ' ')}: {each.value}\n" for each in settings)
     parts = [
-        f"PrusaSlicer takes all of them from {PROFILE_FILE}. By the names of others (Cura's were tried with CuraEngine"
-        " 4.13, the rest are untested):\n"
+        f"PrusaSlicer takes all of them from {PROFILE_FILE}, OrcaSlicer and Bambu Studio from {ORCA_FILE} (File,"
+        " Import, Import Configs), which no version was tried with. By the names of others (Cura's were tried with"
+        " CuraEngine 4.13, the rest are untested):\n"
     ]
     for slicer, slicer_lines in (
         ("Cura", [each.cura for each in settings]),

@@ -20,7 +20,7 @@ from padgen.core.units import G_PER_CM3, MG, MM
 from padgen.physics.ladder import slot_half_width
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printed_pads import known_print_db
-from padgen.planner.printing import shaping_profile
+from padgen.planner.printing import IN_ORCA, shaping_profile
 from padgen.planner.suspensions import Arrangement, BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.sliced.laid_pad import LaidPad, laid_pads, read_settings
@@ -39,21 +39,19 @@ CLOSED_MM = 0.05
 NARROW_SHARE = 0.5
 """Width below which a gap between beads counts as closed, and share of the planned gap below which it is reported."""
 SETTINGS = {
-    "layer_height": ("layer_height",),
-    "first_layer_height": ("first_layer_height", "initial_layer_print_height"),
-    "elephant_foot_compensation": ("elefant_foot_compensation",),
-    "xy_size_compensation": ("xy_size_compensation", "xy_contour_compensation"),
-    "infill_overlap": ("infill_overlap", "infill_wall_overlap"),
-    "thick_bridges": ("thick_bridges",),
-    "wall_generator": ("perimeter_generator", "wall_generator"),
-    "infill": ("fill_density", "sparse_infill_density"),
-    "supports": ("support_material", "enable_support"),
-    "raft": ("raft_layers",),
-    "nozzle": ("nozzle_diameter",),
+    "layer_height": "layer_height",
+    "first_layer_height": "first_layer_height",
+    "elephant_foot_compensation": "elefant_foot_compensation",
+    "xy_size_compensation": "xy_size_compensation",
+    "infill_overlap": "infill_overlap",
+    "thick_bridges": "thick_bridges",
+    "wall_generator": "perimeter_generator",
+    "infill": "fill_density",
+    "supports": "support_material",
+    "raft": "raft_layers",
+    "nozzle": "nozzle_diameter",
 }
-"""Settings by the plan's names, with their names in comments of G-code."""
-IN_ORCA = {"ironing": "ironing_type", "spiral_vase": "spiral_mode", "extrusion_multiplier": "filament_flow_ratio"}
-"""Names that OrcaSlicer and Bambu Studio have for PrusaSlicer's."""
+"""Settings by the plan's names, with PrusaSlicer's."""
 SPOIL_ALL = ("extrusion_multiplier", "ironing", "spiral_vase", "fuzzy_skin", "resolution", "gcode_resolution")
 """Settings by PrusaSlicer's names that may cause any fault."""
 SCALE_SHARE = 0.004
@@ -161,11 +159,11 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
 
 def _needed(plan: Plan) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
     """Return the settings that the plan counts on, and the names that slicers' comments have for each."""
-    covered = {key for keys in SETTINGS.values() for key in keys}
+    names: dict[str, tuple[str, ...]]
     profile = shaping_profile(plan.spec) if plan.spec.printer.process == "fdm" else {}
-    more = {name: value for name, value in profile.items() if name not in covered}
-    names = {name: (name, *([IN_ORCA[name]] if name in IN_ORCA else ())) for name in more}
-    return {**plan.printing, **more}, {**SETTINGS, **names}
+    more = {name: value for name, value in profile.items() if name not in SETTINGS.values()}
+    names = {name: (prusa, IN_ORCA.get(prusa, prusa)) for name, prusa in (SETTINGS | {k: k for k in more}).items()}
+    return {**plan.printing, **more}, names
 
 
 def _judged(
