@@ -9,6 +9,7 @@ pad, by the plastic's softening and by ageing. Levels are those of tuned taxels,
 what it still moves.
 """
 
+from dataclasses import replace
 from math import log
 
 import numpy as np
@@ -34,14 +35,26 @@ __all__ = ["planned_life"]
 
 STEP_K = 0.5
 """Step of the temperatures up to which a pad may be used without re-tuning."""
+WORTH = 1.2
+"""Least number of prints, over those that are known already, for which all are simulated again."""
 
 
 def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
-    """Return what the prints of a plan keep for life, from as many prints as that takes; with `quick` from few."""
-    few = min(plan.prints.pads, QUICK_PADS)
+    """Return what the prints of a plan keep for life, from as many prints as that takes.
+
+    With `quick` few prints are taken, with other modes as they are in the plan, and `retune_k` is not looked for: it is
+    0 where the range is too large.
+    """
+    few = min(plan.prints.pads, QUICK_PADS, pads_until_sure(work(design)))
+    if quick:
+        return _life(plan, _with_planned_modes(design), few)
     life = _life(plan, design, few)
     pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), plan.prints.pads)
-    return life if quick or pads <= few else _life(plan, design, pads)
+    if pads > WORTH * few:
+        life = _life(plan, design, pads)
+    if life.good_share < plan.spec.print_share:
+        life = replace(life, retune_k=_largest_change_k(plan.spec, design, few))
+    return life
 
 
 def _life(plan: Plan, design: Design, pads: int) -> Life:
@@ -58,7 +71,7 @@ def _life(plan: Plan, design: Design, pads: int) -> Life:
         shifts=(_shift(spec, range_k), _shift(spec, -range_k)),
         print_db=float(rising_db[reached]) if is_heard else None,
         good_share=share,
-        retune_k=range_k if share >= spec.print_share else _largest_change_k(spec, design, pads),
+        retune_k=range_k if share >= spec.print_share else 0.0,
         pads=pads,
         error_db=quantile_error(rising_db, spec.print_share) if is_heard else None,
         error_share=share_error(share, pads),
@@ -77,27 +90,29 @@ def _shift(spec: Spec, change_k: float) -> float:
     return float(softened(spec.material, change_k)) - 1
 
 
+def _with_planned_modes(design: Design) -> Design:
+    """Return a design whose prints hear as much by other modes as the plan: to follow them takes several times as long."""
+    return design._replace(modes=(None,) * len(design.coils))
+
+
 def _largest_change_k(spec: Spec, design: Design, pads: int) -> float:
-    """Return the largest whole number of `STEP_K` up to which the asked share of few prints is good; 0 without one.
+    """Return the largest whole number of `STEP_K` up to which the asked share of `pads` is good; 0 without one.
 
-    It is found with other modes as they are in the plan, and lowered until it holds with those of every print.
+    It is found with other modes as they are in the plan, for the worse of warmer and colder, and lowered until it holds
+    for both with those of every print.
     """
-    pads = min(pads, QUICK_PADS)
-    as_planned = design._replace(modes=(None,) * len(design.coils))
-
-    def holds(of: Design, steps: int) -> bool:
-        good = np.ones(pads, bool)
-        for change_k in (steps * STEP_K, -steps * STEP_K):
-            good &= _after(spec, of, change_k, pads).good[0]
-            if good.mean() < spec.print_share:
-                return False
-        return True
-
+    as_planned = _with_planned_modes(design)
+    range_k = spec.life.temperature_range_k
+    worse = min((1, -1), key=lambda sign: float(_after(spec, as_planned, sign * range_k, pads).ratio.mean()))
     low = 0
-    high = int(np.ceil(spec.life.temperature_range_k / STEP_K))
+    high = int(np.ceil(range_k / STEP_K))
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if holds(as_planned, middle) else (low, middle)
-    while low > 0 and not holds(design, low):
+        is_kept = _after(spec, as_planned, worse * middle * STEP_K, pads).good.mean() >= spec.print_share
+        low, high = (middle, high) if is_kept else (low, middle)
+    while low > 0:
+        ends = [_after(spec, design, sign * low * STEP_K, pads).good[0] for sign in (1, -1)]
+        if (ends[0] & ends[1]).mean() >= spec.print_share:
+            break
         low -= 1
     return low * STEP_K
