@@ -91,7 +91,7 @@ def _shift(spec: Spec, change_k: float) -> float:
 
 
 def _with_planned_modes(design: Design) -> Design:
-    """Return a design whose prints hear by other modes what the plan does: to follow them takes several times as long."""
+    """Return a design whose prints hear by other modes what the plan does, which is several times faster."""
     return design._replace(modes=(None,) * len(design.coils))
 
 
