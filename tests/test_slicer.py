@@ -357,10 +357,23 @@ KINDS = [
     ("thick filament", ["--filament-diameter=2.85"], "", ""),
     ("fed by volume", ["--use-volumetric-e"], "", ""),
     ("skirt", ["--skirts=3"], "", ""),
+    ("seam at the rear", ["--seam-position=rear"], "", ""),
+    ("round about perimeters", ["--avoid-crossing-perimeters"], "", ""),
+    ("one wall", ["--perimeters=1"], "", ""),
+    ("five walls", ["--perimeters=5"], "", ""),
+    ("walls of one width", ["--perimeter-generator=classic"], "laid.width", "wall generator is classic"),
+    ("no solid top", ["--top-solid-layers=0"], "", ""),
+    ("five solid layers", ["--top-solid-layers=5", "--bottom-solid-layers=5"], "", ""),
+    ("zigzag infill", ["--fill-pattern=rectilinear"], "laid.mass", "fill pattern is rectilinear"),
+    ("thin walls", ["--thin-walls"], "", ""),
+    ("thin bridges", ["--bridge-flow-ratio=0.6"], "", ""),
+    ("above the bed", ["--z-offset=0.15"], "laid.raft", "above the bed"),
 ]
 """Kinds of slicing: arguments, the finding that it must have, and what that must say; none where it is as planned."""
-DEPENDING = ("ironing", "elephant foot", "layers of 0.2 mm")
+DEPENDING = ("ironing", "elephant foot", "layers of 0.2 mm", "zigzag infill")
 """Kinds whose finding depends on the printer's line and layers."""
+HARMLESS = ("zigzag infill",)
+"""Kinds that some printers lay as planned."""
 PRINTERS = {
     "fdm-0.25": '"fdm-0.25"',
     "0.3": '{ name = "own-0.3", nozzle_mm = 0.3 }',
@@ -376,7 +389,6 @@ def of_eight(printer, folder):
     text = (
         f'name = "eight"\nresolution = 8\nband_hz = [50, 200]\nq_min = 15\nprinter = {PRINTERS[printer]}\n'
         "pad = { width_mm = 40, depth_mm = 40 }\ncoil = { grid = [2, 2] }\n"
-        "taxel = { washer_clearance_mm = 0.4 }\n"
     )
     Pad(parse_spec(text)).save(folder / f"eight-{printer}", ("stl",))
     return folder / f"eight-{printer}"
@@ -393,11 +405,9 @@ def test_a_kind_of_slicing_is_judged_with_its_cause(folder, printer, kind, argum
     report = check_gcode(plan, path)
     codes = {finding.code for finding in report.findings if finding.level != "note"}
     as_planned = {finding.code for finding in sliced_as_planned(printer, folder).findings}
-    if kind == "turned by 90°" and printer in ("0.5", "0.6"):
-        assert codes - as_planned <= {"laid.washer", "laid.mass"}  # turned, PrusaSlicer lays these recesses narrower
-    elif not code or (code == "laid.support" and ";TYPE:Support" not in path.read_text()):
+    if not code or (code == "laid.support" and ";TYPE:Support" not in path.read_text()):
         assert codes <= as_planned, [finding.message for finding in report.findings]
-    else:
+    elif report.findings or kind not in HARMLESS:
         assert report.findings
         changes = [f"{setting['name']} is {setting['has']}" for setting in report.figures["settings_to_change"]]
         said = [*changes, *(finding.message for finding in report.findings)]

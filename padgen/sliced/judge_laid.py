@@ -371,7 +371,7 @@ def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[F
             most = _range(np.concatenate([sign * miss[sign * miss > WIDTH_MM] for miss, _ in misses] or [np.zeros(0)]))
             foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
             sentence = f"in the {what} are laid {most} mm {word} than planned"
-            sides = "xy_size_compensation", "wall_generator", "nozzle", "infill_overlap"
+            sides = "xy_size_compensation", "wall_generator", "nozzle", "infill_overlap", "fill_pattern", "perimeters"
             yield from _told("warning", "laid.width", names, of, sentence, wrong, *foot, *sides)
 
 
@@ -414,7 +414,7 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     sentence = (
         f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
     )
-    fills = "infill", "infill_overlap", "thick_bridges", "xy_size_compensation"
+    fills = "infill", "infill_overlap", "fill_pattern", "perimeters", "thick_bridges", "xy_size_compensation"
     level = "error" if np.abs(plastic - 1).max() > SURELY_OTHER_MASS else "warning"
     yield from _told(level, "laid.mass", ids[off], of, sentence, wrong, *fills)
     # A raft's own layers are supports, too.
