@@ -42,6 +42,7 @@ WORTH = 1.2
 def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     """Return what the prints of a plan keep for life, from as many prints as that takes.
 
+    Few prints are enough of a plan whose prints keep too little on the day of re-tuning.
     With `quick` few prints are taken, with other modes as they are in the plan, and `retune_k` is not looked for: it is
     0 where the range is too large.
     """
@@ -49,6 +50,8 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     if quick:
         return _life(plan, _with_planned_modes(design), few)
     life = _life(plan, design, few)
+    if plan.prints.good_share < plan.spec.print_share:
+        return life
     pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), plan.prints.pads)
     if pads > WORTH * few:
         life = _life(plan, design, pads)
