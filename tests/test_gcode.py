@@ -459,11 +459,11 @@ def test_what_is_shorter_than_its_rounding_says_nothing_of_its_width(plan, tmp_p
     """A micrometre of bead with the least plastic that a file can state would be 0.8 mm wide, and narrow a recess."""
     at = next(t for t in plan.taxels if t.id == "r0c1k0")
     x, y = at.x_mm + 100 + 1.9, at.y_mm + 90
-    dot = f"G92 E0\nG1 Z0.3\nG0 X{x:.3f} Y{y:.3f}\nG1 X{x:.3f} Y{y + 1e-3:.3f} E0.00003"
+    dot = f"M83\nG1 Z0.3\nG0 X{x:.3f} Y{y:.3f}\nG1 X{x:.3f} Y{y + 1e-3:.3f} E0.00003\nM82\n"
     path = Hand(plan).file(tmp_path)
     text = path.read_text()
     rest = text.index(";LAYER_CHANGE", text.index(";Z:0.3"))
-    path.write_text(text[:rest] + dot.replace("G92 E0\n", "M83\n") + "\nM82\n" + text[rest:])
+    path.write_text(text[:rest] + dot + text[rest:])
     report = check_gcode(plan, path)
     assert report.findings == ()
     room = {taxel["id"]: taxel["recess_room_mm"] for taxel in report.figures["taxels"]}

@@ -719,7 +719,7 @@ def test_a_pad_that_nothing_happens_to_keeps_for_life_what_it_keeps_re_tuned():
 
 
 def test_the_change_of_temperature_up_to_which_prints_keep_what_is_asked():
-    """At that change nine in ten keep it, half a kelvin beyond it they do not, and the finding names it."""
+    """At that change nine in ten keep it, a kelvin beyond it they do not, and the finding names it."""
     plan = make_plan(replace(load_spec("quad-64"), life=LifeTable()))
     kept_k = plan.life.retune_k
     assert 0 < kept_k < plan.life.temperature_range_k

@@ -217,7 +217,7 @@ INCLUDED = {
 """Effects that every plan counts, and the figure that contains each."""
 UNBOUNDED = {
     "skin": ("resonance of every taxel that is touched", "`touched` has a provisional model"),
-    "creep and ageing of the plastic": ("resonance", "re-tune after some weeks"),
+    "creep and ageing of the plastic": ("resonance", "`life` has an assumed spread; re-tune after some weeks"),
     "losses of plastic and glue": ("Q, which the spec sets", "measure Q of a coupon"),
     "losses and lag by hysteresis of the steel": ("force", "measure the level"),
     "amplifier's own impedance and bandwidth": ("current", "measure the current"),

@@ -24,6 +24,7 @@ from padgen.planner.printed_pads import (
     pads_until_sure,
     printed,
     quantile_error,
+    rising_db,
     share_error,
     spreads_of,
     work,
@@ -42,9 +43,8 @@ WORTH = 1.2
 def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     """Return what the prints of a plan keep for life, from as many prints as that takes.
 
-    Few prints are enough of a plan whose prints keep too little on the day of re-tuning.
-    With `quick` few prints are taken, with other modes as they are in the plan, and `retune_k` is not looked for: it is
-    0 where the range is too large.
+    Few prints are enough of a plan whose prints keep too little on the day of re-tuning. With `quick` few are taken,
+    with other modes as they are in the plan, and `retune_k` is not looked for: it is 0 where the range is too large.
     """
     few = min(plan.prints.pads, QUICK_PADS, pads_until_sure(work(design)))
     if quick:
@@ -61,30 +61,29 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
 
 
 def _life(plan: Plan, design: Design, pads: int) -> Life:
+    """Return what so many prints keep for life; `retune_k` is 0 where fewer than asked do."""
     spec = plan.spec
     range_k = spec.life.temperature_range_k
     ends = [_after(spec, design, change_k, pads) for change_k in (range_k, -range_k)]
     ratio = np.minimum(*(end.ratio[0] for end in ends))
     share = float((ends[0].good[0] & ends[1].good[0]).mean())
-    rising_db = np.sort(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)))
-    reached = min(int((1 - spec.print_share) * pads), pads - 1)
-    is_heard = plan.prints.print_db is not None and bool(np.isfinite(rising_db).all())
+    kept_db, reached = rising_db(ratio, spec.print_share)
+    is_heard = plan.prints.print_db is not None and bool(np.isfinite(kept_db).all())
     return Life(
         temperature_range_k=range_k,
         shifts=(_shift(spec, range_k), _shift(spec, -range_k)),
-        print_db=float(rising_db[reached]) if is_heard else None,
+        print_db=float(kept_db[reached]) if is_heard else None,
         good_share=share,
         retune_k=range_k if share >= spec.print_share else 0.0,
         pads=pads,
-        error_db=quantile_error(rising_db, spec.print_share) if is_heard else None,
+        error_db=quantile_error(kept_db, spec.print_share) if is_heard else None,
         error_share=share_error(share, pads),
     )
 
 
 def _after(spec: Spec, design: Design, change_k: float, pads: int) -> Simulated:
     """Judge prints that are warmer by `change_k` than when they were re-tuned, aged, and with Q of their own."""
-    life = spec.life
-    drift = Drift(log(1 + _shift(spec, change_k)), life.ageing, life.common_q, life.q)
+    drift = Drift(log(1 + _shift(spec, change_k)), spec.life)
     return printed(design, spreads_of(spec), pads, 0, STAGES[-1:], drift)
 
 

@@ -62,6 +62,7 @@ from padgen.planner.plan import Plan, Prints, level_law
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec
+from padgen.spec.model import LifeTable
 
 __all__ = [
     "NAMES",
@@ -89,6 +90,7 @@ __all__ = [
     "printed",
     "quantile_error",
     "ratio_spread",
+    "rising_db",
     "sensitivities",
     "share_error",
     "spreads_of",
@@ -463,16 +465,10 @@ class Ratios(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """What prints may do after re-tuning: `log_x` is the change of ln f of all taxels of all pads, as by warmth.
-
-    One sigma each, of ln: `ageing` of the resonances of a pad, `q_print` of its Q over the plan's, `q` from taxel to
-    taxel.
-    """
+    """Changes of prints after re-tuning: of ln f alike in all of them by `log_x`, as by warmth, and drawn by `life`."""
 
     log_x: float
-    ageing: float
-    q_print: float
-    q: float
+    life: LifeTable
 
 
 class Later(NamedTuple):
@@ -528,10 +524,11 @@ def drawn_prints(design: Design, spreads: Spreads, seed: int, unit: int, pads: i
 def _drawn_later(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> Later:
     """Return what happens to `pads` drawn prints after re-tuning, from streams of its own as in `drawn_prints`."""
     of_print, of_taxel = (np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in (4, 5))
-    ageing, q_print = of_print.standard_normal((pads, 2)).T
+    life = drift.life
+    ageing, common_q = of_print.standard_normal((pads, 2)).T
     q = of_taxel.standard_normal((pads, taxels)).T
-    log_x = np.broadcast_to(drift.log_x + drift.ageing * ageing, q.shape)
-    return Later(log_x, np.clip(drift.q_print * q_print + drift.q * q, -FARTHEST, FARTHEST))
+    log_x = np.broadcast_to(drift.log_x + life.ageing * ageing, q.shape)
+    return Later(log_x, np.clip(life.common_q * common_q + life.q * q, -FARTHEST, FARTHEST))
 
 
 def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
@@ -612,8 +609,19 @@ def known_print_db(plan: Plan, resonances_hz: np.ndarray) -> tuple[float, float]
     _judge_drawn(design, Drawn(at_every_stage, np.zeros_like(at_every_stage)), 0, JUDGED, prints)
     if not np.isfinite(prints.ratio).all():
         return None
-    planned, retuned = (10 * np.log10(np.maximum(prints.ratio[:, 0], np.finfo(float).tiny))).tolist()
+    planned, retuned = _decibels(prints.ratio[:, 0]).tolist()
     return planned, retuned
+
+
+def _decibels(ratio: np.ndarray) -> np.ndarray:
+    """Return energy ratios in dB; of none at all a very low figure, not minus infinity."""
+    return np.asarray(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)))
+
+
+def rising_db(ratio: np.ndarray, share: float) -> tuple[np.ndarray, int]:
+    """Return energy ratios (…, pads) in dB, in rising order, and the index of the one that a `share` of pads reach."""
+    pads = ratio.shape[-1]
+    return np.sort(_decibels(ratio), axis=-1), min(int((1 - share) * pads), pads - 1)
 
 
 def _unjudged(design: Design, pads: int, stages: tuple[str, ...]) -> Simulated:
@@ -801,12 +809,11 @@ def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -
     columns = plan.coils.columns
     prints = printed(design, spreads, made, 0, stages)
     share = plan.spec.print_share
-    kept = np.sort(10 * np.log10(np.maximum(prints.ratio, np.finfo(float).tiny)), axis=1)
-    reached = kept[:, min(int((1 - share) * made), made - 1)].tolist()
+    kept, reached = rising_db(prints.ratio, share)
     good = float(prints.good[-1].mean())
     heard = bool(np.isfinite(kept).all())
     of_coils = dict(zip([t.coil for t in plan.taxels], (prints.good_coils[-1] / made).tolist(), strict=True))
-    dbs: dict[str, float | None] = dict(zip(stages, reached, strict=True)) if heard else {}
+    dbs: dict[str, float | None] = dict(zip(stages, kept[:, reached].tolist(), strict=True)) if heard else {}
     return Prints(
         print_db=dbs.get("retuned"),
         planned_db=dbs.get("planned"),

@@ -1,11 +1,11 @@
 """Slicer settings with which the pad prints as planned, by plain names and by those of PrusaSlicer and others."""
 
-import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
 from padgen import __version__
 from padgen.core.errors import number
+from padgen.core.files import json_text
 from padgen.planner.plan import Beam, Plan
 from padgen.spec import Spec
 
@@ -218,7 +218,7 @@ def orca_text(plan: Plan) -> str:
         "enable_arc_fitting": "0", "wall_sequence": "inner wall/outer wall", "skirt_loops": "0",
         "top_one_wall_type": "not apply", "only_one_wall_first_layer": "0",
     }  # fmt: skip
-    return json.dumps(preset | ours | only_there, indent=4) + "\n"
+    return json_text(preset | ours | only_there)
 
 
 def profile_text(plan: Plan) -> str:

@@ -159,11 +159,10 @@ def check_gcode(plan: Plan, path: Path) -> LaidReport:
 
 def _needed(plan: Plan) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
     """Return the settings that the plan counts on, and the names that slicers' comments have for each."""
-    names: dict[str, tuple[str, ...]]
     profile = shaping_profile(plan.spec) if plan.spec.printer.process == "fdm" else {}
     more = {name: value for name, value in profile.items() if name not in SETTINGS.values()}
-    names = {name: (prusa, IN_ORCA.get(prusa, prusa)) for name, prusa in (SETTINGS | {k: k for k in more}).items()}
-    return {**plan.printing, **more}, names
+    in_prusa = SETTINGS | {name: name for name in more}
+    return {**plan.printing, **more}, {name: (prusa, IN_ORCA.get(prusa, prusa)) for name, prusa in in_prusa.items()}
 
 
 def _judged(

@@ -577,7 +577,7 @@ class LimitsTable:
 
 @dataclass(frozen=True, slots=True)
 class LifeTable:
-    """What a pad goes through after its taxels were measured and re-tuned once (docs/yield.md)."""
+    """Changes that a pad must bear after its taxels were re-tuned once (docs/yield.md)."""
 
     temperature_range_k: float = quantity(
         10.0, unit="K", low=0, high=60, doc="how much warmer or colder than at re-tuning the pad may be in use"
