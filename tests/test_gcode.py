@@ -12,7 +12,7 @@ import gzip
 import json
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ import padgen as pg
 from padgen import cli
 from padgen.core.errors import FileError
 from padgen.planner import make_plan
+from padgen.report.results import laid_text
 from padgen.sliced.judge_laid import check_gcode
 from padgen.sliced.laid_pad import PadMaps, read_layers, read_settings
 from padgen.spec import parse_spec
@@ -360,6 +361,17 @@ def test_plates_as_heavy_as_laid(plan, usual, tmp_path):
     moving = usual["plate_mg"] + 7.85 * 0.3 * math.pi / 4 * (3.5**2 - 1.7**2)
     # What is more is spread nearly as what moves is; the effect is 2.4 %.
     assert heavy["resonance_hz"] / usual["resonance_hz"] == pytest.approx((1 + more / moving) ** -0.5, abs=2e-3)
+
+
+def test_a_print_with_warnings_alone_is_nearly_as_planned(plan, usual, tmp_path):
+    heavy = check_gcode(plan, Hand(plan, flow=1.03).file(tmp_path))
+    assert told(heavy, "warning") and not told(heavy, "error")
+    first, planned = (
+        laid_text(replace(report, figures={**report.figures, "compared_with": "the plan"}), "pad.gcode").splitlines()[0]
+        for report in (heavy, usual)
+    )
+    assert first.startswith("pad.gcode would print nearly as planned (")
+    assert planned == "pad.gcode would print as planned"
 
 
 def test_moves_arcs_and_modes_by_hand(tmp_path):

@@ -6,6 +6,7 @@ import itertools
 import json
 import re
 import shutil
+from contextlib import contextmanager
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -83,14 +84,17 @@ def browser():
         running.close()
 
 
-@pytest.fixture(scope="module")
-def opened(browser, tmp_path_factory):
-    """A function that opens a page, and fails at the end if a page wrote to its console or asked for more."""
+@contextmanager
+def opening(browser, folder):
+    """Give a function that opens a page, and fail at the end if a page wrote to its console or asked for more.
+
+    Pages are closed then: one that is left open goes on drawing its motion.
+    """
     told = []
     contexts = []
 
     def open_page(html, **options):
-        path = tmp_path_factory.mktemp("page") / "report.html"
+        path = folder / f"report-{len(contexts)}.html"
         path.write_text(html, encoding="utf-8")
         context = browser.new_context(**{"viewport": {"width": 1280, "height": 860}, **options})
         contexts.append(context)
@@ -107,6 +111,12 @@ def opened(browser, tmp_path_factory):
     assert told == []
 
 
+@pytest.fixture
+def opened(browser, tmp_path_factory):
+    with opening(browser, tmp_path_factory.mktemp("page")) as open_page:
+        yield open_page
+
+
 @pytest.fixture(scope="module")
 def paper_html(paper_plan):
     pad = pg.build(paper_plan)
@@ -114,10 +124,11 @@ def paper_html(paper_plan):
 
 
 @pytest.fixture(scope="module")
-def paper_page(opened, paper_html):
-    page = opened(paper_html)
-    page.evaluate("window.first = padgen.data")
-    return page
+def paper_page(browser, paper_html, tmp_path_factory):
+    with opening(browser, tmp_path_factory.mktemp("page")) as open_page:
+        page = open_page(paper_html)
+        page.evaluate("window.first = padgen.data")
+        yield page
 
 
 @pytest.fixture

@@ -245,7 +245,11 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
     figures = report.figures
     count = {level: sum(f.level == level for f in report.findings) for level in ("error", "warning")}
     faults = ", ".join(f"{n} {level}{plural(n)}" for level, n in count.items() if n)
-    verdict = f"would not print as planned ({faults})" if faults else "would print as planned"
+    verdict = "would print as planned"
+    if count["error"]:
+        verdict = f"would not print as planned ({faults})"
+    elif count["warning"]:
+        verdict = f"would print nearly as planned ({faults})"
     x, y = figures["centre_mm"]
     turned = f", turned by {figures['turned_deg']}°" if figures["turned_deg"] else ""
     lines = [
