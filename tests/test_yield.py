@@ -293,7 +293,7 @@ def test_the_semivariogram_of_measured_beds():
     """Of 288 public bed meshes (tests/reference/print_spread.md): 20, 47, 75, 92 % of the sill at 20, 40, 60, 80 mm."""
     length = parse_spec('name = "a"\nresolution = 4\nband_hz = [50, 200]\nq_min = 15\n').spread.field_length_mm
     places = np.arange(0, 81, 20.0)
-    waves = module._waves(places, length)
+    waves = module._waves(tuple(places.tolist()), length)
     sill = 1 - (waves @ waves.T)[0]
     # Their own spread over 25 printers is wider than this.
     assert sill[1:] == pytest.approx([0.20, 0.47, 0.75, 0.92], abs=0.06)

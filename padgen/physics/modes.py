@@ -46,6 +46,7 @@ __all__ = [
     "bending_stress",
     "box",
     "combine",
+    "gathered",
     "hardening",
     "jump_amplitude",
     "level_kept",
@@ -102,15 +103,18 @@ def _upright(mass: Array, centre: tuple[Array, ...], moments: tuple[Array, ...])
 
 
 def combine(*bodies: RigidBody) -> RigidBody:
-    """Return the bodies as one, by Steiner's theorem."""
-    mass: Any = sum(b.mass for b in bodies)
-    centroid = sum(b.mass[..., None] * b.centroid for b in bodies) / mass[..., None]
-    inertia: Any = 0.0
-    for body in bodies:
-        arm = body.centroid - centroid
-        square = (arm * arm).sum(-1)[..., None, None] * np.eye(3)
-        inertia = inertia + body.inertia + body.mass[..., None, None] * (square - arm[..., :, None] * arm[..., None, :])
-    return RigidBody(np.asarray(mass), centroid, inertia)
+    """Return the bodies as one."""
+    return gathered(RigidBody(*(np.stack(np.broadcast_arrays(*parts)) for parts in zip(*bodies, strict=True))))
+
+
+def gathered(bodies: RigidBody) -> RigidBody:
+    """Return bodies along the first axis as one, by Steiner's theorem."""
+    mass = bodies.mass.sum(0)
+    centroid = (bodies.mass[..., None] * bodies.centroid).sum(0) / mass[..., None]
+    arm = bodies.centroid - centroid
+    square = (arm * arm).sum(-1)[..., None, None] * np.eye(3)
+    apart = bodies.mass[..., None, None] * (square - arm[..., :, None] * arm[..., None, :])
+    return RigidBody(mass, centroid, (bodies.inertia + apart).sum(0))
 
 
 class BeamPlacement(NamedTuple):

@@ -6,7 +6,7 @@ windows; beams are their paths' boxes, with the fillets' volume at their roots. 
 the length l = N π d has R = ρ l/A and the mass γ l A = γ ρ l²/R; insulation is left out. Cores and screws are iron.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import pi
@@ -16,7 +16,7 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import COPPER_KG_PER_M3, COPPER_OHM_M, G_PER_CM3, GRAM, MG, MM
-from padgen.physics.modes import RigidBody, box, combine, ring
+from padgen.physics.modes import RigidBody, box, combine, gathered, ring
 from padgen.planner.fixtures import Tray, plan_tray, washer_underside_mm
 from padgen.planner.layout import coil_axis_mm, corner_groove
 from padgen.planner.plan import TURNS, Channel, Plan, Taxel
@@ -60,9 +60,9 @@ class PadMass:
         """The printed pad with its washers, their glue, and ballast."""
         parts = [self._plate]
         for channel, masses in zip(self.plan.channels, self.channels, strict=True):
-            for taxel in self.plan.taxels:
-                if taxel.channel == channel.index:
-                    parts += [_placed(part, channel, taxel) for part in (masses.moving, masses.window)]
+            taxels = [taxel for taxel in self.plan.taxels if taxel.channel == channel.index]
+            if taxels:
+                parts += [_placed(part, channel, taxels) for part in (masses.moving, masses.window)]
         return combine(*parts)
 
     @property
@@ -165,11 +165,12 @@ def pad_mass(plan: Plan) -> PadMass:
     return PadMass(plan)
 
 
-def _placed(body: RigidBody, channel: Channel, taxel: Taxel) -> RigidBody:
-    """Return a body in a taxel's own axes, from its washer's axis, at the taxel's place on the pad."""
-    turn = _turn(channel, taxel)
-    at = np.array([taxel.x_mm * MM, taxel.y_mm * MM, 0.0])
-    return RigidBody(body.mass, turn @ body.centroid + at, turn @ body.inertia @ turn.T)
+def _placed(body: RigidBody, channel: Channel, taxels: Sequence[Taxel]) -> RigidBody:
+    """Return the bodies at the places of some taxels as one; `body` is in a taxel's own axes, from its washer's axis."""
+    turns = np.array([_turn(channel, taxel) for taxel in taxels])
+    at = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in taxels])
+    mass = np.full(len(taxels), body.mass)
+    return gathered(RigidBody(mass, turns @ body.centroid + at, turns @ body.inertia @ np.swapaxes(turns, 1, 2)))
 
 
 def _turn(channel: Channel, taxel: Taxel) -> np.ndarray:
@@ -196,10 +197,9 @@ def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
         section = float(path.width_mm) * float(path.thickness_mm) * MM**2
         fillets = 2 * (1 - pi / 4) * (channel.beam.fillet_mm * MM) ** 2 * float(path.thickness_mm) * MM
         for index, segment in enumerate(path.segments):
-            mass = density * section * float(segment.length_mm) * MM / PIECES
-            for piece in range(PIECES):
-                at = _beam_point(path, path.within(index, (piece + 0.5) / PIECES))
-                parts.append(RigidBody(np.array(mass), at, np.zeros((3, 3))))
+            at = _beam_point(path, path.within(index, (np.arange(PIECES) + 0.5) / PIECES))
+            mass = np.full(PIECES, density * section * float(segment.length_mm) * MM / PIECES)
+            parts.append(gathered(RigidBody(mass, at, np.zeros((PIECES, 3, 3)))))
         parts.append(RigidBody(np.array(density * fillets), _beam_point(path, path.corners[0]), np.zeros((3, 3))))
     if channel.pin.on_beam:
         parts.append(_pin(channel, arrangement.beams[0], density))
@@ -254,8 +254,9 @@ def _model(plan: Plan, channel: Channel) -> TaxelModel:
 
 
 def _beam_point(path: BeamPath, point: PathPoint) -> np.ndarray:
-    """Return a point of a beam's path, at half its thickness, in m."""
-    return np.array([float(point.x_mm), float(point.y_mm), float(path.thickness_mm) / 2]) * MM
+    """Return a point of a beam's path, or points, at half its thickness, (…, 3) in m."""
+    sides = np.broadcast_arrays(point.x_mm, point.y_mm, float(path.thickness_mm) / 2)
+    return np.stack(sides, axis=-1).astype(float) * MM
 
 
 PIECES = 8

@@ -47,6 +47,7 @@ as well, after re-tuning every taxel's own resonance.
 """
 
 from dataclasses import astuple, dataclass, fields, replace
+from functools import lru_cache
 from math import inf, log, sqrt
 from typing import NamedTuple
 
@@ -534,18 +535,20 @@ def _drawn_later(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> 
 def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
     """Draw a smooth random field of sigma 1 at the taxels (taxels, pads): waves along x times waves along y."""
     (x, at_x), (y, at_y) = (np.unique(side, return_inverse=True) for side in design.place_mm.T)
-    along, across = (_waves(side, design.field_length_mm) for side in (x, y))
+    along, across = (_waves(tuple(side.tolist()), design.field_length_mm) for side in (x, y))
     z = rng.standard_normal((pads, along.shape[1], across.shape[1]))
     grid = along @ z @ across.T
     return np.asarray(grid[:, at_x, at_y].T)
 
 
-def _waves(place_mm: np.ndarray, length_mm: float) -> np.ndarray:
+@lru_cache(maxsize=8)
+def _waves(places_mm: tuple[float, ...], length_mm: float) -> np.ndarray:
     """Return W (n, k) with ``W Wᵀ`` = exp(−d²/length²) for places (n,) at distances d.
 
     The waves stand on nodes a sixth of the length apart, or on the places themselves if these are fewer: each wave
     takes a random number for every pad.
     """
+    place_mm = np.array(places_mm)
     count = int(np.ptp(place_mm) / length_mm * NODES) + 2 * NODES
     nodes = place_mm
     if count < len(place_mm):

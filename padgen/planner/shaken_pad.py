@@ -144,7 +144,8 @@ class ShakenPad:
         """
         of_tone = np.flatnonzero(self.tone_of == tone)
         playing = driven[..., of_tone] * self.line[of_tone]
-        coils = playing @ (self.coil_of[of_tone, None] == np.arange(int(self.coil_of.max()) + 1))
+        coils = np.zeros((*playing.shape[:-1], int(self.coil_of.max()) + 1), playing.dtype)
+        np.add.at(coils, (..., self.coil_of[of_tone]), playing)
         return np.asarray(self.pull * coils[..., self.coil_of])
 
     def signs(self, levels: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
@@ -169,21 +170,43 @@ class ShakenPad:
         return [shaken.heard(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
 
     def listen_apart(self, shown: np.ndarray) -> HeardImages:
-        """Return what is heard of images of levels (…, n) whose taxels each have a frequency of their own.
+        """Return what is heard of images of levels (k, n) whose taxels each have a frequency of their own.
 
-        These lie so near the channel's that the pad answers alike; what they move adds as energies.
+        These lie so near the channel's that the pad answers alike; what they move adds as energies. All taxels hear the
+        pad; those of the same coil are pulled as well.
         """
         energy = np.broadcast_to(self.leak, shown.shape).copy()
         on = np.full(shown.shape, np.inf)
+        momentum = self.taxels.momentum
         for channel, shaken in enumerate(self.shaken):
             of_channel = np.flatnonzero(self.channel_of == channel)
-            alone = np.zeros((len(of_channel), len(self.unit)))
-            alone[np.arange(len(of_channel)), of_channel] = 1.0
-            motion = np.abs(shaken.relative_motion(self.force(channel, alone))) / self.unit
-            energy += shown[..., of_channel] ** 2 @ motion**2
-            on[..., of_channel] = motion[np.arange(len(of_channel)), of_channel]
+            square = shown[:, of_channel] ** 2
+            driven, mate = self._coil_mates(of_channel)
+            force = self.pull[mate] * self.line[of_channel[driven]]
+            moving = np.zeros((len(of_channel), 6), complex)
+            np.add.at(moving, driven, (force / shaken.dynamic[mate])[:, None] * momentum[mate])
+            pad = shaken.square**2 * moving @ shaken.compliance.T
+            per_unit = 1 / (np.abs(shaken.dynamic) * self.unit)
+            products = (pad[:, :, None] * pad[:, None, :].conj()).reshape(len(pad), 36)
+            shaking = (square @ products).reshape(-1, 6, 6).real
+            energy += ((momentum @ shaking) * momentum).sum(-1) * per_unit**2
+            by_pad = (pad[driven] * momentum[mate]).sum(1)
+            motion = np.abs(force + by_pad) * per_unit[mate]
+            more = motion**2 - (np.abs(by_pad) * per_unit[mate]) ** 2
+            np.add.at(energy, (slice(None), mate), square[:, driven] * more)
+            on[:, of_channel] = motion[mate == of_channel[driven]]
         off = np.sqrt(np.where(shown != 0, 0.0, energy).max(-1))
         return HeardImages(np.where(shown != 0, on, np.inf).min(-1), off)
+
+    def _coil_mates(self, taxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return pairs (m,) of a place in `taxels` (i,) and a taxel over the same coil, itself included."""
+        by_coil = np.argsort(self.coil_of, kind="stable")
+        sorted_coils = self.coil_of[by_coil]
+        begin, end = (np.searchsorted(sorted_coils, self.coil_of[taxels], side) for side in ("left", "right"))
+        many = end - begin
+        driven = np.repeat(np.arange(len(taxels)), many)
+        within = np.arange(len(driven)) - np.repeat(np.cumsum(many) - many, many)
+        return driven, by_coil[np.repeat(begin, many) + within]
 
     def listen(self, driven: np.ndarray, clamped: bool = False) -> HeardImages:
         """Return what is heard of images of signed levels `driven` (…, n)."""

@@ -51,8 +51,8 @@ LAYER_SHARE = 1e-6
 class PadTable:
     """The printed pad: an active area divided into cells, and a border around it."""
 
-    width_mm: float = quantity(50.0, unit="mm", low=5, high=500, doc="active area along x")
-    depth_mm: float = quantity(50.0, unit="mm", low=5, high=500, doc="active area along y")
+    width_mm: float = quantity(50.0, unit="mm", low=5, high=1000, doc="active area along x")
+    depth_mm: float = quantity(50.0, unit="mm", low=5, high=1000, doc="active area along y")
     frame_thickness_mm: float = quantity(4.0, unit="mm", low=0.5, high=20, doc="height of ribs and border")
     rib_mm: float = quantity(1.0, unit="mm", low=0.2, high=20, doc="smallest width of the ribs between taxels")
     border_mm: float = quantity(6.0, unit="mm", low=1, high=50, doc="width of the border around the active area")

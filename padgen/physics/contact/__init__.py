@@ -156,17 +156,24 @@ def loaded_resonance(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return resonance in Hz and Q of touched taxels (n,), from stiffness in N/m, effective mass in kg and Q untouched.
 
-    What the contact adds is taken at the touched resonance: ``(k + k_s)/(m + m_s) = ω²``, found by halving steps of the
-    logarithm. The taxel's own damper stays as it is.
+    What the contact adds is taken at the touched resonance: ``(k + k_s)/(m + m_s) = ω²``, found by steps of the
+    logarithm, which are halved once they do not shrink: one step is enough where nothing goes with frequency. The
+    taxel's own damper stays as it is.
     """
     stiffness = np.asarray(stiffness, float)
     hz = np.sqrt(stiffness / mass) / (2 * pi)
+    share = 1.0
+    last = np.inf
     for _ in range(MOST_ROUNDS):
         added = contact.impedance(hz, contactor).through(lever)
-        step = np.sqrt((stiffness + added.stiffness) / (mass + added.mass)) / (2 * pi) / hz
-        if np.all(np.abs(step - 1) < SETTLED):
+        step = np.log(np.sqrt((stiffness + added.stiffness) / (mass + added.mass)) / (2 * pi) / hz)
+        longest = np.abs(step).max()
+        if longest < SETTLED:
             break
-        hz = hz * np.sqrt(step)
+        if longest > last / 2:
+            share = 0.5
+        last = longest
+        hz = hz * np.exp(share * step)
     added = contact.impedance(hz, contactor).through(lever)
     damping = np.sqrt(stiffness * mass) / q + added.damping
     return hz, np.sqrt((stiffness + added.stiffness) * (mass + added.mass)) / damping

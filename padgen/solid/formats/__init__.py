@@ -23,8 +23,8 @@ __all__ = ["ExportJob", "PadFormat", "Part", "register", "unregister", "verified
 
 REREAD_SHARE = 1e-4
 """Largest allowed relative difference in volume of a file from the mesh: single precision, many triangles."""
-REREAD_MM = 5e-5
-"""Single precision of coordinates up to 500 mm."""
+REREAD_MM = 1e-4
+"""Single precision of coordinates up to 1000 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
