@@ -155,7 +155,7 @@ def _extrusions(path: Path) -> Iterator[tuple[bool, tuple[float, ...]]]:
 
     Arcs come as chords.
     """
-    at = dict.fromkeys("XYZE", 0.0)
+    x = y = z = e = 0.0
     unit = 1.0
     is_relative = False
     is_e_relative = False
@@ -184,33 +184,42 @@ def _extrusions(path: Path) -> Iterator[tuple[bool, tuple[float, ...]]]:
             elif code in (90, 91):
                 is_relative = code == 91
             else:
-                words = {axis: unit * value for axis, value in _words(line, count, path).items()}
-                x = at["X"]
-                y = at["Y"]
-                e = at["E"]
-                for axis in at.keys() & words.keys():
-                    # G92 states where the nozzle is, and moves nothing.
-                    adds = code != 92 and (is_relative or (axis == "E" and is_e_relative))
-                    at[axis] = words[axis] + (at[axis] if adds else 0.0)
+                words = _words(line, count, path)
+                if unit != 1.0:
+                    words = {letter: unit * value for letter, value in words.items()}
+                # G92 states where the nozzle is, and moves nothing.
+                moves = code != 92
                 begin = (x, y)
-                end = (at["X"], at["Y"])
-                fed = at["E"] - e
-                if code == 92 or fed <= 0 or is_beside or (code < 2 and begin == end):
+                fed_before = e
+                x = _moved(x, words.get(b"X"), moves and is_relative)
+                y = _moved(y, words.get(b"Y"), moves and is_relative)
+                z = _moved(z, words.get(b"Z"), moves and is_relative)
+                e = _moved(e, words.get(b"E"), moves and (is_relative or is_e_relative))
+                end = (x, y)
+                fed = e - fed_before
+                if not moves or fed <= 0 or is_beside or (code < 2 and begin == end):
                     continue
                 if code < 2:
-                    yield is_support, (*begin, *end, at["Z"], fed, height)
-                elif "I" in words or "J" in words:
-                    middle = x + words.get("I", 0.0), y + words.get("J", 0.0)
+                    yield is_support, (*begin, *end, z, fed, height)
+                elif b"I" in words or b"J" in words:
+                    middle = begin[0] + words.get(b"I", 0.0), begin[1] + words.get(b"J", 0.0)
                     chords = _chords(begin, end, middle, 2 * code - 5)
                     for start, stop in pairwise(chords):
-                        yield is_support, (*start, *stop, at["Z"], fed / (len(chords) - 1), height)
+                        yield is_support, (*start, *stop, z, fed / (len(chords) - 1), height)
                 else:
                     raise FileError(
                         f"line {count} is an arc by its radius; must be one by its middle (I, J), or lines", str(path)
                     )
 
 
-def _words(line: bytes, count: int, path: Path) -> dict[str, float]:
+def _moved(at: float, value: float | None, is_relative: bool) -> float:
+    """Return the place along an axis after a move from `at`; `value` is None where the move does not name the axis."""
+    if value is None:
+        return at
+    return at + value if is_relative else value
+
+
+def _words(line: bytes, count: int, path: Path) -> dict[bytes, float]:
     """Return the numbers of a line by their letters, which stand before them."""
     text = line.partition(b";")[0].strip()
     parts = WORD.split(text)
@@ -218,7 +227,7 @@ def _words(line: bytes, count: int, path: Path) -> dict[str, float]:
         raise FileError(
             f"line {count} is no G-code that can be read: {shown(text.decode(errors='replace'))}", str(path)
         )
-    return {letter.decode(): float(value) for letter, value in zip(parts[1::3], parts[2::3], strict=True)}
+    return dict(zip(parts[1::3], map(float, parts[2::3]), strict=True))
 
 
 Point = tuple[float, float]
