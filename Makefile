@@ -26,12 +26,14 @@ pad: $(STAMP) ## a 32-taxel pad that prints, into out/pad-32
 	$(BIN)/padgen plan pad-32
 	$(BIN)/padgen build pad-32
 
-# One process more than cores, since some tests wait for others' processes.
+# One process more than cores, since some tests wait for others' processes. Compiled first, since tests start hundreds of
+# processes, and none of them would keep what it compiles where PYTHONDONTWRITEBYTECODE is set.
 test: $(STAMP) ## the whole test suite (compilers and chromium, which some need, come from Debian if missing)
 	@{ command -v $${CC:-cc} && command -v $${CXX:-c++}; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends gcc g++ libc6-dev; }
 	@{ command -v chromium || command -v chromium-browser || command -v google-chrome; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends chromium; }
+	@$(BIN)/python -m compileall -q padgen tests
 	$(BIN)/python -m pytest -n $$(($(CORES) + 1)) --dist loadfile --no-loadscope-reorder
 
 soak: $(STAMP) ## random bytes for the firmware, random specs, and the samples and scenes that make test leaves out (hours)

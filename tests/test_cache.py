@@ -9,9 +9,14 @@ from pathlib import Path
 
 import pytest
 
+import padgen as pg
 from padgen.core import cache
 from padgen.core.errors import SpecError
 from padgen.core.files import lock_file
+from padgen.core.rules import Rule
+from padgen.planner import make_plan
+from padgen.planner.judge import PLAN_RULES
+from padgen.spec import load_spec
 
 KEYS = [cache.key_of(n) for n in range(200)]
 
@@ -40,6 +45,30 @@ def test_what_was_stored_comes_back(entries):
 def test_the_key_depends_on_values_not_on_their_order():
     assert cache.key_of({"a": 1, "b": 2}) == cache.key_of({"b": 2, "a": 1})
     assert cache.key_of({"a": 1, "b": 2}) != cache.key_of({"a": 1, "b": 3})
+
+
+@pytest.mark.parametrize("name", ["paper-32", "wide-11", "fingertip-24"])
+def test_a_kept_plan_is_the_plan(entries, monkeypatch, name):
+    """To the last digit, while plan.json has ten."""
+    first = pg.plan(name)
+    assert [path.parts[-3] for path in files(entries) if path.suffix == ".entry"].count("plan") == 1
+    monkeypatch.setattr("padgen.planner.make.make_plan", lambda spec: pytest.fail("planned anew"))
+    assert pg.plan(name) == first == make_plan(load_spec(name))
+
+
+def test_a_plan_is_made_anew_where_something_else_may_plan(entries):
+    """Another spec, a registered rule, and an entry that is no plan."""
+    pg.plan("paper-16")
+    (kept,) = (path for path in files(entries) if path.suffix == ".entry" and path.parts[-3] == "plan")
+    assert pg.plan("paper-16", q_min=16).spec.q_min == 16
+    PLAN_RULES.register("toy", lambda plan: [Rule(False, "pad", "is a toy", code="toy", level="note")])
+    try:
+        assert "toy" in {finding.code for finding in pg.plan("paper-16").findings}
+    finally:
+        PLAN_RULES.unregister("toy")
+    assert "toy" not in {finding.code for finding in pg.plan("paper-16").findings}
+    cache.store("plan", kept.stem, {"spec": {}})
+    assert len(pg.plan("paper-16").taxels) == 16
 
 
 def spoilt(whole: bytes, how: str) -> bytes:

@@ -155,7 +155,7 @@ def plan(
     from padgen.make.planning import parse_tolerance, plan_for, spec_of
 
     largest = None if tolerance is None else parse_tolerance(str(tolerance))
-    return plan_for(spec_of(spec, fields), largest, progress)
+    return plan_for(spec_of(spec, fields), largest, progress, keep=True)
 
 
 def read_plan(path: "str | Path") -> "Plan":
@@ -437,7 +437,7 @@ def _planned(plan: "Plan | str | Path | Mapping[str, Any] | Spec", progress: Pro
     """Return the plan that is given, or that of the spec that is."""
     from padgen.make.planning import plan_for, spec_of
 
-    return plan if is_plan(plan) else plan_for(spec_of(plan), progress=progress)
+    return plan if is_plan(plan) else plan_for(spec_of(plan), progress=progress, keep=True)
 
 
 def is_plan(given: "Plan | str | Path | Mapping[str, Any] | Spec") -> "TypeIs[Plan]":
@@ -589,7 +589,7 @@ def _recorded(folder: Path) -> "Plan":
     plan = recorded_plan(folder / "plan.json")
     if plan.spec.model.structure != "solid":
         with suppress(PadgenError):
-            again = plan_for(plan.spec)
+            again = plan_for(plan.spec, keep=True)
             return plan if differs(folder, "plan.json", plan_to_json(again)) else again
     return plan
 

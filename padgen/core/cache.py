@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib import metadata
 from itertools import count
 from pathlib import Path
 from stat import S_ISREG
@@ -263,6 +262,8 @@ def versions() -> dict[str, str]:
 @cache
 def version(package: str) -> str:
     """Return the version of an installed package, or 'missing'."""
+    from importlib import metadata  # which loads a reader of e-mails
+
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:

@@ -28,10 +28,13 @@ __all__ = [
     "SUSPENSIONS",
     "USUAL_FORMATS",
     "Registry",
+    "is_extended",
+    "mark",
     "names_in",
     "plugin_code",
     "registered_names",
     "unknown_name",
+    "unmark",
 ]
 
 PLUGINS = "PADGEN_PLUGINS"
@@ -83,6 +86,7 @@ class Registry(Generic[T]):
         if missing:
             raise SpecError(f"the {self.kind} {name!r} lacks {', '.join(missing)}")
         self._registered[name] = thing
+        mark(self.kind, name)
         self.changes += 1
 
     def unregister(self, name: str) -> None:
@@ -96,6 +100,7 @@ class Registry(Generic[T]):
         if name not in self._registered:
             raise unknown_name(name, list(self._registered), f"registered {self.kind}", "")
         del self._registered[name]
+        unmark(self.kind, name)
         self.changes += 1
 
     @property
@@ -174,6 +179,26 @@ def _code_of(modules: tuple[str, ...]) -> str:
         except Exception as error:
             raise SpecError(f"cannot import {name!r} ({type(error).__name__}: {error})", PLUGINS) from error
     return code.hexdigest()
+
+
+_marked: set[tuple[str, str]] = set()
+"""Kind and name of all that is registered in this process."""
+
+
+def mark(kind: str, name: str) -> None:
+    """Note that something is registered, here or in another table of extensions."""
+    _marked.add((kind, name))
+
+
+def unmark(kind: str, name: str) -> None:
+    """Note that it is registered no more."""
+    _marked.discard((kind, name))
+
+
+def is_extended() -> bool:
+    """Return whether results of this process may depend on registered code, which no key of the cache knows."""
+    plugin_code()
+    return bool(_marked)
 
 
 def registered_names() -> dict[str, tuple[str, ...]]:

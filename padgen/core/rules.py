@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from padgen.core.errors import Finding, PadgenError, SpecError
-from padgen.core.registry import plugin_code
+from padgen.core.registry import mark, plugin_code, unmark
 
 __all__ = ["Rule", "RuleBook", "broken_rules", "refuse"]
 
@@ -76,10 +76,12 @@ class RuleBook(Generic[T]):
         if name in self._registered:
             raise SpecError(f"there is a rule {name!r} of the {self.kind} already; take another name", "rule")
         self._registered[name] = function
+        mark(f"rule of the {self.kind}", name)
 
     def unregister(self, name: str) -> None:
         """Remove a registered function; padgen's own cannot be removed."""
         del self._registered[name]
+        unmark(f"rule of the {self.kind}", name)
 
     def findings(self, thing: T) -> Iterator[Finding]:
         """Yield a finding for each rule that the thing breaks."""

@@ -104,7 +104,7 @@ class Pad:
     @cached_property
     def plan(self) -> "Plan":
         """The plan of the pad."""
-        return self.given or plan_for(self.spec, self.tolerance, self.progress)
+        return self.given or plan_for(self.spec, self.tolerance, self.progress, keep=True)
 
     @cached_property
     def solid(self) -> "PadSolid":

@@ -11,8 +11,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from padgen.core.errors import OlderPlanError, PadgenError, SolverError, SpecError, number
+from padgen.core import cache
+from padgen.core.errors import FileError, OlderPlanError, PadgenError, SolverError, SpecError, number
 from padgen.core.files import read_as_one, settle
+from padgen.core.registry import is_extended
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import answers, laid_over, read_table, without_none
 
@@ -110,11 +112,14 @@ def _as_recorded(spec: Spec, folder: Path) -> Spec:
     return recorded if answers(recorded, spec) else spec
 
 
-def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = lambda step: None) -> "Plan":
+def plan_for(
+    spec: Spec, tolerance: float | None = None, progress: Progress = lambda step: None, keep: bool = False
+) -> "Plan":
     """Plan `spec` by its own model, or by the cheapest model that meets `tolerance`.
 
     If a tolerance needs finite elements that have no answer or are not installed, the plan is the beam model's, and its
-    findings state the possible error.
+    findings state the possible error. With `keep`, a plan by the beam model is kept in the cache, and found there by
+    the next command on the same spec.
 
     Raises
     ------
@@ -130,9 +135,7 @@ def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = la
     progress("planning")
     if spec.model.structure == "solid":
         return _plan_by_solid(spec, progress)
-    from padgen.planner import make_plan
-
-    plan = make_plan(spec)
+    plan = _by_beams(spec, keep)
     if tolerance is None or spec.model.structure == "beam":
         return plan
     beam = replace(plan, spec=_with_model(spec, "beam", tolerance))
@@ -142,6 +145,38 @@ def plan_for(spec: Spec, tolerance: float | None = None, progress: Progress = la
         return _plan_by_solid(_with_model(spec, "solid", tolerance), progress)
     except SolverError:
         return beam
+
+
+KIND = "plan"
+"""Kind of the cache's entries that are plans."""
+
+
+def _by_beams(spec: Spec, keep: bool) -> "Plan":
+    """Return the plan by the beam model, that of the cache where one is kept and nothing but padgen's code plans.
+
+    Of other packages numpy alone has a part in it, but for optimised ladders, whose own entries know scipy's version.
+    """
+    import numpy
+
+    from padgen import planner
+    from padgen.planner.plan import plan_from_table
+
+    if not keep or is_extended():
+        return planner.make_plan(spec)
+    key = cache.key_of({"spec": asdict(spec), "code": cache.code_hash(), "numpy": numpy.__version__})
+
+    def known() -> "Plan | None":
+        try:
+            return plan_from_table(cache.load(KIND, key), "the cache")
+        except FileError:
+            return None
+
+    def made() -> "Plan":
+        plan = planner.make_plan(spec)
+        cache.store(KIND, key, asdict(plan))
+        return plan
+
+    return cache.once(KIND, key, known, made)
 
 
 def _with_model(spec: Spec, structure: str, tolerance: float) -> Spec:
@@ -169,7 +204,7 @@ def recorded_plan(path: Path, progress: Progress = lambda step: None) -> "Plan":
     try:
         return read_plan(path)
     except OlderPlanError:
-        return plan_for(load_spec(str(path)), progress=progress)
+        return plan_for(load_spec(str(path)), progress=progress, keep=True)
 
 
 def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: None) -> "tuple[Plan, str]":
@@ -198,7 +233,7 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
             plan = recorded
             source = str(beside)
         else:
-            plan = plan_for(asked, progress=progress)
+            plan = plan_for(asked, progress=progress, keep=True)
             source = f"{spec}, planned anew"
     models = " and ".join(sorted({channel.model for channel in plan.channels}))
     return plan, f"{source} ({models} model)"

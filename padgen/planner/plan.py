@@ -63,6 +63,7 @@ __all__ = [
     "lost_figures",
     "passes",
     "plan_from_json",
+    "plan_from_table",
     "plan_to_json",
     "read_as",
     "read_plan",
@@ -936,6 +937,14 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
     """
     try:
         table = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise FileError(f"is not a plan ({error}); padgen plan makes one", where) from error
+    return plan_from_table(table, where)
+
+
+def plan_from_table(table: Any, where: str) -> Plan:
+    """Return the plan of the JSON object of one; raises as `plan_from_json` does."""
+    try:
         is_plan = isinstance(table, dict) and "spec" in table
         if is_plan and not ({"verdict", "recoil", "warm", "life"} <= {*table} and _has_warm_levels(table["warm"])):
             raise OlderPlanError("was written by an older padgen; padgen plan makes it anew from its spec", where)
