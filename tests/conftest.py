@@ -12,9 +12,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.core import seal
 from padgen.core.cache import VARIABLE
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan
 from padgen.solid.kernel import build123d
 from padgen.spec import Spec, load_spec, parse_spec
 
@@ -68,13 +69,13 @@ def paper_spec() -> Spec:
 
 @pytest.fixture(scope="session")
 def paper_plan(paper_spec: Spec) -> Plan:
-    return make_plan(paper_spec)
+    return pg.plan(paper_spec)
 
 
 @pytest.fixture(scope="session")
 def small_plan() -> Plan:
     """Plan a pad of four taxels that is quick to build."""
-    return make_plan(parse_spec(SMALL))
+    return pg.plan(parse_spec(SMALL))
 
 
 @pytest.fixture(scope="session")

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import padgen as pg
 from padgen.driver.formats.c import FILE, c_header, firmware_files
 from padgen.driver.loads import HEAT_S
 from padgen.driver.serial_line import Kind, Message, decode, encode, frame_message, plan_hash
 from padgen.driver.waveform import PadDrive, make_drive
-from padgen.planner import Plan, make_plan
-from padgen.spec import load_spec, parse_spec
+from padgen.planner import Plan
+from padgen.spec import parse_spec
 from padgen.spec.model import Amplifier, LimitsTable
 
 SANITIZED = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
@@ -54,19 +55,19 @@ grid = [2, 2]
 def drum(name: str, taxels: int, drive: str, inductance_mh: float = 61, more: str = "") -> Plan:
     """Plan a pad over four large coils, with any scheme and with empty places."""
     text = f'name = "{name}"\n' + DRUM.format(taxels=taxels, drive=drive, inductance_mh=inductance_mh, more=more)
-    return make_plan(parse_spec(text))
+    return pg.plan(parse_spec(text))
 
 
 @cache
 def quick() -> Plan:
     """Plan a pad of one channel, so high that frames may be short."""
-    return make_plan(parse_spec(QUICK))
+    return pg.plan(parse_spec(QUICK))
 
 
 @cache
 def magnets() -> Plan:
     """Plan a pad of magnets, which the current itself pulls and pushes."""
-    return make_plan(parse_spec(QUICK + 'magnet = "disc-3x1"\ncoil.name = "air-10"\ndrive.level_um = 60\n'))
+    return pg.plan(parse_spec(QUICK + 'magnet = "disc-3x1"\ncoil.name = "air-10"\ndrive.level_um = 60\n'))
 
 
 QUICK = """
@@ -79,17 +80,17 @@ coil.grid = [4, 4]
 """
 
 PADS: dict[str, tuple[Callable[[], Plan], int, float | None]] = {
-    "one": (lambda: make_plan(load_spec("paper-16")), 8000, None),
+    "one": (lambda: pg.plan("paper-16"), 8000, None),
     "quick": (quick, 8000, None),
     "tones": (lambda: drum("tones", 14, "tones", more='reuse = "alternate"'), 16000, None),
     "spur-free": (lambda: drum("spur-free", 16, "spur-free"), 16000, None),
     "no inductance": (lambda: drum("no-inductance", 12, "spur-free", 0), 16000, None),
     "carrier": (lambda: drum("carrier", 12, "spur-free"), 48000, 8000.0),
-    "eleven": (lambda: make_plan(load_spec("wide-11")), 16000, None),
+    "eleven": (lambda: pg.plan("wide-11"), 16000, None),
     "biased": (lambda: drum("biased", 13, "biased"), 16000, None),
     "time-shared": (lambda: drum("time-shared", 11, "time-shared", 10), 8000, None),
     "magnet": (magnets, 16000, None),
-    "big": (lambda: make_plan(load_spec("big-512")), 8000, None),
+    "big": (lambda: pg.plan("big-512"), 8000, None),
 }
 """Pads by name: the function that plans each, its samples a second, its carrier in Hz. Some coils have fewer taxels."""
 

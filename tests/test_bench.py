@@ -18,6 +18,7 @@ import pytest
 from scipy.io import wavfile
 from scipy.signal import cont2discrete, lfilter
 
+import padgen as pg
 import padgen.driver.bench
 from padgen import cli
 from padgen.core.errors import FileError, SolverError
@@ -26,7 +27,6 @@ from padgen.driver.excitation import sweep_table
 from padgen.driver.serial_line import Kind, Message, Reason, State, excite, refusal
 from padgen.driver.sound_card import audio_device, recorded
 from padgen.driver.waveform import make_drive
-from padgen.planner import make_plan
 from padgen.spec import parse_spec
 
 from .firmware_host import compiled, feed, host
@@ -182,7 +182,7 @@ class Running:
 
 @pytest.fixture(scope="module")
 def plan():
-    return make_plan(parse_spec(FOUR))
+    return pg.plan(parse_spec(FOUR))
 
 
 @pytest.fixture

@@ -17,6 +17,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
+import padgen as pg
 from padgen.core.errors import FileError, SpecError
 from padgen.driver.formats.csv import drive_rows
 from padgen.driver.formats.json import drive_json
@@ -28,7 +29,7 @@ from padgen.physics.magnetics import (
 )
 from padgen.physics.pull import leakage, pull
 from padgen.physics.selectivity import Scheme
-from padgen.planner import make_plan, plan_from_json, plan_to_json
+from padgen.planner import plan_from_json, plan_to_json
 from padgen.planner.drive_scheme import _heard, pull_in_share
 from padgen.planner.movers.washer import magnetic_parts
 from padgen.solid.checks import check_pad
@@ -47,7 +48,7 @@ ALTERNATE = FOUR + 'reuse = "alternate"\n'
 def plan_of(text=FOUR, scheme=None):
     if scheme:
         text = f'drive = "{scheme}"\n' + text if "drive" not in text else text
-    return make_plan(parse_spec(text))
+    return pg.plan(parse_spec(text))
 
 
 def codes(plan):
@@ -138,7 +139,7 @@ def test_levels_of_equal_sensation(tmp_path):
     (tmp_path / "curve.csv").write_text("frequency_hz,threshold_um\n20,50\n\n# rounded\n100,2\n800,1\n")
     spec_file = tmp_path / "own.toml"
     spec_file.write_text(FOUR + '[drive]\nthreshold_file = "curve.csv"\nlevel_um = 20\n')
-    plan = make_plan(load_spec(str(spec_file)))
+    plan = pg.plan(str(spec_file))
     assert plan.selectivity.level_law == "threshold"
     threshold = np.exp(
         np.interp(np.log([c.resonance_hz for c in plan.channels]), np.log([20, 100, 800]), np.log([50, 2, 1]))
@@ -237,7 +238,7 @@ def test_the_reachable_level_is_reachable_and_no_more(limit):
     found = []
     for factor in (0.999, 1.001):
         level = plan.load.reachable_level_um * factor
-        found.append(codes(make_plan(replace(spec, drive=replace(spec.drive, level_um=level)))))
+        found.append(codes(pg.plan(replace(spec, drive=replace(spec.drive, level_um=level)))))
     code = {"voltage": "coil.voltage", "copper loss": "coil.heat", "gap": "gap.travel", "root stress": "beam.stress"}
     assert code[limit] not in found[0]
     # None of the other limits is passed either.
@@ -251,8 +252,8 @@ def test_the_suggested_levels_would_do():
     for code in ("coil.voltage", "coil.heat"):
         (finding,) = [f for f in plan.findings if f.code == code]
         level = float(finding.message.split("drive.level_um = ")[1].split()[0])
-        assert code not in codes(make_plan(replace(spec, drive=replace(spec.drive, level_um=level))))
-        assert code in codes(make_plan(replace(spec, drive=replace(spec.drive, level_um=level * 1.01))))
+        assert code not in codes(pg.plan(replace(spec, drive=replace(spec.drive, level_um=level))))
+        assert code in codes(pg.plan(replace(spec, drive=replace(spec.drive, level_um=level * 1.01))))
 
 
 def test_pull_in_is_where_balance_ends(paper_plan):
@@ -488,7 +489,7 @@ def test_levels_below_the_threshold_are_found():
 def test_unequal_pull_decides():
     """Drives are chosen and judged by the smaller figure, the one with the washers' unequal distances."""
     wide = load_spec("wide-11")
-    plan = make_plan(replace(wide, delta_y=10.0, drive=replace(wide.drive, scheme="auto", level_law=0.0)))
+    plan = pg.plan(replace(wide, delta_y=10.0, drive=replace(wide.drive, scheme="auto", level_law=0.0)))
     figures = plan.selectivity
     pull = np.array([c.force_constant_n_per_a2 for c in plan.channels])
     resonance = np.array([c.resonance_hz for c in plan.channels])

@@ -20,13 +20,12 @@ every extreme case             error <= stated, or refused       it says when it
 import numpy as np
 import pytest
 
+import padgen as pg
 from docs.paper_figures import draw_paper_figures, paper_figures
 from padgen.core.errors import SolverError
 from padgen.ladders.extreme import dynamics_cases, exact_displacement
 from padgen.ladders.stages import dynamics_models, dynamics_question
 from padgen.physics.magnetics import balanced_deflection, impedance, pull_in_deflection
-from padgen.planner import make_plan
-from padgen.spec import load_spec
 from padgen.verify.coupled import Source, from_tones, make_system, radau, scipy_motion, simulate
 from padgen.verify.propagation import (
     STATED_ERROR,
@@ -48,7 +47,7 @@ CRITICAL = (0.5, 0.5 * (1 + 1e-12), 0.5 * (1 - 1e-12), 0.5 * (1 + 1e-6))
 
 @pytest.fixture(scope="module")
 def pair_plan():
-    return make_plan(load_spec("paper-pair"))
+    return pg.plan("paper-pair")
 
 
 def worst(hz, q, force, times):
@@ -270,7 +269,7 @@ def test_a_run_that_takes_too_many_steps_is_refused():
 
 @pytest.mark.parametrize("name", ["paper-pair", "triple-48"])
 def test_every_rung_errs_by_no_more_than_it_states(name):
-    question = dynamics_question(make_plan(load_spec(name)), 0.3)
+    question = dynamics_question(pg.plan(name), 0.3)
     answers = [(model, resolution, solve()) for model, resolution, solve in dynamics_models(question)]
     assert [model for model, _, _ in answers[:3]] == ["phasor", "exponential", "coupled"]
     finest = answers[-1][2].values

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+import padgen as pg
 import padgen.driver.ear as ear
 from padgen.core.errors import FileError
 from padgen.core.files import json_text
@@ -26,7 +27,6 @@ from padgen.driver.formats.wav import wave_json, write_wave
 from padgen.driver.waveform import Timeline, blend, make_drive, ramp_s, steady, timeline
 from padgen.measured.tuning import planned_tuning
 from padgen.physics.resonator import felt_energy, relative_energy
-from padgen.planner import make_plan
 from padgen.planner.channels import coil_modes, hanging_gap_um
 from padgen.planner.drive_scheme import placed_channels
 from padgen.spec import load_spec, parse_spec
@@ -57,7 +57,7 @@ class Samples:
 
 def plan_of(name, **drive):
     spec = load_spec(name)
-    return make_plan(replace(spec, drive=replace(spec.drive, **drive)))
+    return pg.plan(replace(spec, drive=replace(spec.drive, **drive)))
 
 
 def found_in(heard):
@@ -86,13 +86,13 @@ def db(ratio):
 
 @pytest.fixture(scope="module")
 def pair():
-    plan = make_plan(load_spec("paper-pair"))
+    plan = pg.plan("paper-pair")
     return plan, make_drive(plan, RATE)
 
 
 @pytest.fixture(scope="module")
 def quad():
-    plan = make_plan(load_spec("quad-64"))
+    plan = pg.plan("quad-64")
     return plan, make_drive(plan, RATE)
 
 
@@ -169,7 +169,7 @@ def test_in_which_blocks_a_file_is_heard_does_not_matter(pair, tmp_path, monkeyp
 
 @pytest.mark.parametrize("name", ["paper-pair", "triple-48", "quad-64"])
 def test_files_keep_what_the_plan_says_in_all_states(name, tmp_path):
-    plan = make_plan(load_spec(name))
+    plan = pg.plan(name)
     drive = make_drive(plan, RATE)
     levels = all_states(plan, drive)
     assert len({tuple(levels[c.taxels]) for c in drive.coils}) == 2 ** len(plan.sets[0])
@@ -197,7 +197,7 @@ def test_other_schemes_keep_what_the_plan_says_of_them(scheme, tmp_path):
 
 
 def test_eleven_channels_hear_what_the_modal_model_says(tmp_path):
-    plan = make_plan(load_spec("wide-11"))
+    plan = pg.plan("wide-11")
     drive = make_drive(plan, RATE)
     spec = plan.spec
     own = plan.sets[0]
@@ -299,7 +299,7 @@ inductance_mh = 0
 
 
 def test_two_sets_empty_places_and_no_inductance(tmp_path):
-    plan = make_plan(parse_spec(SETS))
+    plan = pg.plan(parse_spec(SETS))
     assert plan.coils.sets == 2
     drive = make_drive(plan, 16000)
     for line in (steady(np.ones(len(plan.taxels)), drive.period_s), timeline(plan, np.eye(len(plan.taxels))[:1], 3.0)):

@@ -16,19 +16,19 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import hilbert
 
+import padgen as pg
 from padgen.core.errors import SpecError
 from padgen.core.units import MH
 from padgen.driver.excitation import KINDS, excitation
 from padgen.measured.shaking import measuring_band_hz, noise_current_a, ring_s, shaking_line_a2, sweep_s
 from padgen.physics.resonator import receptance
-from padgen.planner import make_plan
 from padgen.spec import parse_spec
 
 RATE = 16_000
 
 
 def plan_of(text="", q=15, taxels=8, coil=""):
-    return make_plan(
+    return pg.plan(
         parse_spec(f"""
 name = "t"
 resolution = {taxels}

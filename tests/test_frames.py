@@ -9,6 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+import padgen as pg
 from padgen.core.errors import FileError, SpecError
 from padgen.driver import frames as frames_module
 from padgen.driver.frames import (
@@ -19,7 +20,7 @@ from padgen.driver.frames import (
     taxel_grid,
     text_frames,
 )
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan
 from padgen.spec import load_spec, parse_spec
 
 TURNED = (
@@ -31,7 +32,7 @@ TURNED = (
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    made = make_plan(parse_spec(TURNED))
+    made = pg.plan(parse_spec(TURNED))
     assert made.reuse.turned == "odd columns" and made.coils.sets == 2 and len(made.taxels) == 11
     return made
 
@@ -46,7 +47,7 @@ LEVELS = np.array([[0, 255], [51, 0], [0, 102], [255, 0], [0, 0], [153, 204]])
 @pytest.mark.parametrize("name", ["paper-16", "paper-32", "quad-64", "wide-11", "turned"])
 def test_a_taxel_is_at_its_place_in_the_image(name):
     """Places are compared with the washers', which lie a quarter of a sub-cell or more inside it."""
-    plan = make_plan(parse_spec(TURNED) if name == "turned" else load_spec(name))
+    plan = pg.plan(parse_spec(TURNED) if name == "turned" else load_spec(name))
     grid = taxel_grid(plan)
     pad = plan.spec.pad
     assert sorted(grid[grid >= 0]) == list(range(len(plan.taxels)))
@@ -373,7 +374,7 @@ def test_bad_states_are_refused_in_a_sentence(plan, text, sentence):
 
 def test_all_states_of_many_channels_are_too_many():
     with pytest.raises(SpecError, match="all states of 11 channels are 2048; at most 64 are played"):
-        state_frame(make_plan(load_spec("wide-11")), "all")
+        state_frame(pg.plan("wide-11"), "all")
 
 
 def test_pictures_in_text(plan, tmp_path):
@@ -413,7 +414,7 @@ def test_vast_texts_are_no_frames(plan, tmp_path):
 def test_a_letter_is_drawn_as_wide_and_high_as_whole_taxels_allow():
     """Each mark of the letter R is looked for where it must be, on pads that hold it once and more times as large."""
     for name, size, at in (("quad-64", (1, 1), (0, 1)), ("big-512", (4, 2), (2, 3))):
-        plan = make_plan(load_spec(name))
+        plan = pg.plan(name)
         (levels,) = text_frames(plan, "r")
         image = seen(plan, levels)[at[0] :, at[1] :][: 7 * size[0] : size[0], : 5 * size[1] : size[1]]
         drawn = ["".join(".#"[int(v)] for v in row) for row in image]
@@ -422,7 +423,7 @@ def test_a_letter_is_drawn_as_wide_and_high_as_whole_taxels_allow():
 
 
 def test_text_scrolls_where_it_does_not_fit(paper_plan):
-    quad = make_plan(load_spec("quad-64"))
+    quad = pg.plan("quad-64")
     long = text_frames(quad, "\u00e9i!")
     assert len(long) == 3 * 6 - 1 - 8 + 1
     views = [seen(quad, frame) for frame in long]

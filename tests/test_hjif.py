@@ -6,6 +6,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.core.errors import FileError, SpecError
 from padgen.driver.formats import hjif
 from padgen.driver.formats.hjif import hjif_text
@@ -13,8 +14,8 @@ from padgen.driver.frames import state_frame, taxel_grid
 from padgen.driver.waveform import Timeline, blend, steady, timeline
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.resonator import relative_energy
-from padgen.planner import Plan, make_plan
-from padgen.spec import load_spec, parse_spec
+from padgen.planner import Plan
+from padgen.spec import parse_spec
 from tests.hjif_reader import read_hjif
 
 SMALL = (
@@ -159,7 +160,7 @@ def refuse_faulty_effects(band: dict) -> None:
 
 @pytest.fixture(scope="module")
 def small() -> Plan:
-    return make_plan(parse_spec(SMALL))
+    return pg.plan(parse_spec(SMALL))
 
 
 def frames_of(plan: Plan, count: int, seed: int = 1) -> np.ndarray:
@@ -168,7 +169,7 @@ def frames_of(plan: Plan, count: int, seed: int = 1) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["paper-16", "paper-32", "quad-64", "wide-11", "big-512"])
 def test_files_keep_the_formats_rules(name):
-    plan = make_plan(load_spec(name))
+    plan = pg.plan(name)
     text = hjif_text(plan, timeline(plan, frames_of(plan, 2)))
     refuse_faults(text)
     refuse_faults(hjif_text(plan))
@@ -177,7 +178,7 @@ def test_files_keep_the_formats_rules(name):
 
 @pytest.mark.parametrize("drive", ["time-shared", "biased", "spur-free"])
 def test_other_drives_and_two_sets(drive):
-    plan = make_plan(parse_spec(SMALL + f'reuse = "alternate"\n[drive]\nscheme = "{drive}"\n'))
+    plan = pg.plan(parse_spec(SMALL + f'reuse = "alternate"\n[drive]\nscheme = "{drive}"\n'))
     shown = timeline(plan, state_frame(plan, "all"))
     text = hjif_text(plan, shown)
     refuse_faults(text)

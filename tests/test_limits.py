@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import padgen as pg
 from padgen import cli
 from padgen.core.errors import Finding, InfeasibleError, SpecError
 from padgen.core.wav_reader import read_wav
@@ -44,7 +45,7 @@ from padgen.driver.waveform import (
 )
 from padgen.measured.shaking import measuring_band_hz
 from padgen.measured.tuning import planned_tuning
-from padgen.planner import Plan, make_plan, plan_to_json, read_plan
+from padgen.planner import Plan, plan_to_json, read_plan
 from padgen.planner import limits as limit_table
 from padgen.planner.cures import varied
 from padgen.planner.limits import Limit
@@ -75,7 +76,7 @@ FORMATS = ("csv", "json", "wav", "c", "hjif", "syntacts")
 
 @cache
 def planned(coil: str = "", drive: str = "") -> Plan:
-    return make_plan(parse_spec(FOUR.format(coil=coil, drive=drive)))
+    return pg.plan(parse_spec(FOUR.format(coil=coil, drive=drive)))
 
 
 def written(plan: Plan, folder: Path, formats: str, state: str = "1111", **more) -> Driven:
@@ -377,7 +378,7 @@ def test_judged_volts_are_those_of_the_firmware_in_all_states(tmp_path, scheme):
 
 def test_the_widest_template_is_judged_by_what_it_takes():
     spec = load_spec("wide-11")
-    plan = make_plan(replace(spec, drive=replace(spec.drive, level_um=100.0)))
+    plan = pg.plan(replace(spec, drive=replace(spec.drive, level_um=100.0)))
     drive = drive_at(plan, CONTROLLER_RATES_HZ)
     # The state that needs most has few taxels off, but not none.
     peaks_v = []
@@ -495,7 +496,7 @@ def test_no_file_exceeds_what_is_judged_of_it(tmp_path, name):
         drive = f"scheme = '{SCHEMES[name]}'\nlevel_um = {rng.uniform(1, 40):.3g}"
         plan = planned(f"gap_mm = {rng.uniform(0.6, 1.2):.2g}", drive)
     else:
-        plan = make_plan(load_spec(name))
+        plan = pg.plan(name)
     judged, found = judged_and_found(plan, rng, tmp_path / "o")
     least = np.array([0.98, 0.98, 0.7, 0.7] if plan.scheme.takes_turns else [0.98, 0.98, 0.999, 0.999])
     assert (least * judged <= found).all() and (found <= 1.001 * judged).all(), found / judged
@@ -702,30 +703,30 @@ def amplified(taxels=64, channels=16, coupling="AC", volts=10, amperes=0.5, more
 def test_too_few_channels_are_refused_with_what_was_tried_and_does():
     spec = parse_spec(amplified(channels=8))
     with pytest.raises(InfeasibleError, match=r"8 channels, one for each coil; .* would do") as error:
-        make_plan(spec)
+        pg.plan(spec)
     assert [set(cure) for cure in error.value.cures] == [{"amplifier.channels"}, {"resolution"}]
     for cure in error.value.cures:
-        plan = make_plan(varied(spec, cure))
+        plan = pg.plan(varied(spec, cure))
         assert not plan.scheme.has_constant
         assert plan.coils.rows * plan.coils.columns <= plan.spec.amplifier.channels
         assert plan.load.voltage_peak_v <= 10 and plan.load.current_peak_ma <= 500
         assert plan.prints.good_share >= plan.spec.print_share
     with pytest.raises(InfeasibleError, match=r"has channels for 8 coils .* amplifier.channels = 16 would do"):
-        make_plan(parse_spec(amplified(channels=8, more="[coil]\ngrid = [4, 4]\n")))
+        pg.plan(parse_spec(amplified(channels=8, more="[coil]\ngrid = [4, 4]\n")))
 
 
 def test_what_an_amplifier_lacks_is_told_with_a_level_that_fits():
     for limit_v, amperes, code in ((1, 0.5, "coil.voltage"), (30, 0.01, "coil.current")):
         spec = parse_spec(amplified(16, 4, "DC", limit_v, amperes, "[coil]\ngrid = [2, 2]\n"))
-        (finding,) = (f for f in make_plan(spec).findings if f.code == code)
-        lower = make_plan(varied(spec, finding.cures[0]))
+        (finding,) = (f for f in pg.plan(spec).findings if f.code == code)
+        lower = pg.plan(varied(spec, finding.cures[0]))
         assert code not in {f.code for f in lower.findings}
         assert lower.load.voltage_peak_v <= limit_v and lower.load.current_peak_ma <= 1e3 * amperes
 
 
 def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_current(tmp_path):
     grid = "[coil]\ngrid = [2, 2]\n[drive]\nscheme = 'spur-free'\n"
-    plan = make_plan(parse_spec(amplified(16, 4, "AC", 60, more=grid)))
+    plan = pg.plan(parse_spec(amplified(16, 4, "AC", 60, more=grid)))
     frames = np.stack([np.ones(16), state_frame(plan, "0101")[0]])
     driven = Drive(plan, frames, held=True, rate_hz=48_000).save_folder(tmp_path / "o", ["csv", "wav", "c"])
     assert not [f for f in driven.findings if f.level == "error" or f.code == "wave.dc"]
@@ -752,7 +753,7 @@ def test_no_plan_asks_more_of_an_amplifier_than_it_has_without_saying_so(seed):
     limit_v = float(rng.choice([1.5, 5, 40]))
     amperes = float(rng.choice([0.03, 1]))
     grid = "[coil]\ngrid = [2, 2]\n"
-    plan = make_plan(parse_spec(amplified(int(rng.choice([8, 12, 16])), 4, coupling, limit_v, amperes, grid)))
+    plan = pg.plan(parse_spec(amplified(int(rng.choice([8, 12, 16])), 4, coupling, limit_v, amperes, grid)))
     codes = {f.code for f in plan.findings}
     assert coupling == "DC" or not plan.scheme.is_biased
     assert (plan.load.voltage_peak_v > limit_v) == ("coil.voltage" in codes)
@@ -767,7 +768,7 @@ def test_an_amplifier_is_a_table_of_its_own(tmp_path):
     assert varied(spec, {"amplifier.voltage_v": 20.0}).drive.voltage_limit_v == 20
     assert varied(spec, {"amplifier.coupling": "DC"}) == parse_spec(amplified(volts=12, coupling="DC"))
     assert "amplifier" not in json.loads(plan_to_json(planned()))["spec"]
-    made = make_plan(spec)
+    made = pg.plan(spec)
     (tmp_path / "plan.json").write_text(plan_to_json(made))
     assert read_plan(tmp_path / "plan.json").spec == made.spec
     bare = FOUR.split("[pad]")[0]
@@ -806,7 +807,7 @@ def test_parts_of_the_catalogues_are_named_where_they_suffice():
     loud = planned("power_limit_w = 1e4", "scheme = 'tones'\nlevel_um = 400\nvoltage_limit_v = 1e5")
     assert loud.load.voltage_peak_v > 28.2 and not loud.parts.amplifiers
     # Of 16 coils few sound cards have the outputs.
-    found = make_plan(load_spec("paper-16")).parts.sound_cards
+    found = pg.plan("paper-16").parts.sound_cards
     assert "motu-24ao" in found
     assert "es-9" not in found
 
@@ -827,8 +828,8 @@ def test_an_amplifier_that_is_named_feeds_the_plan_of_a_spec_with_it():
 def test_boards_of_the_catalogue_are_named_where_they_are_in_time(tmp_path):
     assert boards_in_time(drive_at(planned(drive="scheme = 'tones'"), CONTROLLER_RATES_HZ)) == list(catalogue("board"))
     # As docs/measure_firmware.py counts: 63 MHz of paper-32, 81 of wide-11, 960 of big-512.
-    needed = {name: drive_at(make_plan(load_spec(name)), CONTROLLER_RATES_HZ) for name in ("wide-11", "big-512")}
+    needed = {name: drive_at(pg.plan(name), CONTROLLER_RATES_HZ) for name in ("wide-11", "big-512")}
     assert 81 < sample_mhz(needed["wide-11"]) < 90 and "itsybitsy-m4" not in boards_in_time(needed["wide-11"])
     assert 960 < sample_mhz(needed["big-512"]) < 1000 and not boards_in_time(needed["big-512"])
-    (finding,) = Drive(make_plan(load_spec("big-512"))).save_folder(tmp_path / "o", ["c"]).findings
+    (finding,) = Drive(pg.plan("big-512")).save_folder(tmp_path / "o", ["c"]).findings
     assert (finding.level, finding.code) == ("warning", "firmware.time")

@@ -21,11 +21,12 @@ import numpy as np
 import pytest
 from scipy.io import wavfile
 
+import padgen as pg
 from padgen.core import files
 from padgen.core.errors import FileError, PadgenError
 from padgen.measured.fits import fit_measured
 from padgen.measured.read import read_measured, read_measured_text
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan
 from padgen.spec import parse_spec
 from tests.recordings import TWO_COILS
 
@@ -37,7 +38,7 @@ PRINT = {"r0c0k0": (62.0, 14.0, 900.0), "r0c0k1": (91.0, 17.0, 400.0)}
 @pytest.fixture(scope="module")
 def plan() -> Plan:
     """A plan of two coils of two channels, at 60 and 90 Hz."""
-    return make_plan(parse_spec(TWO_COILS))
+    return pg.plan(parse_spec(TWO_COILS))
 
 
 def spectrum(taxel, frequency):

@@ -18,6 +18,7 @@ import mpmath
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.core.errors import number
 from padgen.physics.ladder import LevelLaw
 from padgen.physics.resonator import (
@@ -471,7 +472,7 @@ def test_modes_are_named_by_their_shape(paper_plan):
     extra = paper_plan.channels[0]
     more = replace(extra, modes_hz=(*extra.modes_hz, 9e3), mode_motions=(*extra.mode_motions, (1.0,) * 6))
     assert sorted(mode_names(spec, more)).count("higher") == 1
-    hinged = [c for c in make_plan(load_spec("resin-fine")).channels if np.argmax(c.mode_shares) == 0]
+    hinged = [c for c in pg.plan("resin-fine").channels if np.argmax(c.mode_shares) == 0]
     assert hinged and all(mode_names(load_spec("resin-fine"), c)[0] == "bending" for c in hinged)
 
 
@@ -580,7 +581,7 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
 
 @pytest.mark.parametrize("name", ["paper-16", "paper-32", "triple-48", "resin-fine"])
 def test_templates_have_no_crowded_modes(name):
-    plan = make_plan(load_spec(name))
+    plan = pg.plan(name)
     assert of(plan, "modes.crowded") == of(plan, "selectivity.modes") == []
 
 

@@ -8,11 +8,12 @@ import manifold3d
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.core.errors import InfeasibleError
 from padgen.core.files import OutputFolder
 from padgen.core.registry import PAD_FORMATS
 from padgen.make.pad import PARTS
-from padgen.planner import make_plan, plan_from_json, plan_to_json
+from padgen.planner import plan_from_json, plan_to_json
 from padgen.planner.fixtures import (
     SIZES,
     coil_axis_mm,
@@ -29,7 +30,7 @@ from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, as_manifold, signed_volume_mm3
 from padgen.solid.pad_solid import build_pad
 from padgen.solid.parts import build_coupon, build_part, build_tray, check_tray, tray_solid
-from padgen.spec import load_spec, parse_spec, template_paths
+from padgen.spec import parse_spec, template_paths
 from padgen.spec.model import GuardTable
 from tests.conftest import FOUR_LINES
 from tests.tampering import from_manifold, stl_mesh
@@ -44,7 +45,7 @@ ROUND_MM = 0.02
 
 @pytest.fixture(scope="module")
 def plan():
-    return make_plan(parse_spec(COILS))
+    return pg.plan(parse_spec(COILS))
 
 
 @pytest.fixture(scope="module")
@@ -346,7 +347,7 @@ def test_a_coupons_groove_is_beside_channel_0(coupon):
 
 
 def test_two_sets_of_channels_lie_over_two_coils():
-    plan = make_plan(parse_spec(ALTERNATE))
+    plan = pg.plan(parse_spec(ALTERNATE))
     assert plan.coils.sets == 2
     own, solid = build_coupon(plan)
     assert (own.coils.rows, own.coils.columns) == (1, 2)
@@ -422,7 +423,7 @@ def test_the_coupons_tray_holds_its_coil(plan, coupon, parts):
 
 @pytest.mark.parametrize("name", sorted(template_paths()))
 def test_every_template_has_a_tray_and_a_coupon(name):
-    plan = make_plan(load_spec(name))
+    plan = pg.plan(name)
     if plan.spec.coil.kind == "board":
         with pytest.raises(InfeasibleError, match=r"screwed to the pad over spacers of 0\.[39] mm"):
             plan_tray(plan)

@@ -22,7 +22,7 @@ from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm
 from padgen.report.charts import picture
 from padgen.solid.mesh import as_manifold
-from padgen.spec import load_spec, parse_spec
+from padgen.spec import parse_spec
 from tests.conftest import SMALL
 from tests.readable import assert_labels_point_into_their_parts, assert_readable
 
@@ -257,7 +257,7 @@ def test_draw_writes_the_pictures_that_were_asked_for(tmp_path, monkeypatch, cap
 
 
 def test_the_stack_shows_a_board_and_the_ballast():
-    plan = make_plan(load_spec("fingertip-board-24"))
+    plan = pg.plan("fingertip-board-24")
     figure = picture(plan, "exploded")
     assert_readable(figure)
     told = " ".join(text.get_text() for text in figure.axes[0].texts)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.cli import run
 from padgen.core.errors import SolverError, SpecError
 from padgen.make.solid_tuning import plan_tuned_to_solid
@@ -20,7 +21,7 @@ from padgen.measured.fits import TaxelFit
 from padgen.measured.printer_fit import calibrated, printer_toml
 from padgen.planner import Plan, make_plan
 from padgen.planner.printed_pads import design_of, drawn_prints, spreads_of
-from padgen.spec import load_spec, make_spec, parse_spec
+from padgen.spec import make_spec, parse_spec
 
 TEXT = 'name = "c"\nresolution = 32\nband_hz = [50, 400]\nq_min = 15\ncoil = { grid = [4, 4], reuse = "alternate" }\n'
 MODEL_ERROR = 1e-3
@@ -160,7 +161,7 @@ def test_elements_of_beams_as_drawn_are_refused_for_a_calibrated_printer():
 
 def test_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    plan = make_plan(load_spec("calibration"))
+    plan = pg.plan("calibration")
     told = prints(plan, (0.03, 0.01, -0.05), 5)[0]
     Path("spec.toml").write_text(TEXT)
     rows = ["taxel,resonance_hz,resonance_error_hz", *(f"{f.id},{f.resonance_hz},{f.resonance_error_hz}" for f in told)]

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.make.pad import Pad
-from padgen.planner import make_plan
 from padgen.planner.layout import corner_groove
 from padgen.planner.printing import (
     IN_ORCA,
@@ -36,7 +36,7 @@ def settings(lines):
 def test_the_profile_says_what_the_plan_counts_on(name):
     spec = load_spec(name)
     printer = spec.printer
-    told = settings(profile_text(make_plan(spec)).splitlines())
+    told = settings(profile_text(pg.plan(spec)).splitlines())
     assert told == prusa_profile(spec)
     for key, value in (
         ("layer_height", printer.layer_mm),
@@ -58,7 +58,7 @@ def test_the_profile_says_what_the_plan_counts_on(name):
 
 
 def test_other_slicers_have_it_by_their_names():
-    text = other_slicers_text(make_plan(load_spec("paper-32")))
+    text = other_slicers_text(pg.plan("paper-32"))
     cura, orca = text.split("Cura:\n")[1].split("OrcaSlicer, Bambu Studio:\n")
     assert "untested" in text
     assert "  Initial Layer Height: 0.2 mm\n" in cura
@@ -69,7 +69,7 @@ def test_other_slicers_have_it_by_their_names():
 
 def test_the_preset_for_orca_says_what_pad_ini_says():
     """All that shapes a print, by the names in a G-code of Bambu Studio 2.4; what has no name there is named here."""
-    plan = make_plan(load_spec("quad-64"))
+    plan = pg.plan("quad-64")
     preset = json.loads(orca_text(plan))
     assert (preset["type"], preset["from"], preset["name"]) == ("process", "User", "padgen quad-64")
     assert all(isinstance(value, str) for value in preset.values())
@@ -88,7 +88,7 @@ def test_the_preset_for_orca_says_what_pad_ini_says():
 
 
 def test_resin_has_no_such_profile(tmp_path):
-    plan = make_plan(load_spec("resin-fine"))
+    plan = pg.plan("resin-fine")
     assert profile_text(plan) == orca_text(plan) == ""
     assert "layer height: 0.05 mm" in other_slicers_text(plan)
     assert "Arachne" not in other_slicers_text(plan)

@@ -9,8 +9,8 @@ from itertools import product
 
 import numpy as np
 
+import padgen as pg
 from padgen.physics.resonator import TaxelModes
-from padgen.planner import make_plan
 from padgen.planner.channels import (
     driven,
     hanging_gap_um,
@@ -22,7 +22,6 @@ from padgen.planner.channels import (
     wanted_line_a2,
 )
 from padgen.planner.left_out import _pulled
-from padgen.spec import load_spec
 from tests.finer_models import true_gap, true_softening
 
 SLACK = 1.01
@@ -43,7 +42,7 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
     Every `thinned`th combination of `CORES_MM` … `SAGS` is tried, with the first channel and the drive of paper-32,
     moving by a tenth of the gap.
     """
-    base = make_plan(load_spec("paper-32"))
+    base = pg.plan("paper-32")
     broken = []
     bounded = 0
     for core_mm, gap_mm, out, sag in [*product(CORES_MM, GAPS_MM, OUT, SAGS)][::thinned]:

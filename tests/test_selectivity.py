@@ -19,6 +19,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import padgen as pg
 from padgen.physics.ladder import LevelLaw, geometric_ladder, paper_ladder
 from padgen.physics.schemes import bias_a, current_lines_a, in_order, mean_square_a2, peak_current_a, peak_voltage_v
 from padgen.physics.selectivity import (
@@ -386,7 +387,7 @@ def test_the_papers_figures_beside_the_plans():
         heard_db.append(10 * np.log10((15 * (1 - over**2)) ** 2 + over**2))
     assert sorted(heard_db) == pytest.approx([14.8, 18.3], abs=0.3)
     told = []
-    for channel in make_plan(load_spec("paper-32")).channels:
+    for channel in pg.plan("paper-32").channels:
         impedance_ohm = np.hypot(62.9, 2 * np.pi * channel.resonance_hz / 2 * 41.7e-3)
         told.append(channel.level_um * (5 / (np.sqrt(2 * channel.line_a2) * impedance_ohm)) ** 2)
     assert told == pytest.approx([80, 42], rel=0.02)

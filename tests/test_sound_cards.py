@@ -19,13 +19,13 @@ from math import inf
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.core.errors import InfeasibleError, PadgenError, SpecError
 from padgen.driver.drive_folder import Drive, levels_of, write_excitation
 from padgen.driver.formats.syntacts import syntacts_script
 from padgen.driver.outputs import needed_outputs
 from padgen.driver.waveform import RATES_HZ, drive_at, make_drive, steady, volts
 from padgen.planner.cures import varied
-from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, plan_from_json, plan_to_json
 from padgen.spec import catalogue, parse_spec
 
@@ -146,7 +146,7 @@ def judged(plan: Plan, folder, corner_hz: float) -> tuple[float, float]:
 def test_behind_its_high_pass_a_file_keeps_what_is_planned(tmp_path, scheme, seen_db):
     """On a carrier a high-pass takes little: 0.05 dB of what is made good is seen, else the tolerance."""
     corner_hz = 20
-    plan = make_plan(parse_spec(spec_text(own(corner_hz), "[coil]\ngrid = [1, 1]", scheme)))
+    plan = pg.plan(parse_spec(spec_text(own(corner_hz), "[coil]\ngrid = [1, 1]", scheme)))
     assert plan.selectivity.drive == scheme
     kept_db, off_db = judged(plan, tmp_path, corner_hz)
     assert abs(kept_db) < NEAR_DB and off_db < NEAR_DB
@@ -171,7 +171,7 @@ def test_two_hundred_specs_keep_what_is_planned_or_are_refused_before(tmp_path, 
         more = 'printer = "resin-0.05"\n[coil]\ngrid = [2, 2]'
         coils = 4
     try:
-        plan = make_plan(parse_spec(spec_text(own(corner_hz, 4), more, scheme, band, coils * channels)))
+        plan = pg.plan(parse_spec(spec_text(own(corner_hz, 4), more, scheme, band, coils * channels)))
     except SpecError as refused:
         assert "--" not in refused.where
         pytest.skip(f"refused before: {refused}")
@@ -190,7 +190,7 @@ def test_a_carrier_that_was_moved_onto_the_comb_is_accepted_again():
     """A carrier is at the bound of what is accepted; 1e-9 is rounding of one period of the comb, of a second or so."""
     refused = []
     for high in np.geomspace(120, 900, 12).round(1):
-        plan = make_plan(parse_spec(spec_text(own(), "", "spur-free", f"[60, {high}]")))
+        plan = pg.plan(parse_spec(spec_text(own(), "", "spur-free", f"[60, {high}]")))
         drive = drive_at(plan, RATES_HZ)
         highest = max(c.resonance_hz for c in plan.channels)
         assert drive.carrier_hz >= 5 * highest * (1 - 1e-9)
@@ -250,19 +250,19 @@ def test_what_contradicts_is_refused_with_cures_that_do(lines, where, told):
 def test_a_card_with_fewer_outputs_than_coils_is_refused_with_a_cure_that_does():
     spec = parse_spec(BARE + f"[sound_card]\n{own(3, 4)}\n[coil]\ngrid = [4, 4]")
     with pytest.raises(InfeasibleError, match=r"the sound card own has channels for 4 coils") as refused:
-        make_plan(spec)
+        pg.plan(spec)
     assert {"sound_card.channels": 16} in refused.value.cures
     for cure in refused.value.cures:
-        assert all(f.level != "error" for f in make_plan(varied(spec, cure)).findings)
+        assert all(f.level != "error" for f in pg.plan(varied(spec, cure)).findings)
 
 
 def test_the_search_keeps_within_the_outputs_of_card_and_amplifier():
     amplifier = '[amplifier]\nchannels = 9\ncoupling = "DC"\nvoltage_v = 30\ncurrent_a = 1\n'
     for channels, most in ((4, 4), (16, 9)):
-        plan = make_plan(parse_spec(BARE + f"[sound_card]\n{own(3, channels)}\n{amplifier}"))
+        plan = pg.plan(parse_spec(BARE + f"[sound_card]\n{own(3, channels)}\n{amplifier}"))
         assert plan.coils.rows * plan.coils.columns <= most
         assert plan_from_json(plan_to_json(plan)).spec.sound_card == plan.spec.sound_card
-    assert "sound_card" not in plan_to_json(make_plan(parse_spec(BARE))).split('"selectivity"')[0]
+    assert "sound_card" not in plan_to_json(pg.plan(parse_spec(BARE))).split('"selectivity"')[0]
 
 
 def test_every_figure_of_a_card_is_stated_or_said_to_be_assumed():
@@ -280,20 +280,20 @@ def test_every_figure_of_a_card_is_stated_or_said_to_be_assumed():
 
 def test_what_an_ordinary_card_would_leave_is_told():
     """Issued figures of pad-32: levels fall by 17 to 25 dB; 28.5 dB without (computed from the lines beforehand)."""
-    root = make_plan(parse_spec(spec_text(own(), "", "spur-free").split("[sound_card]")[0] + 'drive = "spur-free"'))
+    root = pg.plan(parse_spec(spec_text(own(), "", "spur-free").split("[sound_card]")[0] + 'drive = "spur-free"'))
     told = needed_outputs(root, drive_at(root, RATES_HZ))
     assert told.coupling == "DC" and told.count == root.coils.rows * root.coils.columns
     assert told.ac_level_db is not None and told.ac_level_db[1] < -10
     assert told.ac_selectivity_db is not None and told.ac_selectivity_db < told.selectivity_db - 6
-    tones = make_plan(parse_spec(spec_text(own(), "", "tones").split("[sound_card]")[0] + 'drive = "tones"'))
+    tones = pg.plan(parse_spec(spec_text(own(), "", "tones").split("[sound_card]")[0] + 'drive = "tones"'))
     assert needed_outputs(tones, drive_at(tones, RATES_HZ)).coupling == "AC or DC"
-    biased = make_plan(parse_spec(spec_text(own(), "", "tones").split("[sound_card]")[0] + 'drive = "biased"'))
+    biased = pg.plan(parse_spec(spec_text(own(), "", "tones").split("[sound_card]")[0] + 'drive = "biased"'))
     assert needed_outputs(biased, drive_at(biased, RATES_HZ)).ac_level_db is None
 
 
 def test_excitation_is_made_good_too(tmp_path):
     """The current behind the high-pass is the one that is meant, but for its own mean: 1e-3 of its peak."""
-    plan = make_plan(parse_spec(spec_text(own(20), "", "tones")))
+    plan = pg.plan(parse_spec(spec_text(own(20), "", "tones")))
     played, _ = write_excitation(plan, tmp_path / "e", "chirp", None, "24", None, True)
     hz = np.fft.rfftfreq(len(played.voltage_v), 1 / played.rate_hz)
     hz[0] = 1e-300
@@ -306,7 +306,7 @@ def test_excitation_is_made_good_too(tmp_path):
 
 
 def test_the_firmware_makes_nothing_good():
-    plan = make_plan(parse_spec(spec_text(own(20), "", "tones")))
+    plan = pg.plan(parse_spec(spec_text(own(20), "", "tones")))
     bare = replace(plan, spec=replace(plan.spec, sound_card=None))
     from padgen.driver.formats.c import c_header
 
@@ -317,7 +317,7 @@ def test_the_firmware_makes_nothing_good():
 
 def test_syntacts_plays_the_same_lines_as_the_file():
     """Both are the same sums of cosines, but for half a sample by which a part begins: 1e-9 of the peak."""
-    plan = make_plan(parse_spec(spec_text(own(20), "", "tones")))
+    plan = pg.plan(parse_spec(spec_text(own(20), "", "tones")))
     drive = make_drive(plan, 48_000)
     shown = steady(np.ones(len(plan.taxels)), drive.period_s)
     script = syntacts_script(plan, drive, shown, 1.0)

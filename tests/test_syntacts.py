@@ -7,11 +7,12 @@ import types
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.driver.formats.syntacts import syntacts_script
 from padgen.driver.frames import state_frame
 from padgen.driver.waveform import PadDrive, Timeline, make_drive, steady, timeline, volts
-from padgen.planner import Plan, make_plan
-from padgen.spec import load_spec, parse_spec
+from padgen.planner import Plan
+from padgen.spec import parse_spec
 
 RATE_HZ = 48_000
 SMALL = (
@@ -203,7 +204,7 @@ def error_of(plan: Plan, drive: PadDrive, shown: Timeline) -> float:
 
 
 def small(scheme: str, more: str = "", taxels: int = 7) -> Plan:
-    return make_plan(parse_spec(SMALL.format(taxels, f'{more}\n[drive]\nscheme = "{scheme}"')))
+    return pg.plan(parse_spec(SMALL.format(taxels, f'{more}\n[drive]\nscheme = "{scheme}"')))
 
 
 def grey(plan: Plan, count: int = 4) -> np.ndarray:
@@ -271,14 +272,14 @@ def test_a_carrier(library):
 
 
 def test_three_tones_with_phases(library):
-    plan = make_plan(parse_spec(SMALL.replace("25", "40").format(12, '[drive]\nscheme = "tones"')))
+    plan = pg.plan(parse_spec(SMALL.replace("25", "40").format(12, '[drive]\nscheme = "tones"')))
     drive = make_drive(plan, RATE_HZ)
     assert len(plan.channels) == 3 and np.ptp(drive.coils[0].phase_rad) > 0.1
     assert error_of(plan, drive, timeline(plan, grey(plan, 2))) < 1e-7
 
 
 def test_eleven_channels(library):
-    plan = make_plan(load_spec("wide-11"))
+    plan = pg.plan("wide-11")
     drive = make_drive(plan, RATE_HZ)
     assert error_of(plan, drive, timeline(plan, grey(plan, 1))) < 1e-7
 
@@ -289,7 +290,7 @@ THREE = SMALL.format(3, "").replace("[pad]", "resonances_hz = [60]\n[pad]")
 
 def test_long_sequences_are_grouped_and_silent_coils_play_nothing(library):
     """40 frames have more parts than a group."""
-    plan = make_plan(parse_spec(THREE))
+    plan = pg.plan(parse_spec(THREE))
     drive = make_drive(plan, RATE_HZ)
     frames = np.ones((40, 3))
     frames[::3, 1] = 0
@@ -308,7 +309,7 @@ def test_full_scale_is_what_is_asked_and_nothing_is_clipped(library):
         assert f"is {asked or 30:g} V" in script
         assert np.abs(rendered(script, len(once)) - once).max() < 1e-8
     strong = small("tones", taxels=7)
-    loud = make_drive(make_plan(parse_spec(SMALL.format(7, "\n[drive]\nvoltage_limit_v = 5"))), RATE_HZ)
+    loud = make_drive(pg.plan(parse_spec(SMALL.format(7, "\n[drive]\nvoltage_limit_v = 5"))), RATE_HZ)
     script = syntacts_script(strong, loud, shown)
     scale_v = float(re.search(r"is (\S+) V", script).group(1))
     peak_v = np.abs(written(loud, shown)).max()
@@ -332,7 +333,7 @@ def script_of(plan: Plan) -> dict:
 
 
 def test_the_script_plays(library, monkeypatch, capsys):
-    names = script_of(make_plan(parse_spec(THREE)))
+    names = script_of(pg.plan(parse_spec(THREE)))
     slept = []
     monkeypatch.setattr("time.sleep", slept.append)
     monkeypatch.setattr(sys, "argv", ["script.py"])

@@ -14,6 +14,7 @@ import manifold3d
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.planner import make_plan
 from padgen.planner.board_layout import board_of
 from padgen.planner.layout import taxel_places
@@ -318,8 +319,6 @@ def test_no_words_of_the_section_collide_and_all_labels_point_into_their_parts(n
 
 def test_the_first_table_says_how_far_nearest_taxels_are_apart():
     """paper-32's lie like the squares of one colour: 8.84 mm is the diagonal of 6.25 mm."""
-    assert "(even; staggered like a chessboard, nearest taxels 8.8 mm apart)" in pad_line(
-        make_plan(load_spec("paper-32"))
-    )
-    uneven = pad_line(make_plan(load_spec("wide-11")))
+    assert "(even; staggered like a chessboard, nearest taxels 8.8 mm apart)" in pad_line(pg.plan("paper-32"))
+    uneven = pad_line(pg.plan("wide-11"))
     assert ", unevenly spaced, nearest taxels 8.8-16.2 mm apart;" in uneven

@@ -10,10 +10,10 @@ import pytest
 import padgen as pg
 from padgen import cli
 from padgen.core.errors import PadgenError, Verdict
-from padgen.planner import make_plan, plan_to_json
+from padgen.planner import plan_to_json
 from padgen.planner.verdict import judged
 from padgen.report.plans import plan_html
-from padgen.spec import load_spec, template_paths
+from padgen.spec import template_paths
 from tests.conftest import FOUR_LINES, SMALL
 from tests.judge_from_json import broken_limits, judged_level
 
@@ -122,7 +122,7 @@ def test_a_verdict_says_its_figure_and_what_decides(pads):
 
 @pytest.mark.parametrize("name", sorted(template_paths()))
 def test_a_template_says_what_a_finger_does(name):
-    plan = make_plan(load_spec(name))
+    plan = pg.plan(name)
     typical = next(touched for touched in plan.touched if touched.skin == "typical")
     assert f"instead of {plan.channels[0].resonance_hz:.0f} Hz" in plan.verdict.touched
     kept_db = typical.all_states_db

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import padgen as pg
 from padgen import cli, drive
 from padgen.core.errors import FileError, OlderPlanError, SpecError
 from padgen.core.wav_reader import read_wav
@@ -31,9 +32,9 @@ from padgen.driver.serial_line import plan_hash
 from padgen.driver.waveform import RATES_HZ, drive_at, steady
 from padgen.measured.tuning import levels_um, planned_tuning, tuning_from_json, tuning_to_json, warm_tuning
 from padgen.physics.warmth import WarmLayers, temperatures
-from padgen.planner import Plan, make_plan, plan_from_json, plan_to_json
+from padgen.planner import Plan, plan_from_json, plan_to_json
 from padgen.planner.warm_pad import planned_warmth
-from padgen.spec import load_spec, make_spec
+from padgen.spec import make_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
 import measure_warm
@@ -109,13 +110,13 @@ def test_coils_and_beams_are_as_warm_as_a_heat_solution_says(name):
 
 
 def test_hot_beams_are_an_error_with_a_level_that_keeps_them_cool(tmp_path, capsys):
-    plan = make_plan(make_spec({**FOUR_LINES, "drive": {"level_um": 30}}))
+    plan = pg.plan(make_spec({**FOUR_LINES, "drive": {"level_um": 30}}))
     assert plan.verdict.level == "error"
     finding = next(one for one in plan.findings if one.code == "pad.hot")
     assert not any(one.code == "pad.warm" for one in plan.findings)  # said once
     assert f"is {plan.warm.beam_rise_k * 0.7:.0f} K, above" in finding.message  # no more digits than are sure
     level_um = finding.cures[0]["drive.level_um"]
-    cool = make_plan(make_spec({**FOUR_LINES, "drive": {"level_um": level_um}}))
+    cool = pg.plan(make_spec({**FOUR_LINES, "drive": {"level_um": level_um}}))
     assert not any(one.code in ("pad.hot", "pad.warm") for one in cool.findings)
     spec = tmp_path / "loud.toml"
     spec.write_text('name = "loud"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\n[drive]\nlevel_um = 30\n')
@@ -126,7 +127,7 @@ def test_hot_beams_are_an_error_with_a_level_that_keeps_them_cool(tmp_path, caps
 def test_what_is_borne_follows_plastic_and_room():
     def codes(**fields) -> set[str]:
         """Return the findings on warmth of a loud pad."""
-        plan = make_plan(make_spec({**FOUR_LINES, "drive": {"level_um": 30}, **fields}))
+        plan = pg.plan(make_spec({**FOUR_LINES, "drive": {"level_um": 30}, **fields}))
         return {one.code for one in plan.findings if one.code in ("pad.hot", "pad.warm")}
 
     unknown = {"name": "own", "process": "fdm", "youngs_modulus_gpa": 3, "poisson_ratio": 0.36}
@@ -139,7 +140,7 @@ def test_what_is_borne_follows_plastic_and_room():
 
 
 def test_warm_resonances_fall_with_the_plastic():
-    plan = make_plan(load_spec("pad-32"))
+    plan = pg.plan("pad-32")
     warm = plan.warm
     share = [hz / channel.resonance_hz - 1 for hz, channel in zip(warm.resonances_hz, plan.channels, strict=True)]
     softening = plan.spec.material.softening_per_k
@@ -151,7 +152,7 @@ def test_warm_resonances_fall_with_the_plastic():
 
 def test_a_grid_of_odd_counts_is_as_warm_as_its_even_neighbours():
     def rise_k(coils: int) -> float:
-        plan = make_plan(load_spec("pad-32"))
+        plan = pg.plan("pad-32")
         side_mm = plan.spec.pad.width_mm / plan.coils.columns * coils
         spec = replace(plan.spec, pad=replace(plan.spec.pad, width_mm=side_mm, depth_mm=side_mm))
         grid = replace(plan.coils, rows=coils, columns=coils)
@@ -163,7 +164,7 @@ def test_a_grid_of_odd_counts_is_as_warm_as_its_even_neighbours():
 
 
 def test_a_plan_file_keeps_its_temperatures():
-    plan: Plan = make_plan(load_spec("paper-16"))
+    plan: Plan = pg.plan("paper-16")
     again = plan_from_json(plan_to_json(plan)).warm
     assert again.beam_c == pytest.approx(plan.warm.beam_c, rel=1e-9)
     assert again.resonances_hz == pytest.approx(plan.warm.resonances_hz, rel=1e-9)
@@ -184,7 +185,7 @@ def receptance(hz: float, resonance_hz: float, q: float) -> float:
 
 @pytest.mark.parametrize("name", ["pad-32", "resin-fine", "paper-pair"])
 def test_a_cold_table_loses_what_the_receptance_at_its_tones_loses(name):
-    plan = make_plan(load_spec(name))
+    plan = pg.plan(name)
     warm = plan.warm
     for k, channel in enumerate(plan.channels):
         left = receptance(channel.resonance_hz, warm.resonances_hz[k], channel.q)
@@ -206,7 +207,7 @@ def heard_um(plan: Plan, folder: Path, signal: str, tuning=None, listening=None)
 @pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased"])
 def test_what_a_cold_file_leaves_is_what_a_warm_pad_in_time_does(scheme, tmp_path):
     """The file's lines lie on a comb, beside the resonances: by the receptance at its lines, to 0.15 dB."""
-    plan = make_plan(make_spec({**measure_warm.OWN[0], "drive": {"scheme": scheme}}))
+    plan = pg.plan(make_spec({**measure_warm.OWN[0], "drive": {"scheme": scheme}}))
     warmed = warm_tuning(plan)
     warm = plan.warm
     pad = drive_at(plan, RATES_HZ)
@@ -334,7 +335,7 @@ def test_a_file_that_is_played_over_and_over_is_as_warm_as_its_heat(tmp_path, ei
 
 def test_foam_keeps_a_pad_warmer_than_wood():
     wood = measure_warm.plan_of("eight")
-    foam = make_plan(make_spec({**measure_warm.OWN[0], "mount": "foam"}))
+    foam = pg.plan(make_spec({**measure_warm.OWN[0], "mount": "foam"}))
     assert wood.warm.beam_rise_k * 1.05 < foam.warm.beam_rise_k < wood.warm.beam_rise_k * 1.5
 
 

@@ -22,6 +22,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import padgen as pg
 from padgen.core.errors import FileError, SpecError
 from padgen.core.wav_reader import read_wav
 from padgen.driver import waveform
@@ -44,8 +45,7 @@ from padgen.driver.waveform import (
 )
 from padgen.measured.tuning import planned_tuning
 from padgen.physics.schemes import formula
-from padgen.planner import make_plan
-from padgen.spec import load_spec, parse_spec
+from padgen.spec import parse_spec
 
 RATE = 48000
 PAIR = 'name = "pair"\nresolution = 8\nband_hz = [50, 200]\nq_min = 15\nresonances_hz = [56, 76]\n'
@@ -63,12 +63,12 @@ def template(name, scheme=""):
         other = [line for line in lines if not line.startswith(("drive = ", "scheme = "))]
         lines = [chosen if line == "[drive]" else line for line in other]
         lines = lines if own else [chosen, *lines]
-    return make_plan(parse_spec("\n".join(lines)))
+    return pg.plan(parse_spec("\n".join(lines)))
 
 
 @pytest.fixture(scope="module")
 def wide():
-    return make_plan(load_spec("wide-11"))
+    return pg.plan("wide-11")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def quads():
 
 @pytest.fixture(scope="module")
 def pair():
-    return make_plan(parse_spec(PAIR))
+    return pg.plan(parse_spec(PAIR))
 
 
 def current_a(drive, line, coil, levels, fed, t):
@@ -162,7 +162,7 @@ def test_volts_are_those_of_the_formula(quads, name, kind):
 def test_coils_that_differ_are_each_their_own(text):
     # Measured pads: every coil has other frequencies; one coil has a taxel too few, one has none.
     spec = PAIR.replace("resolution = 8", "resolution = 8").replace("[coil]\n", text or "[coil]\n")
-    plan = make_plan(parse_spec('drive = "spur-free"\n' + spec))
+    plan = pg.plan(parse_spec('drive = "spur-free"\n' + spec))
     rng = np.random.default_rng(2)
     print_ = planned_tuning(plan)
     taxels = tuple(replace(x, resonance_hz=x.resonance_hz * rng.uniform(0.95, 1.05)) for x in print_.taxels)
@@ -188,7 +188,7 @@ def _without(coil, count):
 
 @pytest.mark.parametrize("name", ["spur-free", "tones"])
 def test_two_sets_of_channels(name):
-    plan = make_plan(
+    plan = pg.plan(
         parse_spec(f'drive = "{name}"\n' + PAIR.replace("resonances_hz = [56, 76]\n", "") + 'reuse = "alternate"\n')
     )
     drive = make_drive(plan, 4000)
@@ -211,7 +211,7 @@ def test_blocks_join_whatever_their_size(quads, monkeypatch):
 
 
 def test_phases_hold_for_ten_minutes(pair):
-    drive = make_drive(make_plan(parse_spec('drive = "spur-free"\n' + PAIR)), 1000)
+    drive = make_drive(pg.plan(parse_spec('drive = "spur-free"\n' + PAIR)), 1000)
     times = steady(all_on(pair), round(600 / drive.period_s) * drive.period_s)
     got = played(drive, times)
     n = drive.period_samples
@@ -328,7 +328,7 @@ def test_samples_have_the_lines_and_the_mean_square_that_are_judged(quads, name)
 def test_on_a_carrier_the_lines_are_the_same(tmp_path, quads):
     plan = quads["spur-free"]
     spec = replace(plan.spec, drive=replace(plan.spec.drive, voltage_limit_v=500.0))
-    plan = make_plan(spec)
+    plan = pg.plan(spec)
     drive = make_drive(plan, 96000, carrier_hz=6000)
     levels = np.random.default_rng(5).uniform(0.3, 1, len(plan.taxels))
     report = write_wave(tmp_path / "a.wav", drive, steady(levels, drive.period_s), "float")
@@ -407,7 +407,7 @@ def test_an_off_taxel_hears_no_switch(pair, wide, quads):
 
 def test_nor_does_a_close_neighbour_of_high_q():
     # The beat with the neighbour, not the lowest resonance, says how long the transition is.
-    plan = make_plan(parse_spec(PAIR.replace("q_min = 15", "q_min = 60").replace("[56, 76]", "[100, 109]")))
+    plan = pg.plan(parse_spec(PAIR.replace("q_min = 15", "q_min = 60").replace("[56, 76]", "[100, 109]")))
     assert ramp_s(plan) == pytest.approx(2.5 / 9, rel=0.01)
     drive = make_drive(plan, RATE)
     levels = all_on(plan)

@@ -11,7 +11,7 @@ import padgen as pg
 from padgen.core.errors import FileError
 from padgen.driver.waveform import RATES_HZ, drive_at
 from padgen.driver.wiring import _whole_orders, crossed, crossed_frames, crossed_names, wiring_findings
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan
 from padgen.spec import parse_spec
 from tests.recordings import recorded
 
@@ -165,7 +165,7 @@ def test_a_crossed_wave_plays_each_output_the_tones_of_its_neighbour(tmp_path):
 
 def test_an_output_without_a_neighbour_plays_nothing(tmp_path):
     """Of 3 x 3 coils the last has none; its plug is told by the coil that no other output reaches."""
-    plan = make_plan(parse_spec(NINE))
+    plan = pg.plan(parse_spec(NINE))
     assert not [name for name in crossed_names(plan) if name.startswith("r2c2")]
     drive = crossed(plan, drive_at(plan, RATES_HZ, 8000, None, None))
     assert [len(coil.taxels) for coil in drive.coils] == [2] * 8 + [0]

@@ -34,6 +34,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+import padgen as pg
 from padgen.physics.beams import torsion_constant
 from padgen.physics.ladder import LevelLaw, geometric_ladder, ladder_ratio
 from padgen.physics.pull import Leakage
@@ -72,7 +73,7 @@ FOUR = 'name = "four"\nresolution = 32\nband_hz = [50, 200]\nq_min = 15\n'
 
 @cache
 def template(name: str) -> Plan:
-    return make_plan(load_spec(name))
+    return pg.plan(name)
 
 
 @cache
@@ -564,7 +565,7 @@ def test_two_channels_in_turn_print_as_their_ratio_does():
 
 def test_spread_of_a_ratio_and_coils_of_a_plan():
     """The worst pair's ratio as simulated prints have it, and each coil's share with its taxels'."""
-    plan = make_plan(load_spec("triple-48"))
+    plan = pg.plan("triple-48")
     design = module.design_of(plan, None)
     spreads = spreads_of(plan.spec)
     pads = 4000

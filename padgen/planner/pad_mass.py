@@ -166,7 +166,7 @@ def pad_mass(plan: Plan) -> PadMass:
 
 
 def _placed(body: RigidBody, channel: Channel, taxels: Sequence[Taxel]) -> RigidBody:
-    """Return the bodies at the places of some taxels as one; `body` is in a taxel's own axes, from its washer's axis."""
+    """Return the bodies of some taxels in place as one; `body` is in a taxel's own axes, from its washer's axis."""
     turns = np.array([_turn(channel, taxel) for taxel in taxels])
     at = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in taxels])
     mass = np.full(len(taxels), body.mass)
