@@ -24,7 +24,7 @@ from padgen.core.errors import FileError
 from padgen.planner import make_plan
 from padgen.report.results import laid_text
 from padgen.sliced.judge_laid import check_gcode
-from padgen.sliced.laid_pad import PadMaps, read_layers, read_settings
+from padgen.sliced.laid_pad import PadMaps, TaxelMap, read_layers, read_settings
 from padgen.spec import parse_spec
 
 REFERENCE = Path(__file__).parent / "reference" / "four-0.2mm.gcode.gz"
@@ -42,6 +42,8 @@ coil = { grid = [1, 2] }
 taxel = { washer_clearance_mm = 0.2, glue_gap_mm = 0.1 }
 suspension = { topology = "cantilever", thickness_mm = 0.3 }
 """
+# Half as deep, so that its files have half as many lines.
+NARROW = FOUR.replace("depth_mm = 25", "depth_mm = 12.5")
 ONE_COIL = FOUR.replace("[1, 2]", "[1, 1]").replace("resolution = 4", "resolution = 2")
 FILAMENT_MM2 = math.pi / 4 * 1.75**2
 LINE_MM = 0.45
@@ -50,7 +52,7 @@ THIN_MM = 0.15
 
 @pytest.fixture(scope="module")
 def plan():
-    return make_plan(parse_spec(FOUR))
+    return make_plan(parse_spec(NARROW))
 
 
 @pytest.fixture(scope="module")
@@ -352,6 +354,16 @@ def test_what_is_spoiled_is_told(plan, tmp_path, changes, words, errors):
     assert lost == [name[:6] for name in (words.get("laid.beam", ""),) if name.startswith("r0c")]
 
 
+@pytest.mark.parametrize("deeper_mm", np.arange(0, 0.81, 0.08).round(2).tolist())
+def test_both_sides_of_a_gap_are_measured_at_the_same_stations(deeper_mm):
+    """Also where the edge of two stations, 0.4 mm apart, runs along the middle of the gap."""
+    plan = make_plan(parse_spec(NARROW.replace("depth_mm = 12.5", f"depth_mm = {12.5 + deeper_mm}")))
+    taxel = TaxelMap(plan, plan.channels[0])
+    assert taxel.stations > 30
+    for station in range(taxel.stations):
+        assert {*taxel.side[taxel.station == station].tolist()} == {0, 1}
+
+
 def test_plates_as_heavy_as_laid(plan, usual, tmp_path):
     """f goes with the inverse root of the moving mass: plastic by hand, and a washer of 7.85 g/cm³ and 0.3 mm."""
     heavy = check_gcode(plan, Hand(plan, flow=1.06).file(tmp_path)).figures["taxels"][0]
@@ -495,7 +507,7 @@ def test_supports_in_a_recess_are_told(plan, tmp_path):
     assert check_gcode(plan, Hand(plan).file(tmp_path, footer=skirt)).findings == ()
 
 
-@pytest.mark.parametrize("scale", [0.985, 0.99, 1.0, 1.01, 1.015])
+@pytest.mark.parametrize("scale", [0.985, 1.0, 1.01])
 def test_a_pad_of_another_size_is_told_with_its_size(plan, tmp_path, scale):
     """Within 0.3 %: beads lie half their width inside the plan's plastic, and the middle of all sizes is taken."""
     path = moved(Hand(plan).file(tmp_path), lambda x, y: (100 + scale * (x - 100), 90 + scale * (y - 90)))
@@ -578,7 +590,7 @@ def gcode_of_another(plan, folder):
 
 def cut_short(plan, folder):
     path = Hand(plan).file(folder)
-    path.write_text(path.read_text()[: path.stat().st_size // 2])
+    path.write_text(path.read_text()[: path.stat().st_size // 2].rpartition("\n")[0])
     return path
 
 

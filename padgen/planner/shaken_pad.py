@@ -145,7 +145,7 @@ class ShakenPad:
         of_tone = np.flatnonzero(self.tone_of == tone)
         playing = driven[..., of_tone] * self.line[of_tone]
         coils = np.zeros((*playing.shape[:-1], int(self.coil_of.max()) + 1), playing.dtype)
-        np.add.at(coils, (..., self.coil_of[of_tone]), playing)
+        np.add.at(np.moveaxis(coils, -1, 0), self.coil_of[of_tone], np.moveaxis(playing, -1, 0))
         return np.asarray(self.pull * coils[..., self.coil_of])
 
     def signs(self, levels: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
@@ -193,7 +193,7 @@ class ShakenPad:
             by_pad = (pad[driven] * momentum[mate]).sum(1)
             motion = np.abs(force + by_pad) * per_unit[mate]
             more = motion**2 - (np.abs(by_pad) * per_unit[mate]) ** 2
-            np.add.at(energy, (slice(None), mate), square[:, driven] * more)
+            np.add.at(energy.T, mate, (square[:, driven] * more).T)
             on[:, of_channel] = motion[mate == of_channel[driven]]
         off = np.sqrt(np.where(shown != 0, 0.0, energy).max(-1))
         return HeardImages(np.where(shown != 0, on, np.inf).min(-1), off)

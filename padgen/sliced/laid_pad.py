@@ -253,6 +253,8 @@ OPPOSITE = -0.8
 """Largest cosine of the angle between the directions to both sides of a gap."""
 NEAR_MM = 1.2
 """Largest distance from the middle of a gap to the middle of a bead beside it."""
+NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, -1), (-1, 1))
+"""Steps from a pixel to those around it, the nearest first."""
 NODE_MM = 0.5
 MOST_NODES = 16
 """Distance between the nodes along a beam at which its width is measured, and the most nodes."""
@@ -365,6 +367,7 @@ class TaxelMap:
         off, at = distance(~middle, self.pixel_mm, return_indices=True)
         tile = [np.arange(n) * self.pixel_mm // STATION_MM for n in self.shape]
         name = ((who[0] * 64 + who[1]) * 1e8 + tile[0][:, None] * 1e4 + tile[1]).astype(np.int64)
+        name = self._across(middle, who, name)
         names, station = np.unique(name[middle], return_inverse=True)
         numbers = np.zeros(self.shape, np.int32)
         numbers[middle] = station.ravel()
@@ -378,6 +381,28 @@ class TaxelMap:
         apart = np.subtract(np.indices(self.shape), at)
         self.outward[here] = ((apart[0] + 1j * apart[1]) / np.maximum(np.hypot(*apart), 1))[here]
         self.stations = len(names)
+
+
+    def _across(self, middle: np.ndarray, who: np.ndarray, name: np.ndarray) -> np.ndarray:
+        """Return the names with one for both sides of a gap where the edge of two stations runs along its middle.
+
+        The middle is one or two pixels thick. One of the upper body takes the name of one of the lower body beside it.
+        """
+        is_lower = middle & (self.owner == who[0] + 1)
+        at = np.stack(np.nonzero(middle & ~is_lower))
+        taken = name[tuple(at)]
+        is_alone = np.ones(at.shape[1], bool)
+        for step in NEIGHBOURS:
+            beside = at + np.array(step)[:, None]
+            inside = ((beside >= 0) & (beside < np.array(self.shape)[:, None])).all(0)
+            beside = tuple(np.where(inside, beside, 0))
+            alike = (who[:, *at] == who[:, *beside]).all(0)
+            here = is_alone & inside & is_lower[beside] & alike
+            taken = np.where(here, name[beside], taken)
+            is_alone &= ~here
+        name = name.copy()
+        name[tuple(at)] = taken
+        return name
 
 
 class PadMaps:
