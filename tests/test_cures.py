@@ -11,7 +11,8 @@ from padgen.planner import cures, make_plan, plan_from_json, plan_to_json
 from padgen.spec import make_spec
 from padgen.spec.load import laid_over, without_none
 
-SPECS = (0, 3, 4, 6, 7, 13, 15, 22, 23, 26, 42, 52, 55, 56, 60, 78, 83, 88)
+SPECS = (0, 4, 6, 7, 15, 22, 26, 56, 60, 83)
+SLOW_SPECS = (3, 13, 23, 42, 52, 55, 78, 88)
 """Others take seconds: `docs/measure_cures.py` has three hundred."""
 BASE = {"name": "cured", "resolution": 4, "band_hz": [50, 200], "q_min": 15}
 
@@ -52,13 +53,21 @@ def _left(code, answer):
     return left[0] if left else ""
 
 
-def test_every_cure_of_random_specs_does_what_it_says():
+@pytest.mark.parametrize(
+    ("specs", "codes"),
+    [
+        (SPECS, {"washer", "coil.heat", "gap.travel"}),
+        pytest.param(SLOW_SPECS, {"resolution", "coil.softening"}, marks=pytest.mark.soak),
+    ],
+    ids=["usual", "slow"],
+)
+def test_every_cure_of_random_specs_does_what_it_says(specs, codes):
     tried = Counter()
-    for number in SPECS:
+    for number in specs:
         for what, fault in cures_of(random_table(number)):
             assert not fault, (number, what, fault)
             tried[what] += 1
-    assert tried.total() > 20 and {"washer", "coil.heat"} <= set(tried), tried
+    assert tried.total() >= 10 and codes <= set(tried), tried
 
 
 @pytest.mark.parametrize(

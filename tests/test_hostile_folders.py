@@ -14,7 +14,7 @@ from padgen.core.errors import FileError
 from padgen.core.files import OutputFolder, recover, settle
 
 ROOT = Path(__file__).parents[1]
-SAMPLE = 40
+SAMPLE = 20
 ALL = 1000
 TRACED = 50
 CHUNK = 100
@@ -162,26 +162,32 @@ def test_without_a_place_for_the_secret_padgen_writes(tmp_path, monkeypatch):
 
 
 def test_a_reader_amid_commits_reads_old_or_new(tmp_path):
-    """Two files that always agree, read as one while another process replaces them."""
+    """Two files that always agree, read as one while another process replaces them, until many states were seen."""
     code = (
-        "import sys\nfrom pathlib import Path\nfrom padgen.core.files import OutputFolder\n"
-        "for k in range(60):\n"
+        "import sys\nfrom itertools import count\nfrom pathlib import Path\n"
+        "from padgen.core.files import OutputFolder\n"
+        "for k in count():\n"
+        "    if Path(sys.argv[2]).exists():\n        break\n"
         "    with OutputFolder(Path(sys.argv[1])) as out:\n"
         "        for name in 'ab':\n            out.write(f'{name}.csv', str(k))\n"
         "        out.commit()\n"
     )
-    with OutputFolder(tmp_path) as out:
+    folder = tmp_path / "read"
+    enough = tmp_path / "enough"
+    with OutputFolder(folder) as out:
         for name in "ab":
             out.write(f"{name}.csv", "first")
         out.commit()
-    writer = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)])
+    writer = subprocess.Popen([sys.executable, "-c", code, str(folder), str(enough)])
     seen = set()
 
     def read():
-        return tuple(files.read_bounded(tmp_path / f"{name}.csv", 100, "a table") for name in "ab")
+        return tuple(files.read_bounded(folder / f"{name}.csv", 100, "a table") for name in "ab")
 
-    while writer.poll() is None:
-        one, other = files.read_as_one(tmp_path, read)
+    while len(seen) < 20:
+        assert writer.poll() is None
+        one, other = files.read_as_one(folder, read)
         assert one == other
         seen.add(one)
-    assert writer.returncode == 0 and len(seen) > 3
+    enough.touch()
+    assert writer.wait(60) == 0
