@@ -348,7 +348,7 @@ def test_parts_go_with_a_pad_and_its_bill(work):
 
 @pytest.mark.parametrize("command", [["drive", "paper-32"], ["retune", "paper-32", "m.csv"]])
 def test_too_little_memory_is_told_of_the_command_that_ran(work, capsys, monkeypatch, command):
-    def short(*_):
+    def short(*_, **__):
         raise MemoryError
 
     monkeypatch.setattr("padgen.make.planning.plan_for", short)

@@ -10,6 +10,7 @@ from padgen.core.errors import SpecError
 from padgen.driver.formats.csv import drive_rows
 from padgen.driver.waveform import make_drive
 from padgen.planner import plan_from_json, plan_to_json
+from padgen.planner.printed_pads import Drift
 from padgen.planner.touch_search import TouchTrial, decided_under_touch
 from padgen.planner.touched_prints import touched_pads
 from padgen.spec import make_spec
@@ -79,6 +80,26 @@ def test_as_many_prints_and_fingers_keep_what_is_asked_as_by_another_monte_carlo
         # By the dB that such a share of ours keeps.
         assert (kept >= ours.kept_db(share)).mean() == pytest.approx(share, abs=0.02)
         assert (weakest >= ours.weakest_db(share)).mean() == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.parametrize("changes", [{}, {"life": {"temperature_range_k": 25, "q": 0.2}}, {"touch": "palm"}])
+def test_what_touched_prints_keep_for_life_by_another_monte_carlo(changes):
+    """Re-tuned once, then warm and cold, aged, and with Q of their own: within 0.3 dB and 2 %."""
+    plan = pin(**changes)
+    told = json.loads(plan_to_json(plan))
+    kept, _ = kept_figures(told, 20_000, seed=11, for_life=True)
+    spec = plan.spec
+    ends = [
+        touched_pads(plan, 6000, plan.touch.tones, True, drift=Drift(np.log1p(shift), spec.life)).ratio
+        for shift in plan.life.shifts
+    ]
+    ours_db = np.sort(10 * np.log10(np.minimum(*ends)))
+    for share in (0.2, 0.5, 0.9):
+        db = ours_db[int((1 - share) * len(ours_db))]
+        assert (kept >= db).mean() == pytest.approx(share, abs=0.02)
+    assert plan.life.print_db == pytest.approx(np.quantile(kept, 0.1), abs=0.3 + plan.life.error_db)
+    assert plan.life.good_share == pytest.approx((kept >= told["selectivity"]["asked_db"]).mean(), abs=0.05)
+    assert plan.life.print_db < plan.touch.print_db
 
 
 def test_the_board_under_a_finger_keeps_what_another_monte_carlo_says():

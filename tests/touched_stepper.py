@@ -117,8 +117,11 @@ def kept_db(plan, one, amplitude):
     return 10 * np.log10(min(on[j] / off[i] for i in range(count) for j in range(count) if i != j))
 
 
-def kept_figures(plan, pads, seed):
+def kept_figures(plan, pads, seed, for_life=False):
     """Return the selectivity in dB (pads,) of printed pads under drawn skins, re-tuned, by their worst coils.
+
+    For life, they were re-tuned with the Q that they have, and then became as warm and as cold as the plan's `life` has
+    it, aged alike; the worse counts.
 
     Tones follow the printed resonance of each bare taxel, as far as typical skin has it; skin is a person's, 25 % about
     that from taxel to taxel in each of its figures. Other modes are left out. Also the weakest ON taxel.
@@ -132,6 +135,13 @@ def kept_figures(plan, pads, seed):
     for taxel in plan["taxels"]:
         coils.setdefault(tuple(taxel["coil"]), []).append(taxel["channel"])
     person = [rng.standard_normal(pads) for _ in rows]
+    ends = [np.ones(pads)]
+    common_q = np.zeros(pads)
+    if for_life:
+        goes = plan["spec"]["life"]
+        aged = np.exp(goes["ageing"] * rng.standard_normal(pads))
+        ends = [(1 + shift) * aged for shift in plan["life"]["shifts"]]
+        common_q = goes["common_q"] * rng.standard_normal(pads)
     worst = np.full(pads, np.inf)
     weakest = np.full(pads, np.inf)
     for members in coils.values():
@@ -142,6 +152,8 @@ def kept_figures(plan, pads, seed):
         x = np.exp(printed[:, None] * rng.standard_normal((len(one), pads)))
         stiff = k[:, None] * x**2
         damp = c[:, None] * x
+        if for_life:
+            damp = damp / np.exp(common_q + goes["q"] * rng.standard_normal(damp.shape))
         mass = np.broadcast_to(m[:, None], stiff.shape)
         # The tone: where the taxel with typical skin resonates, found by putting it back in.
         tone = 2 * np.pi * np.array([touch["tone_hz"][j] for j in one])[:, None] * np.ones(pads)
@@ -156,21 +168,28 @@ def kept_figures(plan, pads, seed):
             told = np.array([touch["level_um"][j] for j in one])
             level = told[:, None] / told[0] * np.ones(pads)
         force = level * np.abs(own)
-        energy = np.empty((len(one), len(one), pads))
-        for i in range(len(one)):
+        skins = []
+        for _ in one:
             drawn = []
             for (low, middle, high), z in zip(rows, person, strict=True):
                 wide = np.where(z > 0, np.log(high / middle), np.log(middle / low)) / 1.6449
                 drawn.append(middle * np.exp(z * wide + spread * rng.standard_normal(pads)))
-            for j in range(len(one)):
-                ks, cs, ms = (part * n[i] for part in skin(radius, tone[j], *drawn))
-                whole = stiff[i] + ks - tone[j] ** 2 * (mass[i] + ms) + 1j * tone[j] * (damp[i] + cs)
-                energy[i, j] = (force[j] / np.abs(whole) / level[i]) ** 2
-        on = np.einsum("iip->ip", energy)
-        off = energy.sum(1) - on + leaks(plan, one)[:, None] * on
-        for i in range(len(one)):
-            for j in range(len(one)):
-                if i != j:
-                    worst = np.minimum(worst, on[j] / off[i])
-        weakest = np.minimum(weakest, on.min(0))
+            skins.append(drawn)
+        for end in ends:
+            energy = np.empty((len(one), len(one), pads))
+            for i in range(len(one)):
+                now = stiff[i] * end**2
+                # Q stays, so that the damper goes with the resonance.
+                lost = damp[i] * end
+                for j in range(len(one)):
+                    ks, cs, ms = (part * n[i] for part in skin(radius, tone[j], *skins[i]))
+                    whole = now + ks - tone[j] ** 2 * (mass[i] + ms) + 1j * tone[j] * (lost + cs)
+                    energy[i, j] = (force[j] / np.abs(whole) / level[i]) ** 2
+            on = np.einsum("iip->ip", energy)
+            off = energy.sum(1) - on + leaks(plan, one)[:, None] * on
+            for i in range(len(one)):
+                for j in range(len(one)):
+                    if i != j:
+                        worst = np.minimum(worst, on[j] / off[i])
+            weakest = np.minimum(weakest, on.min(0))
     return 10 * np.log10(worst), 10 * np.log10(weakest)

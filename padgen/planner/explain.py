@@ -152,7 +152,7 @@ def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
     if (table["drive"].get("scheme"), kind) != ("linear", "magnet"):
         table["drive"] = table["drive"] | {"scheme": "auto"}
     try:
-        plan = make_plan(make_spec(table | {kind: part, "coil": coil}))
+        plan = make_plan(make_spec(table | {kind: part, "coil": coil}), tries_cures=False)
     except PadgenError as error:
         return MoverRow(f"{kind} {part}", coil, why=str(error))
     coils = plan.coils.rows * plan.coils.columns
@@ -334,13 +334,13 @@ NO_PRINTS = _Printed(None, None, None)
 def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> _Printed:
     """Return what prints of `count` channels per coil on `grid` keep."""
     try:
-        plan = make_plan(_with_grid(spec, grid, count, optimise))
+        plan = make_plan(_with_grid(spec, grid, count, optimise), tries_cures=False)
     except SpecError:
         return NO_PRINTS
     if any(finding.level == "error" for finding in plan.findings):
         return NO_PRINTS
     if plan.touch is not None:
-        return _Printed(plan.touch.good_share, None, plan.touch.print_db)
+        return _Printed(plan.touch.good_share, plan.life.good_share, plan.touch.print_db)
     return _Printed(plan.prints.good_share, plan.life.good_share, plan.prints.print_db)
 
 

@@ -422,7 +422,8 @@ def _life(plan: Plan) -> Iterator[Finding]:
     """Warn where re-tuning once is not enough for what the spec says the pad goes through."""
     life = plan.life
     wanted = plan.spec.print_share
-    if plan.touch is not None or plan.prints.good_share < wanted or life.good_share >= wanted:
+    today_share = plan.prints.good_share if plan.touch is None else plan.touch.good_share
+    if today_share < wanted or life.good_share >= wanted:
         return
     asked_db = plan.selectivity.asked_db
     do = f"keep the {asked_db:.1f} dB asked for"
@@ -430,6 +431,7 @@ def _life(plan: Plan) -> Iterator[Finding]:
     if life.print_db is None or life.print_db >= asked_db:
         do = "move every taxel by more than 0.7 of its level"
         kept = ""
+    under = "" if plan.touch is None else " and fingers"
     when = f"even without a change of temperature, fewer than {wanted:.0%} do"
     if life.retune_k > 0:
         when = f"re-tune it whenever it is {number(life.retune_k)} K warmer or colder"
@@ -437,7 +439,7 @@ def _life(plan: Plan) -> Iterator[Finding]:
         "warning",
         "print.life",
         "pad",
-        f"re-tuned once, {life.good_share:.0%} of its prints still {do} when"
+        f"re-tuned once, {life.good_share:.0%} of its prints{under} still {do} when"
         f" it is {number(life.temperature_range_k)} K warmer or colder, aged, and of unlike Q{kept}; {when}",
     )
 

@@ -6,11 +6,12 @@ the one that was planned: a taxel of lower Q is driven harder for the same level
 
 Re-tuning follows resonances and levels as they are then, Q included. What comes after is a shift of ln f common to a
 pad, by the plastic's softening and by ageing. Levels are those of tuned taxels, so that a detuned ON taxel counts by
-what it still moves.
+what it still moves. A pad that is planned under a contact is judged under the drawn skins of `touched_prints`.
 """
 
 from dataclasses import replace
 from math import log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from padgen.planner.printed_pads import (
     STAGES,
     Design,
     Drift,
-    Simulated,
     pads_until_sure,
     printed,
     quantile_error,
@@ -29,6 +29,7 @@ from padgen.planner.printed_pads import (
     spreads_of,
     work,
 )
+from padgen.planner.touched_prints import touched_pads
 from padgen.planner.warm_pad import softened
 from padgen.spec import Spec
 
@@ -47,16 +48,22 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     with other modes as they are in the plan, and `retune_k` is not looked for: it is 0 where the range is too large.
     """
     few = min(plan.prints.pads, QUICK_PADS, pads_until_sure(work(design)))
+    most = plan.prints.pads
+    good_share = plan.prints.good_share
+    if plan.touch is not None:
+        few = QUICK_PADS
+        most = plan.touch.pads
+        good_share = plan.touch.good_share
     if quick:
         return _life(plan, _with_planned_modes(design), few)
     life = _life(plan, design, few)
-    if plan.prints.good_share < plan.spec.print_share:
+    if good_share < plan.spec.print_share:
         return life
-    pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), plan.prints.pads)
+    pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), most)
     if pads > WORTH * few:
         life = _life(plan, design, pads)
     if life.good_share < plan.spec.print_share:
-        life = replace(life, retune_k=_largest_change_k(plan.spec, design, few))
+        life = replace(life, retune_k=_largest_change_k(plan, design, few))
     return life
 
 
@@ -64,11 +71,11 @@ def _life(plan: Plan, design: Design, pads: int) -> Life:
     """Return what so many prints keep for life; `retune_k` is 0 where fewer than asked do."""
     spec = plan.spec
     range_k = spec.life.temperature_range_k
-    ends = [_after(spec, design, change_k, pads) for change_k in (range_k, -range_k)]
-    ratio = np.minimum(*(end.ratio[0] for end in ends))
-    share = float((ends[0].good[0] & ends[1].good[0]).mean())
-    kept_db, reached = rising_db(ratio, spec.print_share)
-    is_heard = plan.prints.print_db is not None and bool(np.isfinite(kept_db).all())
+    ends = [_after(plan, design, change_k, pads) for change_k in (range_k, -range_k)]
+    share = float((ends[0].good & ends[1].good).mean())
+    kept_db, reached = rising_db(np.minimum(ends[0].ratio, ends[1].ratio), spec.print_share)
+    today_db = plan.prints.print_db if plan.touch is None else plan.touch.print_db
+    is_heard = today_db is not None and bool(np.isfinite(kept_db).all())
     return Life(
         temperature_range_k=range_k,
         shifts=(_shift(spec, range_k), _shift(spec, -range_k)),
@@ -81,10 +88,22 @@ def _life(plan: Plan, design: Design, pads: int) -> Life:
     )
 
 
-def _after(spec: Spec, design: Design, change_k: float, pads: int) -> Simulated:
+class _Judged(NamedTuple):
+    """Prints (pads,) after they have changed: the energy of ON over OFF of the worst coil, and which are good."""
+
+    ratio: np.ndarray
+    good: np.ndarray
+
+
+def _after(plan: Plan, design: Design, change_k: float, pads: int) -> _Judged:
     """Judge prints that are warmer by `change_k` than when they were re-tuned, aged, and with Q of their own."""
+    spec = plan.spec
     drift = Drift(log(1 + _shift(spec, change_k)), spec.life)
-    return printed(design, spreads_of(spec), pads, 0, STAGES[-1:], drift)
+    if plan.touch is not None:
+        ratio = touched_pads(plan, pads, plan.touch.tones, True, design, drift=drift).ratio
+        return _Judged(ratio, ratio >= design.need)
+    later = printed(design, spreads_of(spec), pads, 0, STAGES[-1:], drift)
+    return _Judged(later.ratio[0], later.good[0])
 
 
 def _shift(spec: Spec, change_k: float) -> float:
@@ -97,24 +116,25 @@ def _with_planned_modes(design: Design) -> Design:
     return design._replace(modes=(None,) * len(design.coils))
 
 
-def _largest_change_k(spec: Spec, design: Design, pads: int) -> float:
+def _largest_change_k(plan: Plan, design: Design, pads: int) -> float:
     """Return the largest whole number of `STEP_K` up to which the asked share of `pads` is good; 0 without one.
 
     It is found with other modes as they are in the plan, for the worse of warmer and colder, and lowered until it holds
     for both with those of every print.
     """
     as_planned = _with_planned_modes(design)
-    range_k = spec.life.temperature_range_k
-    worse = min((1, -1), key=lambda sign: float(_after(spec, as_planned, sign * range_k, pads).ratio.mean()))
+    share = plan.spec.print_share
+    range_k = plan.spec.life.temperature_range_k
+    worse = min((1, -1), key=lambda sign: float(_after(plan, as_planned, sign * range_k, pads).ratio.mean()))
     low = 0
     high = int(np.ceil(range_k / STEP_K))
     while high - low > 1:
         middle = (low + high) // 2
-        is_kept = _after(spec, as_planned, worse * middle * STEP_K, pads).good.mean() >= spec.print_share
+        is_kept = _after(plan, as_planned, worse * middle * STEP_K, pads).good.mean() >= share
         low, high = (middle, high) if is_kept else (low, middle)
     while low > 0:
-        ends = [_after(spec, design, sign * low * STEP_K, pads).good[0] for sign in (1, -1)]
-        if (ends[0] & ends[1]).mean() >= spec.print_share:
+        ends = [_after(plan, design, sign * low * STEP_K, pads).good for sign in (1, -1)]
+        if (ends[0] & ends[1]).mean() >= share:
             break
         low -= 1
     return low * STEP_K

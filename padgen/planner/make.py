@@ -142,8 +142,8 @@ def numbers_hold() -> Iterator[None]:
 ROOT = Path(__file__).parents[1]
 
 
-def make_plan(spec: Spec) -> Plan:
-    """Plan the pad of `spec`.
+def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
+    """Plan the pad of `spec`; its findings name cures only where these are tried, a third of the work.
 
     Raises
     ------
@@ -152,7 +152,8 @@ def make_plan(spec: Spec) -> Plan:
     """
     try:
         spec = decided_under_touch(spec, _touch_trial)
-        return with_cures(spec, choose(spec))
+        choice = choose(spec)
+        return with_cures(spec, choice) if tries_cures else _without_cures(choice)
     except SolverError as error:
         if not isinstance(error.__cause__, BROKEN_DOWN):
             raise
@@ -163,6 +164,13 @@ def make_plan(spec: Spec) -> Plan:
 def with_cures(spec: Spec, choice: Choice) -> Plan:
     """Return the plan of a `choice` for `spec`; its findings keep only cures that were tried and work."""
     return with_tried_cures(_finite(finish(choice)), partial(_planned_with, spec, choice))
+
+
+@numbers_hold()
+def _without_cures(choice: Choice) -> Plan:
+    """Return the plan of a `choice`, whose findings have no cures."""
+    plan = _finite(finish(choice))
+    return judged(plan, tuple(replace(finding, cures=()) for finding in plan.findings))
 
 
 @numbers_hold()

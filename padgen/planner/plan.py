@@ -728,14 +728,15 @@ class Warm:
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """Selectivity that untouched prints keep after they were re-tuned once (docs/yield.md, *For life*).
+    """Selectivity that prints keep after they were re-tuned once (docs/yield.md, *For life*).
 
-    Then they change as `[life]` in the spec says. Each print is judged `temperature_range_k` warmer and colder than
-    at re-tuning, aged, with its own Q; the worse of the two counts. `print_db` is what the spec's `print_share` of
-    them keep, None where nothing moves OFF taxels; `good_share` of them keep what is asked. With 95 % confidence
-    the figures of `pads` simulated pads are within `error_db` and `error_share`. `shifts` are the changes of all
-    resonances when it is warm and cold, relative. `retune_k` is the largest change of temperature up to which
-    `print_share` of them keep what is asked: at most `temperature_range_k`, 0 where it is not kept without any.
+    They are untouched or, where the spec names a contact, under drawn skins. Then they change as `[life]` in the spec
+    says. Each print is judged `temperature_range_k` warmer and colder than at re-tuning, aged, with its own Q; the
+    worse of the two counts. `print_db` is what the spec's `print_share` of them keep, None where nothing moves OFF
+    taxels; `good_share` of them keep what is asked. With 95 % confidence the figures of `pads` simulated pads are
+    within `error_db` and `error_share`. `shifts` are the changes of all resonances when it is warm and cold, relative.
+    `retune_k` is the largest change of temperature up to which `print_share` of them keep what is asked: at most
+    `temperature_range_k`, 0 where it is not kept without any.
     """
 
     temperature_range_k: float

@@ -82,6 +82,7 @@ __all__ = [
     "compared_prints",
     "covariance",
     "design_of",
+    "drawn_later",
     "drawn_prints",
     "known_print_db",
     "leaked_energy",
@@ -522,7 +523,7 @@ def drawn_prints(design: Design, spreads: Spreads, seed: int, unit: int, pads: i
     return Drawn(log_x, log_pull)
 
 
-def _drawn_later(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> Later:
+def drawn_later(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> Later:
     """Return what happens to `pads` drawn prints after re-tuning, from streams of its own as in `drawn_prints`."""
     of_print, of_taxel = (np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in (4, 5))
     life = drift.life
@@ -595,7 +596,7 @@ def printed(
     for number in range(-(-pads // unit)):
         many = min(unit, pads - number * unit)
         drawn = drawn_prints(design, spreads, seed, number, many)
-        later = None if drift is None else _drawn_later(drift, taxels, seed, number, many)
+        later = None if drift is None else drawn_later(drift, taxels, seed, number, many)
         _judge_drawn(design, drawn, number * unit, stages, prints, later)
     return prints
 

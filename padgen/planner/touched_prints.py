@@ -38,7 +38,10 @@ from padgen.planner.printed_pads import (
     SURE_SHARE,
     Coils,
     Design,
+    Drift,
+    Later,
     design_of,
+    drawn_later,
     drawn_prints,
     leaked_energy,
     quantile_error,
@@ -194,12 +197,19 @@ def _lines_of(channel_set: Sequence[Channel]) -> Channels:
 
 
 def touched_pads(
-    plan: Plan, pads: int, tones: str, retuned: bool, design: Design | None = None, as_drawn: str = ""
+    plan: Plan,
+    pads: int,
+    tones: str,
+    retuned: bool,
+    design: Design | None = None,
+    as_drawn: str = "",
+    drift: Drift | None = None,
 ) -> Fingers:
     """Simulate `pads` prints under drawn skins, always the same ones, driven by `tones` of a kind.
 
     Where they are `retuned`, every bare taxel's resonance is measured and its tone moved; else tones and forces are the
-    plan's. Where they are `as_drawn`, they are as planned, and all skin is that, 'low', 'typical' or 'high'.
+    plan's. Where they are `as_drawn`, they are as planned, and all skin is that, 'low', 'typical' or 'high'. With a
+    `drift`, what was re-tuned is judged after it.
     """
     design = design or design_of(plan, None)
     spec = plan.spec
@@ -217,11 +227,12 @@ def touched_pads(
         part = slice(number * unit, number * unit + count)
         drawn = drawn_prints(design, spreads, 0, number, count)
         log_x = np.clip(drawn.log_x[2], GRID[0], GRID[-1])
+        later = None if drift is None else drawn_later(drift, taxels, 0, number, count)
         skin = _Skin(spec, number, count, taxels, as_drawn)
         for coils in design.coils:
             known = np.zeros_like(log_x) if not retuned else log_x
             known_pull = np.zeros_like(log_x) if not retuned else drawn.log_pull[2]
-            one = _TouchedCoil(plan, design, coils, lever, np.exp(log_x), np.exp(drawn.log_pull[2]))
+            one = _TouchedCoil(plan, design, coils, lever, np.exp(log_x), np.exp(drawn.log_pull[2]), later)
             on, off = one.energies(skin, tones, known, known_pull)
             leak = beside.leaks[int(retuned), coils.channels, None, None] * on
             off += leak + beside.modes[coils.channels, None, None] + beside.recoil
@@ -281,7 +292,14 @@ class _TouchedCoil:
     """Coils of the same channels on a block of printed pads; arrays are (channels, coils, pads)."""
 
     def __init__(
-        self, plan: Plan, design: Design, coils: Coils, lever: np.ndarray, x: np.ndarray, pull: np.ndarray
+        self,
+        plan: Plan,
+        design: Design,
+        coils: Coils,
+        lever: np.ndarray,
+        x: np.ndarray,
+        pull: np.ndarray,
+        later: Later | None,
     ) -> None:
         spec = plan.spec
         self.plan = plan
@@ -298,6 +316,10 @@ class _TouchedCoil:
         self.contactor = contactor_of(spec)
         self.x = x[coils.taxels]
         self.pulled = pull[coils.taxels]
+        self.q_ratio: np.ndarray | None = None
+        if later is not None:
+            self.x = self.x * np.exp(later.log_x[coils.taxels])
+            self.q_ratio = np.exp(later.log_q[coils.taxels])
 
     def energies(
         self, skin: _Skin, tones: str, known: np.ndarray, known_pull: np.ndarray
@@ -345,7 +367,16 @@ class _TouchedCoil:
                 tone_hz, _ = loaded_resonance(*bare)
                 dynamic = np.abs(self._of_typical(bare, tone_hz))
             hz[k] = np.exp(np.interp(known[k], GRID, np.log(tone_hz)))
-            force[k] = np.exp(np.interp(known[k], GRID, np.log(dynamic * law(tone_hz))))
+            if self.q_ratio is None:
+                force[k] = np.exp(np.interp(known[k], GRID, np.log(dynamic * law(tone_hz))))
+                continue
+            # Re-tuning finds every taxel's own Q.
+            measured = bare._replace(stiffness=self.stiffness[k] * np.exp(2 * known[k]), mass=self.mass[k])
+            measured = measured._replace(q=self.q[k] * self.q_ratio[k])
+            dynamic = measured.stiffness / measured.q
+            if tones == TONES[0]:
+                dynamic = np.abs(self._of_typical(measured, hz[k]))
+            force[k] = dynamic * law(hz[k])
         level = law(hz)
         line = force / (self.pull[:, None, None] * np.exp(known_pull))
         return Channels(hz, self.q[:, None, None] * np.ones(hz.shape), line), level
@@ -361,8 +392,9 @@ class _TouchedCoil:
     def _dynamic_stiffness(self, i: int, hz: np.ndarray, contact: Contact, contactor: Contactor) -> np.ndarray:
         """Return force over displacement in N/m of touched taxels of one channel at `hz` (k, lines, coils, pads)."""
         stiffness = self.stiffness[i] * self.x[i] ** 2
+        q = self.q[i] if self.q_ratio is None else self.q[i] * self.q_ratio[i]
         omega = 2 * np.pi * hz
-        without = stiffness - self.mass[i] * omega**2 + 1j * omega * np.sqrt(stiffness * self.mass[i]) / self.q[i]
+        without = stiffness - self.mass[i] * omega**2 + 1j * omega * np.sqrt(stiffness * self.mass[i]) / q
         return np.asarray(without + contact.impedance(hz, contactor).through(self.lever[i]).dynamic_stiffness(hz))
 
 

@@ -382,7 +382,6 @@ class TaxelMap:
         self.outward[here] = ((apart[0] + 1j * apart[1]) / np.maximum(np.hypot(*apart), 1))[here]
         self.stations = len(names)
 
-
     def _across(self, middle: np.ndarray, who: np.ndarray, name: np.ndarray) -> np.ndarray:
         """Return the names with one for both sides of a gap where the edge of two stations runs along its middle.
 
