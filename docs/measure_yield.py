@@ -31,6 +31,7 @@ from padgen.spec.model import LifeTable
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.print_and_count import kept_db
+from tests.touched_stepper import kept_figures
 
 SPECS = 200
 PADS = 40_000
@@ -122,12 +123,15 @@ def for_life() -> list[str]:
         spec = replace(plan.spec, life=LifeTable())
         plan = replace(plan, spec=spec)
         life = planned_life(plan, design_of(plan, None))
-        program = "–"
-        # The program knows neither magnets nor bent beams.
-        if spec.washer is not None and {channel.beam.topology for channel in plan.channels} == {"cantilever"}:
+        told = np.zeros(0)
+        # The program of untouched pads knows neither magnets nor bent beams.
+        if plan.touch is not None:
+            told, _ = kept_figures(json.loads(plan_to_json(replace(plan, life=life))), SMALL_PADS, 1, for_life=True)
+        elif spec.washer is not None and {channel.beam.topology for channel in plan.channels} == {"cantilever"}:
             told = kept_db(json.loads(plan_to_json(plan)), pads=SMALL_PADS, for_life=True)
-            program = f"{np.quantile(told, 1 - spec.print_share):.1f}"
-        kept = ["–" if db is None else f"{db:.1f}" for db in (plan.prints.print_db, life.print_db)]
+        program = f"{np.quantile(told, 1 - spec.print_share):.1f}" if told.size else "–"
+        today_db = plan.prints.print_db if plan.touch is None else plan.touch.print_db
+        kept = ["–" if db is None else f"{db:.1f}" for db in (today_db, life.print_db)]
         lines.append(
             f"| {plan.name} | {plan.selectivity.asked_db:.1f} | {kept[0]} | {kept[1]} | {program}"
             f" | {100 * life.good_share:.0f} | {life.retune_k:g} |"
