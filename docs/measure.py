@@ -95,7 +95,7 @@ def chord_section() -> list[str]:
 
 def growth_section() -> list[str]:
     return [
-        "The paper's cell repeated, beyond the 500 mm that a spec allows, its taxels known; each round in a process",
+        "The paper's cell repeated, its taxels known; each round in a process",
         "of its own. Each distinct taxel is modelled once; tiles are placed on a lattice, welded at their corners,",
         "and measured on the fewest coils that have every tile beside every neighbour. *Whole command*: from Python's",
         "start to the end of a build with all checks, STL, 3MF and STEP, as the clock has it, whatever else the",

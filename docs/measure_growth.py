@@ -10,7 +10,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,22 +25,23 @@ WHAT = ("plan", "solids and union", "checks", "whole command")
 
 
 def large_plan(taxels: int) -> Plan:
-    """Plan many of the paper's cells, beyond the 500 mm that a spec allows."""
+    """Plan many of the paper's cells, at a level at which they stay cool."""
     coils = round((taxels / 2) ** 0.5)
-    spec = parse_spec(
-        """
-        name = "growth"
-        resolution = 2
-        band_hz = [50, 200]
-        q_min = 15
-        resonances_hz = [56, 76]
-        pad = { width_mm = 12.5, depth_mm = 12.5 }
-        coil = { grid = [1, 1] }
-        printer = { name = "fdm-0.4", bed_x_mm = 2000, bed_y_mm = 2000 }
-        """
+    return make_plan(
+        parse_spec(
+            f"""
+            name = "growth"
+            resolution = {taxels}
+            band_hz = [50, 200]
+            q_min = 15
+            resonances_hz = [56, 76]
+            pad = {{ width_mm = {12.5 * coils}, depth_mm = {12.5 * coils} }}
+            coil = {{ grid = [{coils}, {coils}] }}
+            printer = {{ name = "fdm-0.4", bed_x_mm = 2000, bed_y_mm = 2000 }}
+            drive = {{ level_um = 3 }}
+            """
+        )
     )
-    pad = replace(spec.pad, width_mm=12.5 * coils, depth_mm=12.5 * coils)
-    return make_plan(replace(spec, resolution=taxels, pad=pad, coil=replace(spec.coil, grid=(coils, coils))))
 
 
 def one(taxels: int, folder: str) -> None:

@@ -255,7 +255,11 @@ def test_numbers_in_a_3mf_are_read_alike_by_lib3mf(tmp_path):
         head = (_3mf._MODEL_HEAD + "<resources>\n").encode()
         tail = b'</resources><build><item objectid="1"/></build></model>'
         package.writestr(_3mf.MODEL, head + b"".join(_3mf._object(1, 'a "<&> b', mesh)) + tail)
-    for own in (_3mf._read_plain(path), read_3mf(path, weld=False)):
+    rows = {True: [], False: []}
+    for is_vertices, numbers in _3mf.plain_rows(path):
+        rows[is_vertices].append(numbers)
+    plain = Mesh(np.concatenate(rows[True]), np.concatenate(rows[False]).astype(np.int64))
+    for own in (plain, read_3mf(path, weld=False)):
         assert np.abs(own.vertices_mm - mesh.vertices_mm).max() <= 5e-7 * (1 + 1e-6)
         assert (own.triangles == mesh.triangles).all()
     model = get_wrapper().CreateModel()

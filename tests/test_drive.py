@@ -628,10 +628,10 @@ def test_turned_cells_are_built_where_they_are_planned(tmp_path):
     assert [f for f in report.findings if f.level == "error"] == []
     assert report.figures["largest_difference_from_plan_mm"] < 1e-3
     from padgen.solid.formats import ExportJob, Part
-    from padgen.solid.formats._3mf import read_3mf, threemf_bytes
+    from padgen.solid.formats._3mf import pack_3mf, read_3mf
 
     path = tmp_path / "pad.3mf"
-    path.write_bytes(threemf_bytes(ExportJob(plan, Part("pad", "a pad", "", pad.mesh, None, report), "0", pad, True)))
+    pack_3mf(ExportJob(plan, Part("pad", "a pad", "", pad.mesh, None, report), "0", pad, True), path)
     instances = as_manifold(read_3mf(path, weld=True), "instances")
     whole = as_manifold(pad.mesh, "whole")
     # Touching tiles leave seams of rounding; where a tile lay the wrong way round, its plate would differ.

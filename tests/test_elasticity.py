@@ -171,6 +171,7 @@ def membrane_modes() -> list[float]:
     return solid_modes(solid, METAL, 4, 6, Fineness(levels=0, largest_mm=16.0, per_face=5.0), "flat")
 
 
+@pytest.mark.soak
 def test_the_reference_taxel(steps: Path, child: ProcessPoolExecutor) -> None:
     """Taxel `base`: f₁ within 0.1 %, the other modes within 0.5 %; the reference is good to 1e-4."""
     found = child.submit(solve_modes, taxel(steps, "base"), 4, 2).result()

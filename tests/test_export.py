@@ -17,7 +17,7 @@ from padgen.core.errors import GeometryError, SpecError
 from padgen.make.pad import Pad, parse_formats, up_to_date
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import ExportJob, Part, _3mf, verified
-from padgen.solid.formats._3mf import read_3mf, threemf_bytes
+from padgen.solid.formats._3mf import pack_3mf, read_3mf
 from padgen.solid.formats.stl import stl_bytes
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
@@ -103,14 +103,35 @@ def test_3mf_is_one_named_object_with_its_metadata(folder, small_pad):
 
 def test_3mf_with_instances_holds_each_distinct_taxel_once(small_plan, small_pad, tmp_path):
     whole = Part("pad", "tiny", "", small_pad.mesh, None, check_pad(small_pad, small_plan))
-    data = threemf_bytes(ExportJob(small_plan, whole, "0", small_pad, True))
-    model = zipfile.ZipFile(io.BytesIO(data)).read("3D/3dmodel.model").decode()
+    path = tmp_path / "instances.3mf"
+    pack_3mf(ExportJob(small_plan, whole, "0", small_pad, True), path)
+    model = zipfile.ZipFile(path).read("3D/3dmodel.model").decode()
     assert model.count("<mesh>") == len(small_plan.channels) + 1
     assert model.count("<component ") == len(small_plan.taxels) + 1
-    path = tmp_path / "instances.3mf"
-    path.write_bytes(data)
     # Tiles keep the faces where they meet, so the parts' volumes add up to the pad's.
     assert signed_volume_mm3(read_3mf(path)) == pytest.approx(signed_volume_mm3(small_pad.mesh), rel=1e-4)
+
+
+@pytest.mark.parametrize("fault", ["vertex", "triangle", "fewer", "more"])
+def test_a_3mf_that_is_not_its_mesh_is_refused(small_plan, small_pad, tmp_path, fault, monkeypatch):
+    """Also where rows and blocks that are read end at different places."""
+    monkeypatch.setattr(_3mf, "BLOCK_BYTES", 1000)
+    mesh = small_pad.mesh
+    written = {
+        "vertex": mesh._replace(
+            vertices_mm=mesh.vertices_mm + [[0.0, 0.0, 1.0]] * (np.arange(len(mesh.vertices_mm)) == 7)[:, None]
+        ),
+        "triangle": mesh._replace(triangles=np.roll(mesh.triangles, 1, axis=1)),
+        "fewer": mesh._replace(triangles=mesh.triangles[:-1]),
+        "more": mesh._replace(triangles=np.concatenate([mesh.triangles, mesh.triangles[:1]])),
+    }[fault]
+    path = tmp_path / "pad.3mf"
+    report = check_pad(small_pad, small_plan)
+    pack_3mf(ExportJob(small_plan, Part("pad", "tiny", "", mesh, None, report), "0"), path)
+    _3mf.verified_rows("pad.3mf", mesh, path)
+    pack_3mf(ExportJob(small_plan, Part("pad", "tiny", "", written, None, report), "0"), path)
+    with pytest.raises(GeometryError, match=r"^pad.3mf: read back, it"):
+        _3mf.verified_rows("pad.3mf", mesh, path)
 
 
 def test_step_holds_the_printed_part_and_its_washer(folder, small_plan, small_pad):

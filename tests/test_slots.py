@@ -94,7 +94,7 @@ SHOWN = [
     ("pad-32", {"text": "HI"}, True),
     ("triple-48", {"text": "HI"}, False),
     ("quad-64", {"text": "OK"}, True),
-    ("wide-11", {"pattern": "rows"}, False),
+    pytest.param("wide-11", {"pattern": "rows"}, False, marks=pytest.mark.soak),
     pytest.param("paper-32", {"text": "HI"}, True, marks=pytest.mark.soak),
     pytest.param("pad-32", {"text": "HI"}, False, marks=pytest.mark.soak),
     pytest.param("triple-48", {"text": "HI"}, True, marks=pytest.mark.soak),

@@ -189,7 +189,7 @@ def test_two_hundred_specs_keep_what_is_planned_or_are_refused_before(tmp_path, 
 def test_a_carrier_that_was_moved_onto_the_comb_is_accepted_again():
     """A carrier is at the bound of what is accepted; 1e-9 is rounding of one period of the comb, of a second or so."""
     refused = []
-    for high in np.geomspace(120, 900, 12).round(1):
+    for high in np.geomspace(120, 900, 6).round(1):
         plan = pg.plan(parse_spec(spec_text(own(), "", "spur-free", f"[60, {high}]")))
         drive = drive_at(plan, RATES_HZ)
         highest = max(c.resonance_hz for c in plan.channels)

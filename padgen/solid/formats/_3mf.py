@@ -10,23 +10,33 @@ import zipfile
 import zlib
 from array import array
 from collections.abc import Iterable, Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
 from padgen import __version__
-from padgen.core.errors import FileError, MeshFileError
+from padgen.core.errors import FileError, GeometryError, MeshFileError
 from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.plan import Plan
 from padgen.planner.printing import prusa_profile
-from padgen.solid.formats import ExportJob, verified, verified_volume
+from padgen.solid.formats import REREAD_MM, ExportJob, verified_volume
 from padgen.solid.mesh import AT_ONCE, Mesh, expanded, sound_mesh
 from padgen.solid.pad_solid import PadSolid, turned_grid
 
-__all__ = ["LARGEST_FILE", "MOST_TRIANGLES", "picture_png", "read_3mf", "threemf_bytes", "write"]
+__all__ = [
+    "LARGEST_FILE",
+    "MOST_TRIANGLES",
+    "pack_3mf",
+    "picture_png",
+    "plain_rows",
+    "read_3mf",
+    "verified_rows",
+    "write",
+]
 
 LARGEST_FILE = LARGEST_UNPACKED = 1 << 28
 """Most bytes of a mesh file, and of a 3MF's parts unpacked."""
@@ -48,7 +58,8 @@ OWN = "https://padgen.invalid/2026"
 QUICK = 1
 """Level of deflate: the other levels take three times as long for a file a tenth smaller."""
 ROWS = 100_000
-"""Rows of text written at a time: a large pad's whole text would take more memory than its mesh."""
+BLOCK_BYTES = 1 << 23
+"""Rows written and bytes read at a time: a large pad's whole text would take more memory than its mesh."""
 _NUMBERS = bytes(c if chr(c) in "0123456789.-" else ord(" ") for c in range(256))
 """Translation table that turns rows of a file into numbers with blanks between."""
 _CONTENT_TYPES = b"""<?xml version="1.0" encoding="UTF-8"?>
@@ -73,28 +84,74 @@ THUMBNAIL_PX = (256, 256)
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the part's mesh and read it back: compared corner by corner, or by volume where it is stored in instances."""
+    """Add the part's mesh and read it back: compared row by row, or by volume where it is stored in instances."""
     name = f"{job.part.name}.3mf"
-    path = out.write(name, threemf_bytes(job))
+    path = out.write_by(name, partial(pack_3mf, job))
     if job.instances and job.pad is not None:
         verified_volume(name, job.part.mesh, read_3mf(path, weld=False))
     else:
-        verified(name, job.part.mesh, _read_plain(path))
+        verified_rows(name, job.part.mesh, path)
 
 
-def _read_plain(path: Path) -> Mesh:
-    """Read the mesh of a file that this module wrote as one object, in a fifth of the time of `read_3mf`."""
-    with zipfile.ZipFile(path) as package:
-        vertices, _, triangles = package.read(MODEL).partition(b"<vertices>")[2].partition(b"</vertices>")
-    rows = triangles[: triangles.index(b"</triangles>")]
-    at, corners = (text.translate(_NUMBERS).decode() for text in (vertices, rows))
-    # In rows of triangles the digits of v1, v2 and v3 are read as numbers, too: every other number is a vertex.
-    numbers = np.fromstring(corners, np.int64, sep=" ").reshape(-1, 6)[:, 1::2]
-    return Mesh(np.fromstring(at, sep=" ").reshape(-1, 3), numbers)
+def verified_rows(name: str, mesh: Mesh, path: Path) -> None:
+    """Compare a file that this module wrote as one object with its mesh, some rows at a time; raises as `verified`."""
+    rows = 0
+    corners = 0
+    for is_vertices, numbers in plain_rows(path):
+        if is_vertices:
+            here = mesh.vertices_mm[rows : rows + len(numbers)]
+            rows += len(numbers)
+            if len(here) < len(numbers) or np.abs(here - numbers).max(initial=0.0) > REREAD_MM:
+                raise GeometryError("read back, its vertices are others", name)
+        else:
+            if not np.array_equal(mesh.triangles[corners : corners + len(numbers)], numbers):
+                raise GeometryError("read back, its triangles are others", name)
+            corners += len(numbers)
+    if rows < len(mesh.vertices_mm) or corners < len(mesh.triangles):
+        raise GeometryError(f"read back, it has {corners} triangles, must have {len(mesh.triangles)}", name)
 
 
-def threemf_bytes(job: ExportJob) -> bytes:
-    """Return the 3MF package: the part as one object, or the pad as instances of one mesh per distinct tile."""
+def plain_rows(path: Path) -> Iterator[tuple[bool, np.ndarray]]:
+    """Yield the rows of a file that this module wrote as one object, in a fifth of the time of `read_3mf`.
+
+    Each yield has some rows in their order, and whether they are vertices (n, 3) in mm or else triangles (n, 3).
+    """
+    sections = iter(((b"<vertices>", b"</vertices>", True), (b"<triangles>", b"</triangles>", False)))
+    begin, end, is_vertices = next(sections)
+    has_begun = False
+    with zipfile.ZipFile(path) as package, package.open(MODEL) as model:
+        for block in _whole_lines(model):
+            while block:
+                if not has_begun:
+                    _, found_begin, block = block.partition(begin)
+                    has_begun = bool(found_begin)
+                    continue
+                text, found_end, block = block.partition(end)
+                if text := text.translate(_NUMBERS).strip():
+                    numbers = np.fromstring(text.decode(), sep=" ")
+                    # In rows of triangles the digits of v1, v2 and v3 are read as numbers, too.
+                    yield is_vertices, numbers.reshape(-1, 3) if is_vertices else numbers.reshape(-1, 6)[:, 1::2]
+                if found_end:
+                    following = next(sections, None)
+                    if following is None:
+                        return
+                    begin, end, is_vertices = following
+                    has_begun = False
+
+
+def _whole_lines(file: IO[bytes]) -> Iterator[bytes]:
+    """Yield a file in blocks of whole lines."""
+    rest = b""
+    while data := file.read(BLOCK_BYTES):
+        text = rest + data
+        cut = text.rfind(b"\n") + 1
+        yield text[:cut]
+        rest = text[cut:]
+    yield rest
+
+
+def pack_3mf(job: ExportJob, path: Path) -> None:
+    """Write the 3MF package: the part as one object, or the pad as instances of one mesh per distinct tile."""
     parts: dict[str, Iterable[bytes]] = {
         "[Content_Types].xml": [_CONTENT_TYPES],
         "_rels/.rels": [_RELATIONS],
@@ -105,14 +162,12 @@ def threemf_bytes(job: ExportJob) -> bytes:
         # PrusaSlicer skips the first line.
         lines = ("; settings for PrusaSlicer", *(f"; {key} = {value}" for key, value in profile.items()), "")
         parts[PRUSA_CONFIG] = ["\n".join(lines).encode()]
-    data = io.BytesIO()
     # Entries are dated 1980-01-01, the earliest that a zip knows.
-    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED, compresslevel=QUICK) as package:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=QUICK) as package:
         for name, texts in parts.items():
             with package.open(name, "w") as file:
                 for text in texts:
                     file.write(text)
-    return data.getvalue()
 
 
 def _model(job: ExportJob) -> Iterator[bytes]:

@@ -19,7 +19,16 @@ if TYPE_CHECKING:
     from padgen.solid.checks import Report
     from padgen.solid.pad_solid import PadSolid
 
-__all__ = ["ExportJob", "PadFormat", "Part", "register", "unregister", "verified", "verified_volume"]
+__all__ = [
+    "REREAD_MM",
+    "ExportJob",
+    "PadFormat",
+    "Part",
+    "register",
+    "unregister",
+    "verified",
+    "verified_volume",
+]
 
 REREAD_SHARE = 1e-4
 """Largest allowed relative difference in volume of a file from the mesh: single precision, many triangles."""
