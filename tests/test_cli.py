@@ -381,7 +381,7 @@ def test_ctrl_c_leaves_the_old_files(work, capsys, monkeypatch):
     def interrupt(*_args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(stl, "stl_bytes", interrupt)
+    monkeypatch.setattr(stl, "stl_blocks", interrupt)
     assert cli.run(["build", "tiny.toml"]) == 2
     assert "interrupted" in capsys.readouterr().err
     assert {p.name: p.read_bytes() for p in (work / "out/tiny").iterdir()} == before
@@ -412,7 +412,7 @@ def test_a_folder_that_was_made_in_vain_is_taken_away(work, monkeypatch):
     def interrupt(*_args):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(stl, "stl_bytes", interrupt)
+    monkeypatch.setattr(stl, "stl_blocks", interrupt)
     assert cli.run(["build", "tiny.toml"]) == 2
     assert not (work / "out").exists()
 

@@ -18,7 +18,7 @@ from padgen.make.pad import Pad, parse_formats, up_to_date
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import ExportJob, Part, _3mf, verified
 from padgen.solid.formats._3mf import pack_3mf, read_3mf
-from padgen.solid.formats.stl import stl_bytes
+from padgen.solid.formats.stl import stl_blocks
 from padgen.solid.kernel import build123d
 from padgen.solid.mesh import Mesh, signed_volume_mm3
 from padgen.solid.parts import bill_of_materials
@@ -177,7 +177,7 @@ def test_bill_of_materials(small_plan):
 
 
 def test_a_file_that_reads_back_otherwise_is_refused(small_pad):
-    good = stl_mesh(stl_bytes(small_pad.mesh, "x"))
+    good = stl_mesh(b"".join(stl_blocks(small_pad.mesh, "x")))
     verified("pad.stl", small_pad.mesh, good)
     with pytest.raises(GeometryError, match="read back, it has"):
         verified("pad.stl", small_pad.mesh, Mesh(good.vertices_mm, good.triangles[1:]))

@@ -1,5 +1,8 @@
 """The STL format: a mesh as binary STL."""
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import numpy as np
 
 from padgen import __version__
@@ -7,7 +10,7 @@ from padgen.core.files import OutputFolder
 from padgen.solid.formats import ExportJob, verified
 from padgen.solid.mesh import AT_ONCE, Mesh, unit_normals
 
-__all__ = ["stl_bytes", "write"]
+__all__ = ["stl_blocks", "write"]
 
 _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
@@ -17,7 +20,12 @@ def write(out: OutputFolder, job: ExportJob) -> None:
     part = job.part
     name = f"{part.name}.stl"
     title = f"{__version__} {part.title} {job.spec_hash[:16]}"
-    path = out.write(name, stl_bytes(part.mesh, title))
+
+    def fill(path: Path) -> None:
+        with path.open("wb") as file:
+            file.writelines(stl_blocks(part.mesh, title))
+
+    path = out.write_by(name, fill)
     vertices, triangles = part.mesh
     for k in range(0, len(triangles), AT_ONCE):
         # The last block reads to the file's end, so that surplus triangles are noticed.
@@ -28,15 +36,12 @@ def write(out: OutputFolder, job: ExportJob) -> None:
         verified(name, Mesh(vertices, triangles[k : k + AT_ONCE]), read)
 
 
-def stl_bytes(mesh: Mesh, title: str) -> bytearray:
-    """Return the mesh as binary STL."""
-    data = bytearray(84 + _STL_TRIANGLE.itemsize * len(mesh.triangles))
-    data[:80] = f"padgen {title}".encode("ascii", "replace")[:80].ljust(80)
-    data[80:84] = np.uint32(len(mesh.triangles)).tobytes()
-    triangles = np.frombuffer(data, _STL_TRIANGLE, offset=84)
-    for k in range(0, len(triangles), AT_ONCE):
-        some = triangles[k : k + AT_ONCE]
+def stl_blocks(mesh: Mesh, title: str) -> Iterator[bytes]:
+    """Yield the mesh as binary STL, some triangles at a time: the whole would take more memory than the mesh."""
+    yield f"padgen {title}".encode("ascii", "replace")[:80].ljust(80) + np.uint32(len(mesh.triangles)).tobytes()
+    for k in range(0, len(mesh.triangles), AT_ONCE):
         corners = mesh.vertices_mm[mesh.triangles[k : k + AT_ONCE]]
+        some = np.zeros(len(corners), _STL_TRIANGLE)
         some["normal"] = unit_normals(corners)
         some["corners"] = corners
-    return data
+        yield some.tobytes()
