@@ -40,13 +40,13 @@ def modules_after(statements, *arguments):
 
 
 def test_plan_loads_little(work):
-    """A plan loads only numpy, 98 modules of padgen, and 44 of the standard library beyond numpy.random's.
+    """A plan loads only numpy, 102 modules of padgen, and 44 of the standard library beyond numpy.random's.
 
     The bounds leave room for a few more. Every plan simulates prints, leakage and touch, which need random numbers.
     """
     more = loaded_after("plan", "paper-32") - modules_after("import numpy.random")
     padgen = {name for name in more if name.partition(".")[0] == "padgen"}
-    assert len(padgen) <= 101, sorted(padgen)
+    assert len(padgen) <= 104, sorted(padgen)
     assert len(more - padgen) <= 46, sorted(more - padgen)
     packages = {name.partition(".")[0] for name in more} - sys.stdlib_module_names
     assert packages == {"numpy", "padgen"}

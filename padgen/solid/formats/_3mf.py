@@ -217,8 +217,7 @@ def _instances(plan: Plan, pad: PadSolid) -> tuple[list[tuple[str, Mesh]], list[
 
 def _object(number: int, name: str, mesh: Mesh) -> Iterator[bytes]:
     yield f'<object id="{number}" name={quoteattr(name)} type="model">\n<mesh>\n<vertices>\n'.encode()
-    # To the millionth, without negative noughts.
-    yield from _rows(np.round(mesh.vertices_mm, 6) + 0.0, '<vertex x="%.6f" y="%.6f" z="%.6f"/>\n')
+    yield from _rows(mesh.vertices_mm, '<vertex x="%.6f" y="%.6f" z="%.6f"/>\n')
     yield b"</vertices>\n<triangles>\n"
     yield from _rows(mesh.triangles, '<triangle v1="%d" v2="%d" v3="%d"/>\n')
     yield b"</triangles>\n</mesh>\n</object>\n"
@@ -227,7 +226,9 @@ def _object(number: int, name: str, mesh: Mesh) -> Iterator[bytes]:
 def _rows(numbers: np.ndarray, row: str) -> Iterator[bytes]:
     """Yield the numbers (n, 3) as text, each three in a `row`; some rows at a time."""
     for some in np.array_split(numbers, len(numbers) // ROWS + 1):
-        yield (row * len(some) % tuple(some.ravel().tolist())).encode()
+        # To the millionth, without negative noughts.
+        rounded = np.round(some, 6) + 0
+        yield (row * len(some) % tuple(rounded.ravel().tolist())).encode()
 
 
 class _Object(NamedTuple):
