@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from padgen import cli
+from padgen.core.cache import VARIABLE
 from padgen.core.files import is_current
 from padgen.planner import make_plan
 from tests.conftest import SMALL
@@ -39,17 +40,23 @@ def modules_after(statements, *arguments):
     return set(line.split()[1:])
 
 
-def test_plan_loads_little(work):
+def test_plan_loads_little(work, monkeypatch):
     """A plan loads only numpy, 102 modules of padgen, and 44 of the standard library beyond numpy.random's.
 
-    The bounds leave room for a few more. Every plan simulates prints, leakage and touch, which need random numbers.
+    The bounds leave room for a few more. Every plan simulates prints, leakage and touch, which need random numbers. A
+    plan that is kept needs nothing that plans.
     """
-    more = loaded_after("plan", "paper-32") - modules_after("import numpy.random")
+    monkeypatch.setenv(VARIABLE, str(work / "cache"))
+    random = modules_after("import numpy.random")
+    more = loaded_after("plan", "paper-32") - random
     padgen = {name for name in more if name.partition(".")[0] == "padgen"}
     assert len(padgen) <= 104, sorted(padgen)
     assert len(more - padgen) <= 46, sorted(more - padgen)
     packages = {name.partition(".")[0] for name in more} - sys.stdlib_module_names
     assert packages == {"numpy", "padgen"}
+    of_kept = loaded_after("plan", "paper-32")
+    assert not of_kept & {"padgen.planner.make", "padgen.planner.printed_pads", "scipy"}
+    assert len({name for name in of_kept if name.partition(".")[0] == "padgen"}) <= 60
 
 
 @pytest.mark.parametrize(

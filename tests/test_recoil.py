@@ -15,7 +15,8 @@ from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs,
 from padgen.planner.make import choose, finish
 from padgen.planner.pad_mass import mode_momentum, pad_mass
 from padgen.planner.plan import plan_from_json, plan_to_json
-from padgen.planner.shaken_pad import LOST_DB, ShakenPad, chance_images, moving_pad_db, pad_recoil
+from padgen.planner.shaken_pad import LOST_DB, ShakenPad, chance_images, pad_recoil
+from padgen.planner.verdict import moving_pad_db
 from padgen.report.plans import summary_text
 from padgen.spec import MountTable, load_spec, make_spec
 from padgen.spec.load import laid_over, template_paths, without_none

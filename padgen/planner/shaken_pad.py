@@ -26,14 +26,13 @@ from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs,
 from padgen.planner.pad_mass import IRON_KG_PER_M3, PadMass
 from padgen.planner.plan import Plan, Prints, Recoil
 from padgen.planner.printed_pads import leaked_energy
+from padgen.planner.verdict import left_by_recoil_db, moving_pad_db, recoil_db
 from padgen.spec import MountTable
 
 __all__ = [
     "LOST_DB",
     "ShakenPad",
-    "based_pad_db",
     "chance_images",
-    "moving_pad_db",
     "pad_recoil",
     "planned_recoil",
     "recoil_energy",
@@ -259,13 +258,13 @@ def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
         return known
 
     def heard_db(heavier: ShakenPad) -> float | None:
-        return _moving_db(replace(planned, recoil=_unsigned(heavier, IMAGES)))
+        return recoil_db(replace(planned, recoil=_unsigned(heavier, IMAGES)))
 
     def keeps(moving_db: float | None) -> bool:
-        left_db = _left_db(planned, moving_db)
-        return left_db is not None and left_db >= plan.selectivity.asked_db
+        kept_db = left_by_recoil_db(planned, moving_db)
+        return kept_db is not None and kept_db >= plan.selectivity.asked_db
 
-    return _with_base(known, pad, keeps, heard_db, _moving_db(planned))
+    return _with_base(known, pad, keeps, heard_db, recoil_db(planned))
 
 
 def recoil_energy(plan: Plan) -> float:
@@ -275,42 +274,6 @@ def recoil_energy(plan: Plan) -> float:
         return 0.0
     still = 0.0 if heard.clamped_db is None else 10 ** (-heard.clamped_db / 10)
     return float(max(10 ** (-heard.apart_db / 10) - still, 0.0))
-
-
-def moving_pad_db(plan: Plan) -> float | None:
-    """Return what the asked share of prints keeps on the moving pad, re-tuned only if need be.
-
-    It is infinite where nothing is heard, and None where prints keep less than is asked even on a pad that does not
-    move.
-    """
-    return _left_db(plan, _moving_db(plan))
-
-
-def based_pad_db(plan: Plan) -> float | None:
-    """Return the figure of `moving_pad_db` on the base plate that `Recoil.base_g` proposes."""
-    return _left_db(plan, plan.recoil.based_db)
-
-
-def _left_db(plan: Plan, moving_db: float | None) -> float | None:
-    """Return what prints keep where the moving pad's figure is `moving_db`."""
-    prints = plan.prints
-    held_db: float | None = inf
-    if prints.print_db is not None:
-        works = prints.good_share >= plan.spec.print_share
-        retuned_db = prints.print_db if works else None
-        held_db = prints.planned_db if _is_by_table(plan) else retuned_db
-    return None if held_db is None else plan.recoil.kept_db(held_db, moving_db)
-
-
-def _moving_db(plan: Plan) -> float | None:
-    """Return the moving pad's figure."""
-    return plan.recoil.in_step_db if _is_by_table(plan) else plan.recoil.apart_db
-
-
-def _is_by_table(plan: Plan) -> bool:
-    """Return whether prints keep what is asked with the driver table, so that no taxel need be re-tuned."""
-    planned_db = plan.prints.planned_db
-    return planned_db is None or planned_db >= plan.selectivity.asked_db
 
 
 def recoil_findings(plan: Plan) -> Iterator[Finding]:

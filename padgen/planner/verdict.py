@@ -10,12 +10,47 @@ from math import inf
 
 from padgen.core.errors import Finding, Verdict, about, as_lines, number, quieter
 from padgen.planner.plan import Plan, Touch
-from padgen.planner.shaken_pad import based_pad_db, moving_pad_db
 
-__all__ = ["judged"]
+__all__ = ["based_pad_db", "judged", "left_by_recoil_db", "moving_pad_db", "recoil_db"]
 
 CAUSES = ("selectivity.all_states", "coil.leak", "print.share")
 """Codes of findings that say why prints keep too little, the deepest cause first."""
+
+
+def moving_pad_db(plan: Plan) -> float | None:
+    """Return what the asked share of prints keeps on the moving pad, re-tuned only if need be.
+
+    It is infinite where nothing is heard, and None where prints keep less than is asked even on a pad that does not
+    move.
+    """
+    return left_by_recoil_db(plan, recoil_db(plan))
+
+
+def based_pad_db(plan: Plan) -> float | None:
+    """Return the figure of `moving_pad_db` on the base plate that `Recoil.base_g` proposes."""
+    return left_by_recoil_db(plan, plan.recoil.based_db)
+
+
+def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
+    """Return what prints keep where the moving pad's figure is `moving_db`."""
+    prints = plan.prints
+    held_db: float | None = inf
+    if prints.print_db is not None:
+        works = prints.good_share >= plan.spec.print_share
+        retuned_db = prints.print_db if works else None
+        held_db = prints.planned_db if _is_by_table(plan) else retuned_db
+    return None if held_db is None else plan.recoil.kept_db(held_db, moving_db)
+
+
+def recoil_db(plan: Plan) -> float | None:
+    """Return the moving pad's figure."""
+    return plan.recoil.in_step_db if _is_by_table(plan) else plan.recoil.apart_db
+
+
+def _is_by_table(plan: Plan) -> bool:
+    """Return whether prints keep what is asked with the driver table, so that no taxel need be re-tuned."""
+    planned_db = plan.prints.planned_db
+    return planned_db is None or planned_db >= plan.selectivity.asked_db
 
 
 def judged(plan: Plan, findings: tuple[Finding, ...]) -> Plan:

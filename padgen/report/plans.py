@@ -179,7 +179,7 @@ SHOWN_CHANNELS = 12
 
 def _power_lines(plan: "Plan") -> list[str]:
     """Return lines on the pad's power, and on its prints' selectivity by what is measured of them."""
-    from padgen.planner.shaken_pad import moving_pad_db
+    from padgen.planner.verdict import moving_pad_db
 
     load = plan.load
     prints = plan.prints
