@@ -186,7 +186,7 @@ _marked: set[tuple[str, str]] = set()
 
 
 def mark(kind: str, name: str) -> None:
-    """Note that something is registered, here or in another table of extensions."""
+    """Note that something is registered, here or in another table of extensions: plans are then made, not found."""
     _marked.add((kind, name))
 
 

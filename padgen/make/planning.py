@@ -152,9 +152,9 @@ KIND = "plan"
 
 
 def _by_beams(spec: Spec, keep: bool) -> "Plan":
-    """Return the plan by the beam model, that of the cache where one is kept and nothing but padgen's code plans.
+    """Return the plan by the beam model: with `keep` that of the cache, unless registered code may have a part in it.
 
-    Of other packages numpy alone has a part in it, but for optimised ladders, whose own entries know scipy's version.
+    Of other packages numpy alone has a part, but for optimised ladders, whose own entries know scipy's version.
     """
     import numpy
 

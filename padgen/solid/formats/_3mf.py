@@ -102,10 +102,10 @@ def verified_rows(name: str, mesh: Mesh, path: Path) -> None:
             here = mesh.vertices_mm[rows : rows + len(numbers)]
             rows += len(numbers)
             if len(here) < len(numbers) or np.abs(here - numbers).max(initial=0.0) > REREAD_MM:
-                raise GeometryError("read back, its vertices are others", name)
+                raise GeometryError("read back, its vertices differ from the mesh's", name)
         else:
             if not np.array_equal(mesh.triangles[corners : corners + len(numbers)], numbers):
-                raise GeometryError("read back, its triangles are others", name)
+                raise GeometryError("read back, its triangles differ from the mesh's", name)
             corners += len(numbers)
     if rows < len(mesh.vertices_mm) or corners < len(mesh.triangles):
         raise GeometryError(f"read back, it has {corners} triangles, must have {len(mesh.triangles)}", name)
