@@ -113,7 +113,7 @@ def report_section() -> list[str]:
         "",
         *report(),
         "",
-        "## Moves of the live page",
+        "### Moves of the live page",
         "",
         "`padgen explore`: a field changes, the figures (verdict, levels, ladder, driver table) are painted, then",
         "the 3-D view and the charts in sight, then the rest. In headless Chromium without a graphics card; the",
