@@ -130,8 +130,7 @@ def for_life() -> list[str]:
         elif spec.washer is not None and {channel.beam.topology for channel in plan.channels} == {"cantilever"}:
             told = kept_db(json.loads(plan_to_json(plan)), pads=SMALL_PADS, for_life=True)
         program = f"{np.quantile(told, 1 - spec.print_share):.1f}" if told.size else "–"
-        today_db = plan.prints.print_db if plan.touch is None else plan.touch.print_db
-        kept = ["–" if db is None else f"{db:.1f}" for db in (today_db, life.print_db)]
+        kept = ["–" if db is None else f"{db:.1f}" for db in (plan.retuned_prints.print_db, life.print_db)]
         lines.append(
             f"| {plan.name} | {plan.selectivity.asked_db:.1f} | {kept[0]} | {kept[1]} | {program}"
             f" | {100 * life.good_share:.0f} | {life.retune_k:g} |"

@@ -29,18 +29,34 @@ __all__ = [
     "USUAL_FORMATS",
     "Registry",
     "is_extended",
-    "mark",
     "names_in",
     "plugin_code",
     "registered_names",
+    "table_of_registered",
     "unknown_name",
-    "unmark",
 ]
 
 PLUGINS = "PADGEN_PLUGINS"
 """Environment variable: names of modules, separated by commas, that register extensions when imported."""
 T = TypeVar("T")
 NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+
+
+_tables: list[dict[str, Any]] = []
+"""All that is registered in this process: a table for each kind of thing."""
+
+
+def table_of_registered() -> dict[str, Any]:
+    """Return an empty table for what is registered, at which `is_extended` looks."""
+    table: dict[str, Any] = {}
+    _tables.append(table)
+    return table
+
+
+def is_extended() -> bool:
+    """Return whether results of this process may depend on registered code, which no key of the cache knows."""
+    plugin_code()
+    return any(_tables)
 
 
 class Registry(Generic[T]):
@@ -57,7 +73,7 @@ class Registry(Generic[T]):
         self.changes = 0
         self._package = package
         self._protocol = protocol
-        self._registered: dict[str, T] = {}
+        self._registered: dict[str, T] = table_of_registered()
 
     def names(self) -> tuple[str, ...]:
         """Return all names: padgen's own in alphabetic order, then the registered ones in their order."""
@@ -86,7 +102,6 @@ class Registry(Generic[T]):
         if missing:
             raise SpecError(f"the {self.kind} {name!r} lacks {', '.join(missing)}")
         self._registered[name] = thing
-        mark(self.kind, name)
         self.changes += 1
 
     def unregister(self, name: str) -> None:
@@ -100,7 +115,6 @@ class Registry(Generic[T]):
         if name not in self._registered:
             raise unknown_name(name, list(self._registered), f"registered {self.kind}", "")
         del self._registered[name]
-        unmark(self.kind, name)
         self.changes += 1
 
     @property
@@ -179,26 +193,6 @@ def _code_of(modules: tuple[str, ...]) -> str:
         except Exception as error:
             raise SpecError(f"cannot import {name!r} ({type(error).__name__}: {error})", PLUGINS) from error
     return code.hexdigest()
-
-
-_marked: set[tuple[str, str]] = set()
-"""Kind and name of all that is registered in this process."""
-
-
-def mark(kind: str, name: str) -> None:
-    """Note that something is registered, here or in another table of extensions: plans are then made, not found."""
-    _marked.add((kind, name))
-
-
-def unmark(kind: str, name: str) -> None:
-    """Note that it is registered no more."""
-    _marked.discard((kind, name))
-
-
-def is_extended() -> bool:
-    """Return whether results of this process may depend on registered code, which no key of the cache knows."""
-    plugin_code()
-    return bool(_marked)
 
 
 def registered_names() -> dict[str, tuple[str, ...]]:

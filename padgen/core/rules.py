@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from padgen.core.errors import Finding, PadgenError, SpecError
-from padgen.core.registry import mark, plugin_code, unmark
+from padgen.core.registry import plugin_code, table_of_registered
 
 __all__ = ["Rule", "RuleBook", "broken_rules", "refuse"]
 
@@ -63,7 +63,7 @@ class RuleBook(Generic[T]):
     def __init__(self, kind: str, *functions: Callable[[T], Iterable[Rule | Finding]]) -> None:
         self.kind = kind
         self._functions = functions
-        self._registered: dict[str, Callable[[T], Iterable[Rule | Finding]]] = {}
+        self._registered: dict[str, Callable[[T], Iterable[Rule | Finding]]] = table_of_registered()
 
     def register(self, name: str, function: Callable[[T], Iterable[Rule | Finding]]) -> None:
         """Add a function that yields rules, under a `name`; `unregister` removes it.
@@ -76,12 +76,10 @@ class RuleBook(Generic[T]):
         if name in self._registered:
             raise SpecError(f"there is a rule {name!r} of the {self.kind} already; take another name", "rule")
         self._registered[name] = function
-        mark(f"rule of the {self.kind}", name)
 
     def unregister(self, name: str) -> None:
         """Remove a registered function; padgen's own cannot be removed."""
         del self._registered[name]
-        unmark(f"rule of the {self.kind}", name)
 
     def findings(self, thing: T) -> Iterator[Finding]:
         """Yield a finding for each rule that the thing breaks."""

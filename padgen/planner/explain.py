@@ -339,9 +339,8 @@ def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fals
         return NO_PRINTS
     if any(finding.level == "error" for finding in plan.findings):
         return NO_PRINTS
-    if plan.touch is not None:
-        return _Printed(plan.touch.good_share, plan.life.good_share, plan.touch.print_db)
-    return _Printed(plan.prints.good_share, plan.life.good_share, plan.prints.print_db)
+    today = plan.retuned_prints
+    return _Printed(today.good_share, plan.life.good_share, today.print_db)
 
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:

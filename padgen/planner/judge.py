@@ -422,8 +422,7 @@ def _life(plan: Plan) -> Iterator[Finding]:
     """Warn where re-tuning once is not enough for what the spec says the pad goes through."""
     life = plan.life
     wanted = plan.spec.print_share
-    today_share = plan.prints.good_share if plan.touch is None else plan.touch.good_share
-    if today_share < wanted or life.good_share >= wanted:
+    if plan.retuned_prints.good_share < wanted or life.good_share >= wanted:
         return
     asked_db = plan.selectivity.asked_db
     do = f"keep the {asked_db:.1f} dB asked for"

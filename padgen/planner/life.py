@@ -47,19 +47,16 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     Few prints are enough of a plan whose prints keep too little on the day of re-tuning. With `quick` few are taken,
     with other modes as they are in the plan, and `retune_k` is not looked for: it is 0 where the range is too large.
     """
-    few = min(plan.prints.pads, QUICK_PADS, pads_until_sure(work(design)))
-    most = plan.prints.pads
-    good_share = plan.prints.good_share
-    if plan.touch is not None:
-        few = QUICK_PADS
-        most = plan.touch.pads
-        good_share = plan.touch.good_share
+    today = plan.retuned_prints
+    few = QUICK_PADS
+    if plan.touch is None:
+        few = min(today.pads, few, pads_until_sure(work(design)))
     if quick:
         return _life(plan, _with_planned_modes(design), few)
     life = _life(plan, design, few)
-    if good_share < plan.spec.print_share:
+    if today.good_share < plan.spec.print_share:
         return life
-    pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), most)
+    pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), today.pads)
     if pads > WORTH * few:
         life = _life(plan, design, pads)
     if life.good_share < plan.spec.print_share:
@@ -74,8 +71,7 @@ def _life(plan: Plan, design: Design, pads: int) -> Life:
     ends = [_after(plan, design, change_k, pads) for change_k in (range_k, -range_k)]
     share = float((ends[0].good & ends[1].good).mean())
     kept_db, reached = rising_db(np.minimum(ends[0].ratio, ends[1].ratio), spec.print_share)
-    today_db = plan.prints.print_db if plan.touch is None else plan.touch.print_db
-    is_heard = today_db is not None and bool(np.isfinite(kept_db).all())
+    is_heard = plan.retuned_prints.print_db is not None and bool(np.isfinite(kept_db).all())
     return Life(
         temperature_range_k=range_k,
         shifts=(_shift(spec, range_k), _shift(spec, -range_k)),

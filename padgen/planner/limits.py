@@ -11,7 +11,7 @@ from math import hypot, inf
 from typing import Any, NamedTuple
 
 from padgen.core.errors import SpecError, about, at_least, at_most, number, plural
-from padgen.core.registry import mark, unmark
+from padgen.core.registry import table_of_registered
 from padgen.core.units import MM, UM
 from padgen.physics.magnetics import balanced_deflection, pull_in_deflection
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
@@ -431,7 +431,7 @@ LIMITS = (
     ),
 )
 """The table: a limit is a row of it."""
-_registered: dict[str, Limit] = {}
+_registered: dict[str, Limit] = table_of_registered()
 
 
 def limits() -> tuple[Limit, ...]:
@@ -450,10 +450,8 @@ def register(limit: Limit) -> None:
     if limit.code in (one.code for one in limits()):
         raise SpecError(f"there is a limit {limit.code!r} already; take another code", "limit")
     _registered[limit.code] = limit
-    mark("limit", limit.code)
 
 
 def unregister(code: str) -> None:
     """Remove a registered limit; those of the table cannot be removed."""
     del _registered[code]
-    unmark("limit", code)

@@ -852,6 +852,11 @@ class Plan:
         return scheme_named(self.spec, self.selectivity.drive, self.channels)
 
     @property
+    def retuned_prints(self) -> "Prints | Touch":
+        """What its re-tuned prints keep: under the contact that the spec names, else untouched."""
+        return self.prints if self.touch is None else self.touch
+
+    @property
     def sets(self) -> tuple[tuple[Channel, ...], ...]:
         """The channels of one coil, for each set of channels (two where sets alternate from coil to coil)."""
         return channel_sets(self.channels, self.coils.sets)

@@ -45,6 +45,7 @@ from padgen.planner.printed_pads import (
     drawn_prints,
     leaked_energy,
     quantile_error,
+    rising_db,
     share_error,
     spreads_of,
 )
@@ -145,8 +146,8 @@ class Fingers(NamedTuple):
     def errors(self, need: float, share: float) -> tuple[float, float]:
         """Return half of the 95 % intervals of the share of pads that keep the energy ratio `need`, and of the dB."""
         good = float((self.ratio >= need).mean())
-        rising_db = 10 * np.log10(np.sort(np.clip(self.ratio, np.finfo(float).tiny, np.finfo(float).max)))
-        return share_error(good, len(self.ratio)), quantile_error(rising_db, share)
+        kept_db, _ = rising_db(np.minimum(self.ratio, np.finfo(float).max), share)
+        return share_error(good, len(self.ratio)), quantile_error(kept_db, share)
 
     def weakest_db(self, share: float) -> float:
         """Return the level in dB over the planned one that the weakest ON taxel of a `share` of the pads has."""
@@ -158,8 +159,8 @@ def _or_inf(db: float | None) -> float:
 
 
 def _reached_db(energy: np.ndarray, share: float) -> float:
-    sorted_db = 10 * np.log10(np.maximum(np.sort(energy), np.finfo(float).tiny))
-    return float(sorted_db[min(int((1 - share) * len(energy)), len(energy) - 1)])
+    sorted_db, reached = rising_db(energy, share)
+    return float(sorted_db[reached])
 
 
 class _Beside(NamedTuple):

@@ -197,14 +197,14 @@ def _power_lines(plan: "Plan") -> list[str]:
             f" ± {warm.error:.0%}; two thirds of it in {warm.warm_up_min:.0f} min): resonances fall by up to"
             f" {about(-100 * warm.resonance_shift)}%. Re-tune the pad warm, or drive it with --warm."
         )
-    lasts = ""
+    lasting = []
     if plan.life.good_share >= plan.spec.print_share and plan.life.print_db is not None:
-        lasts = (
+        lasting.append(
             f"Re-tuned once, they keep {plan.life.print_db:.1f} dB when {number(plan.life.temperature_range_k)} K"
             " warmer or colder, aged, and of unlike Q."
         )
     if plan.touch is not None:
-        lines += [*_touch_lines(plan.touch, plan.spec.print_share), *filter(None, [lasts])]
+        lines += _touch_lines(plan.touch, plan.spec.print_share) + lasting
     if prints.print_db is not None:
         stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
         stages_text = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)
@@ -213,8 +213,8 @@ def _power_lines(plan: "Plan") -> list[str]:
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
         )
-        if plan.touch is None and lasts:
-            lines.append(lasts)
+        if plan.touch is None:
+            lines += lasting
     left_db = moving_pad_db(plan)
     is_told = plan.spec.mount.is_fast or plan.verdict.shaken or plan.touch is not None
     if left_db is not None and prints.print_db is not None and not is_told:
