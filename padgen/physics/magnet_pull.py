@@ -18,6 +18,7 @@ Fields from outside do not change the polarisation: a recoil permeability of 1.0
 they are, at most. The steel of cores is linear. SI units; a current whose field lies along the polarisation pulls.
 """
 
+from collections.abc import Iterable
 from functools import lru_cache
 from math import ceil, log, pi
 from typing import Any, NamedTuple
@@ -168,16 +169,29 @@ def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.nda
     The energy is half that of the magnet in the field of this charge, which is linear in the magnet's potential u: its
     slope is that of u in the field of the charge as it lies, and the second one also has that of the charge itself.
     """
-    totals = np.zeros((4, len(fall)))
-    for along, across, echo, wave, turned in zip(core.along, core.across, core.echo, around, turns, strict=False):
-        at, moved, bent = np.moveaxis(np.tensordot(fall * wave, along, 1), 1, 0)
+    pull, stiffness, charges = _drawn(core, [fall * wave for wave in around[: len(core.echo)]])
+    side, moment = np.zeros((2, len(fall)))
+    for across, turned, charge in zip(core.across, turns, charges, strict=False):
         sideways, tilted = np.moveaxis(np.tensordot(fall * turned, across, 1), 1, 0)
+        side += (charge * sideways).sum(1)
+        moment += (charge * tilted).sum(1)
+    return np.stack([pull, stiffness, side, moment])
+
+
+def _drawn(core: _Core, waves: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Return pull and stiffness (n,) by the charge that a magnet draws, and this charge (n, nodes), by orders m.
+
+    `waves` (n, K) are J_m(k offset) exp(−k gap) of its places.
+    """
+    pull, stiffness = 0.0, 0.0
+    charges = []
+    for along, echo, wave in zip(core.along, core.echo, waves, strict=True):
+        at, moved, bent = np.moveaxis(np.tensordot(wave, along, 1), 1, 0)
         charge = at @ echo
-        totals[0] += (charge * moved).sum(1)
-        totals[1] += (charge * bent).sum(1) + ((moved @ echo) * moved).sum(1)
-        totals[2] += (charge * sideways).sum(1)
-        totals[3] += (charge * tilted).sum(1)
-    return totals
+        pull = pull + (charge * moved).sum(1)
+        stiffness = stiffness + (charge * bent).sum(1) + ((moved @ echo) * moved).sum(1)
+        charges.append(charge)
+    return pull, stiffness, charges
 
 
 def _spectrum(
@@ -303,30 +317,25 @@ class RestOnSpring(NamedTuple):
     least_stiffness: np.ndarray
 
 
-GAPS = 21
-FINE = 24
-"""Gaps at which the pull is solved for `rest_on_spring`, in even steps of the logarithm, and steps between two."""
+LEVEL_STEP = log(5) / 20
+"""Logarithmic step of the gaps at which `rest_on_spring` solves the pull: levels from `LEAST_GAP` on, the same for all
+magnets, so that those of one offset share them."""
+LEVELS = 5
+"""Levels that are solved together: near gaps take many more wave numbers than far ones."""
+FINE = 481
+"""Gaps at which spring and pull are compared, in even steps of the logarithm."""
 NEAREST = 0.2
 """Smallest of these gaps over the largest."""
 
 
 def rest_on_spring(
-    coil: CoilSource, magnet: DiscMagnet, gap: float, offset: np.ndarray, stiffness: np.ndarray
+    coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, offset: np.ndarray, stiffness: np.ndarray
 ) -> RestOnSpring:
-    """Return where magnets on springs of `stiffness` (n,) in N/m rest, whose gap without any pull is `gap` in m."""
-    offset, stiffness = np.broadcast_arrays(np.atleast_1d(offset), np.atleast_1d(stiffness))
-    levels = np.geomspace(gap, max(NEAREST * gap, LEAST_GAP), GAPS)
-    # Ranges of gaps of their own, since near ones take many more wave numbers.
-    parts = [
-        magnet_pull(coil, magnet, np.repeat(some, offset.size), np.tile(offset, len(some)))
-        for some in np.array_split(levels, 4)
-    ]
-    pull, slope = (
-        np.concatenate([np.reshape(part[column], (-1, offset.size)) for part in parts])
-        for column in (MagnetPull._fields.index("core_pull"), MagnetPull._fields.index("core_stiffness"))
-    )
-    at = np.geomspace(gap, levels[-1], FINE * (GAPS - 1) + 1)[:, None]
-    pull, slope = _between(levels, pull, slope)
+    """Return where magnets (n,) on springs of `stiffness` in N/m rest, whose gaps without any pull are `gap` in m."""
+    gap, offset, stiffness = np.broadcast_arrays(*map(np.atleast_1d, (gap, offset, stiffness)))
+    lowest = np.maximum(NEAREST * gap, np.minimum(gap, LEAST_GAP))
+    at = gap * (lowest / gap) ** np.linspace(0, 1, FINE)[:, None]
+    pull, slope = _core_pull_between(coil, magnet, at, offset)
     left = pull - stiffness * (gap - at)  # negative where the spring wins
     with np.errstate(divide="ignore", invalid="ignore"):
         least = np.where(at < gap, pull / (gap - at), np.inf).min(0)
@@ -336,32 +345,54 @@ def rest_on_spring(
     beyond = (left > 0) & (np.arange(len(at))[:, None] > rests)
     snaps = np.where(beyond.any(0), beyond.argmax(0), len(at) - 1)
     rest_gap = np.where(free, gap, _crossing(at, left, np.maximum(rests, 1)))
-    snap_gap = np.where(beyond.any(0), _crossing(at, left, snaps), levels[-1])
+    snap_gap = np.where(beyond.any(0), _crossing(at, left, snaps), lowest)
     steep = np.take_along_axis(slope, rests[None], 0)[0]
     rest, left_over, snap = (np.where(held, part, np.nan) for part in (rest_gap, stiffness + steep, snap_gap))
     return RestOnSpring(rest, left_over, snap, least)
 
 
-def _between(levels: np.ndarray, value: np.ndarray, slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return values and slopes (fine, n) between `levels` in even steps of their logarithm, by cubics (Hermite)."""
-    step = log(levels[1] / levels[0])
-    t = (np.arange(FINE) / FINE)[:, None]
-    rise = slope * levels[:, None] * step
-    fall = (value[:-1] - value[1:])[:, None]
-    leaving = rise[:-1, None]
-    coming = rise[1:, None]
-    first = 2 * fall + leaving + coming
-    second = -3 * fall - 2 * leaving - coming
-    fine = ((first * t + second) * t + leaving) * t + value[:-1, None]
-    turned = (3 * first * t + 2 * second) * t + leaving
-    at = levels[:-1, None, None] * np.exp(t * step)
-    values, slopes = (part.reshape(-1, value.shape[1]) for part in (fine, turned / (step * at)))
-    return np.concatenate([values, value[-1:]]), np.concatenate([slopes, slope[-1:]])
+def _core_pull_between(
+    coil: CoilSource, magnet: DiscMagnet, at: np.ndarray, offset: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the core's pull in N and its slope in N/m (…, n) at gaps `at` (…, n) in m, by cubics between levels."""
+    place = np.log(np.maximum(at, LEAST_GAP) / LEAST_GAP) / LEVEL_STEP
+    low = place.astype(int)
+    first = low.min() // LEVELS
+    blocks = range(first, (low.max() + 1) // LEVELS + 1)
+    offsets, column = np.unique(offset, return_inverse=True)
+    solved = np.concatenate([_core_levels(coil, magnet, tuple(offsets.tolist()), block) for block in blocks], axis=1)
+    low_row = low - first * LEVELS
+    (start, start_slope), (end, end_slope) = (solved[:, row, column] for row in (low_row, low_row + 1))
+    t = place - low
+    level = LEAST_GAP * np.exp(low * LEVEL_STEP)
+    # By the logarithm of the gap (Hermite).
+    leaving = start_slope * level * LEVEL_STEP
+    coming = end_slope * level * np.exp(LEVEL_STEP) * LEVEL_STEP
+    first_power = 2 * (start - end) + leaving + coming
+    second_power = -3 * (start - end) - 2 * leaving - coming
+    pull = ((first_power * t + second_power) * t + leaving) * t + start
+    turned = (3 * first_power * t + 2 * second_power) * t + leaving
+    return pull, turned / (LEVEL_STEP * at)
+
+
+@lru_cache(maxsize=1024)
+def _core_levels(coil: CoilSource, magnet: DiscMagnet, offsets: tuple[float, ...], block: int) -> np.ndarray:
+    """Return the core's pull in N and its slope in N/m (2, LEVELS, n) at one block of levels, at offsets (n,) in m."""
+    gap = LEAST_GAP * np.exp((block * LEVELS + np.arange(LEVELS)) * LEVEL_STEP)
+    spectrum = _spectrum(coil, magnet, float(gap[0]), offsets[-1])
+    if not spectrum.cores:
+        return np.zeros((2, LEVELS, len(offsets)))
+    core = spectrum.cores[0]
+    fall = np.exp(-gap[:, None, None] * spectrum.k)
+    around = bessel(np.array(offsets)[:, None] * spectrum.k, len(core.echo) - 1)
+    waves = (fall * around[:, None]).reshape(len(around), -1, len(spectrum.k))
+    pull, stiffness, _ = _drawn(core, waves)
+    return np.stack([pull, stiffness]).reshape(2, LEVELS, len(offsets))
 
 
 def _crossing(at: np.ndarray, left: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """Return where `left` (m, n) crosses 0 before `index` (n,), by a straight line."""
-    before, after = (np.take_along_axis(left, np.maximum(i, 0)[None], 0)[0] for i in (index - 1, index))
-    start = at[np.maximum(index - 1, 0), 0]
+    """Return where `left` (m, n) at gaps `at` (m, n) crosses 0 before `index` (n,), by a straight line."""
+    rows = np.maximum(index - 1, 0), np.maximum(index, 0)
+    (start, end), (before, after) = ([np.take_along_axis(of, row[None], 0)[0] for row in rows] for of in (at, left))
     change = np.where(before == after, 1.0, after - before)
-    return start - before / change * (at[index, 0] - start)
+    return start - before / change * (end - start)

@@ -43,11 +43,7 @@ def core_rest(spec: Spec, gap_um: np.ndarray, distance_mm: Sequence[float], stif
     rest = getattr(mover_of(spec), "rest", None)
     if rest is None or not spec.coil.core_diameter_mm:
         return None
-    rows = [
-        rest(spec.coil, spec.moved, float(gap) * UM, float(away) * MM, float(spring))
-        for gap, away, spring in zip(gap_um, distance_mm, stiffness, strict=True)
-    ]
-    gap, left, snap, least = (np.array(column) for column in zip(*rows, strict=True))
+    gap, left, snap, least = rest(spec.coil, spec.moved, gap_um * UM, np.array(distance_mm) * MM, stiffness)
     return CoreRest(gap / UM, left / stiffness, snap / UM, least)
 
 

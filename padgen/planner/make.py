@@ -43,6 +43,7 @@ from padgen.planner.pins import with_errors
 from padgen.planner.plan import (
     NO_LIFE,
     NO_RECOIL,
+    NOT_COUNTED,
     NOT_JUDGED,
     NOT_WARM,
     Cell,
@@ -453,7 +454,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     coils = bare.coils.rows * bare.coils.columns
     asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
     count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
-    capacity = replace(bare.capacity, prints=count)
+    capacity = replace(coil_capacity(spec, bare.scheme, choice.limits), prints=count)
     known = replace(
         bare,
         recoil=recoil,
@@ -508,7 +509,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
         name=spec.name,
         verdict=NOT_JUDGED,
         spec=spec,
-        capacity=coil_capacity(spec, scheme, choice.limits),
+        capacity=NOT_COUNTED,
         coils=coils,
         cell=Cell(layout.sub_columns, layout.sub_rows, layout.sub_width_mm, layout.sub_depth_mm, layout.beam_axis),
         plate=Plate(

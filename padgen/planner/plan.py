@@ -28,6 +28,7 @@ from padgen.spec.load import LARGEST_PLAN, without_none
 
 __all__ = [
     "CARRIER_OVER_RESONANCE",
+    "NOT_COUNTED",
     "NOT_JUDGED",
     "NO_LIFE",
     "NO_RECOIL",
@@ -749,6 +750,8 @@ class Life:
     error_share: float
 
 
+NOT_COUNTED = Capacity(1, 1, 1.0, "", 1.0, 1, "", 1)
+"""Placeholder in a plan whose capacity is not worked out yet."""
 NO_LIFE = Life(0.0, (0.0, 0.0), None, 0.0, 0.0, 0, None, 1.0)
 """Placeholder in a plan whose prints are not simulated yet."""
 NOT_WARM = Warm(23.0, 0.0, 23.0, 23.0, 23.0, 23.0, 0.0, 0.0, 0.0, (), 23.0, (), (), ())

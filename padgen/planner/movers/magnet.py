@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from padgen.core.units import MM
-from padgen.physics.magnet_pull import magnet_pull, rest_on_spring, shared_core
+from padgen.physics.magnet_pull import RestOnSpring, magnet_pull, rest_on_spring, shared_core
 from padgen.physics.magnetics import SteelRing
 from padgen.physics.magnets import (
     DiscMagnet,
@@ -117,17 +117,9 @@ def pulls(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, bal
     )
 
 
-@lru_cache(maxsize=4096)
-def rest(
-    coil: Coil, part: Magnet, gap_m: float, offset_m: float, stiffness: float
-) -> tuple[float, float, float, float]:
-    """Return gap in m and stiffness in N/m where a magnet on a spring rests over a core, and where it would snap to it.
-
-    They are those of `magnet_pull.RestOnSpring`, of one magnet, alone over its core.
-    """
-    rests = rest_on_spring(coil_source(coil), magnet_of(part), gap_m, np.array([offset_m]), np.array([stiffness]))
-    gap, left, snap, least = (float(column[0]) for column in rests)
-    return gap, left, snap, least
+def rest(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, stiffness: np.ndarray) -> RestOnSpring:
+    """Return where magnets (n,) on springs rest over cores, each alone over its own (`physics.magnet_pull`)."""
+    return rest_on_spring(coil_source(coil), magnet_of(part), gap_m, offset_m, stiffness)
 
 
 def shared(coil: Coil, part: Magnet, place_m: np.ndarray) -> np.ndarray:
