@@ -34,8 +34,19 @@ from padgen.physics.magnetics import (
     Winding,
     charged_core,
     fine_rings,
+    gauss,
 )
-from padgen.physics.magnets import DECAY, Coupling, DiscMagnet, bessel, face_flux, steel_charges, wave_points
+from padgen.physics.magnets import (
+    DECAY,
+    PANEL_NODES,
+    PANEL_PHASE,
+    Coupling,
+    DiscMagnet,
+    bessel,
+    face_flux,
+    steel_charges,
+    wave_points,
+)
 
 __all__ = ["LEAST_GAP", "MagnetPull", "RestOnSpring", "magnet_pull", "rest_on_spring", "shared_core"]
 
@@ -249,12 +260,35 @@ def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
 def _wound(winding: Winding, k: np.ndarray) -> np.ndarray:
     """Return Φ₀ of a winding per ampere: rings of current over its radii, in closed form over its height."""
     inner = winding.inner_diameter / 2
-    outer = winding.outer_diameter / 2
-    across, weight = wave_points(max(outer - inner, 1e-9), k[-1])
-    radius = inner + across
-    rings = (radius * bessel(k[:, None] * radius, 1)[1]) @ weight / weight.sum()
+    outer = max(winding.outer_diameter / 2, inner + 1e-9)
+    rings = _integral_of_rings(k, inner, outer) / (outer - inner)
     length = k * winding.length
     return winding.turns / 2 * rings * np.exp(k * winding.top) * -np.expm1(-length) / length
+
+
+def _integral_of_rings(k: np.ndarray, inner: float, outer: float) -> np.ndarray:
+    """Return ∫ r J₁(kr) dr from radius `inner` to `outer`, in m, at wave numbers k."""
+    result = np.empty_like(k)
+    node, weight = gauss(PANEL_NODES)
+    waves = k * (outer - inner) > PANEL_PHASE
+    radius = inner + (outer - inner) * node
+    result[~waves] = (radius * bessel(k[~waves, None] * radius, 1)[1]) @ weight * (outer - inner)
+    if waves.any():
+        # Where many waves lie on the radius, ∫ x J₁(x) dx is added up once for all k, panel by panel from 0.
+        ends = np.outer((inner, outer), k[waves])
+        panel = (ends / PANEL_PHASE).astype(int)
+        starts = np.arange(panel.max() + 1) * PANEL_PHASE
+        whole = np.append(0.0, np.cumsum(_integral_of_wave(starts, starts + PANEL_PHASE)))
+        below = whole[panel] + _integral_of_wave(panel * PANEL_PHASE, ends)
+        result[waves] = (below[1] - below[0]) / k[waves] ** 2
+    return result
+
+
+def _integral_of_wave(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return ∫ x J₁(x) dx from `start` to `end`, at most a panel apart."""
+    node, weight = gauss(PANEL_NODES)
+    x = start[..., None] + (end - start)[..., None] * node
+    return np.asarray((x * bessel(x, 1)[1]) @ weight * (end - start))
 
 
 def _core_wave(body: SteelBody, charge: np.ndarray, step: float, k: np.ndarray) -> np.ndarray:
