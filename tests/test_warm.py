@@ -100,6 +100,15 @@ def test_heat_decays_along_a_sheet_as_in_a_fin():
     assert rise[-1 - far] / rise[-1 - 2 * far] == pytest.approx(np.exp(far * width_m[0] / decay_m), rel=1e-2)
 
 
+def test_a_coil_that_heats_itself_without_end_is_told_as_too_hot():
+    # Of 905 kΩ: copper resists more the hotter it is, so that no temperature balances its heat.
+    four_lines = {"name": "hot", "resolution": 8, "band_hz": [50.0, 200.0], "q_min": 15.0}
+    coil = {"resistance_ohm": 905564.0, "layers": 2}
+    plan = pg.plan(make_spec(four_lines | {"pad": {"border_mm": 37.0}, "coil": coil, "taxel": {"glue_mg": 862.0}}))
+    assert np.isfinite(plan.warm.coil_c) and plan.warm.coil_c > 1000
+    assert "coil.heat" in {finding.code for finding in plan.findings if finding.level == "error"}
+
+
 @pytest.mark.parametrize("name", ["pad-32", "eight"])
 def test_coils_and_beams_are_as_warm_as_a_heat_solution_says(name):
     plan = measure_warm.plan_of(name)

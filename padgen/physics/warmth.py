@@ -108,7 +108,8 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
         heat = np.zeros_like(rise)
         heat[0] = layers.heat_w * (1 + COPPER_PER_K * (room_c + rise[0] - COPPER_C))
         before = rise
-        rise = _balanced(right, down, layers.through_w_per_k, out, heat, before)
+        balanced = _balanced(right, down, layers.through_w_per_k, out, heat, before)
+        rise = np.minimum(balanced, BURNT_K)
         if np.abs(rise - before).max() < SETTLED_K:
             break
     return room_c + rise
@@ -173,6 +174,8 @@ def _balanced(
     return rise
 
 
+BURNT_K = 1e6
+"""Largest rise that is computed: a hotter coil resists more and so heats more, without end where nothing cools it."""
 CLOSE = 1e-8
 """Share of the heat that may be missing from the balance."""
 
