@@ -10,7 +10,7 @@ from math import inf, isnan
 from operator import attrgetter
 from pathlib import Path
 from traceback import extract_tb
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,8 +101,6 @@ the selectivity by some hundredths of a decibel."""
 MOST_PRINTED = 16
 """Choices whose prints are simulated where none works as often as asked: those with the highest upper bounds. Without
 this bound, 342 instead of 16 choices of one spec are printed, for 0.001 dB (docs/accuracy.md)."""
-MOST_PRINTED_FOR_CURE = 4
-"""The same for a cure: what is asked is whether it works, not how well."""
 _grid = attrgetter("rows", "columns", "channels")
 
 
@@ -274,14 +272,18 @@ def _coils_key(choice: Choice) -> tuple[bool, int]:
 def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, overloaded: bool = False) -> Choice:
     """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
 
-    In the second case prints of few choices are simulated, and of each few `for_cure`. Choices that exceed a limit of
-    the coils count only if all do: then again, with `overloaded`; what is `known` of them is not computed again.
+    In the second case prints of few choices are simulated, `for_cure` none but those of the first round: what is asked
+    of a cure is whether it works, not how well. Choices that exceed a limit of the coils count only if all do: then
+    again, with `overloaded`; what is `known` of them is not computed again.
     """
     tried: list[tuple[Choice, Tried]] = []
     known = known or {}
     hopeless: dict[tuple[Layout, str, str], float] = {}
+    judged_pads = set[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
+        if _pad_of(choice, choice.spec.drive.scheme) in judged_pads:
+            continue
         key = (choice.layout, choice.spec.coil.reuse, choice.spec.drive.scheme)
         if key in hopeless:
             tried.append((choice, Tried(hopeless[key])))
@@ -292,8 +294,12 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
         if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
+        if id(choice) in known:
+            judged_pads.add(_pad_of(choice, known[id(choice)][2].drive))
     if not overloaded and all(one.at_most_db == -inf for _, one in tried):
         return _best((choice for choice, _ in tried), for_cure, known, overloaded=True)
+    if for_cure:
+        return max(tried, key=lambda item: (item[1].share, item[1].print_db, item[1].at_most_db))[0]
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     # Few prints are enough of those that surely work less often than another.
     chosen = tried[0][0]
@@ -307,7 +313,7 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
         if one.at_most_db < least:
             break
         may_be_better = one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share))
-        if may_be_better and printed < (MOST_PRINTED_FOR_CURE if for_cure else MOST_PRINTED):
+        if may_be_better and printed < MOST_PRINTED:
             one = _tried(choice, least, max(surely, best.share), known, for_cure, overloaded)
             printed += 1
         if (one.share, one.print_db) > (best.share, best.print_db):
@@ -315,6 +321,12 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
             chosen = choice
             least = asked if one.share > 0 else one.print_db
     return chosen
+
+
+def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
+    """Return all that makes a pad, so that no pad is judged as chosen for an automatic drive and again for that one."""
+    coil = choice.spec.coil
+    return choice.layout, choice.channels, choice.spec.suspension.topology, coil.reuse, coil.gap_mm, drive
 
 
 class Tried(NamedTuple):
