@@ -96,8 +96,10 @@ MOST_SURE = 8
 """Choices of which many prints are simulated to find the one that works most often, where none works as often as asked:
 those that few prints leave the most hope for."""
 NO_HOPE_DB = 0.5
-"""A layout that falls short by more than this with a drive is not judged with that drive at its other gaps: a gap moves
-the selectivity by some hundredths of a decibel."""
+"""A layout that falls short by more than this with a drive, or of which no print works, counts alike with that drive at
+its other gaps: a gap moves the selectivity by some hundredths of a decibel."""
+ALIKE_DB = 0.1
+"""Difference of what prints keep below which two choices that work as often, mostly never, keep as much."""
 MOST_PRINTED = 16
 """Choices whose prints are simulated where none works as often as asked: those with the highest upper bounds. Without
 this bound, 342 instead of 16 choices of one spec are printed, for 0.001 dB (docs/accuracy.md)."""
@@ -278,7 +280,7 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
     """
     tried: list[tuple[Choice, Tried]] = []
     known = known or {}
-    hopeless: dict[tuple[Layout, str, str], float] = {}
+    hopeless: dict[tuple[Layout, str, str], Tried] = {}
     judged_pads = set[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
@@ -286,11 +288,11 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
             continue
         key = (choice.layout, choice.spec.coil.reuse, choice.spec.drive.scheme)
         if key in hopeless:
-            tried.append((choice, Tried(hopeless[key])))
+            tried.append((choice, hopeless[key]))
             continue
         one = _tried(choice, asked, choice.spec.print_share, known, for_cure, overloaded)
-        if -inf < one.at_most_db < asked - NO_HOPE_DB:
-            hopeless[key] = one.at_most_db
+        if -inf < one.at_most_db < asked - NO_HOPE_DB or one.share == 0:
+            hopeless[key] = one
         if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
@@ -302,25 +304,30 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
         return max(tried, key=lambda item: (item[1].share, item[1].print_db, item[1].at_most_db))[0]
     # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
     # Few prints are enough of those that surely work less often than another.
-    chosen = tried[0][0]
     best = Tried(-inf, -inf, -inf)
+    judged_ones: list[tuple[int, Choice, Tried]] = []
     least = -inf
     surely = max(one.share - one.unsure_share for _, one in tried)
     most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
     surely = max([surely, *most_likely[MOST_SURE - 1 : MOST_SURE]])
     printed = 0
-    for choice, one in sorted(tried, key=lambda item: -item[1].at_most_db):
+    for place, (choice, one) in sorted(enumerate(tried), key=lambda item: -item[1][1].at_most_db):
         if one.at_most_db < least:
             break
         may_be_better = one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share))
         if may_be_better and printed < MOST_PRINTED:
             one = _tried(choice, least, max(surely, best.share), known, for_cure, overloaded)
             printed += 1
+        judged_ones.append((place, choice, one))
         if (one.share, one.print_db) > (best.share, best.print_db):
             best = one
-            chosen = choice
             least = asked if one.share > 0 else one.print_db
-    return chosen
+    # The first in rank, of those that keep as much: with the fewest coils.
+    return min(
+        (place, choice)
+        for place, choice, one in judged_ones
+        if one.share >= best.share and one.print_db >= best.print_db - ALIKE_DB
+    )[1]
 
 
 def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
