@@ -18,7 +18,7 @@ Fields from outside do not change the polarisation: a recoil permeability of 1.0
 they are, at most. The steel of cores is linear. SI units; a current whose field lies along the polarisation pulls.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import lru_cache
 from math import ceil, log, pi
 from typing import Any, NamedTuple
@@ -189,18 +189,18 @@ def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.nda
     return np.stack([pull, stiffness, side, moment])
 
 
-def _drawn(core: _Core, waves: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+def _drawn(core: _Core, waves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Return pull and stiffness (n,) by the charge that a magnet draws, and this charge (n, nodes), by orders m.
 
     `waves` (n, K) are J_m(k offset) exp(−k gap) of its places.
     """
-    pull, stiffness = 0.0, 0.0
+    pull, stiffness = np.zeros((2, len(waves[0])))
     charges = []
     for along, echo, wave in zip(core.along, core.echo, waves, strict=True):
         at, moved, bent = np.moveaxis(np.tensordot(wave, along, 1), 1, 0)
         charge = at @ echo
-        pull = pull + (charge * moved).sum(1)
-        stiffness = stiffness + (charge * bent).sum(1) + ((moved @ echo) * moved).sum(1)
+        pull += (charge * moved).sum(1)
+        stiffness += (charge * bent).sum(1) + ((moved @ echo) * moved).sum(1)
         charges.append(charge)
     return pull, stiffness, charges
 
@@ -420,7 +420,7 @@ def _core_levels(coil: CoilSource, magnet: DiscMagnet, offsets: tuple[float, ...
     fall = np.exp(-gap[:, None, None] * spectrum.k)
     around = bessel(np.array(offsets)[:, None] * spectrum.k, len(core.echo) - 1)
     waves = (fall * around[:, None]).reshape(len(around), -1, len(spectrum.k))
-    pull, stiffness, _ = _drawn(core, waves)
+    pull, stiffness, _ = _drawn(core, list(waves))
     return np.stack([pull, stiffness]).reshape(2, LEVELS, len(offsets))
 
 

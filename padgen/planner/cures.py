@@ -301,5 +301,5 @@ def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
     # Another coil's table leaves gap and reuse to the search, which has decided them in `spec`.
     coil = replace(other.coil, gap_mm=other.coil.gap_mm or spec.coil.gap_mm, reuse=spec.coil.reuse)
     other = replace(other, coil=coil)
-    layout = next(sized_layouts(other, candidates(other, limit)), None)
+    layout = next(sized_layouts(other, candidates(other, limit, near_misses=0)), None)
     return layout[0] if layout else None

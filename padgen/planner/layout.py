@@ -95,16 +95,20 @@ class Layout:
         return (self.surplus > 0, self.coils, -self.margin_mm)
 
 
-def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
+NEAR_MISSES = 200
+"""Layouts without room for their parts that are kept: a refusal explains what they lack."""
+
+
+def candidates(spec: Spec, channel_limit: int, near_misses: int = NEAR_MISSES) -> list[Layout]:
     """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
     # Neither gap nor drive moves a layout: specs that differ in nothing else share one list.
     coil = replace(spec.coil, gap_mm=1.0)
     drive = replace(spec.drive, scheme="auto", level_um=1.0)
-    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit, SUSPENSIONS.changes))
+    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit, near_misses, SUSPENSIONS.changes))
 
 
 @lru_cache(maxsize=64)
-def _candidates(spec: Spec, channel_limit: int, suspensions_version: int) -> tuple[Layout, ...]:
+def _candidates(spec: Spec, channel_limit: int, near_misses: int, suspensions_version: int) -> tuple[Layout, ...]:
     wanted = spec.resolution
     parts = _parts(spec)
     bare = [
@@ -115,14 +119,11 @@ def _candidates(spec: Spec, channel_limit: int, suspensions_version: int) -> tup
         for layout in _divisions(spec, rows, columns, channels, wanted)
     ]
     spare = [_margin_bound_mm(spec, parts, layout) for layout in bare]
-    least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
-    near = (layout for layout, mm in zip(bare, spare, strict=True) if mm >= min(least, -SLACK_MM))
+    nearest = sorted(spare, reverse=True)[:near_misses]
+    least = min([-SLACK_MM, *nearest[-1:]])
+    near = (layout for layout, mm in zip(bare, spare, strict=True) if mm >= least)
     sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
     return tuple(sorted(sized, key=lambda layout: layout.rank))
-
-
-NEAR_MISSES = 200
-"""Layouts without room for their parts that are kept: a refusal explains what they lack."""
 
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:

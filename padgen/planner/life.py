@@ -21,6 +21,7 @@ from padgen.planner.printed_pads import (
     STAGES,
     Design,
     Drift,
+    few_pads,
     pads_until_sure,
     printed,
     quantile_error,
@@ -50,7 +51,7 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     today = plan.retuned_prints
     few = QUICK_PADS
     if plan.touch is None:
-        few = min(today.pads, few, pads_until_sure(work(design)))
+        few = min(today.pads, few_pads(design))
     if quick:
         return _life(plan, _with_planned_modes(design), few)
     life = _life(plan, design, few)

@@ -450,8 +450,9 @@ def _tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
 def finish(choice: Choice, quick: bool = False) -> Plan:
     """Return the plan of a choice, whose beams and models may have been changed since it was made.
 
-    The cures of its findings are untried proposals. With `quick`, few prints are simulated, pins have no errors, and
-    recoil is worked out only where the spec says how the pad is held: cures are judged by no other.
+    The cures of its findings are untried proposals. With `quick`, few prints are simulated, pins have no errors, the
+    capacity is not counted, and recoil is worked out only where the spec says how the pad is held: cures are judged by
+    no other.
     """
     channels, selectivity = _driven(choice)
     if not quick:
@@ -471,9 +472,11 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
         bare = replace(bare, touched=touched_figures(bare))
     warm = planned_warmth(bare)
     coils = bare.coils.rows * bare.coils.columns
-    asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
-    count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
-    capacity = replace(coil_capacity(spec, bare.scheme, choice.limits), prints=count)
+    capacity = NOT_COUNTED
+    if not quick:
+        asked = bare.selectivity.asked_db, spec.print_share, coils, prints.ratio_spread / 2**0.5
+        count = printed_count(spec.band_hz, spec.q_min, level_law(spec), bare.scheme, *asked)
+        capacity = replace(coil_capacity(spec, bare.scheme, choice.limits), prints=count)
     known = replace(
         bare,
         recoil=recoil,

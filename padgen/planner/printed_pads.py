@@ -748,7 +748,14 @@ NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 
 def what_prints_keep(plan: Plan, design: Design, quick: bool = False) -> Prints:
     """Simulate prints of `plan`, always the same ones, until the estimate is sure; with `quick` only a few."""
-    return _simulated(plan, design, QUICK_PADS, JUDGED) if quick else _simulated_until_sure(plan, design, STAGES)
+    if quick:
+        return _simulated(plan, design, few_pads(design), JUDGED)
+    return _simulated_until_sure(plan, design, STAGES)
+
+
+def few_pads(design: Design) -> int:
+    """Return how many pads are simulated to compare layouts: fewer where a pad takes much work."""
+    return min(QUICK_PADS, pads_until_sure(work(design)))
 
 
 def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool = False) -> tuple[float, Prints]:
@@ -766,7 +773,7 @@ def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool
     paper_db = 10 * float(np.log10(ratio)) if ratio > 0 else float("-inf")
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
-    few = min(QUICK_PADS, pads_until_sure(work(design)))
+    few = few_pads(design)
     for one in (design, exact):
         for pads in (FIRST_PADS, few):
             prints = _simulated(plan, one, pads, stages)

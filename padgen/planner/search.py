@@ -397,10 +397,14 @@ LARGEST_PRINTED = 1024
 TRIED_SINGLY = 64
 """Counts up to here are tried one by one; above, the largest that holds is guessed, and found in doubling and halving
 steps from there."""
-GUESSES = 2
+GUESSES = 4
 MOST_GUESSED_DB = 40.0
-"""Guesses that are made, each from the one before, and the most by which one may exceed what is asked: a hundred times
-as many channels."""
+"""Most guesses that are made, each from the two before, and the most dB by which what is kept may exceed what is asked
+in one."""
+USUAL_FALL_DB = 20 / log(10)
+LEAST_FALL_DB = 2.0
+"""By how much less is kept of e times as many channels: of the first guess, since a taxel beside its resonance hears a
+tone in proportion to one over their distance, and at least."""
 
 
 def channel_limit(spec: Spec) -> int:
@@ -484,10 +488,15 @@ def largest_counts(
         return all_states(_ladder(band_hz, count, q, law), scheme).db
 
     def largest(kept_db: Callable[[int], float], high: int) -> int:
-        # A taxel beside its resonance hears a tone in proportion to one over their distance: to the count.
         near = TRIED_SINGLY
+        fall_db = USUAL_FALL_DB
         for _ in range(GUESSES):
-            near = int(min(near * 10 ** (min(kept_db(near) - target_db, MOST_GUESSED_DB) / 20), high))
+            spare_db = min(kept_db(near) - target_db, MOST_GUESSED_DB)
+            guess = min(int(near * exp(spare_db / fall_db)), high)
+            if guess <= TRIED_SINGLY or guess == near:
+                break
+            fall_db = max((kept_db(near) - kept_db(guess)) / log(guess / near), LEAST_FALL_DB)
+            near = guess
         return _largest_that_holds(lambda count: kept_db(count) >= target_db, TRIED_SINGLY, high, near)
 
     singly = min(TRIED_SINGLY, most)
@@ -534,16 +543,22 @@ def printed_count(
 def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: int | None = None) -> int:
     """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
 
-    The steps up from `near`, where that holds, else from `low`, double until one fails, and then halve: the work grows
-    with the square of a count or faster.
+    Steps from `near`, up where that holds and else down, double until a count answers otherwise, and then halve: the
+    work grows with the square of a count or faster.
     """
-    if near is not None and near > low and holds(near):
-        low = near
-    step = 1
     failing = high + 1
+    if near is not None and near > low:
+        low, failing = (near, failing) if holds(near) else (low, near)
+    is_upwards = failing > high
+    is_between = False
+    step = 1
     while failing - low > 1:
-        tried = min(low + step, high) if failing > high else (low + failing) // 2
-        low, failing = (tried, failing) if holds(tried) else (low, tried)
+        tried = min(low + step, high) if is_upwards else max(failing - step, low + 1)
+        if is_between:
+            tried = (low + failing) // 2
+        held = holds(tried)
+        low, failing = (tried, failing) if held else (low, tried)
+        is_between = is_between or held != is_upwards
         step *= 2
     return low
 
