@@ -1,5 +1,6 @@
 """Spec → Plan: run layout, search and judge, try what the spec leaves open, and choose by what prints keep."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -98,6 +99,10 @@ those that few prints leave the most hope for."""
 NO_HOPE_DB = 0.5
 """A layout that falls short by more than this with a drive, or of which no print works, counts alike with that drive at
 its other gaps: a gap moves the selectivity by some hundredths of a decibel."""
+MOST_FAR_SHORT = 3
+FAR_SHORT_DB = 2.0
+"""Layouts of as many channels, of none of which a print works, all this far from it, after which no others are judged:
+prints of theirs differ by less than that."""
 ALIKE_DB = 0.1
 """Difference of what prints keep below which two choices that work as often, mostly never, keep as much."""
 MOST_PRINTED = 16
@@ -282,17 +287,22 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
     known = known or {}
     hopeless: dict[tuple[Layout, str, str], Tried] = {}
     judged_pads = set[tuple[Any, ...]]()
+    far_short = Counter[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
         if _pad_of(choice, choice.spec.drive.scheme) in judged_pads:
             continue
         key = (choice.layout, choice.spec.coil.reuse, choice.spec.drive.scheme)
+        kind = (choice.layout.channels, choice.spec.suspension.topology, *key[1:])
+        if far_short[kind] >= MOST_FAR_SHORT:
+            continue
         if key in hopeless:
             tried.append((choice, hopeless[key]))
             continue
         one = _tried(choice, asked, choice.spec.print_share, known, for_cure, overloaded)
         if -inf < one.at_most_db < asked - NO_HOPE_DB or one.share == 0:
             hopeless[key] = one
+            far_short[kind] += one.share == 0 and one.print_db < asked - FAR_SHORT_DB
         if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
