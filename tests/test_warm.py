@@ -4,6 +4,7 @@
 |---|---|---|---|
 | rise of a pad that conducts well | root of its balance, films of docs/measure_warm.py | 0.1 % | the same films |
 | rise beside a line of heat | e^(−x/√(S/g)), a fin's | 1 % | 200 cells, six decay lengths |
+| rises of a pad with more heat | larger | exact | physics |
 | rises of coils and beams | a 3-D heat solution (docs/measure_warm.py, 1.25 mm) | 30 % | as plans state |
 | loss by a cold table | the receptance at its tones | 1e-6 dB | the same formula |
 | loss by a cold file | the pad simulated in time | 0.15 dB | tones beside a constant are not small |
@@ -33,7 +34,7 @@ from padgen.driver.waveform import RATES_HZ, drive_at, steady
 from padgen.measured.tuning import levels_um, planned_tuning, tuning_from_json, tuning_to_json, warm_tuning
 from padgen.physics.warmth import WarmLayers, temperatures
 from padgen.planner import Plan, plan_from_json, plan_to_json
-from padgen.planner.warm_pad import planned_warmth
+from padgen.planner.warm_pad import planned_warmth, warm_layers
 from padgen.spec import make_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
@@ -105,8 +106,18 @@ def test_a_coil_that_heats_itself_without_end_is_told_as_too_hot():
     four_lines = {"name": "hot", "resolution": 8, "band_hz": [50.0, 200.0], "q_min": 15.0}
     coil = {"resistance_ohm": 905564.0, "layers": 2}
     plan = pg.plan(make_spec(four_lines | {"pad": {"border_mm": 37.0}, "coil": coil, "taxel": {"glue_mg": 862.0}}))
-    assert np.isfinite(plan.warm.coil_c) and plan.warm.coil_c > 1000
-    assert "coil.heat" in {finding.code for finding in plan.findings if finding.level == "error"}
+    assert plan.warm.coil_c > 1000
+    assert {"coil.heat", "pad.hot"} <= {finding.code for finding in plan.findings if finding.level == "error"}
+
+
+def test_more_heat_makes_coils_and_beams_warmer_however_hot_they_are():
+    # Where they radiate most, whole steps from one film to the next swing from cold to hot without end.
+    layers = warm_layers(pg.plan("pad-32"))
+    rises = []
+    for heat_w in (0.1, 1.0, 5.0, 20.0, 100.0):
+        hot = temperatures(layers._replace(heat_w=layers.heat_w / layers.heat_w.sum() * heat_w), 23.0)
+        rises.append(hot.max((1, 2)) - 23.0)
+    assert (np.diff(rises, axis=0) > 0).all()
 
 
 @pytest.mark.parametrize("name", ["pad-32", "eight"])

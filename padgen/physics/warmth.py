@@ -9,6 +9,7 @@ Correlations of natural convection: plate facing upwards, Nu = 0.54 Ra^(1/4) wit
 (Lloyd and Moran 1974); upright side, Churchill and Chu 1975. Both scatter by some 15 to 25 % on small plates.
 """
 
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -98,6 +99,8 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
     right, down = _conductances(layers)
     sides = _side_lengths(layers)
     rise = np.zeros((2, *area.shape))
+    share = 1.0
+    change_k = inf
     for _ in range(ROUNDS):
         out = np.zeros_like(rise)
         out[1] += area * film_above(float((rise[1] * area).sum() / area.sum()), length_m, room_c)
@@ -106,11 +109,15 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
             out[layer] += sides * height * film_beside(edge, float(layers.height_m.sum()), room_c)
         out[0] += layers.below_w_per_k
         heat = np.zeros_like(rise)
-        heat[0] = layers.heat_w * (1 + COPPER_PER_K * (room_c + rise[0] - COPPER_C))
-        before = rise
-        balanced = _balanced(right, down, layers.through_w_per_k, out, heat, before)
-        rise = np.minimum(balanced, BURNT_K)
-        if np.abs(rise - before).max() < SETTLED_K:
+        copper_c = np.minimum(room_c + rise[0], COPPER_MELTS_C)
+        heat[0] = layers.heat_w * (1 + COPPER_PER_K * (copper_c - COPPER_C))
+        step = _balanced(right, down, layers.through_w_per_k, out, heat, rise) - rise
+        last_k = change_k
+        change_k = float(np.abs(step).max())
+        if change_k > SLOW * last_k:  # the hotter, the better it radiates: a whole step overshoots
+            share /= 2
+        rise = rise + share * step
+        if change_k < SETTLED_K:
             break
     return room_c + rise
 
@@ -174,8 +181,10 @@ def _balanced(
     return rise
 
 
-BURNT_K = 1e6
-"""Largest rise that is computed: a hotter coil resists more and so heats more, without end where nothing cools it."""
+SLOW = 0.7
+"""Change of a round over the one before, above which rounds take half of their steps."""
+COPPER_MELTS_C = 1085.0
+"""Temperature up to which a coil resists more the hotter it is: else nothing would balance the heat of some coils."""
 CLOSE = 1e-8
 """Share of the heat that may be missing from the balance."""
 
