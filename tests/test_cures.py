@@ -73,7 +73,7 @@ def test_every_cure_of_random_specs_does_what_it_says(specs, codes):
 @pytest.mark.parametrize(
     ("changes", "code"),
     [
-        ({"drive": {"level_um": 250}, "coil": {"gap_mm": 1.0}}, "gap.travel"),
+        ({"drive": {"level_um": 90}, "coil": {"gap_mm": 0.4}}, "gap.travel"),
         ({"drive": {"level_um": 300.0}, "coil": {"gap_mm": 3.0}}, "coil.heat"),
         ({"drive": {"voltage_limit_v": 0.5}}, "coil.voltage"),
         ({"limits": {"power_w": 0.001}}, "limits.power"),

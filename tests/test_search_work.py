@@ -1,7 +1,7 @@
 """How much the search computes, counted: layouts sized and prints simulated, which no machine's speed changes."""
 
 from dataclasses import replace
-from math import inf
+from math import inf, log10
 
 import pytest
 
@@ -55,6 +55,54 @@ def test_the_layout_that_works_most_often_is_found_with_many_prints_of_few(monke
     found = make._best((make.Choice(spec, k, ()) for k in range(count)), for_cure=False)
     assert shares[found.layout] == max(shares)
     assert len(sure) <= make.MOST_SURE
+
+
+def _found(monkeypatch, choices, figures):
+    """Return the choice that is taken where `figures` (share, dB) are what each one's prints keep, and what was judged."""
+    judged = []
+
+    def tried(choice, *_):
+        judged.append(choice)
+        return make.Tried(30.0, *figures(choice))
+
+    monkeypatch.setattr(make, "_tried", tried)
+    monkeypatch.setattr(make, "_with_bent_beams", lambda tried: iter(()))
+    return make._best(iter(choices), for_cure=False), judged
+
+
+def test_layouts_far_short_in_every_print_stand_for_others_with_as_many_channels(monkeypatch):
+    spec = load_spec("paper-32")
+    asked_db = 20 * log10(spec.delta_y)
+    few = [make.Choice(spec, k, (None,) * 3) for k in range(9)]
+    others = [make.Choice(spec, 10 + k, (None,) * 2) for k in range(2)]
+    far_db = asked_db - 1.5 * make.FAR_SHORT_DB
+    _, judged = _found(monkeypatch, [*few, *others], lambda choice: (0.0, far_db))
+    assert judged == [*few[: make.MOST_FAR_SHORT], *others]
+    _, judged = _found(monkeypatch, few, lambda choice: (0.0, asked_db - 0.5 * make.FAR_SHORT_DB))
+    assert judged == few
+
+
+def test_of_pads_that_keep_as_much_that_with_the_fewest_coils_is_taken(monkeypatch):
+    choices = [make.Choice(load_spec("paper-32"), k, ()) for k in range(3)]
+    found, _ = _found(monkeypatch, choices, lambda choice: (0.4, 12.0 + 0.4 * make.ALIKE_DB * choice.layout))
+    assert found is choices[0]
+    found, _ = _found(monkeypatch, choices, lambda choice: (0.4, 12.0 + 2 * make.ALIKE_DB * choice.layout))
+    assert found is choices[2]
+
+
+def test_a_pad_is_judged_once_though_its_drive_is_asked_for_by_name(monkeypatch):
+    table = {"name": "four", "resolution": 32, "band_hz": [50, 200], "q_min": 15, "delta_y": 5, "print_share": 0.999}
+    pads = []
+
+    def counted(plan, *arguments):
+        hz = tuple(channel.resonance_hz for channel in plan.channels)
+        pads.append((plan.coils, hz, plan.spec.coil.gap_mm, plan.spec.coil.reuse, plan.selectivity.drive))
+        return compared_prints(plan, *arguments)
+
+    monkeypatch.setattr(make, "compared_prints", counted)
+    monkeypatch.setattr(make, "MOST_PRINTED", 0)  # the second round, which judges the best ones again
+    make.choose(make_spec(table))
+    assert len(pads) == len(set(pads)) > 1
 
 
 @pytest.mark.parametrize(

@@ -293,7 +293,7 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
         if _pad_of(choice, choice.spec.drive.scheme) in judged_pads:
             continue
         key = (choice.layout, choice.spec.coil.reuse, choice.spec.drive.scheme)
-        kind = (choice.layout.channels, choice.spec.suspension.topology, *key[1:])
+        kind = (len(choice.channels), choice.spec.suspension.topology, *key[1:])
         if far_short[kind] >= MOST_FAR_SHORT:
             continue
         if key in hopeless:
