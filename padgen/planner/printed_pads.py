@@ -774,17 +774,21 @@ def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
     few = few_pads(design)
-    for one in (design, exact):
-        for pads in (FIRST_PADS, few):
-            prints = _simulated(plan, one, pads, stages)
-            if prints.good_share + SURELY * prints.error_share < least_share:
-                return paper_db, prints
+    many = few if quick else max(few, pads_until_sure(work(design)))
+    rounds = [(design, FIRST_PADS), (design, few), (exact, FIRST_PADS), (exact, few)]
+    if many > few:
+        rounds.append((exact, many))
+    for one, pads in rounds:
+        prints = _simulated(plan, one, pads, stages)
+        is_below = prints.good_share + SURELY * prints.error_share < least_share
         is_above = one is exact and prints.good_share >= plan.spec.print_share + NEAR_SHARE
-        if is_above or prints.good_share == 0:
+        if is_below or (pads >= few and (is_above or prints.good_share == 0)):
             return paper_db, prints
     if quick:
         return paper_db, prints
-    return paper_db, _simulated_until_sure(plan, exact, stages)
+    # What they keep in dB is sure enough by now to compare layouts.
+    pads = pads_until_sure(work(exact), prints.error_share, 0.0, many)
+    return paper_db, prints if pads == many else _simulated(plan, exact, pads, stages)
 
 
 def _simulated_until_sure(plan: Plan, design: Design, stages: tuple[str, ...]) -> Prints:
