@@ -21,6 +21,7 @@ from padgen.planner.layout import (
     most_coils,
     most_outputs,
     room,
+    roomy_layouts,
     whole_grids,
 )
 from padgen.planner.plan import Plan
@@ -254,7 +255,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         yield {"coil.grid": [best_layout.rows, best_layout.columns]}
     if spec.feeds:
         free = replace(spec, amplifier=None, sound_card=None)
-        sized = next(sized_layouts(free, candidates(free, limit)), None)
+        sized = next(sized_layouts(free, roomy_layouts(free, limit)), None)
         if sized and sized[0].coils > most_outputs(spec):
             short = [word for word, device in spec.feeds if device.channels < sized[0].coils]
             yield {f"{word.replace(' ', '_')}.channels": sized[0].coils for word in short}
@@ -301,5 +302,5 @@ def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
     # Another coil's table leaves gap and reuse to the search, which has decided them in `spec`.
     coil = replace(other.coil, gap_mm=other.coil.gap_mm or spec.coil.gap_mm, reuse=spec.coil.reuse)
     other = replace(other, coil=coil)
-    layout = next(sized_layouts(other, candidates(other, limit, near_misses=0)), None)
+    layout = next(sized_layouts(other, roomy_layouts(other, limit)), None)
     return layout[0] if layout else None

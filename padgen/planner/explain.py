@@ -17,7 +17,7 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import plan_channels
 from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
-from padgen.planner.layout import SLACK_MM, candidates, explain
+from padgen.planner.layout import SLACK_MM, candidates, explain, roomy_layouts
 from padgen.planner.make import make_plan
 from padgen.planner.plan import Plan, Selectivity, level_law, scheme_named
 from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
@@ -300,7 +300,7 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     """
     try:
         other = _with_grid(spec, grid, count, optimise)
-        layout, beams = next(sized_layouts(other, candidates(other, channel_limit(other))))
+        layout, beams = next(sized_layouts(other, roomy_layouts(other, channel_limit(other))))
     except (SpecError, StopIteration):
         return None
     channels = plan_channels(other, beams, sites_of(other, layout, beams))

@@ -92,38 +92,56 @@ class Layout:
     @property
     def rank(self) -> tuple[bool, int, float]:
         """Sort key among feasible candidates, best first."""
-        return (self.surplus > 0, self.coils, -self.margin_mm)
+        return (*self.rank_by_coils, -self.margin_mm)
+
+    @property
+    def rank_by_coils(self) -> tuple[bool, int]:
+        """The parts of `rank` that need no slacks."""
+        return self.surplus > 0, self.coils
+
+
+def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
+    """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
+    # Neither gap nor drive moves a layout: specs that differ in nothing else share one list.
+    coil = replace(spec.coil, gap_mm=1.0)
+    drive = replace(spec.drive, scheme="auto", level_um=1.0)
+    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit, SUSPENSIONS.changes))
+
+
+@lru_cache(maxsize=64)
+def _candidates(spec: Spec, channel_limit: int, suspensions_version: int) -> tuple[Layout, ...]:
+    parts = _parts(spec)
+    bare = _without_slacks(spec, channel_limit)
+    spare = [_margin_bound_mm(spec, parts, layout) for layout in bare]
+    least = sorted(spare, reverse=True)[min(len(spare), NEAR_MISSES) - 1] if spare else 0.0
+    near = (layout for layout, mm in zip(bare, spare, strict=True) if mm >= min(least, -SLACK_MM))
+    sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
+    return tuple(sorted(sized, key=lambda layout: layout.rank))
 
 
 NEAR_MISSES = 200
 """Layouts without room for their parts that are kept: a refusal explains what they lack."""
 
 
-def candidates(spec: Spec, channel_limit: int, near_misses: int = NEAR_MISSES) -> list[Layout]:
-    """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
-    # Neither gap nor drive moves a layout: specs that differ in nothing else share one list.
-    coil = replace(spec.coil, gap_mm=1.0)
-    drive = replace(spec.drive, scheme="auto", level_um=1.0)
-    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit, near_misses, SUSPENSIONS.changes))
-
-
-@lru_cache(maxsize=64)
-def _candidates(spec: Spec, channel_limit: int, near_misses: int, suspensions_version: int) -> tuple[Layout, ...]:
+def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
     wanted = spec.resolution
-    parts = _parts(spec)
-    bare = [
+    return [
         layout
         for channels in channel_counts(spec, channel_limit)
         for rows, columns in _grids(spec, ceil(wanted / channels))
         if 0 <= rows * columns * channels - wanted < rows * columns
         for layout in _divisions(spec, rows, columns, channels, wanted)
     ]
-    spare = [_margin_bound_mm(spec, parts, layout) for layout in bare]
-    nearest = sorted(spare, reverse=True)[:near_misses]
-    least = min([-SLACK_MM, *nearest[-1:]])
-    near = (layout for layout, mm in zip(bare, spare, strict=True) if mm >= least)
-    sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
-    return tuple(sorted(sized, key=lambda layout: layout.rank))
+
+
+def roomy_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
+    """Yield the `candidates` that have room for their parts, by their rank, each worked out when it is its turn."""
+    parts = _parts(spec)
+    bare = sorted(_without_slacks(spec, channel_limit), key=lambda layout: layout.rank_by_coils)
+    for _, alike in groupby(bare, key=lambda layout: layout.rank_by_coils):
+        roomy = [layout for layout in alike if _margin_bound_mm(spec, parts, layout) >= -SLACK_MM]
+        sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in roomy]
+        yield from sorted((one for one in sized if one.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
 
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:

@@ -36,7 +36,7 @@ from padgen.planner.drive_scheme import (
     plan_selectivity,
 )
 from padgen.planner.judge import judge
-from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room
+from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room, roomy_layouts
 from padgen.planner.left_out import left_out
 from padgen.planner.life import planned_life
 from padgen.planner.limits import exceeded
@@ -218,7 +218,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
         # The gap changes no beam, and the drive does only where resonances are optimised for it.
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
-            some = sized_layouts(decided, candidates(decided, channel_limit(decided)))
+            some = sized_layouts(decided, roomy_layouts(decided, channel_limit(decided)))
             known[key] = islice(some, None if spec.leaves_layout_free and not quick else 1)
         known[key], sized = tee(known[key])
         choices = starmap(partial(Choice, decided), sized)
@@ -273,7 +273,7 @@ Driven = dict[int, tuple[Choice, tuple[Channel, ...], ChosenDrive]]
 
 
 def _coils_key(choice: Choice) -> tuple[bool, int]:
-    return choice.layout.surplus > 0, choice.layout.coils
+    return choice.layout.rank_by_coils
 
 
 def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, overloaded: bool = False) -> Choice:
@@ -368,7 +368,7 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
     for (spec, layout, *_), kind in product(near, SUSPENSIONS.families()):
         if spec.leaves_layout_free and spec.suspension.topology == "auto":
             bent = replace(spec, suspension=replace(spec.suspension, topology=kind))
-            options = [o for o in candidates(bent, layout.channels) if _grid(o) == _grid(layout)]
+            options = [o for o in roomy_layouts(bent, layout.channels) if _grid(o) == _grid(layout)]
             yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
