@@ -130,8 +130,10 @@ def _largest_change_k(plan: Plan, design: Design, pads: int) -> float:
         is_kept = _after(plan, as_planned, worse * middle * STEP_K, pads).good.mean() >= share
         low, high = (middle, high) if is_kept else (low, middle)
     while low > 0:
-        ends = [_after(plan, design, sign * low * STEP_K, pads).good for sign in (1, -1)]
-        if (ends[0] & ends[1]).mean() >= share:
+        kept = _after(plan, design, worse * low * STEP_K, pads).good
+        if kept.mean() >= share:
+            kept = kept & _after(plan, design, -worse * low * STEP_K, pads).good
+        if kept.mean() >= share:
             break
         low -= 1
     return low * STEP_K

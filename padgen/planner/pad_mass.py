@@ -143,13 +143,17 @@ class PadMass:
 
     def momenta(self, centre: np.ndarray) -> np.ndarray:
         """Return what each taxel's working mode takes (n, 6), moments about `centre` (3,) in m."""
-        rows = []
-        for taxel in self.plan.taxels:
-            force, moment = np.split(self.channels[taxel.channel].momentum, 2)
-            force, moment = (_turned(v, self.plan.channels[taxel.channel], taxel) for v in (force, moment))
-            arm = np.array([taxel.x_mm * MM, taxel.y_mm * MM, 0.0]) - centre
-            rows.append(np.concatenate([force, moment + np.cross(arm, force)]))
-        return np.array(rows)
+        force, moment = self._taxel_momenta
+        arm = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in self.plan.taxels]) - centre
+        return np.concatenate([force, moment + np.cross(arm, force)], axis=1)
+
+    @cached_property
+    def _taxel_momenta(self) -> np.ndarray:
+        """The two parts (2, n, 3) of what each taxel's working mode takes, about the taxel's own axis."""
+        plan = self.plan
+        turns = np.array([_turn(plan.channels[taxel.channel], taxel) for taxel in plan.taxels])
+        momentum = np.array([self.channels[taxel.channel].momentum for taxel in plan.taxels])
+        return np.stack([(turns @ part[:, :, None])[:, :, 0] for part in np.split(momentum, 2, axis=1)])
 
     @cached_property
     def _plate(self) -> RigidBody:
@@ -177,10 +181,6 @@ def _turn(channel: Channel, taxel: Taxel) -> np.ndarray:
     cosine, sine = TURNS[channel.site.along]
     sign = -1 if taxel.turned else 1
     return np.array([[sign * cosine, -sign * sine, 0.0], [sign * sine, sign * cosine, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _turned(vector: np.ndarray, channel: Channel, taxel: Taxel) -> np.ndarray:
-    return np.asarray(_turn(channel, taxel) @ vector)
 
 
 def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
