@@ -9,6 +9,7 @@ pad, by the plastic's softening and by ageing. Levels are those of tuned taxels,
 what it still moves. A pad that is planned under a contact is judged under the drawn skins of `touched_prints`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import log
 from typing import NamedTuple
@@ -123,17 +124,25 @@ def _largest_change_k(plan: Plan, design: Design, pads: int) -> float:
     share = plan.spec.print_share
     range_k = plan.spec.life.temperature_range_k
     worse = min((1, -1), key=lambda sign: float(_after(plan, as_planned, sign * range_k, pads).ratio.mean()))
+
+    def is_kept_as_planned(steps: int) -> bool:
+        return _after(plan, as_planned, worse * steps * STEP_K, pads).good.mean() >= share
+
+    def is_kept(steps: int) -> bool:
+        good = _after(plan, design, worse * steps * STEP_K, pads).good
+        if good.mean() < share:
+            return False
+        return (good & _after(plan, design, -worse * steps * STEP_K, pads).good).mean() >= share
+
+    most = _last(is_kept_as_planned, int(np.ceil(range_k / STEP_K)))
+    steps = most if most == 0 or is_kept(most) else _last(is_kept, most)
+    return steps * STEP_K
+
+
+def _last(holds: Callable[[int], bool], failing: int) -> int:
+    """Return the last number below a `failing` one that holds, as 0 does."""
     low = 0
-    high = int(np.ceil(range_k / STEP_K))
-    while high - low > 1:
-        middle = (low + high) // 2
-        is_kept = _after(plan, as_planned, worse * middle * STEP_K, pads).good.mean() >= share
-        low, high = (middle, high) if is_kept else (low, middle)
-    while low > 0:
-        kept = _after(plan, design, worse * low * STEP_K, pads).good
-        if kept.mean() >= share:
-            kept = kept & _after(plan, design, -worse * low * STEP_K, pads).good
-        if kept.mean() >= share:
-            break
-        low -= 1
-    return low * STEP_K
+    while failing - low > 1:
+        middle = (low + failing) // 2
+        low, failing = (middle, failing) if holds(middle) else (low, middle)
+    return low
