@@ -40,7 +40,7 @@ from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, p
 from padgen.planner.left_out import left_out
 from padgen.planner.life import planned_life
 from padgen.planner.limits import exceeded
-from padgen.planner.pins import with_errors
+from padgen.planner.pins import pushed, with_errors
 from padgen.planner.plan import (
     NO_LIFE,
     NO_RECOIL,
@@ -465,10 +465,11 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     no other.
     """
     channels, selectivity = _driven(choice)
+    models = [sized.model for sized in choice.channels]
+    pins = [pushed(channel.pin, model) for channel, model in zip(channels, models, strict=True)]
     if not quick:
-        models = [sized.model for sized in choice.channels]
-        pins = [with_errors(channel.pin, model) for channel, model in zip(channels, models, strict=True)]
-        channels = tuple(replace(channel, pin=pin) for channel, pin in zip(channels, pins, strict=True))
+        pins = [with_errors(pin, model) for pin, model in zip(pins, models, strict=True)]
+    channels = tuple(replace(channel, pin=pin) for channel, pin in zip(channels, pins, strict=True))
     bare = _assemble(choice, channels, selectivity)
     spec = bare.spec
     touched = tuple(touched_pads(spec, channels, bare.scheme))

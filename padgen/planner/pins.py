@@ -17,7 +17,7 @@ from padgen.planner.taxel_model import TaxelModel, foot_fillet_mm, pin_place_mm
 from padgen.spec import Spec
 from padgen.spec.model import ContactorTable
 
-__all__ = ["BULGE_SHARE", "felt_parts", "judge_pins", "pin_of", "with_errors"]
+__all__ = ["BULGE_SHARE", "felt_parts", "judge_pins", "pin_of", "pushed", "with_errors"]
 
 STRENGTH_SHARE = 0.6
 """Share of the strength at which a stop must have ended a push."""
@@ -31,29 +31,13 @@ a plate holds at the edge does less, 0.18 as a clamped disc that shears.
 
 
 def pin_of(spec: Spec, model: TaxelModel, site: Site) -> Pin:
-    """Return what of a taxel meets the skin, how it moves and what ends a push on it; `with_errors` adds errors."""
+    """Return what of a taxel meets the skin and how it moves; `pushed` adds stresses, `with_errors` errors."""
     arrangement = model.arrangement
     x_mm, y_mm = (float(v) for v in pin_place_mm(spec, arrangement))
     contact = model.contact
-    free, held = model.pushes
     left_mm = max(spec.coil.gap_mm - float(model.sag_m) / MM, 0.0)
     closed_mm = left_mm / contact.mover
     stop, stop_mm = _stop(spec, arrangement, site, (x_mm, y_mm), closed_mm)
-
-    def force_n(way_mm: float) -> tuple[float, float]:
-        """Return the parts of a push before and after the mover rests on the coil."""
-        before = min(way_mm, closed_mm) * MM / free.way_m
-        after = max(way_mm - closed_mm, 0.0) * MM / held.way_m if held.way_m > 0 else 0.0
-        return before, after
-
-    def stress_mpa(forces_n: tuple[float, float]) -> float:
-        return (forces_n[0] * free.stress_pa + forces_n[1] * held.stress_pa) / MPA
-
-    most_n = force_n(stop_mm) if stop_mm is not None else (PUSH_N, 0.0)
-    first_n = min(closed_mm * MM / free.way_m, PUSH_N)
-    newton_n = (first_n, PUSH_N - first_n)
-    if sum(most_n) < PUSH_N:
-        newton_n = most_n
     ground_mm = (
         float(arrangement.beams[0].thickness_mm) if spec.pin_share is not None else spec.taxel.plate_thickness_mm
     )
@@ -75,9 +59,35 @@ def pin_of(spec: Spec, model: TaxelModel, site: Site) -> Pin:
         closed_mm=closed_mm,
         stop=stop,
         stop_mm=stop_mm,
-        stop_stress_mpa=None if stop_mm is None else stress_mpa(most_n),
-        pushed_stress_mpa=stress_mpa(newton_n),
+        stop_stress_mpa=None,
+        pushed_stress_mpa=nan,
         foot_stress_mpa=32 * arm_mm / (pi * spec.contact_diameter_mm**3),
+    )
+
+
+def pushed(pin: Pin, model: TaxelModel) -> Pin:
+    """Return a pin with the stresses of a push on it, which a search does not ask for."""
+    free, held = model.pushes
+    closed_mm = pin.closed_mm
+
+    def force_n(way_mm: float) -> tuple[float, float]:
+        """Return the parts of a push before and after the mover rests on the coil."""
+        before = min(way_mm, closed_mm) * MM / free.way_m
+        after = max(way_mm - closed_mm, 0.0) * MM / held.way_m if held.way_m > 0 else 0.0
+        return before, after
+
+    def stress_mpa(forces_n: tuple[float, float]) -> float:
+        return (forces_n[0] * free.stress_pa + forces_n[1] * held.stress_pa) / MPA
+
+    most_n = force_n(pin.stop_mm) if pin.stop_mm is not None else (PUSH_N, 0.0)
+    first_n = min(closed_mm * MM / free.way_m, PUSH_N)
+    newton_n = (first_n, PUSH_N - first_n)
+    if sum(most_n) < PUSH_N:
+        newton_n = most_n
+    return replace(
+        pin,
+        stop_stress_mpa=None if pin.stop_mm is None else stress_mpa(most_n),
+        pushed_stress_mpa=stress_mpa(newton_n),
     )
 
 
