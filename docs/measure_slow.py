@@ -2,7 +2,9 @@
 
 The specs are four lines anywhere within their bounds, templates of which one to six fields are changed, and whole
 random specs, in turns; the same on every machine. Prints the slowest plans and refusals in seconds of processor time
-(one thread of numpy, a warm process), and the spec of each; with `--calls` also the functions that take it.
+(one thread of numpy, a warm process), and the spec of each; with `--calls` also the functions that take it. What takes
+longer than it should is timed twice more, each time in a process of its own, and the least counts: other work on the
+machine makes the same plan take up to twice as long.
 """
 
 import os
@@ -11,9 +13,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import cProfile
 import json
+import multiprocessing
 import pstats
 import sys
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from math import inf
 from pathlib import Path
 from random import Random
 from time import process_time
@@ -32,6 +37,7 @@ from padgen.spec.load import without_none
 SPECS = 300
 SLOWEST = 8
 BARS_S = {"plan": 5.0, "refusal": 2.0}
+TIMES_AGAIN = 2
 
 
 def four_lines(random: Random) -> dict[str, Any]:
@@ -98,15 +104,30 @@ def timed(table: dict[str, Any]) -> tuple[str, float, str]:
     return "plan", process_time() - started, f"{made.coils.rows} x {made.coils.columns} x {len(made.channels)}"
 
 
+def timed_alone(number: int) -> float:
+    """Return the seconds that spec `number` takes in a warm process in which nothing like it was planned."""
+    make_plan(load_spec("paper-32"))
+    return timed(drawn(number))[1]
+
+
+def least_again(number: int) -> float:
+    """Return the least of some `timed_alone`."""
+    fresh = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, fresh, max_tasks_per_child=1) as processes:
+        return min(processes.map(timed_alone, [number] * TIMES_AGAIN))
+
+
 def main(specs: int, first: int, calls: bool) -> None:
     """Time so many specs and print the slowest of each kind."""
     make_plan(load_spec("paper-32"))
     found: dict[str, list[tuple[float, int, str]]] = {"plan": [], "refusal": [], "no spec": []}
     for number in range(first, first + specs):
         kind, seconds, told = timed(drawn(number))
+        if seconds > BARS_S.get(kind, inf):
+            once = seconds
+            seconds = min(once, least_again(number))
+            print(f"{kind} {number}: {once:.1f} s, {seconds:.1f} s again; {told}", flush=True)
         found[kind].append((seconds, number, told))
-        if seconds > BARS_S.get(kind, 1.0):
-            print(f"{kind} {number}: {seconds:.1f} s; {told}", flush=True)
     for kind, bar_s in BARS_S.items():
         slowest = sorted(found[kind], reverse=True)
         above = sum(seconds > bar_s for seconds, *_ in slowest)
