@@ -58,12 +58,12 @@ def test_the_layout_that_works_most_often_is_found_with_many_prints_of_few(monke
 
 
 def _found(monkeypatch, choices, figures):
-    """Return the choice that is taken where `figures` (share, dB) are what each one's prints keep, and what was judged."""
+    """Return the choice that is taken where `figures` are those of each, and what was judged."""
     judged = []
 
     def tried(choice, *_):
         judged.append(choice)
-        return make.Tried(30.0, *figures(choice))
+        return make.Tried(*figures(choice))
 
     monkeypatch.setattr(make, "_tried", tried)
     monkeypatch.setattr(make, "_with_bent_beams", lambda tried: iter(()))
@@ -76,18 +76,26 @@ def test_layouts_far_short_in_every_print_stand_for_others_with_as_many_channels
     few = [make.Choice(spec, k, (None,) * 3) for k in range(9)]
     others = [make.Choice(spec, 10 + k, (None,) * 2) for k in range(2)]
     far_db = asked_db - 1.5 * make.FAR_SHORT_DB
-    _, judged = _found(monkeypatch, [*few, *others], lambda choice: (0.0, far_db))
+    _, judged = _found(monkeypatch, [*few, *others], lambda choice: (30.0, 0.0, far_db))
     assert judged == [*few[: make.MOST_FAR_SHORT], *others]
-    _, judged = _found(monkeypatch, few, lambda choice: (0.0, asked_db - 0.5 * make.FAR_SHORT_DB))
+    _, judged = _found(monkeypatch, few, lambda choice: (30.0, 0.0, asked_db - 0.5 * make.FAR_SHORT_DB))
     assert judged == few
 
 
 def test_of_pads_that_keep_as_much_that_with_the_fewest_coils_is_taken(monkeypatch):
     choices = [make.Choice(load_spec("paper-32"), k, ()) for k in range(3)]
-    found, _ = _found(monkeypatch, choices, lambda choice: (0.4, 12.0 + 0.4 * make.ALIKE_DB * choice.layout))
+    found, _ = _found(monkeypatch, choices, lambda choice: (30.0, 0.4, 12.0 + 0.4 * make.ALIKE_DB * choice.layout))
     assert found is choices[0]
-    found, _ = _found(monkeypatch, choices, lambda choice: (0.4, 12.0 + 2 * make.ALIKE_DB * choice.layout))
+    found, _ = _found(monkeypatch, choices, lambda choice: (30.0, 0.4, 12.0 + 2 * make.ALIKE_DB * choice.layout))
     assert found is choices[2]
+
+
+def test_of_pads_of_which_no_print_works_one_that_does_as_drawn_is_taken(monkeypatch):
+    spec = load_spec("paper-32")
+    short_db = 20 * log10(spec.delta_y) - 3.0
+    choices = [make.Choice(spec, k, ()) for k in range(2)]
+    found, _ = _found(monkeypatch, choices, lambda choice: (30.0, 0.0, 5.0) if choice.layout else (short_db, 0.0, 9.0))
+    assert found is choices[1]
 
 
 def test_a_pad_is_judged_once_though_its_drive_is_asked_for_by_name(monkeypatch):
