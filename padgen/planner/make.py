@@ -329,12 +329,15 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
             one = _tried(choice, least, max(surely, best.share), known, for_cure, overloaded)
             printed += 1
         judged_ones.append((place, choice, one))
-        if one.worth(asked) > best.worth(asked):
+        if (one.share, one.print_db) > (best.share, best.print_db):
             best = one
             least = asked if one.at_most_db >= asked else one.print_db
     # The first in rank, of those that keep as much: with the fewest coils.
-    alike = best._replace(print_db=best.print_db - ALIKE_DB)
-    return min((place, choice) for place, choice, one in judged_ones if one.worth(asked) >= alike.worth(asked))[1]
+    return min(
+        (place, choice)
+        for place, choice, one in judged_ones
+        if one.share >= best.share and one.print_db >= best.print_db - ALIKE_DB
+    )[1]
 
 
 def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
@@ -354,10 +357,6 @@ class Tried(NamedTuple):
     share: float = -1.0
     print_db: float = -inf
     unsure_share: float = 0.0
-
-    def worth(self, asked_db: float) -> tuple[float, bool, float]:
-        """Return what choices are compared by, of which none works as often as asked."""
-        return self.share, self.at_most_db >= asked_db, self.print_db
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
