@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.units import COPPER_OHM_M
-from padgen.physics.magnetics import MU_0, CoilSource, Winding, gauss, toroidal
+from padgen.physics.magnetics import BLOCK, MU_0, CoilSource, Winding, gauss, toroidal
 
 __all__ = [
     "BoardCoil",
@@ -203,19 +203,25 @@ def inductance(coil: BoardCoil) -> float:
     across = coil.track * (at - 0.5)
     radius = (rings.radius[:, None] + across).ravel()
     depth = np.repeat(rings.depth, FILAMENTS)
-    flow = (rings.turns * rings.current)[:, None] * weight
-    product = radius[:, None] * radius
-    above = (np.subtract.outer(radius, radius) ** 2 + np.subtract.outer(depth, depth) ** 2) / (2 * product)
-    of_turn = np.repeat(np.arange(len(rings.radius)), FILAMENTS)
-    same_turn = of_turn[:, None] == of_turn
-    mutual = MU_0 * np.sqrt(product) * toroidal(np.where(same_turn, 1.0, above), 1)[1]
-    mutual[same_turn] = 0.0
-    between = flow.ravel() @ mutual @ flow.ravel()
+    flow = ((rings.turns * rings.current)[:, None] * weight).ravel()
+    turn = np.repeat(np.arange(len(rings.radius)), FILAMENTS)
+    between = 0.0
+    step = max(BLOCK // len(turn), 1)
+    for start in range(0, len(turn), step):
+        some = slice(start, start + step)
+        beyond = slice(start, None)  # each pair of turns once
+        product = np.multiply.outer(radius[some], radius[beyond])
+        square = (
+            np.subtract.outer(radius[some], radius[beyond]) ** 2 + np.subtract.outer(depth[some], depth[beyond]) ** 2
+        )
+        is_later = turn[some, None] < turn[beyond]
+        mutual = np.sqrt(product) * toroidal(np.where(is_later, square / (2 * product), 1.0), 1)[1]
+        between += 2 * MU_0 * float(flow[some] @ np.where(is_later, mutual, 0.0) @ flow[beyond])
     mean_distance = 0.2235 * (coil.track + rings.thickness)
     # What an open part of a turn has of its circle's own inductance, by sums over the filaments of spirals.
     part = rings.turns * (OPEN_SHARE + (1 - OPEN_SHARE) * rings.turns)
     alone = MU_0 * rings.radius * (np.log(8 * rings.radius / mean_distance) - 2) * part * rings.current**2
-    return float(between + alone.sum())
+    return between + float(alone.sum())
 
 
 def board_source(coil: BoardCoil) -> CoilSource:
