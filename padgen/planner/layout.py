@@ -102,10 +102,14 @@ class Layout:
 
 def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
     """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
-    # Neither gap nor drive moves a layout: specs that differ in nothing else share one list.
+    return list(_candidates(_of_any_drive(spec), channel_limit, SUSPENSIONS.changes))
+
+
+def _of_any_drive(spec: Spec) -> Spec:
+    """Return `spec` with one gap and drive, which move no layout: specs that differ in nothing else share them."""
     coil = replace(spec.coil, gap_mm=1.0)
     drive = replace(spec.drive, scheme="auto", level_um=1.0)
-    return list(_candidates(replace(spec, coil=coil, drive=drive), channel_limit, SUSPENSIONS.changes))
+    return replace(spec, coil=coil, drive=drive)
 
 
 @lru_cache(maxsize=64)
@@ -136,12 +140,26 @@ def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
 
 def roomy_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     """Yield the `candidates` that have room for their parts, by their rank, each worked out when it is its turn."""
-    parts = _parts(spec)
+    key = _of_any_drive(spec), channel_limit, SUSPENSIONS.changes
+    for group in range(len(_by_coils(*key))):
+        yield from _with_room(*key, group)
+
+
+@lru_cache(maxsize=64)
+def _by_coils(spec: Spec, channel_limit: int, suspensions_version: int) -> list[list[Layout]]:
+    """Return the layouts without slacks in groups of as many coils, as ranked."""
     bare = sorted(_without_slacks(spec, channel_limit), key=lambda layout: layout.rank_by_coils)
-    for _, alike in groupby(bare, key=lambda layout: layout.rank_by_coils):
-        roomy = [layout for layout in alike if _margin_bound_mm(spec, parts, layout) >= -SLACK_MM]
-        sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in roomy]
-        yield from sorted((one for one in sized if one.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
+    return [list(alike) for _, alike in groupby(bare, key=lambda layout: layout.rank_by_coils)]
+
+
+@lru_cache(maxsize=4096)
+def _with_room(spec: Spec, channel_limit: int, suspensions_version: int, group: int) -> list[Layout]:
+    """Return the layouts of one group of `_by_coils` that have room, by their rank."""
+    parts = _parts(spec)
+    alike = _by_coils(spec, channel_limit, suspensions_version)[group]
+    near = [layout for layout in alike if _margin_bound_mm(spec, parts, layout) >= -SLACK_MM]
+    sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
+    return sorted((one for one in sized if one.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
 
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
