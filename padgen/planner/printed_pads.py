@@ -403,22 +403,25 @@ class _PrintedModes(NamedTuple):
         """
         x = self.x[rows, None]
         count, _, pads = x.shape
-        hz = (frequency.reshape(-1, pads) / x).reshape(count, 1, -1)
-        mode = 1 / self.modes.frequency_hz[rows, :, None]
-        loss = hz * (mode / self.modes.q[rows, None, None])
-        if self.q_ratio is not None:
-            losses = 1 / self.q_ratio[rows, None]
-            loss = (loss.reshape(count, -1, pads) * losses).reshape(loss.shape)
-        stiff = 1 - (hz * mode) ** 2
-        scale = 1 / (stiff * stiff + loss * loss)
+        hz = frequency.reshape(-1, pads) / x
+        lost = hz if self.q_ratio is None else hz / self.q_ratio[rows, None]
+        hz, lost = (part.reshape(count, 1, -1) for part in (hz, lost))
+        period = 1 / self.modes.frequency_hz[rows]
+        damping = period / self.modes.q[rows, None]
+        stiff = hz**2 * period[:, :, None] ** 2
+        np.subtract(1, stiff, out=stiff)
+        scale = lost**2 * damping[:, :, None] ** 2
+        scale += stiff * stiff
+        np.divide(1, scale, out=scale)
         stiff *= scale
-        loss *= scale
         gain = self.modes.gain[rows].transpose(0, 2, 1)
-        energy: np.ndarray = ((gain @ stiff) ** 2 + (gain @ loss) ** 2).sum(1)
+        in_phase = gain @ stiff
+        behind = (gain * damping[:, None]) @ scale * lost
+        energy: np.ndarray = (in_phase**2 + behind**2).sum(1)
         if self.q_ratio is None:
             return energy
         # Over the energy at resonance, which goes with the square of Q.
-        return (energy.reshape(count, -1, pads) * losses**2).reshape(energy.shape)
+        return (energy.reshape(count, -1, pads) / self.q_ratio[rows, None] ** 2).reshape(energy.shape)
 
 
 def _washer_weight(plan: Plan) -> np.ndarray:
