@@ -276,6 +276,14 @@ def _coils_key(choice: Choice) -> tuple[bool, int]:
     return choice.layout.rank_by_coils
 
 
+class _Round(NamedTuple):
+    """How choices are judged: the drives that are `known`, few prints `for_cure`, no coil's limits if `overloaded`."""
+
+    known: Driven
+    for_cure: bool
+    overloaded: bool
+
+
 def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, overloaded: bool = False) -> Choice:
     """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
 
@@ -283,61 +291,81 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
     of a cure is whether it works, not how well. Choices that exceed a limit of the coils count only if all do: then
     again, with `overloaded`; what is `known` of them is not computed again.
     """
+    judged_by = _Round(known or {}, for_cure, overloaded)
     tried: list[tuple[Choice, Tried]] = []
-    known = known or {}
+    works = _first_that_works(rank, judged_by, tried)
+    if works is not None:
+        return works
+    if not overloaded and all(one.at_most_db == -inf for _, one in tried):
+        return _best((choice for choice, _ in tried), for_cure, judged_by.known, overloaded=True)
+    if for_cure:
+        return max(tried, key=lambda item: (item[1].share, item[1].print_db, item[1].at_most_db))[0]
+    return _least_short(tried, judged_by)
+
+
+def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, "Tried"]]) -> Choice | None:
+    """Return the first choice of `rank`, else with bent beams, whose prints work as asked; the others join `tried`.
+
+    Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
+    (`NO_HOPE_DB`, `MOST_FAR_SHORT`).
+    """
     hopeless: dict[tuple[Layout, str, str], Tried] = {}
     judged_pads = set[tuple[Any, ...]]()
     far_short = Counter[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
-        if _pad_of(choice, choice.spec.drive.scheme) in judged_pads:
-            continue
         key = (choice.layout, choice.spec.coil.reuse, choice.spec.drive.scheme)
         kind = (len(choice.channels), choice.spec.suspension.topology, *key[1:])
-        if far_short[kind] >= MOST_FAR_SHORT:
+        if _pad_of(choice, choice.spec.drive.scheme) in judged_pads or far_short[kind] >= MOST_FAR_SHORT:
             continue
         if key in hopeless:
             tried.append((choice, hopeless[key]))
             continue
-        one = _tried(choice, asked, choice.spec.print_share, known, for_cure, overloaded)
-        if -inf < one.at_most_db < asked - NO_HOPE_DB or one.share == 0:
-            hopeless[key] = one
-            far_short[kind] += one.share == 0 and one.print_db < asked - FAR_SHORT_DB
+        one = _tried(choice, asked, choice.spec.print_share, *judged_by)
         if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
-        if id(choice) in known:
-            judged_pads.add(_pad_of(choice, known[id(choice)][2].drive))
-    if not overloaded and all(one.at_most_db == -inf for _, one in tried):
-        return _best((choice for choice, _ in tried), for_cure, known, overloaded=True)
-    if for_cure:
-        return max(tried, key=lambda item: (item[1].share, item[1].print_db, item[1].at_most_db))[0]
-    # In falling order of their upper bounds: once a bound is below what was found, no print need be simulated.
-    # Few prints are enough of those that surely work less often than another.
+        no_print_works = one.share == 0
+        if no_print_works or -inf < one.at_most_db < asked - NO_HOPE_DB:
+            hopeless[key] = one
+        far_short[kind] += no_print_works and one.print_db < asked - FAR_SHORT_DB
+        if id(choice) in judged_by.known:
+            judged_pads.add(_pad_of(choice, judged_by.known[id(choice)][2].drive))
+    return None
+
+
+def _least_short(tried: list[tuple[Choice, "Tried"]], judged_by: _Round) -> Choice:
+    """Return the choice with the most working prints, where none works as often as asked.
+
+    In falling order of their upper bounds: once a bound is below what was found, no print need be simulated. Few prints
+    are enough of those that surely work less often than another.
+    """
     best = Tried(-inf, -inf, -inf)
-    judged_ones: list[tuple[int, Choice, Tried]] = []
+    compared: list[tuple[int, Choice, Tried]] = []
     least = -inf
     surely = max(one.share - one.unsure_share for _, one in tried)
     most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
     surely = max([surely, *most_likely[MOST_SURE - 1 : MOST_SURE]])
     printed = 0
-    for place, (choice, one) in sorted(enumerate(tried), key=lambda item: -item[1][1].at_most_db):
+    for rank, (choice, one) in sorted(enumerate(tried), key=lambda item: -item[1][1].at_most_db):
         if one.at_most_db < least:
             break
         may_be_better = one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share))
         if may_be_better and printed < MOST_PRINTED:
-            one = _tried(choice, least, max(surely, best.share), known, for_cure, overloaded)
+            one = _tried(choice, least, max(surely, best.share), *judged_by)
             printed += 1
-        judged_ones.append((place, choice, one))
+        compared.append((rank, choice, one))
         if (one.share, one.print_db) > (best.share, best.print_db):
             best = one
+            asked = decibel(choice.spec.delta_y)
             least = asked if one.at_most_db >= asked else one.print_db
-    # The first in rank, of those that keep as much: with the fewest coils.
-    return min(
-        (place, choice)
-        for place, choice, one in judged_ones
+    # Of those that keep as much the first in rank: with the fewest coils.
+    alike = [
+        (rank, choice)
+        for rank, choice, one in compared
         if one.share >= best.share and one.print_db >= best.print_db - ALIKE_DB
-    )[1]
+    ]
+    return min(alike)[1]
 
 
 def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
