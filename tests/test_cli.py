@@ -405,7 +405,7 @@ def test_a_real_ctrl_c_is_one_sentence(work):
     process.send_signal(signal.SIGINT)
     out, error = process.communicate(timeout=60)
     if process.returncode:  # a machine fast enough has finished
-        assert process.returncode == 2
+        assert process.returncode == 2, error
         assert error.strip().splitlines()[-1].startswith("padgen: interrupted")
         assert "Traceback" not in error
         assert not (work / "out/tiny/manifest.json").exists()
