@@ -393,8 +393,9 @@ def _core_pull_between(
     low = place.astype(int)
     first = low.min() // LEVELS
     blocks = range(first, (low.max() + 1) // LEVELS + 1)
-    offsets, column = np.unique(offset, return_inverse=True)
-    solved = np.concatenate([_core_levels(coil, magnet, tuple(offsets.tolist()), block) for block in blocks], axis=1)
+    offsets = tuple(sorted(set(offset.tolist())))
+    column = np.searchsorted(offsets, offset)
+    solved = np.concatenate([_core_levels(coil, magnet, offsets, block) for block in blocks], axis=1)
     low_row = low - first * LEVELS
     (start, start_slope), (end, end_slope) = (solved[:, row, column] for row in (low_row, low_row + 1))
     t = place - low
@@ -402,11 +403,11 @@ def _core_pull_between(
     # By the logarithm of the gap (Hermite).
     leaving = start_slope * level * LEVEL_STEP
     coming = end_slope * level * np.exp(LEVEL_STEP) * LEVEL_STEP
-    first_power = 2 * (start - end) + leaving + coming
-    second_power = -3 * (start - end) - 2 * leaving - coming
-    pull = ((first_power * t + second_power) * t + leaving) * t + start
-    turned = (3 * first_power * t + 2 * second_power) * t + leaving
-    return pull, turned / (LEVEL_STEP * at)
+    cubic = 2 * (start - end) + leaving + coming
+    square = -3 * (start - end) - 2 * leaving - coming
+    pull = ((cubic * t + square) * t + leaving) * t + start
+    slope = (3 * cubic * t + 2 * square) * t + leaving
+    return pull, slope / (LEVEL_STEP * at)
 
 
 @lru_cache(maxsize=1024)
