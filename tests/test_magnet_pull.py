@@ -16,6 +16,7 @@
 | steel on a magnet: pull | elements in the half plane, by reciprocity | 1.5 % | as stated, and their differences |
 | steel on top of magnets: coupling far away | dipoles of both moments | 1 % | the next multipole |
 | rest on a spring | the balance of pull and spring | 0.2 % | straight lines between gaps |
+| waves over a winding's radius | Struve functions (scipy) | 1e-8 of their envelope | Bessel functions to 1e-10 |
 """
 
 from functools import cache
@@ -23,10 +24,12 @@ from functools import cache
 import mpmath
 import numpy as np
 import pytest
+from scipy.special import jv, struve
 
 from padgen.core.units import COPPER_OHM_M, MM, UM
 from padgen.physics.magnet_pull import (
     LEAST_GAP,
+    _integral_of_rings,
     _ring_wave,
     _spectrum,
     magnet_pull,
@@ -322,6 +325,31 @@ def charges_apart(magnet, steel, apart):
 
     step = 0.1 * MM
     return (energy(step) - 2 * energy(0.0) + energy(-step)) / step**2
+
+
+@pytest.mark.parametrize("radii_mm", [(1, 5), (1.5, 15), (4.8, 5), (0, 30)])
+def test_waves_over_the_radius_of_a_winding(radii_mm):
+    """∫ x J₁(x) dx = π x/2 (J₁ H₀ − J₀ H₁), with Struve's H (DLMF 10.22.2)."""
+    inner, outer = (radius * MM for radius in radii_mm)
+    k = np.geomspace(30, 10 / LEAST_GAP, 400)
+
+    def below(x):
+        return np.pi * x / 2 * (jv(1, x) * struve(0, x) - jv(0, x) * struve(1, x))
+
+    expected = (below(k * outer) - below(k * inner)) / k**2
+    envelope = np.maximum(np.abs(expected), np.sqrt(outer / k) / k)
+    assert (np.abs(_integral_of_rings(k, inner, outer) - expected) < 1e-8 * envelope).all()
+
+
+@pytest.mark.parametrize("gap_mm", [0.3, 0.71, 1.6])
+def test_magnets_of_any_gap_rest_where_pull_and_spring_balance(gap_mm):
+    gap = gap_mm * MM
+    offset = np.array([0.0, 1.0, 2.5]) * MM
+    least = rest_on_spring(CORE, DISC, gap, offset, np.full(3, 1e6)).least_stiffness
+    rest = rest_on_spring(CORE, DISC, gap, offset, 1.5 * least)
+    at = magnet_pull(CORE, DISC, rest.gap, offset)
+    assert 1.5 * least * (gap - rest.gap) == pytest.approx(at.core_pull, rel=2e-3)
+    assert rest.stiffness == pytest.approx(1.5 * least + at.core_stiffness, rel=5e-3)
 
 
 def test_rest_on_a_spring():
