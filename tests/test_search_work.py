@@ -1,7 +1,7 @@
 """How much the search computes, counted: layouts sized and prints simulated, which no machine's speed changes."""
 
 from dataclasses import replace
-from math import inf, log10
+from math import inf, log2, log10
 
 import pytest
 
@@ -129,3 +129,18 @@ def test_gaps_that_are_not_computed_change_no_choice(monkeypatch, changes):
     every = make.choose(spec)
     assert chosen.layout == every.layout
     assert chosen.spec == every.spec
+
+
+@pytest.mark.parametrize("largest", [64, 65, 100, 977, 4095, 4096])
+@pytest.mark.parametrize("near", [None, 64, 99, 101, 976, 978, 4096])
+def test_the_largest_count_is_found_in_few_steps_from_a_guess(largest, near):
+    asked = []
+
+    def holds(count):
+        asked.append(count)
+        return count <= largest
+
+    assert search._largest_that_holds(holds, 64, 4096, near) == largest
+    assert len(asked) == len(set(asked))
+    away = abs(largest - (near or 64)) + 1
+    assert len(asked) <= 2 * log2(away) + 4
