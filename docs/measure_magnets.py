@@ -182,7 +182,7 @@ def pairs() -> None:
         pull = magnet_pull(CORE, magnet, 1 * MM, offset)
         row("", "its pull, mN", *map(float, 1e3 * pull.core_pull))
         row("", "its stiffness, N/m", *map(float, pull.core_stiffness))
-        rest = rest_on_spring(CORE, magnet, 1 * MM, offset, np.full(4, 1e5))
+        rest = rest_on_spring(CORE, magnet, np.full(4, 1 * MM), offset, np.full(4, 1e5))
         row("", "spring that holds, N/m", *map(float, rest.least_stiffness))
     head(
         "Stiffness of two neighbours in N/m, 1.2 T, one polarity",

@@ -35,6 +35,7 @@ from padgen.measured.tuning import levels_um, planned_tuning, tuning_from_json, 
 from padgen.physics.warmth import WarmLayers, temperatures
 from padgen.planner import Plan, plan_from_json, plan_to_json
 from padgen.planner.warm_pad import planned_warmth, warm_layers
+from padgen.report.plans import summary_text
 from padgen.spec import make_spec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
@@ -108,6 +109,7 @@ def test_a_coil_that_heats_itself_without_end_is_told_as_too_hot():
     plan = pg.plan(make_spec(four_lines | {"pad": {"border_mm": 37.0}, "coil": coil, "taxel": {"glue_mg": 862.0}}))
     assert plan.warm.coil_c > 1000
     assert {"coil.heat", "pad.hot"} <= {finding.code for finding in plan.findings if finding.level == "error"}
+    assert "they burn" in summary_text(plan)
 
 
 def test_more_heat_makes_coils_and_beams_warmer_however_hot_they_are():

@@ -10,6 +10,7 @@ __all__ = [
     "COPPER_C",
     "COPPER_J_PER_M3_K",
     "COPPER_KG_PER_M3",
+    "COPPER_MELTS_C",
     "COPPER_OHM_M",
     "COPPER_PER_K",
     "GPA",
@@ -46,8 +47,9 @@ COPPER_KG_PER_M3 = 8960.0
 COPPER_J_PER_M3_K = 3.45e6
 COPPER_PER_K = 3.93e-3
 COPPER_C = 20.0
-"""Copper: resistivity, density, heat capacity (8960 kg/m³ times 385 J/(kg K)), and the relative rise of its resistance
-per K, at `COPPER_C` (IEC 60028)."""
+COPPER_MELTS_C = 1085.0
+"""Copper: resistivity, density, heat capacity (8960 kg/m³ times 385 J/(kg K)), the relative rise of its resistance
+per K, at `COPPER_C` (IEC 60028), and where it melts."""
 
 
 def decibel(ratio: float) -> float:

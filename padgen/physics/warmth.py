@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.units import COPPER_C, COPPER_PER_K, GRAVITY_M_PER_S2
+from padgen.core.units import COPPER_C, COPPER_MELTS_C, COPPER_PER_K, GRAVITY_M_PER_S2
 
 __all__ = [
     "AIR_W_PER_M_K",
@@ -109,6 +109,7 @@ def temperatures(layers: WarmLayers, room_c: float) -> np.ndarray:
             out[layer] += sides * height * film_beside(edge, float(layers.height_m.sum()), room_c)
         out[0] += layers.below_w_per_k
         heat = np.zeros_like(rise)
+        # The hotter, the more it resists: without an end of that nothing would balance the heat of some coils.
         copper_c = np.minimum(room_c + rise[0], COPPER_MELTS_C)
         heat[0] = layers.heat_w * (1 + COPPER_PER_K * (copper_c - COPPER_C))
         step = _balanced(right, down, layers.through_w_per_k, out, heat, rise) - rise
@@ -183,8 +184,6 @@ def _balanced(
 
 SLOW = 0.7
 """Change of a round over the one before, above which rounds take half of their steps."""
-COPPER_MELTS_C = 1085.0
-"""Temperature up to which a coil resists more the hotter it is: else nothing would balance the heat of some coils."""
 CLOSE = 1e-8
 """Share of the heat that may be missing from the balance."""
 

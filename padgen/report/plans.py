@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import span_text, table
 from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, about, at_most, number, plain, plural, quieter
+from padgen.core.units import COPPER_MELTS_C
 
 if TYPE_CHECKING:
     from padgen.make.pad import Built
@@ -191,7 +192,9 @@ def _power_lines(plan: "Plan") -> list[str]:
         f" idle: {count * load.idle_w:.2g} W."
     ]
     warm = plan.warm
-    if -warm.resonance_shift > plan.spec.model.tolerance:
+    if warm.coil_c > COPPER_MELTS_C:
+        lines.append(f"Left on for good, they burn: copper melts at {COPPER_MELTS_C:.0f} °C.")
+    elif -warm.resonance_shift > plan.spec.model.tolerance:
         lines.append(
             f"Left on for good, they warm coils to {warm.coil_c:.0f} °C and beams to {warm.beam_c:.0f} °C (rises"
             f" ± {warm.error:.0%}; two thirds of it in {warm.warm_up_min:.0f} min): resonances fall by up to"
