@@ -146,20 +146,20 @@ def roomy_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
 
 
 @lru_cache(maxsize=64)
-def _by_coils(spec: Spec, channel_limit: int, suspensions_version: int) -> list[list[Layout]]:
+def _by_coils(spec: Spec, channel_limit: int, suspensions_version: int) -> tuple[tuple[Layout, ...], ...]:
     """Return the layouts without slacks in groups of as many coils, as ranked."""
     bare = sorted(_without_slacks(spec, channel_limit), key=lambda layout: layout.rank_by_coils)
-    return [list(alike) for _, alike in groupby(bare, key=lambda layout: layout.rank_by_coils)]
+    return tuple(tuple(alike) for _, alike in groupby(bare, key=lambda layout: layout.rank_by_coils))
 
 
 @lru_cache(maxsize=4096)
-def _with_room(spec: Spec, channel_limit: int, suspensions_version: int, group: int) -> list[Layout]:
+def _with_room(spec: Spec, channel_limit: int, suspensions_version: int, group: int) -> tuple[Layout, ...]:
     """Return the layouts of one group of `_by_coils` that have room, by their rank."""
     parts = _parts(spec)
     alike = _by_coils(spec, channel_limit, suspensions_version)[group]
     near = [layout for layout in alike if _margin_bound_mm(spec, parts, layout) >= -SLACK_MM]
     sized = [replace(layout, slacks=_slacks(spec, parts, layout)) for layout in near]
-    return sorted((one for one in sized if one.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank)
+    return tuple(sorted((one for one in sized if one.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank))
 
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
