@@ -140,7 +140,7 @@ def test_the_largest_count_is_found_in_few_steps_from_a_guess(largest, near):
         asked.append(count)
         return count <= largest
 
-    assert search._largest_that_holds(holds, 64, 4096, near) == largest
+    assert search.largest_that_holds(holds, 64, 4096, near) == largest
     assert len(asked) == len(set(asked))
     away = abs(largest - (near or 64)) + 1
     assert len(asked) <= 2 * log2(away) + 4

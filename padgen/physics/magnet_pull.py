@@ -268,20 +268,18 @@ def _wound(winding: Winding, k: np.ndarray) -> np.ndarray:
 
 def _integral_of_rings(k: np.ndarray, inner: float, outer: float) -> np.ndarray:
     """Return ∫ r J₁(kr) dr from radius `inner` to `outer`, in m, at wave numbers k."""
-    result = np.empty_like(k)
-    node, weight = gauss(PANEL_NODES)
-    waves = k * (outer - inner) > PANEL_PHASE
-    radius = inner + (outer - inner) * node
-    result[~waves] = (radius * bessel(k[~waves, None] * radius, 1)[1]) @ weight * (outer - inner)
+    ends = np.outer((inner, outer), k)
+    waves = ends[1] - ends[0] > PANEL_PHASE
+    integral = np.empty_like(k)
+    integral[~waves] = _integral_of_wave(*ends[:, ~waves])
     if waves.any():
-        # Where many waves lie on the radius, ∫ x J₁(x) dx is added up once for all k, panel by panel from 0.
-        ends = np.outer((inner, outer), k[waves])
-        panel = (ends / PANEL_PHASE).astype(int)
+        # Where many waves lie on the radius, what lies below its ends is added up once for all k, panel by panel.
+        panel = (ends[:, waves] / PANEL_PHASE).astype(int)
         starts = np.arange(panel.max() + 1) * PANEL_PHASE
         whole = np.append(0.0, np.cumsum(_integral_of_wave(starts, starts + PANEL_PHASE)))
-        below = whole[panel] + _integral_of_wave(panel * PANEL_PHASE, ends)
-        result[waves] = (below[1] - below[0]) / k[waves] ** 2
-    return result
+        below = whole[panel] + _integral_of_wave(panel * PANEL_PHASE, ends[:, waves])
+        integral[waves] = below[1] - below[0]
+    return integral / k**2
 
 
 def _integral_of_wave(start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -150,8 +150,7 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
     It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
     limit = channel_limit(spec)
-    fitting = [layout for layout in candidates(spec, limit) if layout.margin_mm >= -SLACK_MM]
-    if snapped := snapping(spec, sorted(fitting, key=lambda layout: -layout.margin_mm)):
+    if snapped := snapping(spec, sorted(roomy_layouts(spec, limit), key=lambda layout: -layout.margin_mm)):
         sentence, cures = snapped
         return InfeasibleError(sentence, "coil.gap_mm", list(_holding(cures, planned)))
     tried: list[Cure] = []

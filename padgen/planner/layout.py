@@ -102,11 +102,11 @@ class Layout:
 
 def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
     """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
-    return list(_candidates(_of_any_drive(spec), channel_limit, SUSPENSIONS.changes))
+    return list(_candidates(_of_any_gap_and_drive(spec), channel_limit, SUSPENSIONS.changes))
 
 
-def _of_any_drive(spec: Spec) -> Spec:
-    """Return `spec` with one gap and drive, which move no layout: specs that differ in nothing else share them."""
+def _of_any_gap_and_drive(spec: Spec) -> Spec:
+    """Return `spec` with one gap and drive, which move no layout, so that specs alike but for these share them."""
     coil = replace(spec.coil, gap_mm=1.0)
     drive = replace(spec.drive, scheme="auto", level_um=1.0)
     return replace(spec, coil=coil, drive=drive)
@@ -128,6 +128,7 @@ NEAR_MISSES = 200
 
 
 def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
+    """Return all layouts that hold the spec's taxels with less than a coil to spare, before their slacks are known."""
     wanted = spec.resolution
     return [
         layout
@@ -140,7 +141,7 @@ def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
 
 def roomy_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     """Yield the `candidates` that have room for their parts, by their rank, each worked out when it is its turn."""
-    key = _of_any_drive(spec), channel_limit, SUSPENSIONS.changes
+    key = _of_any_gap_and_drive(spec), channel_limit, SUSPENSIONS.changes
     for group in range(len(_by_coils(*key))):
         yield from _with_room(*key, group)
 

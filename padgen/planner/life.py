@@ -9,7 +9,6 @@ pad, by the plastic's softening and by ageing. Levels are those of tuned taxels,
 what it still moves. A pad that is planned under a contact is judged under the drawn skins of `touched_prints`.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import log
 from typing import NamedTuple
@@ -31,6 +30,7 @@ from padgen.planner.printed_pads import (
     spreads_of,
     work,
 )
+from padgen.planner.search import largest_that_holds
 from padgen.planner.touched_prints import touched_pads
 from padgen.planner.warm_pad import softened
 from padgen.spec import Spec
@@ -134,15 +134,6 @@ def _largest_change_k(plan: Plan, design: Design, pads: int) -> float:
             return False
         return (good & _after(plan, design, -worse * steps * STEP_K, pads).good).mean() >= share
 
-    most = _last(is_kept_as_planned, int(np.ceil(range_k / STEP_K)))
-    steps = most if most == 0 or is_kept(most) else _last(is_kept, most)
-    return steps * STEP_K
-
-
-def _last(holds: Callable[[int], bool], failing: int) -> int:
-    """Return the last number below a `failing` one that holds, as 0 does."""
-    low = 0
-    while failing - low > 1:
-        middle = (low + failing) // 2
-        low, failing = (middle, failing) if holds(middle) else (low, middle)
-    return low
+    too_many = int(np.ceil(range_k / STEP_K))
+    most = largest_that_holds(is_kept_as_planned, 0, too_many - 1)
+    return largest_that_holds(is_kept, 0, most, near=most) * STEP_K

@@ -226,7 +226,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
             return first
         ranked.append(choices)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
-    merged = islice(merge(*ranked, key=_coils_key), most)
+    merged = islice(merge(*ranked, key=lambda choice: choice.layout.rank_by_coils), most)
     some_found = list(islice(merged, 2))
     if not some_found:
         return None
@@ -249,10 +249,9 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     if most:
         return best
     limit = channel_limit(spec)
-    options = candidates(spec, limit)
-    others = [option for option in options if _grid(option) != _grid(layout)]
+    others = (option for option in roomy_layouts(spec, limit) if _grid(option) != _grid(layout))
     runners_up = tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
-    return best._replace(runners_up=runners_up, limits=_limiting_name(spec, options, layout, limit))
+    return best._replace(runners_up=runners_up, limits=_limiting_name(spec, layout, limit))
 
 
 def _decided_specs(spec: Spec) -> Iterator[Spec]:
@@ -272,12 +271,25 @@ Driven = dict[int, tuple[Choice, tuple[Channel, ...], ChosenDrive]]
 """Choices whose drive has been chosen, by `id`: kept with them, so that no other choice gets the same `id`."""
 
 
-def _coils_key(choice: Choice) -> tuple[bool, int]:
-    return choice.layout.rank_by_coils
+class Tried(NamedTuple):
+    """Figures of a choice: an upper bound of its selectivity in dB, the share of prints that work, and their dB.
+
+    A negative `share` means that no prints were simulated. `unsure_share` is by how much more prints might change it;
+    0 where they were simulated.
+    """
+
+    at_most_db: float
+    share: float = -1.0
+    print_db: float = -inf
+    unsure_share: float = 0.0
 
 
 class _Round(NamedTuple):
-    """How choices are judged: the drives that are `known`, few prints `for_cure`, no coil's limits if `overloaded`."""
+    """Settings of a round in which choices are judged.
+
+    Drives that are `known` are not chosen again. Few prints are simulated `for_cure`. Where the pads are all
+    `overloaded`, limits of the coils do not count.
+    """
 
     known: Driven
     for_cure: bool
@@ -303,7 +315,7 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
     return _least_short(tried, judged_by)
 
 
-def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, "Tried"]]) -> Choice | None:
+def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, Tried]]) -> Choice | None:
     """Return the first choice of `rank`, else with bent beams, whose prints work as asked; the others join `tried`.
 
     Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
@@ -328,13 +340,14 @@ def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tup
         no_print_works = one.share == 0
         if no_print_works or -inf < one.at_most_db < asked - NO_HOPE_DB:
             hopeless[key] = one
-        far_short[kind] += no_print_works and one.print_db < asked - FAR_SHORT_DB
+        if no_print_works and one.print_db < asked - FAR_SHORT_DB:
+            far_short[kind] += 1
         if id(choice) in judged_by.known:
             judged_pads.add(_pad_of(choice, judged_by.known[id(choice)][2].drive))
     return None
 
 
-def _least_short(tried: list[tuple[Choice, "Tried"]], judged_by: _Round) -> Choice:
+def _least_short(tried: list[tuple[Choice, Tried]], judged_by: _Round) -> Choice:
     """Return the choice with the most working prints, where none works as often as asked.
 
     In falling order of their upper bounds: once a bound is below what was found, no print need be simulated. Few prints
@@ -372,19 +385,6 @@ def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
     """Return all that makes a pad, so that no pad is judged as chosen for an automatic drive and again for that one."""
     coil = choice.spec.coil
     return choice.layout, choice.channels, choice.spec.suspension.topology, coil.reuse, coil.gap_mm, drive
-
-
-class Tried(NamedTuple):
-    """Figures of a choice: an upper bound of its selectivity in dB, the share of prints that work, and their dB.
-
-    A negative `share` means that no prints were simulated. `unsure_share` is by how much more prints might change it;
-    0 where they were simulated.
-    """
-
-    at_most_db: float
-    share: float = -1.0
-    print_db: float = -inf
-    unsure_share: float = 0.0
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
@@ -622,7 +622,7 @@ def _option(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> Layo
     return LayoutOption(*_grid(layout), layout.coils * layout.channels - layout.surplus, layout.margin_mm, kept_db)
 
 
-def _limiting_name(spec: Spec, options: list[Layout], layout: Layout, limit: int) -> str:
+def _limiting_name(spec: Spec, layout: Layout, limit: int) -> str:
     """Name the limit that keeps this pad from more channels per coil, and so from fewer coils."""
     if spec.resonances_hz:
         return "the listed resonances_hz"
@@ -630,7 +630,7 @@ def _limiting_name(spec: Spec, options: list[Layout], layout: Layout, limit: int
         return "band and Q"
     if spec.coil.grid and layout.coils > 1:
         return "coil.grid"
-    more = [o for o in options if o.channels > layout.channels and o.coils < layout.coils]
+    more = [o for o in candidates(spec, limit) if o.channels > layout.channels and o.coils < layout.coils]
     if not more:
         return "the number of taxels asked for (resolution)"
     nearest = max(more, key=lambda o: o.margin_mm)

@@ -59,7 +59,7 @@ def pin_of(spec: Spec, model: TaxelModel, site: Site) -> Pin:
         closed_mm=closed_mm,
         stop=stop,
         stop_mm=stop_mm,
-        stop_stress_mpa=None,
+        stop_stress_mpa=None if stop_mm is None else nan,
         pushed_stress_mpa=nan,
         foot_stress_mpa=32 * arm_mm / (pi * spec.contact_diameter_mm**3),
     )

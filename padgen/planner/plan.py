@@ -856,7 +856,7 @@ class Plan:
 
     @property
     def retuned_prints(self) -> "Prints | Touch":
-        """What its re-tuned prints keep: under the contact that the spec names, else untouched."""
+        """Prints of the plan after re-tuning, touched where the spec names a contact and untouched elsewhere."""
         return self.prints if self.touch is None else self.touch
 
     @property

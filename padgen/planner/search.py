@@ -41,6 +41,7 @@ __all__ = [
     "coil_capacity",
     "ladders",
     "largest_counts",
+    "largest_that_holds",
     "optimum",
     "planned_optimum",
     "printed_count",
@@ -497,7 +498,7 @@ def largest_counts(
                 break
             fall_db = max((kept_db(near) - kept_db(guess)) / log(guess / near), LEAST_FALL_DB)
             near = guess
-        return _largest_that_holds(lambda count: kept_db(count) >= target_db, TRIED_SINGLY, high, near)
+        return largest_that_holds(lambda count: kept_db(count) >= target_db, TRIED_SINGLY, high, near)
 
     singly = min(TRIED_SINGLY, most)
     one_hot = next((count - 1 for count in range(2, singly + 1) if one_hot_kept_db(count) < target_db), singly)
@@ -537,10 +538,10 @@ def printed_count(
     most = min(largest_counts(band_hz, q, law, scheme, target_db)[0], LARGEST_PRINTED)
     if most <= TRIED_SINGLY:
         return next((n for n in range(most, 1, -1) if holds(n)), 1)
-    return _largest_that_holds(holds, 1, most)
+    return largest_that_holds(holds, 1, most)
 
 
-def _largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: int | None = None) -> int:
+def largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: int | None = None) -> int:
     """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
 
     Steps from `near`, up where that holds and else down, double until a count answers otherwise, and then halve: the
