@@ -290,16 +290,29 @@ def off_energy(
         rows = max(BLOCK // (each * part.hz.shape[0] * part.hz.shape[1]), 1)
         for start in range(0, len(result), rows):
             block = slice(start, start + rows)
-            response = _line_response(which, part, modes, block)
-            heard = (response if weight is None else response * weight(part.hz)).sum(1)
+            lines = part if rows > 1 else _made_by_others(part, start)
+            if not lines.hz.size:
+                continue
+            response = _line_response(which, lines, modes, block)
+            heard = (response if weight is None else response * weight(lines.hz)).sum(1)
             # A taxel's own lines are left out before adding; subtracting them later would leave rounding errors.
-            for maker in part.makers:
+            for maker in lines.makers:
                 there = np.flatnonzero((maker >= start) & (maker < start + rows))
                 heard[maker[there] - start, there] = 0.0
             # In a fixed order, so that one coil's result does not depend on the number of other coils.
             heard[:, 0] = join(heard[:, 0], result[block])
             result[block] = join.reduce(heard, 1)
     return result / which.line**2
+
+
+def _made_by_others(part: Lines, taxel: int) -> Lines:
+    """Return the lines of `part` that `taxel` does not make itself."""
+    others = np.all([maker != taxel for maker in part.makers], axis=0)
+    if others.all():
+        return part
+    rest = np.broadcast_to(part.rest, part.hz.shape)
+    makers = tuple(maker[others] for maker in part.makers)
+    return Lines(part.hz[:, others], rest[:, others], part.square[:, others], makers)
 
 
 def all_states(which: Channels, scheme: Scheme, modes: Responses | None = None) -> AllStates:
