@@ -1,7 +1,7 @@
 """Spec → Plan: run layout, search and judge, try what the spec leaves open, and choose by what prints keep."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -66,7 +66,16 @@ from padgen.planner.plan import (
 from padgen.planner.printed_pads import NOT_PRINTED, SURELY, compared_prints, design_of, what_prints_keep
 from padgen.planner.printing import print_settings
 from padgen.planner.pushes import pushed_taxels
-from padgen.planner.search import channel_limit, coil_capacity, planned_optimum, printed_count, sites_of, sized_layouts
+from padgen.planner.search import (
+    SizedLayout,
+    channel_limit,
+    coil_capacity,
+    layouts_to_size,
+    planned_optimum,
+    printed_count,
+    sites_of,
+    sized_layouts,
+)
 from padgen.planner.shaken_pad import planned_recoil
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
@@ -122,6 +131,19 @@ class Choice(NamedTuple):
     channels: tuple[SizedChannel, ...]
     runners_up: tuple[LayoutOption, ...] = ()
     limits: str = ""
+
+
+class _Unsized(NamedTuple):
+    """A layout for a spec with every value decided, and the call that sizes its beams."""
+
+    spec: Spec
+    layout: Layout
+    size: Callable[[], SizedLayout | None]
+
+    def choice(self) -> Choice | None:
+        """Size the beams; None where the layout does not work."""
+        sized = self.size()
+        return None if sized is None else Choice(self.spec, *sized)
 
 
 BROKEN_DOWN = (ArithmeticError, np.linalg.LinAlgError)
@@ -212,25 +234,25 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
 
     Where at most so many are tried, it is returned without its runners-up.
     """
-    ranked: list[Iterator[Choice]] = []
-    known: dict[tuple[str, ...], Iterator[tuple[Layout, tuple[SizedChannel, ...]]]] = {}
+    ranked: list[Iterator[_Unsized]] = []
+    known: dict[tuple[str, ...], Iterator[tuple[Layout, Callable[[], SizedLayout | None]]]] = {}
     for decided in _decided_specs(spec):
         # The gap changes no beam, and the drive does only where resonances are optimised for it.
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")
         if key not in known:
-            some = sized_layouts(decided, roomy_layouts(decided, channel_limit(decided)))
-            known[key] = islice(some, None if spec.leaves_layout_free and not quick else 1)
-        known[key], sized = tee(known[key])
-        choices = starmap(partial(Choice, decided), sized)
-        if quick and (first := next(choices, None)):
-            return first
-        ranked.append(choices)
+            options = roomy_layouts(decided, channel_limit(decided))
+            known[key] = layouts_to_size(decided, options, None if spec.leaves_layout_free else 1)
+        known[key], unsized = tee(known[key])
+        ranked.append(starmap(partial(_Unsized, decided), unsized))
+    if quick:
+        return next((choice for one in chain(*ranked) if (choice := one.choice())), None)
     # Layouts are sized when it is their turn: those after the first one whose prints work never are.
-    merged = islice(merge(*ranked, key=lambda choice: choice.layout.rank_by_coils), most)
-    some_found = list(islice(merged, 2))
+    merged = merge(*ranked, key=lambda one: one.layout.rank_by_coils)
+    sized = islice((choice for one in merged if (choice := one.choice())), most)
+    some_found = list(islice(sized, 2))
     if not some_found:
         return None
-    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, merged), for_cure=most is not None)
+    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, sized), for_cure=most is not None)
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     if snaps(resting(spec, channels, sites)):

@@ -5,7 +5,7 @@ The most channels that one coil holds are counted by the paper's bound, by the e
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from itertools import islice
 from math import ceil, exp, floor, log
 from typing import Any, NamedTuple
@@ -37,11 +37,13 @@ from padgen.spec import DriveTable, Spec
 
 __all__ = [
     "Optimum",
+    "SizedLayout",
     "channel_limit",
     "coil_capacity",
     "ladders",
     "largest_counts",
     "largest_that_holds",
+    "layouts_to_size",
     "optimum",
     "planned_optimum",
     "printed_count",
@@ -280,36 +282,60 @@ MOST_OPTIMISED = 6
 took one of the first five (docs/accuracy.md)."""
 
 
-def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[tuple[Layout, tuple[SizedChannel, ...]]]:
-    """Yield the `options` that work, in their order, with sized beams.
+SizedLayout = tuple[Layout, tuple[SizedChannel, ...]]
+"""A layout with its sized beams."""
 
-    Of each grid and count of channels only the first division of the cell that works is taken.
+
+def layouts_to_size(
+    spec: Spec, options: Iterable[Layout], most: int | None = None
+) -> Iterator[tuple[Layout, Callable[[], SizedLayout | None]]]:
+    """Yield the `options` in their order, each with a call that sizes its beams, until `most` of them work.
+
+    The call returns None for a layout that does not work. Of each grid and count of channels only the first division of
+    the cell that works is taken.
     """
     is_usual = set(allowed(spec.suspension.topology)) & set(allowed("auto"))
-    most = LAYOUTS_SIZED if is_usual else RARE_LAYOUTS_SIZED
+    most_tried = LAYOUTS_SIZED if is_usual else RARE_LAYOUTS_SIZED
     seen = set[tuple[int, int, int]]()
     tried = 0
-    sized = 0
+    channels_tried = 0
     for layout in options:
         key = (layout.rows, layout.columns, layout.channels)
         if layout.margin_mm < -SLACK_MM or key in seen:
             continue
         is_enough = spec.spacing == "optimised" and len(seen) >= MOST_OPTIMISED
-        if tried >= most or sized >= CHANNELS_SIZED or is_enough:
+        if tried >= most_tried or channels_tried >= CHANNELS_SIZED or is_enough or len(seen) == most:
             break
         tried = tried + 1
-        sized = sized + layout.channels
-        channels = _beams(spec, layout)
-        # Every washer must overlap its coil.
-        reach_mm = coil_reach_mm(spec) + SLACK_MM
-        if not channels:
-            continue
-        sites = sites_of(spec, layout, channels)
-        if all(site.coil_distance_mm <= reach_mm for site in sites) and not snaps(resting(spec, channels, sites)):
+        channels_tried = channels_tried + layout.channels
+        size = cache(partial(_with_sized_beams, spec, layout))
+        yield layout, size
+        if size() is not None:
             seen.add(key)
-            even = _with_even_pull(spec, layout, channels)
-            held = even == layout or not snaps(resting(spec, channels, sites_of(spec, even, channels)))
-            yield (even if held else layout), channels
+
+
+def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[SizedLayout]:
+    """Yield the `options` that work, in their order, with sized beams."""
+    for _, size in layouts_to_size(spec, options):
+        if (sized := size()) is not None:
+            yield sized
+
+
+def _with_sized_beams(spec: Spec, layout: Layout) -> SizedLayout | None:
+    """Return a layout, its washers moved if that pays, with sized beams; None if it does not work.
+
+    Every washer must overlap its coil, and none may snap to its core.
+    """
+    channels = _beams(spec, layout)
+    if not channels:
+        return None
+    reach_mm = coil_reach_mm(spec) + SLACK_MM
+    sites = sites_of(spec, layout, channels)
+    if any(site.coil_distance_mm > reach_mm for site in sites) or snaps(resting(spec, channels, sites)):
+        return None
+    even = _with_even_pull(spec, layout, channels)
+    held = even == layout or not snaps(resting(spec, channels, sites_of(spec, even, channels)))
+    return (even if held else layout), channels
 
 
 MOST_SNAPPING = 4
