@@ -34,7 +34,7 @@ def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
 
 
 def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan", warm: bool = False) -> "Tuning | None":
-    """Return the tuning that is given, or that of the file that is, of the pad as it is when it is `warm`."""
+    """Return the given tuning, or the one in the given file; if `warm`, as the warm pad has it."""
     from padgen.measured.tuning import warm_tuning
 
     known = read_tuning(tuning, plan) if isinstance(tuning, (str, Path)) else tuning

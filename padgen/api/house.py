@@ -21,7 +21,7 @@ def use_cache(folder: "str | Path") -> None:
 
 
 def cache_info() -> "CacheInfo":
-    """Return where results that are dear to compute are kept, and how much there is of each kind."""
+    """Return the folder of the cache of results that take long to compute, and its size by kind."""
     from padgen.core import cache
 
     return cache.info()

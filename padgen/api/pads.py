@@ -289,7 +289,7 @@ class SavedPlan(NamedTuple):
 def save_plan(
     plan: "Plan", folder: "str | Path", *, printed: "PrintYield | None" = None, plot: bool = False
 ) -> SavedPlan:
-    """Write ``plan.json`` into a folder, and what else is given: ``yield.json`` and ``plan.svg``.
+    """Write ``plan.json`` into a folder, with ``yield.json`` if `printed` is given, and ``plan.svg`` if `plot`.
 
     Parameters
     ----------
@@ -434,14 +434,14 @@ PICTURE_FORMATS = ("svg", "png")
 
 
 def _planned(plan: "Plan | str | Path | Mapping[str, Any] | Spec", progress: Progress = _silent) -> "Plan":
-    """Return the plan that is given, or that of the spec that is."""
+    """Return the given plan, or the plan of the given spec."""
     from padgen.make.planning import plan_for, spec_of
 
     return plan if is_plan(plan) else plan_for(spec_of(plan), progress=progress, keep=True)
 
 
 def is_plan(given: "Plan | str | Path | Mapping[str, Any] | Spec") -> "TypeIs[Plan]":
-    """Tell a plan from what a spec is read from, which needs none of the planner's modules."""
+    """Tell whether the given thing is a plan; the planner's modules are not loaded for a spec or a path."""
     from padgen.spec.model import Spec
 
     if isinstance(given, (str, Path, Mapping, Spec)):
@@ -595,7 +595,7 @@ def _recorded(folder: Path) -> "Plan":
 
 
 def _bill(folder: Path) -> str:
-    """Return the bill of materials of the build in `folder`, which names the parts that were built with the pad."""
+    """Return the bill of materials (CSV) in `folder`; empty where padgen did not write it or it was changed."""
     from padgen.core.files import is_unchanged, read_bounded
 
     bill = "bom.csv"

@@ -75,7 +75,7 @@ def study(
 
 
 def study_extreme(folder: "str | Path", *, progress: Progress = _silent) -> "ExtremeStudy":
-    """Hold every model to what it states in extreme cases, and write the verdicts into a folder.
+    """Compare each model's error in extreme cases with the error that it states, and write verdicts to a folder.
 
     After an interruption (Ctrl-C) the cases that were left are 'not run'.
 
@@ -152,7 +152,7 @@ def read_sweep(path: "str | Path") -> "Sweep":
 
 
 class RanSweep(NamedTuple):
-    """What `run_sweep` made: its result, the files of its front, and a note where there is no picture of it."""
+    """What `run_sweep` made: its result, the files of the Pareto front, and why the front has no picture, if so."""
 
     result: "SweepResult"
     files: tuple[str, ...]

@@ -86,7 +86,7 @@ class Expression:
     tree: ast.expr
 
     def holds(self, values: Mapping[str, Any], spec: Spec) -> bool:
-        """Tell whether it holds for a variant with these `values` of dotted fields; all others are those of `spec`.
+        """Tell whether the condition holds for a variant: `values` by dotted field name, other fields from `spec`.
 
         Raises
         ------
@@ -196,7 +196,7 @@ DEEPEST = 4
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """From `low` to `high`, in `steps` where a grid needs them."""
+    """A range of values of a field, from `low` to `high`, in `steps` for a grid."""
 
     low: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
     high: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
@@ -217,7 +217,7 @@ class Axis:
     whole: bool = False
 
     def at(self, share: float, even: bool = False) -> tuple[Any, ...]:
-        """Return the values at a share, 0 … 1, of it; `even`: each whole number or row of values at as many shares."""
+        """Return the axis's values at a share 0 … 1 of it; if `even`, whole numbers take equal parts of it."""
         if self.range is None:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         low, high = self.range.low, self.range.high
@@ -258,7 +258,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Sweep:
-    """The whole sweep. `base` is the table that the variants are laid over, `spec` the spec that it is by itself."""
+    """A sweep: `base` is the table of a spec whose fields variants change, `spec` the spec that this table makes."""
 
     settings: Settings
     base: dict[str, Any]
@@ -294,7 +294,7 @@ def parse_sweep(content: str, folder: Path = Path()) -> Sweep:
 
 
 def sweep_over(spec: Spec, axes: dict[str, Any], stage: str = "plan") -> Sweep:
-    """Make the `Sweep` of all combinations of fields' values, as the table ``axes`` of a sweep's TOML has them.
+    """Make the `Sweep` of all combinations of fields' values in `axes`, a table like ``[axes]`` of a sweep's TOML.
 
     Raises
     ------
@@ -398,7 +398,7 @@ def _axes(table: Any, linked: Any, sample: PointSample) -> tuple[Axis, ...]:
 
 
 def _flat(table: dict[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
-    """Return dotted names and values: ``pad.width_mm = …`` is a nested table in TOML."""
+    """Return the fields of nested tables as pairs of dotted name, such as ``pad.width_mm``, and value."""
     pairs = []
     for key, value in table.items():
         if not isinstance(value, dict) or set(value) & set(RANGE_KEYS):
@@ -442,7 +442,7 @@ def _axis(name: str, value: Any, sample: PointSample) -> Axis:
 
 
 def _listed(name: str, values: Any, where: str) -> list[Any]:
-    """Return the values of a field; refuse one that it never takes, whatever the others are."""
+    """Return the list of values of a varied field; refuse a value that the field can never take."""
     item = _spec_field(name)
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:
         raise SpecError(f"must be a list of 1 … {MOST_VALUES} values, got {shown(values)}", where)
@@ -487,7 +487,7 @@ BLOCK = 4096
 
 
 class Variant(NamedTuple):
-    """One point: its number, and the values of the varied fields by dotted name."""
+    """A variant of a sweep: its number, and the values of the varied fields by dotted name."""
 
     number: int
     values: dict[str, Any]

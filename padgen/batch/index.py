@@ -116,11 +116,11 @@ class Overview:
 
     @property
     def points(self) -> np.ndarray:
-        """The objectives of all that were made, as far as they were kept."""
+        """Objective values (points, objectives) of the made variants that are kept: the front and some others."""
         return np.concatenate([self.values, self.beaten, self.short, self.faulty])
 
     def best(self) -> dict[str, int]:
-        """Return by objective in which variants differ the row of the front that is best in it; of equals the first."""
+        """Return the front's best row (of equals the first) by objective, for objectives in which variants differ."""
         if not self.rows:
             return {}
         scores, every = (_scores(values, self.objectives) for values in (self.values, self.points))
@@ -145,7 +145,7 @@ def front_mask(scores: np.ndarray) -> np.ndarray:
 
 
 def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Count for each of `rows` how many of `others` lose no more in any objective."""
+    """Count for each of `rows` (losses) the `others` that are at least as good in every objective."""
     good = np.ones((len(rows), len(others)), dtype=bool)
     for values, other in zip(rows.T, others.T, strict=True):
         good &= other[None, :] <= values[:, None]
@@ -153,14 +153,14 @@ def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
-    """Return values with a sign that makes more better, and infinities where there are none."""
+    """Return values with signs such that more is better; missing ones are the worst, or best where `UNBOUNDED`."""
     signs = [1.0 if OBJECTIVES[name].best == "most" else -1.0 for name in objectives]
     empty = [np.inf if name in UNBOUNDED else -np.inf for name in objectives]
     return np.where(np.isnan(values), empty, values * signs)
 
 
 class _Pool:
-    """Points of one kind, added block by block: those on the front are kept with their rows, of the others some."""
+    """A collector of variants of one kind, added in blocks: the front with its rows, and a part of the others."""
 
     def __init__(self, objectives: Sequence[str]) -> None:
         self.objectives = tuple(objectives)
@@ -229,7 +229,7 @@ KINDS = ("works", "short", "faulty")
 
 
 def _kind(record: VariantRecord) -> str:
-    """Return which of `KINDS` a record is: its build may have errors where its plan has none."""
+    """Return which of `KINDS` a made variant is, by the errors in its record and the verdict on its plan."""
     level = record.figures.get("verdict")
     if record.errors or level == "error":
         return "faulty"
@@ -309,7 +309,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 
 def _with_places(overview: Overview) -> Overview:
-    """Return the overview with a place beyond all others for each value that nothing limits."""
+    """Return the overview with each value that nothing limits replaced by one beyond all others, to be drawn."""
     parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "short", "faulty")}
     for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
         finite = overview.points[np.isfinite(overview.points[:, i]), i]
@@ -402,7 +402,7 @@ FORGOTTEN = "forgotten"
 
 
 class Journal:
-    """The records of a folder: the last one of each number; a context manager, open for writing.
+    """The journal of a sweep's folder: the last record of each variant; a context manager, open for writing.
 
     Of each variant only the place of its line is held in memory.
 
@@ -462,12 +462,12 @@ class Journal:
         return (record for number in range(len(self._places)) if (record := self.record(number)))
 
     def add(self, record: VariantRecord) -> None:
-        """Keep a record; the system has it when this returns."""
+        """Append a record to the journal's file; the operating system has it when this returns."""
         one_line = replace(record, sentence=" ".join(record.sentence.split()))
         self._places[record.number] = self._write(one_line)
 
     def forget(self, number: int) -> None:
-        """Leave a variant out from now on."""
+        """Leave a variant's record out for the rest of this run."""
         self._places[number] = NOWHERE
 
     def invalidate(self, number: int) -> None:
@@ -483,7 +483,7 @@ class Journal:
         raise FileError("was removed while the sweep ran", str(self.path))
 
     def _write(self, table: VariantRecord | dict[str, int]) -> int:
-        """Write a line by one call without buffers, so that a crash can tear the last one only; return its place."""
+        """Append a line without buffers, so that a crash can tear the last one only; return its place in the file."""
         place = self._file.seek(0, os.SEEK_END)
         rest = (json_line(table) + "\n").encode()
         try:

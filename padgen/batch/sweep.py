@@ -76,7 +76,7 @@ class LostError(PadgenError):
 
 
 class Window:
-    """An executor with the tasks, `most` at a time, that it was given and has not finished.
+    """An executor with its unfinished lists of tasks; the caller keeps them to `most` at a time.
 
     For each list of tasks it calls ``function(tasks, *rest)``.
     """
@@ -91,7 +91,7 @@ class Window:
         self._finished: SimpleQueue[int] = SimpleQueue()
 
     def give(self, tasks: list[Task]) -> None:
-        """Hand tasks over.
+        """Submit a list of tasks to the executor.
 
         Raises
         ------
@@ -155,19 +155,19 @@ def records_of(future: Any, tasks: list[Task]) -> list[VariantRecord]:
 
 
 def told(error: Any) -> str:
-    """Return an error on one line, with its kind where it is not one of ours."""
+    """Return an error as text on one line, after the name of its type unless it is a `PadgenError`."""
     text = " ".join(str(error).split())
     return str(error) if isinstance(error, PadgenError) else f"{type(error).__name__}: {text}".rstrip(": ")
 
 
 def run_tasks(tasks: list[Task], work: Work, limits: VariantLimits) -> list[VariantRecord]:
-    """Make variants in a worker beside this process: what is submitted to an executor that the caller brought."""
+    """Make variants in a worker that this process starts; this is what a caller's executor is given to run."""
     return make_variants(_own_runner(os.getpid()), tasks, work, limits)
 
 
 @cache
 def _own_runner(process: int) -> Runner:
-    """Return the runner of a process: a forked one must not share the pipes of the one that it came from."""
+    """Return the runner of the process with this id; a forked process must not share its parent's pipes."""
     import atexit
 
     runner = Runner(imports=IMPORTS)
@@ -176,7 +176,7 @@ def _own_runner(process: int) -> Runner:
 
 
 def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: VariantLimits) -> list[VariantRecord]:
-    """Make variants one after the other in a worker; never raises but when no worker can be started.
+    """Make variants one after the other in a worker; return a record for each, also where one breaks down.
 
     Raises
     ------
@@ -397,7 +397,7 @@ def run_sweep(
 
 
 def run_to_table(sweep: Sweep, folder: Path | None, workers: int | None) -> SweepTable:
-    """Run a sweep in `folder`, or in a place that goes afterwards; raises as `run_sweep` does."""
+    """Run a sweep in `folder`, or in a temporary folder, and return its variants; raise what `run_sweep` raises."""
     if folder is None:
         with TemporaryDirectory(prefix="padgen-sweep-") as aside:
             return run_to_table(sweep, Path(aside) / sweep.settings.name, workers)
@@ -448,7 +448,7 @@ def sole_sweep(folder: Path) -> Iterator[None]:
 
 
 class _Run:
-    """The state of a running sweep: that of each variant, and how many have come to which end."""
+    """The state of a running sweep: the state of each variant, and the counts of done, refused and failed ones."""
 
     def __init__(self, sweep: Sweep, folder: Path, journal: Journal, on_event: Callable[[Event], None]) -> None:
         self.sweep = sweep
@@ -461,7 +461,7 @@ class _Run:
         self._start = time.monotonic()
 
     def survey(self, resume: bool, retry: bool) -> None:
-        """Find out which variants there are and which are finished; leave out the others' records."""
+        """Determine which variants there are and which are finished; leave out records that no longer hold."""
         for variant in variants(self.sweep):
             record = self.journal.record(variant.number)
             self.total = self.total + 1
@@ -479,13 +479,13 @@ class _Run:
                 self.journal.forget(absent)
 
     def _holds(self, record: VariantRecord, variant: Variant) -> bool:
-        """Return whether a record is of these inputs, and the files that it tells of are there."""
+        """Tell whether a record is of the variant's present inputs, and the files that it stands for are there."""
         task = task_of(self.sweep, variant, self.folder)
         whole = record.status != "done" or not task.out or is_whole(Path(task.out), task.stage)
         return record.key == task.key and whole
 
     def tasks(self) -> Iterator[Task]:
-        """Yield the variants that are to be made, as they are asked for."""
+        """Yield the task of each variant that is to be made, lazily, and invalidate its old record just before."""
         for variant in variants(self.sweep):
             if self.todo[variant.number] == TO_REPLACE:
                 self.journal.invalidate(variant.number)
@@ -641,7 +641,7 @@ def _client(dask: Any, address: str, timeout_s: float, where: str) -> Any:
 
 
 def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where: str) -> Any:
-    """Call `act` with a time limit: raise `late` if it takes longer (then left to itself), `other` if it fails."""
+    """Call `act` with a time limit; raise `PadgenError` saying `late` if it takes longer, `other` if it fails."""
     try:
         return answer_within(seconds, act)
     except OSError as error:  # timeouts are, and what cannot be reached

@@ -37,7 +37,7 @@ RESIN_S_PER_LAYER = 9.0
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A worker's orders: plain data, so that they travel to any executor.
+    """What a worker needs to make one variant: plain data, which any executor can send.
 
     `key` is the hash of all that the record depends on; `folder` is where the base's files lie, `out` the
     variant's own folder (None: none is written).
@@ -110,7 +110,7 @@ def is_whole(folder: Path, stage: str) -> bool:
 
 
 def _threshold(table: dict[str, Any], folder: Path) -> str:
-    """Hash the curve that a spec names, as its words alone do not tell when the file has changed."""
+    """Return the hash of the threshold curve's file that a spec names, since the file may change under its name."""
     drive = table.get("drive")
     name = drive.get("threshold_file") if isinstance(drive, dict) else None
     if not isinstance(name, str):

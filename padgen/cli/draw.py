@@ -23,7 +23,7 @@ __all__ = ["add"]
 
 
 def add(commands: Any) -> None:
-    """Declare the command and its options."""
+    """Declare ``padgen draw`` and its options."""
     parser = commands.add_parser(
         "draw",
         help="pictures that explain the pad, as SVG and PNG",

@@ -14,7 +14,7 @@ USUAL = "pad-32"
 
 
 def add(commands: Any) -> None:
-    """Declare the command and its options."""
+    """Declare ``padgen explore`` and its options."""
     parser = commands.add_parser(
         "explore",
         help="turn the knobs of a spec in the browser and see at once what becomes of the pad",

@@ -24,7 +24,7 @@ USUAL_PADS = 100_000
 
 
 def add(commands: Any) -> None:
-    """Declare the command and its options."""
+    """Declare ``padgen plan`` and its options."""
     parser = commands.add_parser("plan", help="search coils, resonances and beams, and say whether the pad works")
     add_spec(parser)
     parser.add_argument(

@@ -12,7 +12,7 @@ __all__ = ["add"]
 
 
 def add(commands: Any) -> None:
-    """Declare the command and its options."""
+    """Declare ``padgen report`` and its options."""
     parser = commands.add_parser(
         "report",
         help="one page for the browser: the pad in 3-D, what each taxel does, how sure it is, what to order",

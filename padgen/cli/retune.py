@@ -233,7 +233,7 @@ def _asks() -> bool:
 
 
 def _is_ready(session: Any, name: str, attempt: int) -> bool:
-    """Ask at a terminal whether sensor and coil are in place; elsewhere they are."""
+    """Ask at a terminal whether sensor and coil are in place; without a terminal return True."""
     if not _asks():
         return True
     coil = name.partition("k")[0]

@@ -17,7 +17,7 @@ SCHEMA_LINES = """#:schema ./padgen.schema.json
 
 
 def add(commands: Any) -> None:
-    """Declare the commands and their options."""
+    """Declare ``padgen cache``, ``restore``, ``templates``, ``init`` and ``schema`` with their options."""
     parser = commands.add_parser(
         "cache",
         help="what is kept of earlier runs, and dropping it",

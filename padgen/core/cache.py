@@ -175,7 +175,7 @@ def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T
 
 @contextmanager
 def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
-    """Claim keys so that other processes wait; look in the cache again before computing the results.
+    """Lock cache keys for the block, so that other processes wait; look into the cache again inside it.
 
     A claim saves time and guarantees nothing: where the folder has no locks, or another process keeps one for more than
     `PATIENCE_S`, the block runs without it. The system releases the claim of a process that dies.
@@ -192,7 +192,7 @@ def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
 
 
 def trim(most_bytes: int | None = None) -> int:
-    """Remove the entries used longest ago until `most_bytes` (default: the limit) suffice; return their number."""
+    """Remove the least recently used entries of a cache above `most_bytes` (default: the limit); return how many."""
     most = limit_bytes() if most_bytes is None else most_bytes
     entries = sorted(_entries(), key=lambda entry: entry[1:])
     total = sum(size for _, _, size in entries)
@@ -209,7 +209,7 @@ def trim(most_bytes: int | None = None) -> int:
 
 
 def info() -> CacheInfo:
-    """Return the contents of the cache."""
+    """Return the number and bytes of the cache's entries, in all and by kind."""
     kinds: dict[str, list[int]] = {}
     for path, _, size in _entries():
         if path.suffix != CLAIM:
@@ -305,7 +305,7 @@ def _entries() -> Iterator[tuple[Path, float, int]]:
 
 
 def _is_linked(path: Path) -> bool:
-    """Return whether a file of the cache, or a folder in it on the way there, is a link: no link leads out of it."""
+    """Return whether a file of the cache, or one of its two folders, is a symbolic link, which is not followed."""
     return any(each.is_symlink() for each in (path, path.parent, path.parents[1]))
 
 

@@ -122,7 +122,7 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int = 0)
 
 
 def span_text(values: Iterable[float | None], form: str) -> str:
-    """Return the smallest and the largest of some numbers as text, one where they are written alike.
+    """Return the range of some numbers as text, one number where both ends are written alike.
 
     None and not a number are left out; empty where nothing else is there.
 
@@ -134,7 +134,7 @@ def span_text(values: Iterable[float | None], form: str) -> str:
 
 
 def seconds_text(seconds: float) -> str:
-    """Return a time as text in the units that suit it, empty where there is none.
+    """Return a time in s as text in suitable units, empty if it is not finite.
 
     >>> seconds_text(3.4e-6), seconds_text(12.34), seconds_text(75), seconds_text(7265)
     ('3.4 µs', '12.3 s', '1 min 15 s', '2 h 01 min')

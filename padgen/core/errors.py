@@ -223,7 +223,7 @@ STEERING = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 
 
 def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
-    """End a `sentence` with the changes of a spec that do, as the lines of its file.
+    """Return `sentence` with proposed changes of the spec at its end, as lines of the spec's file.
 
     >>> cured("too much", [{"coil.grid": [2, 2], "washer": "iso7092-m2"}, {"coil.gap_mm": None}])
     "too much; coil.grid = [2, 2] with washer = 'iso7092-m2', or leaving out coil.gap_mm, would do"
@@ -234,7 +234,7 @@ def cured(sentence: str, cures: Sequence[Mapping[str, Any]]) -> str:
 
 
 def as_lines(cure: Mapping[str, Any]) -> str:
-    """Return a change of a spec, fields by their dotted names, as the lines of its file, in words."""
+    """Return a change of the spec as text: ``FIELD = VALUE`` or ``leaving out FIELD``, joined by ``with``."""
     lines = (f"leaving out {key}" if value is None else f"{key} = {_toml(value)}" for key, value in cure.items())
     return " with ".join(lines)
 

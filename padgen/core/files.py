@@ -83,7 +83,7 @@ LOCKED_BYTE = 1 << 30
 
 @contextmanager
 def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
-    """Hold a lock, or continue without it.
+    """Hold the lock file `path` during the block; after `patience_s` without the lock, continue all the same.
 
     Yields True with the lock, False where another process kept it for `patience_s`, and None where the file system has
     no locks; nobody is then kept out. The file exists as long as the lock is held.
@@ -103,7 +103,7 @@ def locked(path: Path, patience_s: float) -> Iterator[bool | None]:
 
 
 def open_plain(path: Path, flags: int) -> int:
-    """Open a file to write into it, made where there is none, and return its descriptor.
+    """Open an ordinary file for writing, created if missing, and return its descriptor; refuse links.
 
     Raises
     ------
@@ -212,14 +212,14 @@ class _Moves:
         return {*self.new, *self.away, *self.kept, *self.kept.values()}
 
     def sealed_text(self, path: Path) -> bytes:
-        """Return what is sealed: the moves, and which folder in `path` they are of, so that no copy has the seal."""
+        """Return the bytes to seal: the moves and the identity of their folder, so that no copied journal passes."""
         place = [os.path.realpath(path), path.stat().st_ino, (path / self.aside).lstat().st_ino]
         return json.dumps([self.aside, self.new, self.away, self.kept, place], sort_keys=True).encode()
 
 
 @dataclass(frozen=True, slots=True)
 class _Folder:
-    """An open folder, in which files have plain names: on the way to them no link is followed.
+    """An open folder with operations on files by plain name, which follow no link on the way.
 
     `file` is its descriptor, None where the system has none of folders.
     """
@@ -228,7 +228,7 @@ class _Folder:
     file: int | None
 
     def at(self, name: str) -> str | Path:
-        """Return by what a function of `os` finds a file, given the descriptor as `dir_fd`."""
+        """Return the path to give an `os` function that gets the folder's descriptor as `dir_fd`."""
         return self.path / name if self.file is None else name
 
     def has(self, name: str) -> bool:
@@ -263,7 +263,7 @@ HAS_HANDLES = hasattr(os, "O_DIRECTORY") and {os.open, os.stat, os.rename, os.un
 
 @contextmanager
 def _opened(path: Path, within: _Folder | None = None) -> Iterator[_Folder]:
-    """Open a folder; one that lies `within` another only if it is no link.
+    """Open a folder for the block; a folder `within` another open one must not be a link.
 
     Raises
     ------
@@ -287,7 +287,7 @@ def _opened(path: Path, within: _Folder | None = None) -> Iterator[_Folder]:
 
 
 def _move_all(path: Path, moves: _Moves) -> None:
-    """Move all files of a folder that is `_held`; after an error all are moved back."""
+    """Carry out all `moves` in a folder that is `_held`; after an error, move all files back."""
     with _opened(path) as folder, _opened(path / moves.aside, folder) as aside:
         (aside.path / REPLACED).mkdir()
         with _opened(aside.path / REPLACED, aside) as replaced:
@@ -311,7 +311,7 @@ def _move_all(path: Path, moves: _Moves) -> None:
 
 
 def _move_back(folder: _Folder, aside: _Folder, replaced: _Folder, moves: _Moves) -> None:
-    """Undo each completed move, and keep files that a user has put there since under another name."""
+    """Undo each completed move; rename a user's file that meanwhile has taken the place of a moved one."""
     lie = {name: (replaced, name) for name in moves.away}
     lie |= {name: (folder, there) for name, there in moves.kept.items()}
     for name in moves.new | lie:
@@ -357,7 +357,7 @@ def _held(path: Path) -> Iterator[None]:
 
 
 def _restore(path: Path, moves: _Moves) -> None:
-    """Undo an unfinished commit, if it is this user's in this folder.
+    """Undo an unfinished commit; raise FileError unless this user's padgen made it in this folder.
 
     Raises
     ------
@@ -397,7 +397,7 @@ def _is_own(path: Path, moves: _Moves) -> bool:
 
 
 def recover(path: Path) -> bool:
-    """Undo the unfinished commit of a killed process in a folder that is about to be written; tell if there was one.
+    """Undo a killed process's unfinished commit in a folder about to be written; return whether there was one.
 
     Raises
     ------
@@ -412,7 +412,9 @@ def recover(path: Path) -> bool:
 
 
 def settle(folder: Path, name: str) -> None:
-    """Wait while a commit moves this file of a folder; call this before reading the file. Nothing is written.
+    """Wait until no commit is moving file `name` of a folder; call this before reading the file.
+
+    Nothing is written.
 
     Raises
     ------
@@ -440,7 +442,7 @@ def settle(folder: Path, name: str) -> None:
 
 
 def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
-    """Return what `read` finds in a folder, all of it in one state: `read` is called again where a commit came between.
+    """Call `read` on a folder's files, again if a commit changed them meanwhile; return its consistent result.
 
     `name` is the only file that it reads; without it, all that every commit moves.
 
@@ -464,7 +466,7 @@ def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
 
 
 def _state(folder: Path) -> tuple[object, ...]:
-    """Return what differs between two states of a folder: each commit has a journal, and a manifest of its own."""
+    """Return what every commit changes: whether there is a journal, and inode, time and size of the manifest."""
     try:
         manifest = (folder / MANIFEST).lstat()
     except (OSError, ValueError):
@@ -485,7 +487,7 @@ def _drop_partial(path: Path) -> None:
 
 
 def _make_aside(path: Path) -> Path:
-    """Make a new folder aside of this process in `path`, which is made with its parents, and return its path.
+    """Make a new temporary folder of this process in `path`, with missing parents, and return its path.
 
     Its name is one process's and one change's, so that neither processes nor threads share it.
     """
@@ -568,13 +570,13 @@ def write_synced(path: Path, data: bytes | bytearray) -> None:
 
 
 def _process(aside: str) -> int:
-    """Return the process number in the name of a folder aside, 0 where it has none."""
+    """Return the process id in the name of a temporary folder, 0 where it has none."""
     match = ASIDE.fullmatch(aside)
     return int(match[1]) if match else 0
 
 
 def _runs(aside: Path) -> bool:
-    """Return whether the change that a folder aside is of may still be going on; without an owner, return True."""
+    """Return whether the process that owns a temporary folder may still be writing; True without an owner."""
     import psutil
 
     process = _process(aside.name)
@@ -597,7 +599,7 @@ LONGEST_PIPE_S = 10.0
 
 
 def json_text(table: Any) -> str:
-    """Return JSON in the form of all files: numbers as `_rounded`, null for NaN and infinity.
+    """Return data as the JSON text of a file: numbers as `_rounded`, null for NaN and infinity.
 
     An entry called `spec` is input, not a result: its numbers are written in full, so that they read back unchanged.
     Takes plain data and dataclasses; other values become text.
@@ -606,7 +608,7 @@ def json_text(table: Any) -> str:
 
 
 def json_line(table: Any) -> str:
-    """Return the same JSON on one line, for streams and journals."""
+    """Return data as JSON on one line, for streams and journals: numbers as `_rounded`, null for NaN and infinity."""
     return _escaped(json.dumps(_plain(table), ensure_ascii=False))
 
 
@@ -624,7 +626,7 @@ def csv_cell(value: Any) -> str:
 
 
 def _rounded(value: float) -> float:
-    """Return a finite result as files have it: ten significant digits, and 0 for less than `SMALLEST`.
+    """Round a finite number as files have it: to ten significant digits, and to 0 below `SMALLEST`.
 
     Ten digits agree between platforms. Smaller figures do not, since they are what rounding leaves of zero.
     """
@@ -632,7 +634,7 @@ def _rounded(value: float) -> float:
 
 
 def _escaped(text: str) -> str:
-    """Escape lone surrogates in JSON, which names of files may contain but no file can."""
+    """Escape lone surrogates in JSON, which names of files may contain but UTF-8 text cannot."""
     return text.encode(errors="backslashreplace").decode()
 
 
@@ -703,7 +705,7 @@ class OutputFolder:
             raise FileError(f"cannot be written ({reason(error)})", str(self.path)) from error
 
     def write(self, name: str, data: bytes | bytearray | str) -> Path:
-        """Add a file and return its path aside, for reading back."""
+        """Write a file into the temporary folder, and return its path there, for reading back."""
         raw = data.encode() if isinstance(data, str) else data
         write_synced(self._aside / name, raw)
         self._hashes[name] = file_hash(raw)
@@ -805,7 +807,7 @@ def read_manifest(path: Path) -> dict[str, Any]:
 
 
 def built_files(path: Path) -> list[str]:
-    """Return the files of the last build in a folder, without those replaced since."""
+    """Return the names of the files of a folder's last build, without those replaced since."""
     return list(read_manifest(path).get("built", []))
 
 
@@ -906,7 +908,7 @@ def _read_at_most(path: Path, most_bytes: int, likely: int = 0) -> bytes:
 
 
 def answer_within(seconds: float, act: Callable[[], T]) -> T:
-    """Call `act` in a thread; return its answer, or raise what it raises.
+    """Call `act` in a thread and wait up to `seconds`; return its answer, or raise what it raises.
 
     Raises
     ------
@@ -928,5 +930,5 @@ def answer_within(seconds: float, act: Callable[[], T]) -> T:
 
 
 def reason(error: OSError) -> str:
-    """Return the system's own words for an error."""
+    """Return the operating system's message for an error."""
     return error.strerror or type(error).__name__

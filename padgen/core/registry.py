@@ -47,7 +47,7 @@ _tables: list[dict[str, Any]] = []
 
 
 def table_of_registered() -> dict[str, Any]:
-    """Return an empty table for what is registered, at which `is_extended` looks."""
+    """Return a new, empty table for registered extensions, which `is_extended` then watches."""
     table: dict[str, Any] = {}
     _tables.append(table)
     return table
@@ -80,7 +80,7 @@ class Registry(Generic[T]):
         return (*_files(self._package), *self.registered)
 
     def families(self) -> tuple[str, ...]:
-        """Return the common beginnings of names such as ``NAME-3`` and ``NAME-5``, in alphabetical order."""
+        """Return the names of families, such as ``NAME`` of ``NAME-3`` and ``NAME-5``, in alphabetical order."""
         stems = [stem for name in self.names() if (stem := name.rpartition("-"))[2].isdigit()]
         return tuple(sorted({stem for stem, _, _ in stems if sum(stem == other for other, _, _ in stems) > 1}))
 
@@ -124,7 +124,7 @@ class Registry(Generic[T]):
         return tuple(self._registered)
 
     def version(self, name: str) -> int:
-        """Return 0 for padgen's own extensions, and for registered ones a number that changes, for keys of caches."""
+        """Return a number for keys of caches: 0 for padgen's extensions, else one that each registration changes."""
         return self.changes if name in self._registered else 0
 
     def get(self, name: str, where: str = "") -> T:
@@ -145,7 +145,7 @@ class Registry(Generic[T]):
 
 @cache
 def _module(package: str, name: str) -> Any:
-    """Import a module of a package, once: plans ask for it a thousand times, and `import_module` is slow."""
+    """Import and return an extension's module, or a family's member; cached, since `import_module` is slow."""
     stem, number = _files(package)[name]
     module = import_module(f"{package}.{stem}")
     return module.member(number) if number else module
@@ -153,7 +153,7 @@ def _module(package: str, name: str) -> Any:
 
 @cache
 def _files(package: str) -> dict[str, tuple[str, int]]:
-    """Return the names of a package of padgen in alphabetic order, each with its module and its number in a family.
+    """Return a package's extensions by name, in alphabetic order: module, and number in a family (0: none).
 
     A file with an underscore before a digit has the name without it, since no module can begin with a digit. Other
     files with an underscore are private. A file that ends with several numbers, ``NAME_3_5.py``, is the family
@@ -229,7 +229,7 @@ def names_in(text: str, known: Iterable[str], where: str, optional: bool = False
 
 
 def _nearest(name: str, known: list[str]) -> str:
-    """Return a question for the nearest of `known` to `name`, empty where none is near."""
+    """Return the hint ``did you mean …?`` with the name in `known` nearest to `name`, empty where none is near."""
     from difflib import get_close_matches
 
     near = get_close_matches(name[:LONGEST_PART], known, n=1, cutoff=0.5)

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class Rule(NamedTuple):
-    """A rule of one thing: true if it `holds`, else what is said.
+    """A condition on one thing: whether it `holds`, and the sentence to say if it does not.
 
     `where` is the field, option, file or part that it is about, `sentence` what is wrong with it, and `cures` are
     changes of the spec to propose. `code` and `level` are those of the finding, where it makes one.
@@ -55,7 +55,7 @@ def broken_rules(rules: Iterable[Rule | Finding]) -> Iterator[Finding]:
 
 
 class RuleBook(Generic[T]):
-    """All rules of one `kind` of thing: `functions` of the thing that yield them, in their order, then registered ones.
+    """The rules of one `kind` of thing: `functions` that yield them, in order, then functions registered later.
 
     A function is called when the rules of those before it have been judged: it may rely on what they refuse.
     """

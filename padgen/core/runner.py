@@ -79,7 +79,7 @@ WHERE = "worker process"
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The result of a job.
+    """The result of a job in a worker process: a value, or why there is none.
 
     `kind` is 'value'; 'refused', where the function raised `error`, a `PadgenError` of its own class; or 'failed',
     where the function broke down, its process died, or it exceeded `limit` ('time_s' or 'memory_mb'), as `error` says;
@@ -104,7 +104,7 @@ UNWANTED = Answer("failed", None, SolverError("was ended, since nobody wants its
 
 
 class Runner:
-    """Workers that are started when needed and reused; a context manager that ends them.
+    """A pool of worker processes, started when needed and reused; a context manager that ends them.
 
     As many workers run as threads call `run` at a time; the pool `threads` has `workers` threads for this. Workers load
     the modules named in `imports` as they start, before any limit counts; if one cannot be loaded, the job that needs
@@ -213,7 +213,7 @@ class Runner:
         return self._ready(worker)
 
     def _conditions(self) -> tuple[Any, ...]:
-        """Return all that a worker takes over from this process as it starts."""
+        """Return what a worker inherits from this process: environment, working folder, module path, imports."""
         folder = None
         with suppress(OSError):  # it was removed
             folder = Path.cwd()
@@ -453,7 +453,7 @@ def uninterrupted() -> Iterator[None]:
 
 @contextmanager
 def interrupted_later() -> Iterator[None]:
-    """Heed a Ctrl-C that comes inside the block at the block's end.
+    """Delay a Ctrl-C that comes inside the block until the block ends.
 
     For what takes locks written in Python, such as handing a job to a thread: an exception between the taking of such a
     lock and the block that frees it leaves it held, and the thread waits for it for ever.
@@ -483,7 +483,7 @@ def memory_mb(pid: int) -> float:
 
 
 def reset_peak() -> None:
-    """Restart the measurement of the peak, where the system can do this (Linux)."""
+    """Restart the measurement of this process's peak memory, where the system can do this (Linux)."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_bytes(b"5")
 
@@ -541,7 +541,7 @@ def _broken(error: BaseException) -> Answer:
 
 
 def _is_life_line(descriptor: int) -> bool:
-    """Return whether a worker can use the parent's pipe: on Linux, and not as one of its standard streams."""
+    """Return whether a worker can notice by this pipe that its parent has ended: on Linux, if no standard stream."""
     return sys.platform == "linux" and descriptor > 2
 
 
@@ -550,7 +550,7 @@ _answers: IO[bytes] | None = None
 
 
 def tell(step: str) -> None:
-    """Tell a step of the present job to who listens to it (`hear` of `Runner.run`); do nothing outside a worker."""
+    """Send a step of the present job to the caller's `hear` (`Runner.run`); do nothing outside a worker."""
     if _answers is not None:
         _send(_answers, pickle.dumps(step))
 
@@ -605,7 +605,7 @@ def serve(imports: list[str], life: int, idle_s: float) -> None:
 
 
 def _answered(job: bytes) -> bytes:
-    """Return the pickled answer to a pickled job."""
+    """Run a pickled job and return its pickled answer."""
     reset_peak()
     start = perf_counter()
     try:

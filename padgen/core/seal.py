@@ -32,7 +32,7 @@ def folder() -> Path:
 
 
 def seal_of(text: bytes) -> str:
-    """Return the seal of a text, empty where there is no secret and none can be made."""
+    """Return the seal (HMAC-SHA-256) of a text, empty where no secret can be read or made."""
     path = folder() / SECRET
     try:
         try:
@@ -61,7 +61,7 @@ def is_sealed(text: bytes, seal: str) -> bool:
 
 
 def _read(path: Path) -> bytes:
-    """Return the secret; a file that others may read or have made is refused."""
+    """Return the secret; raise OSError for a file that other users own or may access."""
     file = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     try:
         status = os.fstat(file)

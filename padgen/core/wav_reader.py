@@ -62,7 +62,7 @@ class Wave:
         return np.ascontiguousarray(raw).view(f"<i{raw.shape[-1]}")[..., 0] / 2.0 ** (8 * raw.shape[-1] - 1)
 
     def data(self) -> Iterator[bytes]:
-        """Return the samples' bytes in the file, in blocks."""
+        """Yield the bytes of the samples as they are in the file, in blocks."""
         raw = self._raw()
         step = max(READ_BYTES // (self.channels * self.width), 1)
         return (raw[start : start + step].tobytes() for start in range(0, self.count, step))
@@ -76,7 +76,7 @@ class Wave:
 
 
 def read_wav(path: Path, data: bytes | None = None) -> Wave:
-    """Read the head of the WAV file `path`; its samples stay on disk unless its bytes are given as `data`.
+    """Read the header of WAV file `path`; samples stay on disk unless the file's bytes are given as `data`.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def read_wav(path: Path, data: bytes | None = None) -> Wave:
 
 
 def _read(path: Path, file: BinaryIO, size: int, held: bytes | None) -> Wave:
-    """Read the head of an open file of `size` bytes; errors name `path`."""
+    """Read the header of an open WAV file of `size` bytes; errors name `path`."""
     where = str(path)
     head = file.read(12)
     if head[:4] != b"RIFF" or head[8:] != b"WAVE":
@@ -140,7 +140,7 @@ def _chunks(file: BinaryIO, size: int, start: int) -> Iterator[tuple[bytes, int,
 
 
 def _format(data: bytes, where: str) -> tuple[int, int, str, int, int]:
-    """Return rate, channels, kind, bits and bytes of a sample from a format chunk."""
+    """Return sample rate in Hz, channels, kind, and bits and bytes of a sample from a format chunk."""
     if len(data) < 16:
         raise FileError(f"{SPOILT} has a format of {len(data)} bytes, at least 16 are needed", where)
     code, channels, rate_hz, _, frame, bits = struct.unpack("<HHIIHH", data[:16])

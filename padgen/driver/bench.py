@@ -45,7 +45,7 @@ Told = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """The set-up of a session: its plan, its folder, the input that hears, and what plays.
+    """Set-up of a session that measures a print: plan, folder, audio input, and what plays the sweeps.
 
     That is the output `sink`, or the firmware at `port`, which knows the print by `tuning`.
     """
@@ -66,11 +66,11 @@ class Bench:
 
     @property
     def by_hand(self) -> bool:
-        """True where the output has too few channels, so that each coil has to be connected to the first one."""
+        """True where the output has fewer channels than coils, so that each coil must be plugged into the first."""
         return self.sink is not None and self.sink.channels < self.plan.coils.rows * self.plan.coils.columns
 
     def names(self, by_coil: bool = False) -> tuple[str, ...]:
-        """Return the taxels to record, or the coils all of whose taxels are heard at once."""
+        """Return the names of the taxels to record or, with `by_coil`, of the coils to record as a whole."""
         if by_coil:
             return tuple(dict.fromkeys(taxel.id.partition("k")[0] for taxel in self.plan.taxels))
         return tuple(taxel.id for taxel in self.plan.taxels)

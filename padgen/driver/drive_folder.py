@@ -163,7 +163,7 @@ def _timeline(drive: PadDrive, request: "Drive", frames: np.ndarray, signs: np.n
 def levels_of(
     plan: Plan, state: str | None, frames: Any = None, text: str | None = None, pattern: str | None = None
 ) -> np.ndarray | None:
-    """Return levels (k, taxels) in 0 … 1 of the one of these that is given; None without any.
+    """Return levels (k, taxels) in 0 … 1 from whichever of state, frames, text and pattern is given; None if none is.
 
     Raises
     ------
@@ -192,7 +192,7 @@ def levels_of(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drive:
-    """The frames that a plan's coils are to show; made by `padgen.drive`, whose parameters these are.
+    """What the coils of a plan are to show, and with which options; `padgen.drive` makes it and explains the options.
 
     `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states. With `brake`
     a WAV stops taxels that go OFF in counter-phase. Where the pad is driven `warm`, so is the `tuning`. In a `crossed`
@@ -219,7 +219,7 @@ class Drive:
 
     @property
     def played(self) -> tuple[str, ...]:
-        """Names of what each frame of a `crossed` drive plays, for the table of `padgen.check_wiring`; else none."""
+        """Names of the tones that the frames of a `crossed` drive play, for `padgen.check_wiring`; else empty."""
         return crossed_names(self.plan) if self.crossed else ()
 
     def save(

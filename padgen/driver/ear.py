@@ -100,7 +100,7 @@ class Span(NamedTuple):
 
 
 class Shaken(NamedTuple):
-    """Levels as `Heard` has them, of the pad as it moves; how it is held, if the spec states that, and what moves."""
+    """Felt levels as in `Heard`, but with the pad recoiling on its mount; how it is mounted, and the moving mass."""
 
     mount: str
     is_stated: bool
@@ -111,7 +111,7 @@ class Shaken(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heard:
-    """The levels that are felt in each span (h,) of the file at each taxel (n,), as in the plan.
+    """Vibration that a simulated finger feels at each taxel (n,) of the plan in each span (h,) of a WAV file.
 
     `level_um` is all that is felt there, `tone_um` what of it is at the taxel's own line, `wanted_um` (n,) what is to
     be felt at level 1, `peak_um` the largest motion of the washer from where it hangs, the mean pull's share included,
@@ -148,7 +148,7 @@ class Heard:
 
     @property
     def slot_contrast(self) -> tuple[float, int, int] | None:
-        """Least ON over OFF in dB within a coil over a frame's whole slot, that frame, and the coil; None without any.
+        """Least ON over OFF in dB within a coil over a frame's whole slot, its frame and coil; None if there is none.
 
         Both are root mean squares over the slot, switching and ringing included.
         """
@@ -156,7 +156,7 @@ class Heard:
 
     @property
     def held_contrast(self) -> tuple[float, int, int] | None:
-        """Least ON over OFF in dB within a coil at the ends of spans, where levels are taken; that span and coil."""
+        """Least ON over OFF in dB within a coil at the ends of spans, its span and coil; None if there is none."""
         return worst_contrast(self.shares, self.relative**2, self.coil_of)
 
     @property
@@ -187,12 +187,12 @@ class Heard:
 
     @property
     def shaken_db(self) -> float | None:
-        """The same of the moving pad; None where that is not heard."""
+        """`selectivity_db` of the pad as it recoils on its mount; None where recoil was not simulated."""
         return None if self.shaken is None else self._worst_db(self.shaken.level_um)
 
     @property
     def shaken_slot_contrast(self) -> tuple[float, int, int] | None:
-        """`slot_contrast` of the moving pad; None where that is not heard."""
+        """`slot_contrast` of the pad as it recoils on its mount; None where recoil was not simulated."""
         if self.shaken is None:
             return None
         return worst_contrast(self.frames, (self.shaken.frame_um / self.wanted_um) ** 2, self.coil_of)
@@ -214,7 +214,7 @@ def hear(
     tuning: Tuning | None = None,
     gap: bool = False,
 ) -> Heard:
-    """Listen to `wave` on the pad of `plan`, or on the print that `tuning` tells of.
+    """Simulate what is felt when `wave` plays on the pad of `plan`, or on the print that `tuning` describes.
 
     `sidecar` is the file's (`padgen.driver.formats.wav.wave_json`), of this plan, read from JSON. A file that loops is
     heard as it is after `LOOP_TAUS`, any other from rest. With the `gap` the pull grows as it closes, which takes more
@@ -313,19 +313,19 @@ def hear(
 
 
 def _found(groups: "Sequence[_Alike]") -> list[np.ndarray]:
-    """Return what `groups` found, taxels in the plan's order."""
+    """Return the results of all `groups`, joined, with taxels in the plan's order."""
     order = np.argsort(np.concatenate([group.which for group in groups]))
     figures = zip(*(group.found() for group in groups), strict=True)
     return [np.concatenate(parts, axis=-1)[..., order] for parts in figures]
 
 
 def _largest_of(course_m: np.ndarray, at_s: np.ndarray, span: Span) -> np.ndarray:
-    """Return the largest of a course (t, n) in a span."""
+    """Return each taxel's largest level (n,) within a span of its course over time (t, n)."""
     return np.asarray(course_m[(at_s > span.start_s) & (at_s <= span.stop_s)].max(0, initial=0.0))
 
 
 class _Recoil:
-    """The moving pad, and the taxels that hear it; without these where it is too large, which `refused` says."""
+    """The pad that recoils, and the taxels that it shakes; none where the model is too large (see `refused`)."""
 
     def __init__(
         self,
@@ -354,7 +354,7 @@ class _Recoil:
         self.reacts = -taxels.momentum / np.where(pull > 0, pull, np.inf)[:, None]
 
     def hear(self, first: int, square_a2: np.ndarray) -> None:
-        """Take in i² (coils, s) of all coils from sample `first` on."""
+        """Simulate the recoil, and the taxels under it, for a block of i² (coils, s) from sample `first` on."""
         if self.groups:
             shaken = self.reacts @ self.motion.acceleration(square_a2)
             for group in self.groups:
@@ -362,7 +362,7 @@ class _Recoil:
 
 
 def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> np.ndarray:
-    """Return the root mean squares (f, n) of a `course` (t, n) between edges (f + 1,), straight between its times."""
+    """Return root mean squares (f, n) of a `course` (t, n) between `edges_s` (f + 1,), by the trapezoidal rule."""
     square = course**2
     steps = np.diff(at_s)[:, None] * (square[1:] + square[:-1]) / 2
     total = np.concatenate([np.zeros((1, course.shape[1])), steps.cumsum(0)])
@@ -417,7 +417,7 @@ def _play(
     gap: bool,
     recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
-    """Play the file to every group of taxels that are alike, and to the pad that moves; return each coil's currents."""
+    """Simulate the file on all groups of like taxels and on the recoiling pad; return each coil's currents."""
     from scipy.signal import lfilter
 
     resistance = coil.resistance_ohm
@@ -473,7 +473,7 @@ def _play(
 
 
 def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield samples `first` … `last` of a file that repeats: the index of the first, and the block (channels, s)."""
+    """Yield blocks of a file that repeats, from sample `first` to before `last`: index, samples (channels, s)."""
     while first < last:
         at = first % wave.count
         stop = min(at + size, wave.count, at + last - first)
@@ -482,13 +482,13 @@ def _blocks(wave: Wave, first: int, last: int, size: int) -> Iterator[tuple[int,
 
 
 def high_pass(corner_hz: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return a first-order high-pass as a fraction, by the bilinear transform, exact at its corner."""
+    """Return numerator and denominator of a first-order high-pass (bilinear transform, exact at its corner)."""
     turn = np.tan(np.pi * corner_hz / rate_hz)
     return np.array([1.0, -1.0]) / (1 + turn), np.array([1.0, -(1 - turn) / (1 + turn)])
 
 
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the filter from a coil's voltage to its current, ``AROUND − 1`` samples late, as fraction."""
+    """Return numerator and denominator of the filter from coil voltage to current, ``AROUND − 1`` samples late."""
     inductance_h = max(inductance_h, resistance_ohm / STIFFEST / rate_hz)
     pole = -resistance_ohm / inductance_h / rate_hz
     off = WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
@@ -511,7 +511,7 @@ def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.nda
 
 
 class _Alike:
-    """Taxels `which` of a pad that are alike, with the filters of their modes, and the sums of what they feel."""
+    """Taxels of a pad that are alike, simulated together: the filters of their modes, and sums of their motion."""
 
     def __init__(
         self,
@@ -571,7 +571,7 @@ class _Alike:
         self.tail = np.zeros((3, len(which), 0))
 
     def hear(self, first: int, square_a2: np.ndarray, shaken_a2: np.ndarray | float = 0.0) -> None:
-        """Take in i² (coils, s) of all coils from sample `first` on; i itself where the force goes with that.
+        """Simulate the taxels for a block of i² (coils, s), or of i where force goes with i, from sample `first` on.
 
         `shaken_a2` (taxels, s) is what would pull as the moving pad does.
         """
@@ -624,7 +624,7 @@ class _Alike:
         return felt
 
     def found(self) -> tuple[np.ndarray, ...]:
-        """Return levels, own lines, peaks (h, n), course (t, n), wanted levels (n,) in m; who was pulled in (n,)."""
+        """Return levels, amplitudes at the tones, peaks (h, n), course (t, n), wanted (n,) in m; pulled in (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in
@@ -705,7 +705,7 @@ def _shaken_table(heard: Heard) -> dict[str, Any] | None:
 
 
 def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
-    """Yield a row for every coil that has taxels in every span, in the order of the file.
+    """Yield a row for each span, in the order of the file, and each coil that has taxels.
 
     `state` has a sign for every taxel, the lowest line first: 1 is ON, 0 is OFF, + in between. `on_db` is the smallest
     ON level, over what that taxel is to have there, `off_db` the loudest OFF level over the taxel's own ON level; None
@@ -742,7 +742,7 @@ def _level_mark(level: float) -> str:
 
 
 def ear_findings(heard: Heard) -> Iterator[Finding]:
-    """Judge what was heard in the file."""
+    """Judge what is felt of the file: pull-in, missed levels, low selectivity, recoil, states held too briefly."""
     if heard.pulled_in.any():
         yield Finding(
             "error",
@@ -809,7 +809,7 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
 
 
 def _tone_db(heard: Heard) -> np.ndarray:
-    """Return own lines (h, n) of ON taxels over what they are to be, in dB; NaN for OFF ones."""
+    """Return each ON taxel's amplitude at its tone over the wanted one, in dB (h, n); NaN for OFF taxels."""
     wanted = heard.shares * heard.wanted_um
     return _db(np.divide(heard.tone_um, wanted, out=np.full(wanted.shape, np.nan), where=wanted > 0))
 

@@ -60,7 +60,7 @@ class Excitation:
 
     @property
     def samples(self) -> int:
-        """Number of all samples: one turn's, times the number of coils where they take turns."""
+        """Number of samples of the excitation: one coil's, times the number of coils unless all play together."""
         return len(self.current_a) * (1 if self.together else len(self.coils))
 
     @property
@@ -160,7 +160,7 @@ def excitation(
 
 
 def _through(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
-    """Return what a sound card's high-pass turns into `volts` (n,), over and over: each line times ``1 − j f_h/f``.
+    """Return periodic `volts` (n,) pre-corrected for a sound card's high-pass: each line times ``1 − j f_h/f``.
 
     Their mean, which no high-pass leaves, is none of it.
     """
@@ -187,7 +187,7 @@ class FirmwareSweep:
     volts: np.ndarray
 
     def voltage_v(self, rate_hz: float) -> np.ndarray:
-        """Return the voltage (n,), straight between the rows in frequency and amplitude."""
+        """Return the voltage (n,), its frequency and amplitude interpolated linearly between the rows."""
         at = np.arange(ceil(self.seconds * rate_hz)) / (self.seconds * rate_hz) * (len(self.hz) - 1)
         rows = np.arange(len(self.hz))
         hz = np.interp(at, rows, self.hz)

@@ -118,7 +118,7 @@ def _pictures(path: Path, check: Check) -> Iterator[np.ndarray]:
 
 
 def read_text(path: Path, most_bytes: int = LARGEST_TEXT, what: str = "a text of frames") -> str:
-    """Return the text of a file of at most so many bytes; raises `FileError` where it is none, saying `what` it is."""
+    """Return the UTF-8 text of a file of at most `most_bytes`; `what` names its expected content in errors."""
     try:
         return read_bounded(path, most_bytes, what).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -141,7 +141,7 @@ def _tables(text: str, path: Path, check: Check) -> Iterator[np.ndarray]:
 
 
 def _blocks(rows: Iterable[Row], path: Path) -> Iterator[list[Row]]:
-    """Yield the rows of each frame, between which there is an empty one; not more than a pad can have."""
+    """Yield the rows of each frame of a text, split at empty rows; refuse a frame of more rows than any pad has."""
     for filled, rows_of_one in groupby(rows, key=any):
         block = list(islice(rows_of_one, MOST_ROWS + 1))
         if filled and len(block) > MOST_ROWS:
@@ -153,7 +153,7 @@ def _blocks(rows: Iterable[Row], path: Path) -> Iterator[list[Row]]:
 def _decoded(
     blocks: Iterable[Sequence[Sequence[str]]], path: Path, check: Check, what: str, level: Callable[[str], float]
 ) -> Iterator[np.ndarray]:
-    """Yield the frames of a text, whose cells, called `what`, `level` decodes or refuses by a ValueError."""
+    """Yield the frames of a text; `level` decodes a cell or raises ValueError, `what` names the cells in messages."""
     for frame, block in enumerate(blocks, start=1):
         first = len(block[0])
         for row, cells in enumerate(block):
@@ -347,13 +347,13 @@ def _files(paths: Iterable[str | Path]) -> Iterator[Path]:
 
 
 def _by_value(path: Path) -> tuple[list[tuple[bool, int, str]], str]:
-    """Order names with the numbers in them by value: 2.png before 10.png."""
+    """Return a sort key that orders file names by the value of the numbers in them: 2.png before 10.png."""
     parts = re.split(r"([0-9]+)", path.name)
     return [(k % 2 == 1, int(part) if k % 2 else 0, part) for k, part in enumerate(parts)], str(path)
 
 
 def state_frame(plan: Plan, text: str) -> np.ndarray:
-    """Return frames (k, taxels) in which every coil is in the same state.
+    """Return a frame (k, taxels) for each state in `text`; in a frame every coil is in the same state.
 
     A state is a digit 0 or 1 for each channel of a coil, its lowest first (``0110``), or levels between commas
     (``0,0.5,1,1``). Several, with blanks between them, and ``all`` for all 2ⁿ, make a frame each. With two

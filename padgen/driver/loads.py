@@ -96,7 +96,7 @@ the 0.2 to 0.3 mm of air between a coil and the lower half of its printed socket
 
 
 class Load(NamedTuple):
-    """The most that is asked, of any coil where nothing else is said.
+    """Largest demands of a signal on coils and taxels; of any one coil where nothing else is said.
 
     `peak_v` in V and `peak_a` in A; mean i² in A² of the strongest state of each coil, `square_a2` (coils,), and of all
     coils together, `total_a2`; `warm_a2` (coils,), the steady i² that warms a coil as much (`_warm_a2`); `level`
@@ -120,7 +120,7 @@ class _Asked(NamedTuple):
 
 
 def heat_s(coil: Coil) -> float:
-    """Return a time constant of a coil's heat in s, no longer than the true one.
+    """Return a lower bound, in s, of a coil's thermal time constant.
 
     It is what the copper stores over what the surface can give off. How much copper there is follows from resistance
     and wire length; it is no more than fits into the winding. Core and bobbin, which store more, are left out, and
@@ -226,7 +226,7 @@ def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
 
 
 def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """Return complex amplitudes (n,) of the voltages of the current's tones at level 1; spur-free there are none."""
+    """Return complex amplitudes (n,) in V of a coil's tones at level 1; the spur-free drive has no tones."""
     harmonic, amplitude = coil_lines(drive, coil)
     hz = harmonic / drive.period_s
     return np.asarray(impedance(drive.resistance_ohm, drive.inductance_h, hz) * amplitude * drive.made_good(hz))
@@ -246,7 +246,7 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
 
 
 def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
-    """Bound what the slope of the blend adds: the current's peak times L and the blend's steepest slope."""
+    """Bound the voltage that a transition adds: L times the peak current times the blend's steepest slope."""
     return drive.inductance_h * _bound_a(drive, coil, asked) * STEEPEST / ramp
 
 
@@ -276,7 +276,7 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
 
 
 def _shown_peak(drive: PadDrive, timeline: Timeline, signal: str) -> float:
-    """Return the largest voltage or current of a timeline, between the samples too."""
+    """Return the peak voltage or current of a timeline, by oversampling, with a margin for peaks between samples."""
     highest_hz = max(float(coil.force_hz.max(initial=0.0)) for coil in drive.coils) + (drive.carrier_hz or 0.0)
     finer = int(np.ceil(PER_CYCLE * highest_hz / drive.rate_hz))
     fine = replace(drive, rate_hz=max(finer, 1) * drive.rate_hz)
@@ -285,7 +285,7 @@ def _shown_peak(drive: PadDrive, timeline: Timeline, signal: str) -> float:
 
 
 def _any_v(drive: PadDrive, ramp: float) -> float:
-    """Return the largest voltage of all levels that may be sent, and of changes between them."""
+    """Bound the voltage under any levels that a host may send, and through changes between them."""
     alike = {coil.harmonic.tobytes() + coil.line_a2.tobytes(): coil for coil in drive.coils if len(coil.taxels)}
     bounds = sorted(((_bound_v(drive, c, _any(drive, c), ramp), key) for key, c in alike.items()), reverse=True)
     peak = 0.0
@@ -319,7 +319,7 @@ def _points(harmonic: np.ndarray) -> int:
 
 
 def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
-    """Return the largest voltage of all on/off states of a spur-free coil."""
+    """Return the largest voltage of a spur-free coil over all on/off states; a bound where channels are many."""
     count = len(coil.line_a2)
     if count > MOST_CHANNELS:
         largest = np.array([_largest_constant_a2(drive, coil)])
@@ -352,14 +352,14 @@ def _states(count: int) -> np.ndarray:
 
 
 def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
-    """Return the firmware's constants in A²: all on, those of all states of each group; and a group's size."""
+    """Return the firmware's least constants in A² with all on and in all states of each group; and the group size."""
     size = group_channels(max(len(c.taxels) for c in drive.coils))
     all_on, groups = least_constants(coil, size)
     return all_on, [np.array(group) for group in groups], size
 
 
 def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """Return the firmware's constant (2ⁿ,) of i² in all `_states`, the margin with it."""
+    """Return the constant part (2ⁿ,) of i² in A² that the firmware takes in each of `_states`, margin included."""
     all_on, groups, size = _groups(drive, coil)
     states = _states(len(coil.line_a2))
     which = np.arange(len(states))
@@ -369,7 +369,7 @@ def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
 
 
 def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
-    """Return the largest that the firmware's constant of i² can be; of many channels a bound."""
+    """Return the largest constant part of i² in A² that the firmware may take; an upper bound for many channels."""
     if len(coil.line_a2) <= MOST_CHANNELS:
         return float(_constants_a2(drive, coil).max())
     all_on, groups, _ = _groups(drive, coil)
@@ -377,7 +377,7 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
 
 
 def group_channels(channels: int) -> int:
-    """Return the channels of a group, as few as the number of groups allows, where the largest coil has `channels`."""
+    """Return how many channels a group has when `channels` are divided evenly into the fewest groups."""
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
@@ -404,12 +404,12 @@ def _least_constants(
 
 
 def signed_channels(channels: int) -> int:
-    """Return the channels of a group whose signs count, as `group_channels` does."""
+    """Return how many channels a group has, as `group_channels`, where states are off, on and in counter-phase."""
     return ceil(channels / ceil(channels / SIGNED_CHANNELS))
 
 
 def signed_constants(coil: CoilDrive, size: int) -> tuple[tuple[float, ...], ...]:
-    """Return the least constants in A² of each group of `size` channels in all states, of a digit of base 3 a channel.
+    """Return the least constants in A² of each group of `size` channels, by state: a base-3 digit for each channel.
 
     A digit is 0 for off, 1 for on, 2 for in counter-phase; the first channel's is the lowest.
     """
@@ -455,7 +455,7 @@ def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) 
 
 
 def judge_load(where: str, plan: Plan, load: Load, tuning: Tuning | None = None) -> Iterator[Finding]:
-    """Yield errors about a load."""
+    """Yield an error for each limit, or registered rule, that a load breaks."""
     return SIGNAL_RULES.findings(Signal(where, plan, load, tuning))
 
 
@@ -508,7 +508,7 @@ def _demand(plan: Plan, load: Load, tuning: Tuning | None) -> Demand:
 
 
 def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tuning | None, load: Load) -> str:
-    """Name the level at which the same is within all limits, as a clause: it was tried."""
+    """Return a clause that names a lower drive level, tried and within all limits, or says that none tried is."""
     for _ in range(TRIES):
         # All currents go with the root of the level.
         broken = exceeded(plan.spec, _demand(plan, load, tuning))

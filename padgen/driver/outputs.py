@@ -84,7 +84,7 @@ def _states(count: int) -> list[np.ndarray]:
 def _left(
     drive: PadDrive, coil: CoilDrive, on: np.ndarray, resonance_hz: np.ndarray, q: np.ndarray, corner_hz: float
 ) -> tuple[np.ndarray, float]:
-    """Return the own lines (n,) of i² in dB of the wanted ones, and the selectivity, behind a high-pass.
+    """Return what a high-pass leaves: lines (n,) of i² at the tones in dB of the wanted ones, and selectivity in dB.
 
     Each taxel is one resonance; the spur-free current is held.
     """

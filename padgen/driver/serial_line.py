@@ -139,7 +139,7 @@ class Message:
 
 
 class Greeting(NamedTuple):
-    """A device's account of itself; times as its samples make them, `faults` as `Fault` (0 from an older firmware)."""
+    """What a device reports of itself: times of whole samples, `faults` as `Fault` flags (0 from older firmware)."""
 
     plan_hash: bytes
     taxels: int
@@ -178,7 +178,7 @@ def plan_hash(plan: Plan, tuning: Tuning | None = None) -> bytes:
 
 
 def encode(message: Message) -> bytes:
-    """Return the packet of a message, both zeros with it."""
+    """Return the packet of a message, with the zero bytes before and after it."""
     body = HEAD.pack(message.version, message.kind, message.sequence % SEQUENCES) + message.payload
     blocks = []
     # Every zero is replaced by the distance to the next one, in blocks of at most 254 bytes.
@@ -191,7 +191,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(stream: bytes) -> tuple[list[Message | None], bytes]:
-    """Return the messages of `stream`, None for each that is damaged, and the bytes that are still without an end."""
+    """Return the messages of `stream` (None for each damaged one), and the bytes of the incomplete last packet."""
     *packets, rest = stream.split(b"\0")
     return [_message(packet) for packet in packets if packet], rest
 
@@ -225,7 +225,7 @@ def refusal(message: Message) -> Refusal:
 
 
 def _message(packet: bytes) -> Message | None:
-    """Read a packet without its zeros; None where its blocks do not come out even, or it was changed on its way."""
+    """Return the message of a packet without its zero bytes; None where its blocks or its checksum are wrong."""
     body = b""
     start = 0
     while start < len(packet):
@@ -332,7 +332,7 @@ def _signs(plan: Plan, frames: np.ndarray, each_s: float | None, tuning: Tuning 
 
 
 def excite(port: str, plan: Plan, coil: int, *, tuning: Tuning | None = None, baud: int = BAUD) -> None:
-    """Let the device play its sweep on a coil, row by row, and wait for the end.
+    """Let the device play its sweep on one coil (an index, row by row), and wait for the end.
 
     Raises
     ------
@@ -349,7 +349,7 @@ def excite(port: str, plan: Plan, coil: int, *, tuning: Tuning | None = None, ba
 def _playing(
     port: str, plan: Plan, tuning: Tuning | None, baud: int, reply_s: float, greet_s: float, what: str
 ) -> "Iterator[_Link]":
-    """Open a line and meet its device; whatever error ends the playing, the device is silenced if it can be."""
+    """Open a serial line and greet its device for a block; on any error the device is silenced if it can be."""
     serial = _serial()
     try:
         line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)
@@ -420,7 +420,7 @@ class _Link:
         self._what_then = f"the device falls silent by itself within {number(seconds)} s"
 
     def show_all(self, frames: np.ndarray, each_s: float, on_shown: Callable[[int], None]) -> None:
-        """Show every frame at its time; those that a late one would crowd come later, so that none is too short.
+        """Show every frame at its time; after a late frame those that follow are delayed, so that none is too short.
 
         A frame that is to last longer than the device holds one is sent again meanwhile, which no taxel feels.
         """

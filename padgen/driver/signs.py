@@ -26,7 +26,7 @@ __all__ = ["PlayedPad", "PlayedRecoil", "choose_signs", "mount_text", "played_re
 
 
 class PlayedRecoil(NamedTuple):
-    """Figures of OFF taxels on the moving pad: the smallest ON over the largest OFF amplitude in dB in the worst frame.
+    """Smallest ON over largest OFF amplitude in dB of the worst frame, with the pad recoiling on its mount.
 
     `signed_db` is with the signs that are played, `in_step_db` without, `clamped_db` of a pad that does not move; None
     where no taxel is OFF beside one that is ON. `turned` counts taxels that stay ON and turn over. `mount` says how the
@@ -95,7 +95,7 @@ def choose_signs(pad: PlayedPad, frames: np.ndarray, held_s: float = inf, in_tur
 
 
 def played_recoil(pad: PlayedPad, frames: np.ndarray, signs: np.ndarray) -> PlayedRecoil:
-    """Return what the worst of frames of levels (k, n) keeps with `signs` (k, n)."""
+    """Return ON over OFF of the worst of `frames` (k, n) of levels on the recoiling pad, with `signs` (k, n)."""
     is_fast = pad.mount.is_fast
     in_step = np.unique(frames, axis=0)
     stays = (frames[1:] > 0) & (frames[:-1] > 0)
@@ -122,7 +122,7 @@ def mount_text(pad: ShakenPad) -> str:
 
 
 def _worst_db(pad: ShakenPad, driven: np.ndarray, clamped: bool) -> float | None:
-    """Return the dB of the worst image (k, n) of signed levels; None where none has taxels both ON and OFF."""
+    """Return the least ON over OFF in dB of signed images (k, n); None where none has taxels both ON and OFF."""
     db = pad.listen(driven[(driven != 0).any(1)], clamped).db
     worst = float(db.min(initial=inf))
     return worst if isfinite(worst) else None

@@ -40,7 +40,7 @@ class FrameContrast(NamedTuple):
 
 
 def slots_of(time_s: np.ndarray, levels: np.ndarray, frame_s: float, turns: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the frame's number of each stretch (k − 1,) between keyframes, and frames (f, taxels) as levels.
+    """Return the frame index (k − 1,) of each stretch between keyframes, and the levels (f, taxels) of each frame.
 
     A frame is what it holds, in turns the most that each taxel has. The stretch that leads into silence is in no frame.
     """
@@ -52,7 +52,7 @@ def slots_of(time_s: np.ndarray, levels: np.ndarray, frame_s: float, turns: bool
 
 
 def _held(levels: np.ndarray, slot: np.ndarray, frame: int) -> int:
-    """Return the last keyframe at which a frame's state is held: its last before a brake."""
+    """Return the index of the last keyframe at which a frame's state is held, before a brake."""
     inside = np.flatnonzero(slot == frame)
     held = inside[(levels[inside] == levels[inside + 1]).all(1)]
     return int((held if len(held) else inside)[-1]) + 1
@@ -79,7 +79,7 @@ def worst_contrast(levels: np.ndarray, energy: np.ndarray, coil_of: np.ndarray) 
 
 
 def frame_contrast(plan: Plan, drive: PadDrive, shown: Timeline, tuning: Tuning | None = None) -> FrameContrast | None:
-    """Predict the contrast of the frames of a timeline; None where it shows no frames, or no coil is ON and OFF."""
+    """Predict the contrast of a timeline's frames; None without frames, or where no coil has taxels ON and OFF."""
     if shown.frame_s is None:
         return None
     turns = drive.scheme.takes_turns
@@ -134,7 +134,7 @@ def _beats(
     slot: np.ndarray,
     amplitude: np.ndarray,
 ) -> np.ndarray:
-    """Return what beats of a coil's taxels with others' lines add to ∫ a² dt (frames, n) in s while these are switched.
+    """Return what beats between a coil's taxels and others' lines add to ∫ a² dt (frames, n) in s during switching.
 
     What rings and what is heard of a line beside it have not the time to average out: the sum has their phases. With
     tones the spur of a pair lies between the two, and sounds while one takes the other's place.
@@ -192,7 +192,7 @@ def _beats(
 
 
 class _Heard(NamedTuple):
-    """Energies over those at their own levels of a coil's taxels under each other's lines, `tones` (n, n).
+    """Energies `tones` (n, n) of a coil's taxels under each other's lines, over the energy of each at its ON level.
 
     `spurs` (n, l) are of those that the pairs `makers`, two arrays (l,), make together; None where there are none.
     """
@@ -224,7 +224,7 @@ def slot_findings(
     tuning: Tuning | None = None,
     signs: np.ndarray | float = 1.0,
 ) -> tuple[Finding, ...]:
-    """Warn of frames that follow each other faster than keeps what is asked over their slots, with a length that does.
+    """Warn of frames too short to keep the asked contrast over their slots; name a length that is enough, if any.
 
     Asked is `drive.delta_y`, and no more than `SLOT_DB`.
     """

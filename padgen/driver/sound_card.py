@@ -147,7 +147,7 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
 
 
 def _faded_out(wave: Wave, done: int, fade: int) -> np.ndarray:
-    """Return what follows sample `done`, going out smoothly; a file that ends in silence is silent here too."""
+    """Return the samples that follow sample `done`, faded out; silent where the file ends in silence."""
     start = done % wave.count
     again = np.resize(wave.read(0, fade), (fade, wave.channels))
     after = np.concatenate([wave.read(start, start + fade), again])[:fade]

@@ -122,7 +122,7 @@ class CoilDrive:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PadDrive:
-    """The drive of a pad: its coils, row by row, with one scheme and frequencies on one base period.
+    """The drive of a pad: its coils, row by row, its scheme, and frequencies that are multiples of 1/`period_s`.
 
     `rate_hz` is that of the samples; a period is a whole number of them. `resistance_ohm`, `inductance_h`
     are each coil's. With a `carrier_hz` (spur-free only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers
@@ -153,7 +153,7 @@ class PadDrive:
         return self.scheme.has_constant and self.carrier_hz is None
 
     def made_good(self, hz: np.ndarray) -> np.ndarray:
-        """Return the complex factors by which lines at `hz` are written larger than they are to leave the sound card.
+        """Return the complex factors that pre-correct lines at `hz` for the sound card's high-pass.
 
         On a carrier, those of the carrier: lines lie about it on both sides, so near that their factors differ by less
         than 1e-2 (`tests/test_sound_cards.py`).
@@ -163,7 +163,7 @@ class PadDrive:
 
 
 def coil_lines(drive: PadDrive, coil: CoilDrive) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lines of a coil's current in A beside its `bias_a`; spur-free of i² in A² beside `constant_a2`.
+    """Return the lines of a coil's current in A or, spur-free, of i² in A², without the constant part.
 
     They are harmonics and complex amplitudes (n,), ``Re amplitude exp(2πi harmonic t / period)`` at level 1. They go
     with the level; where the scheme has no constant, with its root, at half the force's frequency.
@@ -367,7 +367,7 @@ def frame_s(plan: Plan, brake: bool = False) -> float:
 
 
 def ramp_s(plan: Plan) -> float:
-    """Return the seconds that a transition takes, or time-shared the least that half a slot may be."""
+    """Return the length in s of a transition or, time-shared, the shortest that half a slot may be."""
     return switch_ms(plan.channels, plan.coils.sets) * MS
 
 
@@ -400,7 +400,7 @@ def braked_s(plan: Plan, tuning: Tuning | None = None) -> float:
 
 
 def steady(levels: np.ndarray, seconds: float, signs: np.ndarray | float = 1.0) -> Timeline:
-    """Hold the same levels (taxels,) all the time: a loop without seam if `seconds` are whole periods of the comb."""
+    """Return a looping timeline of constant levels (taxels,), seamless if `seconds` are whole drive periods."""
     return Timeline(np.array([0.0, seconds]), np.stack([levels, levels]), True, signs=signs)
 
 
@@ -463,7 +463,7 @@ def timeline(
 def _signed(
     time_s: np.ndarray, levels: np.ndarray, length: float, frames: np.ndarray, signs: np.ndarray | float
 ) -> Timeline:
-    """Return the timeline of frames (k, n) of `length` s whose `signs` are theirs until the last moment of each."""
+    """Return the timeline of `levels` at `time_s`; `signs` (k, n) of a frame (`length` s) hold up to its end."""
     frame = np.ceil(time_s / length - 1e-9).astype(int) - 1
     of_frames = np.broadcast_to(signs, frames.shape)
     return Timeline(time_s, levels, False, length, of_frames[np.clip(frame, 0, len(frames) - 1)])
@@ -598,13 +598,13 @@ def _groups(drive: PadDrive, timeline: Timeline, signal: str) -> Iterator[_Group
 
 
 def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
-    """Return the number of the first sample at or after each keyframe; at the last one that of all samples."""
+    """Return the index of the first sample at or after each keyframe; for the last keyframe the number of samples."""
     edge = np.ceil(np.round(timeline.time_s * drive.rate_hz, 6)).astype(int)
     return [*edge[:-1].tolist(), sample_count(drive, timeline)]
 
 
 def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the shares (s, 1) of the keyframes before and after, and the slope of the latter in 1/s."""
+    """Return the weights (s, 1) of the keyframes before and after, and the slope of the latter's weight in 1/s."""
     return _ramp_between(drive, where, timeline.time_s[where.key], timeline.time_s[where.key + 1])
 
 
@@ -620,7 +620,7 @@ def _ramp_between(
 def _sums(
     drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ``constant + Re Σ_j w_j exp(iω_j t)`` (s, m) for weights (m, n), and the same times i `group.slope`."""
+    """Return ``constant + Re Σ w_j exp(iω_j t)`` (s, m) for weights (m, n), and ``Re Σ i s_j w_j exp(iω_j t)``."""
     count = where.stop - where.start
     n = len(group.harmonic)
     rows = -(-count // ROW)
@@ -654,7 +654,7 @@ def _blended(
     where: _Stretch,
     constant: tuple[np.ndarray | float, np.ndarray | float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sum and L/R times its slope, linear in the levels (and the constants) of the two keyframes."""
+    """Return the sum of lines, blended between two keyframes with its constants, and L/R times the sum's slope."""
     before, after = _levels(timeline, group, where.key)
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
@@ -713,7 +713,7 @@ def _linear(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
 
 
 def is_fed(timeline: Timeline, key: int) -> bool:
-    """Tell whether the constant current flows at a keyframe: not in the silence before the first and after the last."""
+    """Return whether the constant current flows at a keyframe: not at silent ends of a timeline without loop."""
     ends = key in (0, len(timeline.time_s) - 1)
     return timeline.loops or not ends or bool(timeline.levels[key].any())
 
@@ -742,14 +742,14 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
 
 
 def _turned(group: _Group, levels: np.ndarray) -> np.ndarray:
-    """Return the tones' amplitudes, a quarter of their own period late where levels (m, n) are below 0."""
+    """Return the tones' complex amplitudes (m, n), a quarter of a period late where `levels` (m, n) are below 0."""
     return group.weight * np.where(levels < 0, -1j, 1)
 
 
 def _blends(
     drive: PadDrive, timeline: Timeline, where: _Stretch, before: np.ndarray, after: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]]:
-    """Yield blends of levels (m, n) that lead through no 0: levels before and after, and the ramp between these.
+    """Yield blends in which no level (m, n) changes sign: levels before and after, and the ramp between them.
 
     Those that turn over go to 0 in the first half of the transition, and from there in the second.
     """

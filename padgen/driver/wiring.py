@@ -29,7 +29,7 @@ Coil = tuple[int, int]
 
 
 def _neighbour(coil: Coil, rows: int, columns: int) -> Coil | None:
-    """Return the coil beside `coil` that belongs to it as it does to that; None in a corner of two odd sides."""
+    """Return the adjacent coil with which `coil` forms a pair; None for the one left over on an odd-by-odd grid."""
     row, column = coil
     if column != columns - 1 or columns % 2 == 0:
         return row, column + 1 - 2 * (column % 2)
@@ -39,7 +39,7 @@ def _neighbour(coil: Coil, rows: int, columns: int) -> Coil | None:
 
 
 def crossed(plan: Plan, drive: PadDrive) -> PadDrive:
-    """Return the drive whose outputs play the lines of their neighbours, and nothing where there is none."""
+    """Return the drive in which each output plays the lines of its paired neighbour coil, or silence without one."""
     by_place = {(coil.row, coil.column): coil for coil in drive.coils}
     coils = []
     for place, coil in by_place.items():
@@ -72,12 +72,12 @@ def crossed_frames(plan: Plan) -> np.ndarray:
 
 
 def crossed_names(plan: Plan) -> tuple[str, ...]:
-    """Return what each of the `crossed_frames` plays, as `wiring_findings` reads it: r0c0x1 is coil r0c0's output."""
+    """Return the name of the tone in each of `crossed_frames`: r0c0x1 is the second tone on coil r0c0's output."""
     return tuple(name for name, _, _ in _crossed(plan))
 
 
 def _crossed(plan: Plan) -> list[tuple[str, Coil, int]]:
-    """Return name, coil and the index of the taxel whose tone is played, of each output's crossed tones in order."""
+    """Return name, output's coil and the taxel (its index) that the tone is for, of each 'crossed' tone in order."""
     taxels = coils_of(plan)
     tones = []
     for coil in sorted(taxels):
@@ -88,7 +88,7 @@ def _crossed(plan: Plan) -> list[tuple[str, Coil, int]]:
 
 
 def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
-    """Say which coils are swapped by what was felt: rows ``played,felt`` of taxels, `felt` empty where nothing was.
+    """Judge which coils are swapped, by a table ``played,felt`` of taxels; `felt` is empty where nothing was felt.
 
     A *played* with an x for the k is of the pattern 'crossed'. A WAV, or a folder of recordings named after taxels as
     `padgen.measured.read` reads them, tells it too: a taxel moves where it answers to its own coil's current about as
@@ -153,7 +153,7 @@ Rows = Iterator[tuple[int, tuple[str, str]]]
 
 
 def _heard_rows(plan: Plan, path: Path) -> Rows:
-    """Yield each recorded taxel as felt where it is, or as silent."""
+    """Yield row number, taxel played and taxel felt of each recording; '' for felt where the taxel hardly moved."""
     from padgen.measured.fits import fitted
     from padgen.measured.read import read_measured
 
@@ -217,7 +217,7 @@ def _silent_findings(
 
 
 def _moved_findings(plan: Plan, places: dict[Coil, Coil]) -> Iterator[Finding]:
-    """Yield a finding for plugs that are all on the wrong way, else for each pair that is swapped, else for each coil.
+    """Yield findings on misplaced plugs: one if all are in a wrong order, else one for each swapped pair or coil.
 
     `places` has the coil where each output was felt.
     """
@@ -236,7 +236,7 @@ def _moved_findings(plan: Plan, places: dict[Coil, Coil]) -> Iterator[Finding]:
 
 
 def _whole_orders(rows: int, columns: int) -> dict[str, Callable[[int, int], Coil]]:
-    """Return ways in which all plugs of a pad may be wrong, in words, and the coil at which each then is."""
+    """Return wrong orders of all plugs: in words, each with the coil that the output of (row, column) then feeds."""
     count = rows * columns
     orders: dict[str, Callable[[int, int], Coil]] = {
         "in the opposite order, the last first": lambda r, c: (rows - 1 - r, columns - 1 - c),

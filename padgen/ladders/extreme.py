@@ -86,7 +86,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ExtremeCase:
-    """One case: the answer of padgen (or its refusal by raising a `PadgenError`), and what is true.
+    """An extreme case of a model: its answer (or refusal, a raised `PadgenError`), and a reference for it.
 
     Relative errors are of the largest entry of `values`. `reference` is analytic, of many digits, or a finer
     solve (`source` says which); as an `Solved` it has an error of its own, which is allowed for.
@@ -140,7 +140,7 @@ class Cantilever(NamedTuple):
 
 
 def frame_answer(beam: Cantilever) -> Solved:
-    """Return bending frequencies up by the frame, lowest first; motions across, along and about the axis are held.
+    """Return the lowest frequencies in Hz of bending in the upright plane by the frame; other modes are left out.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def frame_answer(beam: Cantilever) -> Solved:
 
 
 def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> np.ndarray:
-    """Return roots of Timoshenko's frequency equation nearest to `guess_hz`, or to the frame's, in forty digits.
+    """Return the roots in Hz of Timoshenko's frequency equation nearest to `guess_hz` (default: the frame's).
 
     The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
     its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
@@ -180,7 +180,7 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> n
 
 
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
-    """Return the determinant of the tip's conditions, over the beam's length and stiffness; zero at a mode."""
+    """Return the determinant of the tip's boundary conditions at an angular frequency; it is zero at a mode."""
     width, thickness, length, _, offset, _, modulus, poisson, density = map(mpmath.mpf, beam)
     mass = mpmath.mpf(beam.tip_mass)
     gyration = mpmath.mpf(beam.tip_inertia)
@@ -281,7 +281,7 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
 
 
 def structure_cases() -> Iterator[ExtremeCase]:
-    """Yield all cases of the structure ladder's beam rungs: first those one step away from a plain beam."""
+    """Yield all cases of the domain 'structure': cantilevers by the frame, then taxels by the beam model."""
     plain = Cantilever(1e-3, 1e-3, 10e-3)
     beams = {}
     for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
@@ -402,7 +402,7 @@ RANDOM = 12
 
 
 def force_cases() -> Iterator[ExtremeCase]:
-    """Yield cases in which the force model is strained.
+    """Yield all cases of the domain 'force': extreme gaps, offsets, steels and currents, random pulls, pull-in.
 
     Each reference is a closed form or a field solution with far more unknowns than the model's.
     """
@@ -483,7 +483,7 @@ def _solid_case(name: str, pull: PullQuestion) -> ExtremeCase:
 
 
 def _off_axis(pull: PullQuestion) -> Solved:
-    """Solve the 3-D field; by a higher order where a weak pull drowns in the usual one's own error."""
+    """Return the pull by the 3-D field, by elements of higher order if the usual ones are not accurate enough."""
     try:
         return three_d_pull(pull)
     except SolverError:
@@ -491,7 +491,7 @@ def _off_axis(pull: PullQuestion) -> Solved:
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
-    """Make a case of a pull c ∝ 1/gap², whose pull-in is at a third of the gap; below it the balance solves a cubic."""
+    """Make a case of the balance at `share` of the squared pull-in current, for a pull as 1/gap²: a cubic's root."""
     gap_m = 1e-3
 
     def solve() -> Solved:
@@ -574,7 +574,7 @@ def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Dec
 
 
 def _over_largest(values: np.ndarray) -> np.ndarray:
-    """Return displacements (n, k) over each resonator's largest."""
+    """Divide displacements (n, k) by each resonator's largest."""
     return np.asarray(values / np.abs(values).max(1, keepdims=True))
 
 
@@ -611,7 +611,7 @@ def _phasor_near_resonance() -> ExtremeCase:
 
 
 def _many_oscillators() -> ExtremeCase:
-    """Make a case of 2,048 resonators in unit of a static deflection, so that slow and fast ones weigh alike."""
+    """Make a case of 2,048 resonators, displacements over static ones, so that slow and fast ones count alike."""
     hz = np.geomspace(0.1, 1000, 2048)
     force = tones(hz[::32], 1e-5, np.arange(64))
     seen = np.linspace(0, len(hz) - 1, 16).astype(int)
@@ -630,7 +630,7 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -> Solved:
-    """Return a coupled run; its stated error is ten times its difference from a finer run with other stages."""
+    """Return displacements of a coupled run, with ten times their difference from a finer run as stated error."""
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m
@@ -640,7 +640,7 @@ def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -
 
 
 def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
-    """Make a case of a pull so weak that nothing acts back: the linear model is the truth."""
+    """Make a case of a pull too weak for the motion to act back on the circuit: the linear model is exact."""
     inductance = RESISTANCE_OHM * constant_s
     weak = 1e-12
     voltage = tones([0.0, 500.0, 380.0], [1.0, 2.0, 2.0], [0.0, 0.3, 0.2])
@@ -657,7 +657,7 @@ def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
 
 
 def _acting_back(constant_s: float) -> ExtremeCase:
-    """Make a case of a pull that moves the washer by a tenth of its gap, and motion that moves the current."""
+    """Make a case of a peak pull that, held, moves the washer by a tenth of its gap, and motion that acts back."""
     inductance = RESISTANCE_OHM * constant_s
     hz = 1000.0
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
@@ -684,7 +684,7 @@ def _against_scipy(
 
 
 def _pull_in() -> Iterator[ExtremeCase]:
-    """Yield cases of a constant current beside the one that pulls the washer in: damped, and let go of undamped."""
+    """Yield cases of a constant current: just below and above static pull-in; undamped just below dynamic pull-in."""
     hz = 100.0
     exponent = 2.0
     direct = Source("current", np.ones_like)
@@ -751,7 +751,7 @@ FREE = (
 
 
 def spec_cases() -> Iterator[ExtremeCase]:
-    """Yield groups of random specs, taxels of some of them by finite elements, and statics that no pad survives."""
+    """Yield all cases of the domain 'specs': random groups, taxels of some by finite elements, impossible specs."""
     for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
         name = f"random {first} … {first + IN_GROUP - 1}"
         source = "a plan of finite figures, or one sentence"
@@ -772,7 +772,7 @@ def spec_cases() -> Iterator[ExtremeCase]:
 
 
 def _group(first: int) -> Solved:
-    """Count how many of a group's specs are answered wrongly; raise with the first of them."""
+    """Return 0 if `IN_GROUP` random specs from `first` on are answered rightly, else raise `ValueError`."""
     outcomes = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
     wrong = [f"random {number}: {fault}" for number, fault in outcomes.items() if fault]
     if wrong:
@@ -781,19 +781,23 @@ def _group(first: int) -> Solved:
 
 
 def _refused(table: dict[str, Any]) -> Solved:
-    """Return 1 for a plan that has found an error; a refusal is raised."""
+    """Return 1 if the plan of a spec has an error among its findings, else 0; a refusal is raised."""
     plan = plan_for(make_spec(table))
     return Solved(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
 
 
 def _beam(number: int) -> Solved:
-    """Return the lowest resonance by the plan's model, which states some of its standard deviations."""
+    """Return the planned resonance of the first channel of a random spec, with its model's stated error."""
     channel = plan_for(make_spec(random_table(number, 0))).channels[0]
     return Solved(np.array([channel.resonance_hz]), channel.model_error)
 
 
 def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Solved:
-    """Return the same of the printed solid, by elements of a setting that err by `error`, or by the tuning ones."""
+    """Return the resonance of the first channel of a random spec by finite elements of the printed solid.
+
+    `setting` is their order and levels, `error` what these may err by; without a setting the elements are those that
+    tune plans, with their estimated error.
+    """
     from padgen.make.solid_tuning import solid_taxel
     from padgen.solid.formats.step import write_taxel_step  # before NGSolve, which brings another OCCT
     from padgen.verify.elasticity import converged_modes, solve_modes
@@ -871,7 +875,7 @@ AT_CORNERS = 0.4
 
 
 def odd_table(number: int) -> dict[str, Any]:
-    """Draw odd spec number `number`: four lines or a template, of which up to six fields are anywhere in their bounds.
+    """Draw the odd spec of this `number`: four lines or a template, with some fields anywhere in their bounds.
 
     The first specs have one field each, at its lowest, at its highest, or one of its words.
     """
@@ -887,7 +891,7 @@ def odd_table(number: int) -> dict[str, Any]:
 
 @cache
 def _corners() -> list[tuple[str, "Field[Any]", Any]]:
-    """Return every field of `ODD` with each of its corners or words."""
+    """Return every field of `ODD` with each of its extreme values: its lowest and highest, or each of its words."""
     corners: list[tuple[str, Field[Any], Any]] = []
     for name, item in ODD:
         meta = item.metadata
@@ -897,7 +901,7 @@ def _corners() -> list[tuple[str, "Field[Any]", Any]]:
 
 
 def _odd_base(number: int) -> dict[str, Any]:
-    """Return a template's table, by the beam model; four lines for the other numbers."""
+    """Return the table of template `number` without its model, or four lines where there is no such template."""
     paths = list(template_paths().items())
     if 0 <= number < len(paths):
         table = read_toml(paths[number][1], paths[number][0])
@@ -906,7 +910,7 @@ def _odd_base(number: int) -> dict[str, Any]:
 
 
 def _odd_value(item: "Field[Any]", random: Random) -> Any:
-    """Draw a field's value: one of its words, or numbers at their corners or between, in decades where they may be."""
+    """Draw a field's value: one of its words, or numbers at or between its bounds, log-uniform for positive ones."""
     meta = item.metadata
     if known := choices(meta):
         return random.choice(known)
@@ -925,7 +929,7 @@ def _odd_value(item: "Field[Any]", random: Random) -> Any:
 
 
 def _with_field(table: dict[str, Any], name: str, item: "Field[Any]", value: Any) -> dict[str, Any]:
-    """Return the table of a spec with one field set; whole numbers are rounded to such."""
+    """Return the table of a spec with one field set, rounded where the field takes whole numbers."""
     kind = optional_type(item.type)[0]
     numbers = isinstance(value, list)
     if kind is int or (numbers and get_args(kind)[0] is int):
@@ -934,7 +938,7 @@ def _with_field(table: dict[str, Any], name: str, item: "Field[Any]", value: Any
 
 
 def outcome(table: dict[str, Any]) -> str:
-    """Return the fault of the answer to a spec, empty where it is a plan of finite figures or one sentence.
+    """Return what is wrong with the answer to a spec; empty for a plan of finite figures or one sentence.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures, but no
     other. Warnings are faults, and so is a computation that broke down, in whatever words that is told.
@@ -962,7 +966,7 @@ PER_LINE = 16
 
 
 def selectivity_cases() -> Iterator[ExtremeCase]:
-    """Yield the energy of one OFF taxel in the worst state of the others, and the paper's capacity."""
+    """Yield all cases of the domain 'selectivity': an OFF taxel's energy in the worst state, the paper's capacity."""
     for q in (1.0, 15.0, 1e3, 1e5, 1e7):
         yield _energy(f"32 channels in 20 … 1000 Hz, Q = {q:g}", (20.0, 1000.0), 32, q, "spur-free", 16)
     wide = "of 2,048 channels over 10⁴ in frequency, Q ="

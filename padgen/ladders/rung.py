@@ -75,13 +75,13 @@ class Scene(NamedTuple):
 
 
 def distinct_channels(plan: Plan) -> tuple[Channel, ...]:
-    """Return channels whose taxels differ in their beams, the first of each kind."""
+    """Return the first channel of each distinct beam, in the order of the channels."""
     by_beam = {channel.beam: channel for channel in reversed(plan.channels)}
     return tuple(sorted(by_beam.values(), key=lambda channel: channel.index))
 
 
 def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
-    """Return the distinct channels, or of many a few that are spread from the lowest to the highest."""
+    """Return at most `MOST_SUBJECTS` of the distinct channels, spread from the lowest to the highest."""
     every = distinct_channels(plan)
     if len(every) <= MOST_SUBJECTS:
         return every
@@ -104,7 +104,7 @@ def write_steps(scene: Scene) -> None:
 
 
 class Solved(NamedTuple):
-    """A model's answer: `values` of any shape, the relative error that it states itself, where it does.
+    """A model's answer: `values` of any shape, and the relative error that the model states (nan: none).
 
     `residual` and `condition` are of the linear or eigen problem behind it, nan where there is none; `unknowns` is how
     many it solved for, 0 for a formula.
@@ -195,7 +195,7 @@ NOT_RUN = RungFigures(note="not run: the study was stopped")
 
 @dataclass(frozen=True)
 class JudgedRung:
-    """A rung with what was measured and its `error`, which is at most `at_most`.
+    """A rung with its figures, its relative `error` to the reference, and `at_most`, an estimated bound on it.
 
     With `is_bound` the error cannot be told from the reference's own: only `at_most` is known.
     """
@@ -221,7 +221,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Judged:
-    """A ladder that was run. `uncertainty` is the reference's own error, inf where nothing is known of it.
+    """A ladder that was run; `uncertainty` is the estimated relative error of its reference, inf if unknown.
 
     `converged` tells whether two refinements show it; `why` is that as a sentence. `reference` is
     the index of its row, None where no rung of the reference's series has an answer.
@@ -250,7 +250,7 @@ CAUTION = 2.0
 
 
 class Pick(NamedTuple):
-    """The cheapest rung that meets a tolerance for every subject of a ladder, and what it costs and errs."""
+    """The quickest rung that meets a tolerance for every subject of a ladder, its mean run time and largest error."""
 
     ladder: str
     tolerance: float
@@ -298,7 +298,7 @@ def judged(ladder: Ladder, measured: Sequence[RungFigures]) -> Judged:
 
 
 def _uncertainty(ladder: Ladder, measured: Sequence[RungFigures], solved: Sequence[int]) -> tuple[float, bool, str]:
-    """Return the reference's own relative error, whether it is shown, and a sentence on it."""
+    """Return the reference's estimated relative error, whether it is shown to converge, and a sentence on that."""
     if not solved:
         return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
     name = f"{ladder.rungs[solved[-1]].model}, {ladder.rungs[solved[-1]].resolution}"
@@ -314,7 +314,7 @@ def _uncertainty(ladder: Ladder, measured: Sequence[RungFigures], solved: Sequen
 
 
 def _distance(ladder: Ladder, one: RungFigures, other: RungFigures, to: RungFigures | None = None) -> float:
-    """Return the largest difference of two answers, relative to `to` (the second of them) as the ladder says.
+    """Return the largest difference of two answers, relative to `to` (by default `other`) as the ladder says.
 
     inf where they have no common shape.
     """
@@ -373,7 +373,7 @@ def _holds(row: JudgedRung, tolerance: float) -> bool:
 
 
 def by_ladder(results: Iterable[Judged]) -> dict[str, list[Judged]]:
-    """Return the results of each ladder's subjects by the ladder's name."""
+    """Group results by the name of their ladder."""
     grouped: dict[str, list[Judged]] = {}
     for result in results:
         grouped.setdefault(result.ladder.name, []).append(result)
@@ -381,7 +381,7 @@ def by_ladder(results: Iterable[Judged]) -> dict[str, list[Judged]]:
 
 
 def picks(results: Iterable[Judged], tolerances: Sequence[float] = TOLERANCES) -> tuple[Pick, ...]:
-    """Return for each ladder and tolerance the rung that is quickest over all subjects and holds for each of them.
+    """Return for each ladder and tolerance the quickest rung that meets the tolerance for every subject.
 
     A ladder and tolerance for which none is known has a `Pick` without a model.
     """
@@ -412,7 +412,7 @@ TIMES = (
 
 
 class Timed(NamedTuple):
-    """Timed work's result, and the best of its `runs`; the peak of memory is over what was held before."""
+    """The result of timed work, its shortest times among `runs`, and the memory that its peak added."""
 
     value: Any
     seconds: float
@@ -422,7 +422,7 @@ class Timed(NamedTuple):
 
 
 def apart(work: Callable[..., Any], *arguments: Any, imports: tuple[str, ...] = (), limit_s: float = LIMIT_S) -> Answer:
-    """Run `work`, which must pickle, in a new process until `limit_s`; it never raises what `work` raises."""
+    """Run `work`, which must pickle, in a new process for at most `limit_s`; its error is returned, not raised."""
     with Runner(imports=imports) as runner:
         return runner.run(work, *arguments, time_s=limit_s)
 
@@ -451,7 +451,7 @@ def timed(
     most_runs: int = MOST_RUNS,
     prepare: Callable[[], Any] | None = None,
 ) -> Answer:
-    """Run `work` apart, again and again until `budget_s` is spent; the answer's value is a `Timed`.
+    """Time `work` in a new process, repeated until `budget_s` is spent; the answer's value is a `Timed`.
 
     With `prepare` it is called with its result, which is made once, off the clock.
     """
@@ -471,7 +471,7 @@ def measured(rung: Rung) -> RungFigures:
 
 
 def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
-    """Run a pickled pair in this process: a function to call off the clock or None, and the one to time."""
+    """Time the second of two pickled functions in this process; the first, or None, prepares its argument."""
     prepare, _ = pickle.loads(pickled)  # so that the modules it names are loaded
     try:
         made = () if prepare is None else (prepare(),)
@@ -490,7 +490,7 @@ def run_timed(pickled: bytes, budget_s: float, most_runs: int) -> Timed:
 
 
 def _run(pickled: bytes, made: tuple[Any, ...]) -> tuple[Any, float, float]:
-    """Run once; return the value with its wall and processor seconds.
+    """Run the pickled work once; return its value, wall seconds and processor seconds.
 
     It is unpickled anew and caches are emptied, so that a repeated run takes as long as the first.
     """

@@ -103,13 +103,13 @@ class DynamicsQuestion:
 
     @property
     def force(self) -> DecayingTones:
-        """The pull in N on each washer where it rests, amplitudes (n, m)."""
+        """The pull in N on each washer held where it rests, as tones with amplitudes (n, m)."""
         lines = self.squared_current
         return lines._replace(amplitude=self.system.pull_n_per_a2[:, None] * lines.amplitude)
 
     @property
     def voltage(self) -> Source:
-        """The voltage that makes this current in the coil with its washers at rest."""
+        """The voltage that drives the question's current through the coil while its washers are at rest."""
         resistance = self.system.resistance_ohm
         inductance = self.system.inductance_h
         current = self.current
@@ -122,13 +122,13 @@ class DynamicsQuestion:
 
     @property
     def initial_a(self) -> float:
-        """The current in A at t = 0, when the taxels are let go: no step of the voltage is left to the circuit."""
+        """The coil's current in A at t = 0, when the taxels are released, so that the circuit has no transient."""
         value = float(signal(self.current or self.squared_current, np.zeros(1))[0])
         return value if self.current else value**0.5
 
 
 def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder per kind of coil, in the plan's worst state; none where the coil pulls no washer."""
+    """Yield one ladder for each set of channels, in the plan's worst state; none where the coil pulls no washer."""
     for kind in range(len(scene.plan.sets)):
         try:
             question = dynamics_question(scene.plan, coil_set=kind)
@@ -151,7 +151,7 @@ def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 0) -> DynamicsQuestion:
-    """Ask about one coil of a plan, in its worst state, two periods of the lowest channel from `after_s` on.
+    """Make the question on one coil in its worst state: two periods of its lowest channel, from `after_s` on.
 
     Three ring-ups of the slowest channel unless told otherwise.
 
@@ -244,7 +244,10 @@ def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
 
 
 def _root_voltage(lines: DecayingTones, resistance: float, inductance: float, time_s: np.ndarray) -> np.ndarray:
-    """Return u = R i + L di/dt in V of i = √F: ``di/dt = F'/(2i)``."""
+    """Return the voltage ``R i + L di/dt`` in V of a current whose square is a sum of tones in A².
+
+    ``di/dt = (i²)'/(2i)``.
+    """
     slope = 2 * np.pi * lines.frequency_hz * lines.amplitude
     quarter = lines._replace(amplitude=slope, phase_rad=lines.phase_rad + np.pi / 2)
     current = np.sqrt(signal(lines, time_s))
@@ -256,7 +259,7 @@ EFFORTS = (0.1, 0.3, 1.0)
 
 
 def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder: the smallest ON over the largest OFF amplitude in all states, equal masses, in the band."""
+    """Yield one ladder on selectivity: smallest ON over largest OFF amplitude in all states, with equal masses."""
     spec = scene.plan.spec
     drive = scene.plan.selectivity.drive
     count = len(scene.plan.sets[0])
@@ -285,20 +288,20 @@ def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def bound_promise(spec: Spec, count: int) -> Solved:
-    """Return Δy that Eq. 12 promises for `count` channels evenly in octaves: ``4 Q (ρ − 1)/(ρ + 1)``."""
+    """Return the paper's Δy (Eq. 12) for `count` channels in geometric progression: ``4 Q (ρ − 1)/(ρ + 1)``."""
     ratio = (spec.band_hz[1] / spec.band_hz[0]) ** (1 / (count - 1))
     return Solved(np.array([4 * spec.q_min * (ratio - 1) / (ratio + 1)]))
 
 
 def even_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
-    """Return the exact figure of resonances evenly in octaves."""
+    """Return ON over OFF amplitude for resonances in geometric progression: one channel on, or all states."""
     which = _resonators(spec, geometric_ladder(*spec.band_hz, count))
     scheme = scheme_named(spec, drive)
     return _as_ratio(one_hot_db(which, scheme) if one_hot else all_states(which, scheme).db, count)
 
 
 def optimal_ratio(spec: Spec, drive: str, count: int, effort: float) -> Solved:
-    """Return the figure of the best resonances that a search of this effort finds."""
+    """Return ON over OFF amplitude in all states for the best resonances that a search of this `effort` finds."""
     scheme = scheme_named(spec, drive)
     ladder = optimal_ladder(*spec.band_hz, count, spec.q_min, level_law(spec), scheme, effort)
     return _as_ratio(all_states(_resonators(spec, ladder), scheme).db, count)
@@ -407,7 +410,7 @@ LEAST_OFFSET_MM = 1e-3
 
 
 def force_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder for each distance from the coil's axis at which the plan has a washer."""
+    """Yield one ladder of the pull for each distance of a washer of `chosen_channels` from the coil's axis."""
     coil, washer = magnetic_parts(scene.plan.spec)
     gap = scene.plan.spec.coil.gap_mm
     distances = {round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)}
@@ -441,19 +444,19 @@ def _resolution(order: int, levels: int) -> str:
 
 
 def paper_pull(pull: PullQuestion) -> Solved:
-    """Return the pull by Eq. 4 as printed, over the core's end (the bore's without a core)."""
+    """Return the pull in N/A² by the paper's Eq. 4 as printed, over the core's end (without a core, the bore's)."""
     diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
     return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
 
 
 def charges_pull(pull: PullQuestion) -> Solved:
-    """Return the pull by surface charges on core and washer, which know no saturation: the plan's own."""
+    """Return the pull in N/A² by surface charges on core and washer, without saturation, as plans do."""
     pulls = solved_pulls(pull.coil, pull.washer, np.array([pull.gap_m]), np.array([pull.offset_m]))
     return Solved(pulls.pull, float(pulls.error[0]))
 
 
 def axisymmetric_pull(pull: PullQuestion, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
-    """Return the pull by elements of `order` in the half plane, the middle of what two potentials say.
+    """Return the pull in N/A² by axisymmetric elements of `order`: the mean by scalar and vector potential.
 
     With `scalar`, what the scalar potential says alone.
     """
@@ -465,7 +468,7 @@ def axisymmetric_pull(pull: PullQuestion, order: int = 5, levels: int = 4, scala
 
 
 def three_d_pull(pull: PullQuestion, order: int = 3, levels: int = 1) -> Solved:
-    """Return the pull by elements of `order` in space."""
+    """Return the axial pull in N/A² by 3-D elements of `order`."""
     force = solid_pull(pull, order, levels)
     answer = np.array([-float(force.wrench[0, 2]) / pull.current_a**2])
     return Solved(answer, force.error, force.residual, unknowns=force.unknowns)
@@ -485,7 +488,7 @@ ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elastic
 
 
 def structure_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder per taxel that differs from the others in its beams (`chosen_channels`)."""
+    """Yield one ladder on the working resonance of the taxel of each of the `chosen_channels`."""
     plan = scene.plan
     for place, channel in enumerate(chosen_channels(plan)):
         taxel = (plan.spec, channel)
@@ -525,17 +528,17 @@ def _model(spec: Spec, channel: Channel) -> TaxelModel:
 
 
 def rule_hz(spec: Spec, channel: Channel) -> Solved:
-    """Return the resonance by the paper's Eq. 1 and 2."""
+    """Return a taxel's resonance in Hz by the paper's point-mass rule (Eq. 1 and 2)."""
     return Solved(np.array([_model(spec, channel).rule_hz]))
 
 
 def beam_hz(spec: Spec, channel: Channel) -> Solved:
-    """Return the resonance by the model that plans are made with."""
+    """Return a taxel's resonance in Hz by the beam model, which plans are made with."""
     return Solved(np.array([_model(spec, channel).resonance_hz]), unknowns=6)
 
 
 def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool = False) -> Solved:
-    """Return the resonance by a frame of `elements` along each beam, with motions within the elements or without."""
+    """Return a taxel's resonance in Hz by a frame of `elements` along each beam, of higher order if `inner`."""
     from padgen.verify.frame import frame_modes
     from padgen.verify.taxel_frame import taxel_frame
 
@@ -599,7 +602,7 @@ def planned_hz(plan: Plan) -> Solved:
 
 
 def pad_hz(plan: Plan, clamping: str, order: int) -> Solved:
-    """Return the resonances of a taxel in the pad's frame, which moves the peak of its response."""
+    """Return each channel's resonance in Hz with the shift that the pad's frame makes on its most central taxel."""
     from padgen.verify.pad_frame import central_taxels, pad_modes, shift
 
     modes, held = pad_modes(plan, clamping, order)
@@ -615,7 +618,7 @@ GUARD_RATIO = 2.0
 
 
 def skin_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield two ladders on what typical skin adds to a taxel: free, and held by a plate round the contactor."""
+    """Yield two ladders on the dynamic stiffness of typical skin: free, and held by a plate round the contactor."""
     plan = scene.plan
     radius = plan.plate.boss_diameter_mm / 2 * MM
     hz = tuple(dict.fromkeys((plan.channels[0].resonance_hz, plan.channels[-1].resonance_hz)))

@@ -102,7 +102,7 @@ MISSING = "not run"
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """The verdict on a case: the columns of its table. `error` is relative, against the case's own reference.
+    """The verdict on an extreme case, a row of the table of cases; `error` is relative to the case's reference.
 
     'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
     stated, no number, or no end; 'unchecked': the reference itself could not be computed; 'not run'.
@@ -122,7 +122,7 @@ class CaseVerdict:
 
 
 def named_cases(sets: Sequence[CaseSet] = SETS) -> list[tuple[CaseSet, int, ExtremeCase]]:
-    """List all cases of `sets`, each with its set and its place there: the case itself need not pickle."""
+    """Return all cases of `sets`, each with its set and its index there, since a case itself need not pickle."""
     return [(cases, place, case) for cases in sets for place, case in enumerate(cases())]
 
 
@@ -152,7 +152,7 @@ def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S
 
 
 def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
-    """Return the largest difference over the largest entry of `reference`; nan for a shape or number that is none."""
+    """Return the largest difference over `reference`'s largest entry; nan if shapes differ or any is not finite."""
     if values.shape != reference.shape or not np.isfinite(reference).all() or not np.isfinite(values).all():
         return nan
     difference = float(np.abs(values - reference).max(initial=0.0))
@@ -161,7 +161,7 @@ def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
 
 
 def judged_error(error: float, stated: float, allowed: float = 0.0) -> tuple[str, str]:
-    """Return the verdict on an error beside the stated one (plus `allowed`, the reference's), and why if wrong."""
+    """Judge an error by the `stated` one plus `allowed`, the reference's; return the verdict, and why if wrong."""
     if isnan(error):
         return WRONG, "the answer is not a number, or not of the reference's shape"
     if not isfinite(stated):
@@ -196,7 +196,7 @@ class Study:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Rungs that were not run since the study was stopped; none where it was not."""
+        """Rungs that were not run because the study was stopped; none where it was not."""
         return tuple(
             f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
             for result in self.ladders
@@ -240,7 +240,7 @@ class ExtremeStudy:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Cases that were not run since the study was stopped."""
+        """Cases that were not run because the study was stopped."""
         return tuple(f"{verdict.domain}, {verdict.case}" for verdict in self.verdicts if verdict.verdict == MISSING)
 
 
@@ -335,7 +335,7 @@ def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: Non
 
 
 def run_extreme(folder: Path, progress: Progress = lambda step: None, sets: Sequence[CaseSet] = SETS) -> ExtremeStudy:
-    """Hold every model to what it states in its extreme cases, and write `EXTREME_FILES` into `folder`.
+    """Compare each model's error in its extreme cases with the error that it states, and write `EXTREME_FILES`.
 
     Interrupted (Ctrl-C), the cases that were left are 'not run'.
 
@@ -398,7 +398,7 @@ EXTREME_COLUMNS = tuple(item.name for item in fields(CaseVerdict))
 
 
 def study_csv(study: Study) -> str:
-    """Write one row per rung, in the order of the ladders; no number is an empty cell."""
+    """Return a study as CSV: one row per rung, in the order of the ladders; no number is an empty cell."""
     rows = []
     for result in study.ladders:
         ladder = result.ladder
@@ -413,7 +413,7 @@ def study_csv(study: Study) -> str:
 
 
 def study_json(study: Study) -> str:
-    """Write all that was measured, with what was studied, and by which versions, ahead of it."""
+    """Return a study as JSON: what was studied and by which versions, then all that was measured."""
     record = {
         "stopped": bool(study.missing),
         "missing": study.missing,
@@ -463,7 +463,7 @@ EXTREME_HEADINGS = ("domain", "case", "model", "error", "stated", "run time", "r
 
 
 def _study_text(study: Study) -> str:
-    """Write all ladders of which something was run, the recommended rungs, what times are, and what was not run."""
+    """Return a study as text: ladders that were run at least in part, recommended rungs, and what was not run."""
     parts = []
     stopped = []
     for result in study.ladders:
@@ -477,7 +477,7 @@ def _study_text(study: Study) -> str:
 
 
 def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
-    """Write one ladder as a table, what it was measured against, and the orders of convergence.
+    """Return a ladder as text: a table of its rungs, the reference, and the orders of convergence.
 
     `tolerances` are sorted, the largest first.
     """
@@ -540,7 +540,7 @@ def picks_text(picks: Iterable[Pick]) -> str:
 
 
 def _extreme_text(study: ExtremeStudy) -> str:
-    """Write the table of cases, then what is refused or wrong, sentence by sentence."""
+    """Return the verdicts on extreme cases as text: a table, a sentence on each that has a note, and counts."""
     rows = []
     for case_verdict in study.verdicts:
         figures = case_verdict.error, case_verdict.stated_error, case_verdict.residual, case_verdict.condition
@@ -566,7 +566,7 @@ def _extreme_text(study: ExtremeStudy) -> str:
 
 
 def extreme_picture(verdicts: Sequence[CaseVerdict]) -> bytes:
-    """Draw error against stated error of the extreme cases, as SVG: right are those below the diagonal."""
+    """Draw the error of the extreme cases against their stated error, as SVG; cases below the diagonal are right."""
     from padgen.report.charts import draw_grid
     from padgen.report.rungs import extreme_figure
 

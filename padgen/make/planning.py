@@ -89,7 +89,7 @@ def parse_tolerance(text: str) -> float:
 
 
 def recorded_spec(spec: Spec, folder: Path) -> Spec:
-    """Return `spec` with the model that the plan in `folder` records.
+    """Return `spec` with the model, and the layout that a search chose, as the plan in `folder` records them.
 
     The spec stays as it is where it names a model itself, or where the plan is of another spec.
     """
@@ -152,7 +152,7 @@ KIND = "plan"
 
 
 def _by_beams(spec: Spec, keep: bool) -> "Plan":
-    """Return the plan by the beam model: with `keep` that of the cache, unless registered code may have a part in it.
+    """Return the plan by the beam model; with `keep` use the cache, unless registered code may affect the plan.
 
     Of other packages numpy alone has a part, but for optimised ladders, whose own entries know scipy's version.
     """

@@ -143,7 +143,7 @@ def _next_trial(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: floa
 
 
 def _slope(spec: Spec, tried: Sequence[Trial]) -> float:
-    """Return d ln f / d ln w from the last two solutions, or the beam model's after the first."""
+    """Return the slope of ln resonance over ln width from the last two trials, or by the beam model after one."""
     last = tried[-1].sized
     if len(tried) < 2:
         wider = last.beam._replace(width_mm=last.beam.width_mm * WIDER)
@@ -158,7 +158,7 @@ def _slope(spec: Spec, tried: Sequence[Trial]) -> float:
 
 
 class TaxelSolver:
-    """Solves the taxels of plans, each distinct one once, in processes of their own; a context manager.
+    """Finite-element solver of plans' taxels, each distinct one once, in other processes; a context manager.
 
     The engine's libraries and the CAD kernel's have different versions and must not be in one process. Processes are
     started with the first taxel that the cache does not hold. The elements are refined until their estimated error is
@@ -238,7 +238,7 @@ class TaxelSolver:
 
 
 def _modes_of(answer: "Answer", channel: Channel) -> SolvedTaxel:
-    """Return the modes that a process found.
+    """Return the modes in a worker's answer, or raise the error that it holds.
 
     Raises
     ------
@@ -280,7 +280,7 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
 
 
 def solve_step(taxel: Any, tolerance: float, setting: int) -> SolvedTaxel:
-    """Return the modes of one STEP file; called in a process of its own."""
+    """Return the modes of the taxel in one STEP file by finite elements; called in a separate process."""
     from padgen.verify.elasticity import converged_modes
 
     modes = converged_modes(taxel, tolerance, MODES, setting)
@@ -301,7 +301,7 @@ def _to_plain(solved: SolvedTaxel) -> dict[str, Any]:
 
 
 def _from_cache(keys: Iterable[str]) -> dict[str, SolvedTaxel]:
-    """Return those of the keys that the cache holds, with their solutions."""
+    """Return the cached solutions by key, without the keys that the cache lacks."""
     return {key: solved for key in keys if (solved := _from_plain(cache.load(KIND, key)))}
 
 

@@ -107,7 +107,7 @@ def fit_measured(measured: Measured, plan: Plan, nearest: bool = False) -> tuple
 def fitted(
     measured: Measured, plan: Plan, nearest: bool = False
 ) -> tuple[tuple[TaxelFit, ...], tuple[Curve, ...], FileError | None]:
-    """Return the fits of `fit_measured`, what they have seen, and the error that it raises, if any.
+    """Return the fits of `fit_measured`, measured and fitted curves, and the error that it raises (or None).
 
     Raises
     ------
@@ -172,7 +172,7 @@ def _fit(part: Spectrum | TaxelRecord, channel: Channel, near_hz: float | None) 
 def _heard(
     part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool, alone_hz: dict[str, float]
 ) -> list[tuple[str, float | None]]:
-    """Return the taxels that a part of a measurement is of, each with the frequency in Hz near which it is sought.
+    """Return the taxels that a part of a measurement holds, each with the frequency in Hz to fit near (or None).
 
     Peaks in a record of a whole coil go to its taxels in their planned order, so that they are off the plan by about
     one factor; some may be missing, and peaks may be left over. A taxel of known `alone_hz` has the peak that is there.

@@ -184,7 +184,7 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
 
 
 def _refuse_far(spec: Spec, change: np.ndarray, sigma: np.ndarray) -> None:
-    """Refuse terms that no printer of this kind has: another pad may fit as well, with absurd terms."""
+    """Refuse fitted offsets or a modulus beyond any printer of this kind, as measurements of another pad give."""
     for (name, unit, before), far, known in zip(_before(spec), change.tolist(), sigma.tolist(), strict=True):
         most = FARTHEST_SIGMAS * float(np.hypot(before, known))
         if abs(far) > most:

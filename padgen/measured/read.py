@@ -232,13 +232,13 @@ FEWEST_LEFT = 64
 
 
 def _lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> int:
-    """Return the number of samples of a record of `count` whose mean is enough for the taxels `ids`."""
+    """Return the factor by which a record of `count` samples may be averaged down for the taxels `ids`."""
     highest = max(plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels if taxel.id in ids)
     return max(min(int(rate_hz / (SAMPLES_OF_PLANNED * highest)), count // FEWEST_LEFT), 1)
 
 
 def _current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, where: str) -> np.ndarray:
-    """Return the coil's current, or what is proportional to it, from its 'current' or its 'voltage'.
+    """Return the coil's current, up to a factor, from a recorded column of the `kind` 'current' or 'voltage'.
 
     The sentence about silence begins with `what`.
     """
@@ -251,7 +251,7 @@ def _current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, 
 
 
 def _driven(record: TaxelRecord, current: np.ndarray | None, plan: Plan) -> TaxelRecord:
-    """Return a record with what its current gives: i², or i where the force goes with that."""
+    """Return a record with the coil's i² added, or i where the force goes with i; unchanged without a current."""
     if current is None:
         return record
     order = plan.spec.force_order
@@ -396,7 +396,7 @@ LONGEST_LINE = 1 << 22
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sheet:
-    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered cells of its body."""
+    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered lines of its body."""
 
     where: str
     notes: dict[str, str]
@@ -405,7 +405,7 @@ class _Sheet:
 
     @property
     def factor(self) -> float:
-        """Frequencies of the motion over those in the file."""
+        """Factor from frequencies in the file to those of the motion: 2 where the file has the current's, else 1."""
         return 2.0 if self.notes.get("frequency") == DRIVE else 1.0
 
     def cells(self, line: int, raw: str) -> list[str]:
@@ -448,7 +448,7 @@ class _Sheet:
 
 
 def _csv(text: str, where: str, ids: tuple[str, ...], plan: Plan, alone: bool) -> Found:
-    """Return the data of the taxels `ids` in a CSV text, and whether it states what its frequencies are of.
+    """Return the data of the taxels `ids` in a CSV text, and whether it says if frequencies are of current or motion.
 
     With `alone` the file belongs to the one taxel in `ids`, whose columns may be named 'response'.
     """
@@ -517,7 +517,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _unit(sheet: _Sheet, axis: str) -> tuple[bool, int | None]:
-    """Return whether the responses are absolute, with a unit of `UNITS`, and the power that the file states."""
+    """Return whether responses have an absolute unit, and the stated derivative of motion (0 to 2, or None)."""
     unit = sheet.notes.get("unit", RELATIVE)
     sensor = sheet.notes.get("sensor")
     refuse(
@@ -636,7 +636,7 @@ def _spectra(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
 def _taxel_columns(
     sheet: _Sheet, ids: tuple[str, ...], plan: Plan, quantities: tuple[str, ...]
 ) -> dict[str, dict[str, int]]:
-    """Return the numbers of each taxel's columns, by their suffix; `quantities` names the other columns."""
+    """Return the indices of each taxel's columns, by their suffix; `quantities` are the names of other columns."""
     columns_of: dict[str, dict[str, int]] = {}
     forms = SUFFIXES[quantities[0]]
     for at, name in enumerate(sheet.names):

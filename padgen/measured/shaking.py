@@ -56,7 +56,7 @@ def ring_s(plan: Plan) -> float:
 
 
 def shaking_line_a2(plan: Plan) -> Line:
-    """Return the function that gives the line of i² that would move a taxel of the plan by its level.
+    """Return a function of frequency: the line of i² in A² that moves a taxel resonant there by its ON level.
 
     It is exact at the channels' resonances, and straight between them on logarithmic axes.
 

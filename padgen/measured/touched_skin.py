@@ -69,7 +69,7 @@ class FingerFit:
 
 
 def fit_finger(plan: Plan, untouched: Sequence[TaxelFit], touched: Sequence[TaxelFit]) -> FingerFit:
-    """Return the finger that explains how the same taxels answer touched and untouched.
+    """Fit the finger's stiffness, damping and mass to taxels that were measured both untouched and touched.
 
     Raises
     ------
@@ -146,7 +146,7 @@ Pair = tuple[TaxelFit, TaxelFit, Channel]
 
 
 def _stiffness_and_mass(pairs: Sequence[Pair], typical_kg: float) -> tuple[float, float, float, float]:
-    """Return k in N/m and m in kg, each with one sigma, by least squares; the mass is known to be about typical.
+    """Return stiffness in N/m and mass in kg, each with one sigma, by least squares with a typical mass as prior.
 
     Taxels that differ by more than their errors raise the errors of both (chi-square per degree of freedom).
     """
@@ -175,7 +175,7 @@ ROUNDS = 4
 
 
 def _mean(values: Sequence[float], errors: Sequence[float]) -> tuple[float, float]:
-    """Return the mean of measured values and its error, with the spread that their own errors do not explain."""
+    """Return the weighted mean of values and its error, which counts the spread beyond the `errors` of the values."""
     y = np.array(values)
     sigma = np.array(errors)
     spread = 0.0
@@ -190,7 +190,7 @@ def _mean(values: Sequence[float], errors: Sequence[float]) -> tuple[float, floa
 
 
 def finger_toml(plan: Plan, finger: FingerFit) -> str:
-    """Return a ``[touch]`` table of one's own, to be put into a spec with contactors of this diameter."""
+    """Return the fitted finger as a TOML table ``[touch]``, for specs with contactors of the same diameter."""
     mass = "measured" if finger.mass_is_measured else "of typical skin, the taxels do not tell it"
     table = {
         "contact": "own",

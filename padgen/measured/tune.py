@@ -104,7 +104,7 @@ class RetunedCoil:
 
 @dataclass(frozen=True, slots=True)
 class Retuned:
-    """A print and the tones that suit it.
+    """A measured print and the result of re-tuning to it: tones, selectivity before and after, advice, findings.
 
     Figures in dB are the selectivity of the worst coil in all states, None where no coil has two channels: as planned,
     as asked for, with the planned tones on the print (`before_db`), and with the new ones (`after_db`,
@@ -127,7 +127,7 @@ class Retuned:
 
 
 def tuning_of(plan: Plan, fits: Sequence[TaxelFit]) -> Tuning:
-    """Return the print that `fits` were measured on; other taxels stay as planned, with errors of the print spread."""
+    """Return the print as `fits` measured it; other taxels stay as planned, with the spread of prints as error."""
     by_id = {fit.id: fit for fit in fits}
     taxels = []
     for taxel, planned in zip(plan.taxels, planned_tuning(plan).taxels, strict=True):
@@ -313,7 +313,7 @@ MOST_STEPS = 4
 
 @dataclass(frozen=True, slots=True)
 class TrimStep:
-    """One taxel to lower: by `add_mg` of weight on its plate, or by beams filed thinner or narrower by the mm given."""
+    """One resonance to lower: by `add_mg` on the taxel's plate, or by filing its beams thinner or narrower, in mm."""
 
     id: str
     from_hz: float
@@ -353,7 +353,7 @@ def needed_db(plan: Plan) -> float:
 
 
 def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Trim, ...]:
-    """Return advice for every coil that keeps too little after re-tuning; `after` are the coils' figures then.
+    """Return advice on lowering resonances for coils that keep too little after re-tuning (figures `after`).
 
     Where no trim that was tried is enough, the advice is the one that helps most. A coil that no lowering helps gets
     none.
@@ -385,7 +385,7 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
 
 
 def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
-    """Search the shares (n,) by which to lower the taxels of a coil, so that it keeps `need` dB."""
+    """Search the shares (n,) by which to lower the resonances of a coil's taxels, so that it keeps `need` dB."""
     known = (tuning.taxels[i] for i in index)
     hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]
     mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])

@@ -386,7 +386,7 @@ def tones_at(plan: Plan, tuning: Tuning) -> WantedLines:
 
 
 def one_coil_spec(plan: Plan) -> Spec:
-    """Return the plan's spec for the channels of one coil alone, without two sets of channels in turn."""
+    """Return the plan's spec with one set of channels for all coils (`coil.reuse` is "same"), not two in turn."""
     spec = plan.spec
     return replace(spec, coil=replace(spec.coil, reuse="same"))
 
@@ -408,7 +408,7 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
 
 
 def _printed_channel(channel: Channel, tuned: TunedTaxel, level_um: float) -> Channel:
-    """Return the channel of one taxel of a print, the effects of the mean pull still the plan's.
+    """Return the channel of one taxel of a print; what the mean pull does to it is left as planned.
 
     Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse.
     """

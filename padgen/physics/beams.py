@@ -99,7 +99,7 @@ class Slices(NamedTuple):
 
 
 def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> Slices:
-    """Return slices at the Gauss points of every piece of a path, enough for its turn, and at root and tip.
+    """Return the slices of a beam's path: at root and tip, and at Gauss points of each piece, more where it turns.
 
     `path` holds length in m and turn (left positive) of each piece. The `width` flares at the root by two quarter
     circles of radius `fillet`, on the first piece.
@@ -159,7 +159,7 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
 
 
 def within_up(slices: Slices) -> np.ndarray:
-    """Return the loads at each slice per unit load on the tip, as matrices (…, 3, 3).
+    """Return loads out of a bent beam's plane in each slice per unit load on the tip, as matrices (…, 3, 3).
 
     Rows: shear force, twist, bending moment. Columns: force up, moment about x, moment about y.
     """
@@ -174,7 +174,7 @@ def within_up(slices: Slices) -> np.ndarray:
 
 
 def within_side(slices: Slices) -> np.ndarray:
-    """Return the loads at each slice per unit load on the tip, as matrices (…, 3, 3).
+    """Return loads in a bent beam's plane in each slice per unit load on the tip, as matrices (…, 3, 3).
 
     Rows: pull, shear force, bending moment. Columns: force along x, force along y, moment about z.
     """
@@ -187,7 +187,7 @@ def within_side(slices: Slices) -> np.ndarray:
 
 
 def matrices(*rows: list[Array]) -> np.ndarray:
-    """Return small matrices, one per slice, from their rows of entries (…, k)."""
+    """Return matrices (…, k, rows, columns) from their rows of entries, each a number or an array (…, k)."""
     shape = np.broadcast_shapes(*(np.shape(value) for row in rows for value in row))
     whole = np.empty((*shape, len(rows), len(rows[0])))
     for i, row in enumerate(rows):
@@ -206,7 +206,7 @@ def columns(values: list[Array]) -> np.ndarray:
 
 @cache
 def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return Gauss points (k,) in 0 … 1, and the matrix (k + 1, k) from values there to integrals to each and to 1."""
+    """Return Gauss points (k,) on 0 … 1, and the matrix (k + 1, k) that integrates from 0 to each and to 1."""
     nodes, _ = np.polynomial.legendre.leggauss(count)
     share = (nodes + 1) / 2
     legendre = np.polynomial.legendre.Legendre
@@ -244,7 +244,7 @@ _WEIGHTS = _WEIGHTS / 2
 
 
 class EndCompliance(NamedTuple):
-    """Compliance of a beam's ends, most of it as the length in m of beam of equal compliance.
+    """Compliance of a beam's ends, mostly as the length in m of a piece of beam that is equally compliant.
 
     `root` and `tip` are for rotation under a moment in vertical bending, `lateral_root` and `lateral_tip` in lateral
     bending. `shear` and `lateral_shear` are for displacement of both ends together under a shear force up and sideways,
@@ -409,7 +409,7 @@ def curl(slenderness: Array) -> tuple[Array, Array]:
 
 
 def curl_held(section: BeamSection) -> tuple[Array, Array, Array]:
-    """Return what ends that keep the section from curling take from ∫ (l−s)^p ds, for p = 0, 1, 2, in m^(p + 1)."""
+    """Return how much ends that prevent curling take from a beam's ∫ (l−s)^p ds, p = 0, 1, 2, in m^(p + 1)."""
     length = np.asarray(section.length, float)
     pure = section.ends.curl_pure * length
     guided = section.ends.curl_guided * length
@@ -490,7 +490,7 @@ def tip_matrices(section: BeamSection, modulus: Array, poisson: Array, density: 
 def _bent_matrices(
     section: BeamSection, modulus: Array, poisson: Array, density: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the stiffness and the mass (…, 6, 6) of a bent beam reduced to its tip; the mass has no modulus in it."""
+    """Return stiffness and mass (…, 6, 6) of a bent beam reduced to its tip; mass does not depend on `modulus`."""
     stiffnesses = []
     masses = []
     for plane in _planes(section, modulus, poisson):
@@ -502,7 +502,7 @@ def _bent_matrices(
 
 
 class PinMotion(NamedTuple):
-    """Motion of a beam under its pin, in the beam's axes there: as at the tip, x along the beam, z up.
+    """Motion of a beam at the foot of its pin, in the beam's axes there: x along the beam, z up.
 
     `shape` (…, 6, 6) is its motion per motion of the tip without load on the pin, `local` (…, 6, 6) its flexibility
     under loads at the pin while the tip is held, and `held` (…, 6, 6) the part of the tip's flexibility that the pin
@@ -515,7 +515,7 @@ class PinMotion(NamedTuple):
 
 
 def on_pin(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
-    """Return the motion of a beam under its pin, by the unit-load method along the path to it.
+    """Return the motion of a beam at the foot of its pin, by the unit-load method along the path to the pin.
 
     The pin holds the beam over its diameter, but for what the beam turns at both ends of the foot, as it does at a
     root: together about a piece as long as `PIN_ENDS` times the thickness. A pin much narrower than the beam holds less
@@ -548,7 +548,7 @@ def on_pin(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
 
 
 def _yoke_at_tip(ends: EndCompliance) -> np.ndarray:
-    """Return what a yoke adds to the flexibility (…, 3, 3) of a tip upwards, times the beam's EI: no slice has it."""
+    """Return what a yoke adds to a tip's flexibility (…, 3, 3) out of the beam's plane, times the beam's EI."""
     turn, both, lift = (np.asarray(part)[..., None, None] for part in (ends.yoke_turn, ends.yoke_both, ends.yoke_lift))
     bent = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     tilted = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -557,7 +557,7 @@ def _yoke_at_tip(ends: EndCompliance) -> np.ndarray:
 
 
 def _stations(slices: Slices) -> tuple[np.ndarray, int]:
-    """Return the distance (…, k) of the slices of a path that `_cut_at` made from the root, and the pin's slice."""
+    """Return distances (…, k) in m from the root to the slices of a path cut by `_cut_at`, and the pin's slice."""
     weight = slices.running[-1] * slices.share
     # The middle of each slice, whose weights add up to the length of its piece.
     along = np.cumsum(weight, -1) - weight / 2
@@ -610,7 +610,7 @@ def _cut_round_pin(section: BeamSection) -> tuple[tuple[Array, Array], ...]:
 
 
 def _cut_at(path: Sequence[tuple[Array, Array]], cuts: Sequence[Array]) -> tuple[tuple[Array, Array], ...]:
-    """Return a path whose pieces end at three distances from the root; at the middle one is a piece of no length."""
+    """Return a path cut at three distances from the root, with a piece of zero length at the second cut."""
     ends = np.cumsum([np.broadcast_arrays(length, *cuts)[0] for length, _ in path], axis=0)
     low = 0.0 * ends[-1]
     pieces: list[tuple[Array, Array]] = []
@@ -626,7 +626,7 @@ def _cut_at(path: Sequence[tuple[Array, Array]], cuts: Sequence[Array]) -> tuple
 
 
 def largest_inverse_square(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
-    """Return an upper bound in s² of 1/ω², the inverse square of the lowest angular frequency, of a bent beam.
+    """Return an upper bound in s² of 1/ω² for a bent beam held at both ends; ω is its lowest angular frequency.
 
     The beam is held at both ends. The bound is Dunkerley's sum over slices.
     """
@@ -673,7 +673,7 @@ def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
 
 
 def _mises(loads: np.ndarray, width: Array, t: Array) -> Array:
-    """Return the stress (…, k) in Pa after von Mises of sections `t` thick under internal loads (…, k, 6)."""
+    """Return the von Mises stress (…, k) in Pa of sections `t` m thick under internal loads (…, k, 6)."""
     slim = np.minimum(width, t) / np.maximum(width, t)
     pulled = (np.abs(loads[..., 4]) / t + np.abs(loads[..., 5]) / width) * 6 / (width * t)
     series = 1 + slim * (0.6095 + slim * (0.8865 + slim * (-1.8023 + slim * 0.91)))
@@ -682,7 +682,7 @@ def _mises(loads: np.ndarray, width: Array, t: Array) -> Array:
 
 
 def _flared(section: BeamSection) -> tuple[list[Array], list[Array], Array, Array]:
-    """Return the integrals of a beam whose width flares at the root, without its moduli.
+    """Return a beam's flexibility integrals with the flare at its root, before division by elastic moduli.
 
     ∫ (l−s)^p ds/I for p = 0, 1, 2 of vertical and of lateral bending, then ∫ ds/A and ∫ ds/J; by Gauss points within
     the flare.
@@ -837,7 +837,7 @@ def bend_stiffening(curved: Array) -> Array:
 
 
 def piece_twist(straight: Array, warping: Array) -> Array:
-    """Return the twist of a straight piece of a bent beam over that of one with free ends (`EndCompliance.warping`)."""
+    """Return the ratio of a straight piece's twist with ends kept from warping to its twist with free ends."""
     pieces = np.maximum(straight, SHORTEST_M) / np.maximum(warping, SHORTEST_M)
     return 1 - np.tanh(pieces) / pieces
 
@@ -874,7 +874,7 @@ def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _of_planes(planes: list[np.ndarray]) -> np.ndarray:
-    """Return a matrix (…, 6, 6) from its parts (…, 3, 3) out of the plane and in it."""
+    """Return a matrix (…, 6, 6) from its blocks (…, 3, 3) for motions out of a beam's plane and in that plane."""
     whole = np.zeros((*planes[0].shape[:-2], 6, 6))
     for index, part in zip((_UP, _SIDE), planes, strict=True):
         whole[..., np.array(index)[:, None], index] = part
@@ -993,7 +993,7 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
 
 
 def layered_edge(across: Array, poisson: Array) -> Array:
-    """Return how many times more the edge of a half-plane yields to pressure where layers hold less well to each other.
+    """Return how much more a half-plane's edge yields to pressure with weakly bonded layers than without layers.
 
     The layers lie along the pressure. `across` is the stiffness across them over that along them.
 
@@ -1009,7 +1009,7 @@ def layered_edge(across: Array, poisson: Array) -> Array:
 
 
 def fitted(width: Array, thickness: Array, length: Array) -> Array:
-    """Return where a beam is long enough, for its width and thickness, for the range that the laws were fitted to."""
+    """Return where beams are long enough, for width and thickness, for the range the laws were fitted to."""
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
@@ -1030,7 +1030,7 @@ def _wall_compliance(section: BeamSection, around: Surroundings) -> Array:
 
 
 def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, ...]:
-    """Return the compliance of the yoke in lateral bending, twist of the beam and stretch, by bending of its crossbar.
+    """Return lengths of beam in m as compliant as a yoke's crossbar: in lateral bending, twist and stretch.
 
     Each is a length of beam of equal compliance in m: the beam's section constant over the bar's.
     """
@@ -1044,7 +1044,7 @@ def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tu
 
 
 def _crossbar_twist(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, Array]:
-    """Return a crossbar's twist as a length in m of beam in bending, and what its held warping takes from that."""
+    """Return a crossbar's twist as a length in m of bending beam, and how much of it held warping takes off."""
     across = np.asarray(section.across, float)
     arm, bar, height, _, _ = yoke
     held = _warping_length(WARPING, bar, height / np.sqrt(across), arm, poisson)

@@ -79,7 +79,7 @@ class BoardCoil(NamedTuple):
 
     @property
     def bore_via_radius(self) -> float:
-        """Distance in m of these from the axis: as near to each other as the house allows."""
+        """Distance in m from the axis of the vias in the bore, as close together as the board house allows."""
         return 0.0 if self.bore_vias == 1 else (self.via + self.space) / (2 * sin(pi / self.bore_vias))
 
     @property
@@ -94,7 +94,7 @@ class BoardCoil(NamedTuple):
 
 
 class BoardLayer(NamedTuple):
-    """The spiral of one layer: middle of the track at its inner end, turns, and where it begins and ends.
+    """The spiral of one layer: radius and angle of its inner end, turns, sense, and angle of its outer end.
 
     The track leaves `start_radius` in m at `start_angle` and widens by a pitch a turn over `turns`, counterclockwise
     with `sense` 1, seen from above. `end_angle` is where it ends; angles in rad.
@@ -108,7 +108,7 @@ class BoardLayer(NamedTuple):
 
 
 def bore_needed(coil: BoardCoil) -> float:
-    """Return the least bore in m that has room for the vias."""
+    """Return the smallest diameter in m of a bore that has room for the vias."""
     return 2 * (coil.bore_via_radius + coil.via / 2 + coil.space)
 
 
@@ -174,7 +174,7 @@ def resistance(coil: BoardCoil) -> float:
 
 
 class Rings(NamedTuple):
-    """Circular turns: radius, depth of the track's middle, its thickness, and the turns each stands for, in m."""
+    """Circles that stand for turns: radius, depth and thickness in m, part of a turn, share of the current."""
 
     radius: np.ndarray
     depth: np.ndarray
@@ -184,7 +184,7 @@ class Rings(NamedTuple):
 
 
 def rings_of(coil: BoardCoil) -> Rings:
-    """Return all turns of a coil as circles: whole turns, and what is over on each layer as a part of one."""
+    """Return all turns of a coil as circles: whole turns, and the rest of each layer as a part of a turn."""
     share = shares(coil)
     rows = []
     for k, layer in enumerate(board_layers(coil)):
@@ -225,7 +225,7 @@ def inductance(coil: BoardCoil) -> float:
 
 
 def board_source(coil: BoardCoil) -> CoilSource:
-    """Return the coil as flat windings of even current, one a layer, which is the field some tracks' pitch away."""
+    """Return the coil as flat windings of even current, one a layer; valid some track pitches away and farther."""
     share = shares(coil)
     windings = []
     for k, layer in enumerate(board_layers(coil)):

@@ -46,7 +46,7 @@ def beam_inertia(
     poisson: float,
     density: float,
 ) -> np.ndarray:
-    """Return the relative error (n,) of the resonance of mode `working` (n,) from what `tip_mass` leaves out.
+    """Bound the relative error (n,) of the resonance of mode `working` (n,) from inertia that `tip_mass` omits.
 
     `frequency` (n, m) in Hz and `motion` (n, m, 6) are those of all modes of the body; the motion is mass-normalised,
     at its point `reference` (n, 3), as in `modes.Modes`. A beam that is condensed to its tip lacks, as shares of the
@@ -88,7 +88,7 @@ def beam_inertia(
 def _missed_energy(
     section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
 ) -> tuple[Any, Any, Any]:
-    """Return the kinetic energy that `tip_mass` misses of a beam, over that of the mode: three terms.
+    """Return the share of a mode's kinetic energy that `tip_mass` misses of a beam: value, doubt, possible excess.
 
     The first is known, the second its uncertainty either way, the third what may come on top. `tip` (…, 6) is the
     motion of the beam's tip.
@@ -159,7 +159,7 @@ def _turning(deflection: tuple[Any, ...]) -> Any:
 
 
 def _dynamic(energy: Any, slowness: Any) -> Any:
-    """Return `energy` times ω²/(ω₁² − ω²), from `slowness` = (ω/ω₁)²: infinite from ω₁ on, but 0 of no energy."""
+    """Return `energy` times ω²/(ω₁² − ω²), from `slowness` = (ω/ω₁)²: infinite for ω ≥ ω₁, but 0 for zero energy."""
     share = np.where(slowness < 1, slowness / np.maximum(1 - slowness, 1e-300), inf)
     return np.multiply(energy, share, out=np.zeros(np.broadcast(energy, share).shape), where=energy != 0)
 
@@ -182,7 +182,7 @@ class Magnetised(NamedTuple):
 def washer_magnetised(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
 ) -> Magnetised:
-    """Return field and polarisation of washers `offset` (n,) m off a coil's axis, from the field at points of each.
+    """Estimate field and polarisation of washers `offset` (n,) m off a coil's axis, from points of each washer.
 
     Two points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
     underside, the third between them. Demagnetisation depends on direction: the mean field along the line through them,
@@ -218,7 +218,7 @@ def washer_magnetised(
 
 
 def core_polarisation(coil: CoilSource) -> tuple[float, float]:
-    """Return the largest mean polarisation in T/A of a section of the core, and the core's χN.
+    """Return the core's largest mean polarisation in T/A over a section, and its χN (N: demagnetising factor).
 
     The flux through a section is the magnetic charge on the core above it. It rises by 1/(1 + χN) of a relative rise of
     χ: a charge ``σ = −S⁻¹ (1/χ + P)⁻¹ P u`` (`steel_body`) rises by ``σ + R S σ`` per d ln χ. (A uniform field along
@@ -247,7 +247,7 @@ def saturation_loss(polarised_share: Any, chi_n: Any) -> Any:
 
 
 def core_eddies(coil: CoilSource, resistivity: float, frequency: float) -> float:
-    """Return the relative change of the core's field at `frequency` in Hz by eddy currents; `resistivity` in Ω·m.
+    """Bound the relative change of the core's field by eddy currents at `frequency` in Hz; `resistivity` in Ω·m.
 
     The effective permeability of a long round rod is μ times ``R = 2J₁(ka)/(ka J₀(ka))``, ``k² = −jωμ/ρ``. By the
     partial fractions of ``z J₀/2J₁``, 1/R differs from 1 by at most ``(a/δ)²/4``, and by the size of 1/R also by at
@@ -261,7 +261,7 @@ def core_eddies(coil: CoilSource, resistivity: float, frequency: float) -> float
 
 
 def washer_eddies(washer: SteelRing, resistivity: float, frequency: float) -> float:
-    """Return the relative change of a washer's field at `frequency` in Hz by eddy currents; `resistivity` in Ω·m.
+    """Bound the relative change of a washer's field by eddy currents at `frequency` in Hz; `resistivity` in Ω·m.
 
     For a field along its plane a sheet responds as ``tanh x/x``, ``x = (1+j) t/2δ``, whose inverse differs from 1 by at
     most ``2 (t/2δ)²/3``. Against a field through its plane a disc screens by at most ``μ0 ω t r/(2ρ)``.
@@ -280,7 +280,7 @@ def _skin_depth(resistivity: float, permeability: float, frequency: float) -> fl
 def motional_voltage(
     pull: np.ndarray, amplitude: np.ndarray, resonance: np.ndarray, drive: np.ndarray, bias: np.ndarray, coil: Any
 ) -> np.ndarray:
-    """Return the relative error (n,) of each channel's current when its voltage is set as if nothing moved.
+    """Bound the relative error (n,) of each channel's current if its voltage is set as if nothing moved.
 
     The washer's motion z adds ``2 c z i`` to the coil's flux: c is its `pull` in N/A², `amplitude` in m that of z, at
     `resonance` in Hz. With a line of the current at `drive` in Hz this induces voltages at the sum and the difference
@@ -299,7 +299,7 @@ def motional_voltage(
 def switching_delay(
     static: np.ndarray, pulse: np.ndarray, resonance: np.ndarray, q: np.ndarray, quiet: np.ndarray, lag: float
 ) -> np.ndarray:
-    """Return the relative error (n,) of the ring-down time when a coil is switched off.
+    """Bound the relative error (n,) of the ring-down time from the mean pull's release and the current's decay.
 
     Beside its vibration the taxel is released from the mean pull, `static` over its ON amplitude, and still pushed by
     the decaying current. The current falls with the time constant `lag` = L/R in s, and the pull with L/2R, from the
@@ -317,7 +317,7 @@ def switching_delay(
 
 
 def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
-    """Return for washers at `place` (n, 2) by how much the core hands a dipole's field on, in m^-3/2.
+    """Return factors (n,) in m^-3/2; the product of two is what the core adds to one washer's field at the other.
 
     A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field of washer k at washer n grows by the
     product of both figures, in units of ``μ0 m/2π``.
@@ -331,7 +331,7 @@ def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
 def mutual_shielding(
     moment: np.ndarray, field: np.ndarray, share: np.ndarray, place: np.ndarray, middle: float, echo: np.ndarray
 ) -> np.ndarray:
-    """Return the relative error (n,) of the pull on each washer of a coil from the field of the other washers.
+    """Bound the relative error (n,) of a coil's pull on each of its washers from the field of the other washers.
 
     The others are dipoles of `moment` (n,) in A·m²/A at `place` (n, 2) in m from the coil's axis, each taken to point
     along the line to the disturbed washer, where its field is ``μ0 m/(2π d³)``. The error is their sum over the coil's

@@ -80,7 +80,7 @@ def schroeder_phases(amplitude: np.ndarray) -> np.ndarray:
 
 
 def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Return phases φ (n,) in rad, in 0 … 2π, for which ``Σ A_j cos(k_j x + φ_j)`` dips least below zero.
+    """Search for phases φ (n,) in rad, in 0 … 2π, with which ``Σ A_j cos(k_j x + φ_j)`` dips least below zero.
 
     Exact for two lines; otherwise the best of a few descents, a local optimum that is the same each time. `amplitude`
     (n,) is at least 0, in any unit. Lines of one harmonic get one phase.
@@ -100,7 +100,7 @@ def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
 
 
 def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
-    """Return the least F₀ (s,) of states `amplitude` (s, n) of any signs: ``−min_x Σ_j A_sj cos(k_j x + φ_j)``.
+    """Return the least F₀ (s,) that keeps ``F₀ + Σ_j A_sj cos(k_j x + φ_j)`` from being negative, A = `amplitude`.
 
     It is 0 for a silent state; otherwise at most rounding above the true value and at most `EXACT` Σ A below it. A grid
     comes first; then each of its pieces in which a Taylor bound allows a deeper dip is divided, until no piece is left.
@@ -133,7 +133,7 @@ def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poi
 
 
 def _points(harmonic: np.ndarray, per_cycle: int = PER_CYCLE) -> int:
-    """Return a power of two: at least `per_cycle` points per cycle of the highest line, and less than twice as many."""
+    """Return the number of grid points, a power of two: at least `per_cycle` in a cycle of the highest line."""
     return 1 << (per_cycle * int(harmonic.max()) - 1).bit_length()
 
 
@@ -231,7 +231,7 @@ def _descend(
     programs: int,
     settled: float,
 ) -> _Descent:
-    """Return the descent between `low` and `high` (n,) after up to `programs` linear programs.
+    """Minimise the largest value of `lines` within `low` and `high` (n,) by up to `programs` linear programs.
 
     It ends when a program predicts a decrease of less than `settled`. The trust region is a box (Madsen, J. Inst. Maths
     Applics 16 (1975) 321).
@@ -303,7 +303,7 @@ CHUNK = 1 << 15
 
 
 def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: int) -> float:
-    """Return the shortest period in s whose comb moves no line by more than `MOST_OFF` half bandwidths.
+    """Return the shortest period in s that has harmonics within `MOST_OFF` half bandwidths of all resonances.
 
     Lines (n,) are on whole multiples of ``step/period``. The period is a whole number of samples at `rate_hz`, at least
     `SHORTEST_S` and at least `LEAST_PERIODS` of the lowest line. Every period from ``step max Q/f / MOST_OFF`` on keeps
@@ -505,7 +505,7 @@ def _window() -> np.ndarray:
 
 
 def _voltage(coil: _Coil, force: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Return the voltage in V of the root of a force above 0: ``R i + L di/dt``, ``di/dt = F'/(2 i)``."""
+    """Return the coil's voltage in V at the current i = √F, F > 0: ``R i + L di/dt``, ``di/dt = F'/(2 i)``."""
     current = np.sqrt(force)
     return coil.resistance_ohm * current + coil.inductance_h * slope / (2 * current)
 

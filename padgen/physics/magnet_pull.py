@@ -93,7 +93,7 @@ RULE_SHARES = (2e-5, 2e-4)
 
 
 class _Core(NamedTuple):
-    """A core as it answers magnets, by orders m round its axis and its nodes.
+    """Response of a core to magnets, by orders m round its axis and by its nodes.
 
     `along` (m, K, 3, nodes) times J_m(k offset) exp(−k gap) is a magnet's potential in A at the nodes and its first and
     second slope with the gap. `across` (m, K, 2, nodes) times J_m' exp(−k gap) is its slope with the offset, with its
@@ -107,7 +107,7 @@ class _Core(NamedTuple):
 
 
 class _Spectrum(NamedTuple):
-    """A coil and a magnet by wave numbers k (K,); integrals over k are sums of products.
+    """Fields of a coil and a magnet over wave numbers k (K,), with weights: integrals over k are sums of products.
 
     `faces` is the magnet as it takes part in energies, `turned` in moments; `coil` is Φ₀ per ampere, `doubt` its change
     by fewer nodes on the core.
@@ -124,7 +124,7 @@ class _Spectrum(NamedTuple):
 def magnet_pull(
     coil: CoilSource, magnet: DiscMagnet, gap: Any, offset: Any, steel: SteelRing | None = None
 ) -> MagnetPull:
-    """Return the pull on a magnet at gaps (n,) from the coil's top to its underside and offsets (n,) of its axis, in m.
+    """Return the pull on a magnet, its underside at gaps (n,) over the coil's top and axis at offsets (n,), in m.
 
     Bounds of the errors are in docs/magnets.md. Offsets are not negative; gaps below `LEAST_GAP` count as that. `steel`
     lies on top of the magnet and moves with it (`magnets.steel_charges`).
@@ -142,7 +142,7 @@ def magnet_pull(
 
 
 def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    """Return the columns of `MagnetPull` (11, n)."""
+    """Return the eleven fields of `MagnetPull` at gaps and offsets (n,) in m, as an array (11, n)."""
     orders = max((len(core.echo) for core in spectrum.cores), default=1)
     k = spectrum.k
     fall = np.exp(-gap[:, None] * k)
@@ -167,7 +167,7 @@ def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarr
 
 
 def _turning(around: np.ndarray) -> np.ndarray:
-    """Return the slopes of Bessel functions (m + 1, …) over their argument, of all but the highest order."""
+    """Return the derivatives of Bessel functions from their values (m + 1, …), for all orders but the highest."""
     below = np.concatenate([-around[1:2], around[:-2]])
     turning = (below - around[1:]) / 2
     turning[0] = -around[1]
@@ -175,7 +175,7 @@ def _turning(around: np.ndarray) -> np.ndarray:
 
 
 def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Return pull towards the core, stiffness, side force and moment (4, n) by the charge that the magnet draws there.
+    """Return pull to the core, stiffness, side force and moment (4, n) by the charge a magnet induces on it.
 
     The energy is half that of the magnet in the field of this charge, which is linear in the magnet's potential u: its
     slope is that of u in the field of the charge as it lies, and the second one also has that of the charge itself.
@@ -190,7 +190,7 @@ def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.nda
 
 
 def _drawn(core: _Core, waves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Return pull and stiffness (n,) by the charge that a magnet draws, and this charge (n, nodes), by orders m.
+    """Return pull and stiffness (n,) by the charge a magnet induces on a core, and its charge (n, nodes) by order.
 
     `waves` (n, K) are J_m(k offset) exp(−k gap) of its places.
     """
@@ -208,7 +208,7 @@ def _drawn(core: _Core, waves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.nda
 def _spectrum(
     coil: CoilSource, magnet: DiscMagnet, gap: float, offset: float, steel: SteelRing | None = None
 ) -> _Spectrum:
-    """Return the spectrum for gaps and offsets up to these in m, kept for somewhat smaller and larger ones."""
+    """Return the spectrum for gaps from `gap` on and offsets up to `offset`, in m; close values share one."""
     low = LEAST_GAP * STEPS ** int(log(gap / LEAST_GAP) / log(STEPS))
     finest = magnet.outer_diameter / 16
     reach = finest * STEPS ** ceil(log(max(offset, finest) / finest) / log(STEPS))
@@ -250,7 +250,7 @@ def _kept_spectrum(
 
 
 def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Return how rings of charge (`magnets.steel_charges`) take part in energies and in moments (2, K), in Wb."""
+    """Return the terms (2, K) in Wb of rings of charge (`magnets.steel_charges`) in a magnet's energy and moment."""
     radius, height, charge = rings
     around = bessel(k[:, None] * radius, 1)
     fall = MU_0 * charge * np.exp(-k[:, None] * height)
@@ -290,7 +290,7 @@ def _integral_of_wave(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def _core_wave(body: SteelBody, charge: np.ndarray, step: float, k: np.ndarray) -> np.ndarray:
-    """Return Φ₀ per ampere of the core's charge at its nodes, with rings `step` m apart on its top."""
+    """Return the spectrum Φ₀ of a charged core's potential per ampere, with rings `step` m apart on its top."""
     radius, height, shares = fine_rings(body, step)
     total = 2 * pi * radius * (shares @ charge)
     return (bessel(k[:, None] * radius, 1)[0] * np.exp(k[:, None] * height)) @ total / (4 * pi)
@@ -309,7 +309,7 @@ def _core(body: SteelBody, k: np.ndarray, faces: np.ndarray, turned: np.ndarray)
 def shared_core(
     coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, places: np.ndarray, polarity: np.ndarray
 ) -> Coupling:
-    """Return the coupling of equal magnets over one core at `places` (n, 2) in m from its axis, by what it draws.
+    """Return the coupling of equal magnets at `places` (n, 2) in m from a core's axis, by charge induced on it.
 
     `force` (n,) in N is the pull of each towards the coil, by what it draws itself (`MagnetPull.core_pull`) and by what
     the others draw; the stiffness has both, too. `gap` (n,) is in m, `polarity` (n,) 1 or −1.
@@ -336,7 +336,7 @@ def shared_core(
 
 
 class RestOnSpring(NamedTuple):
-    """Rest of magnets (n,) on springs over a core, without a current.
+    """Equilibrium of magnets (n,) on springs over a core, without a current.
 
     `gap` in m is where they come to rest, `stiffness` in N/m what the spring and the core's pull leave there, and
     `snap_gap` the gap below which the pull outruns the spring, or a fifth of the first gap if it does not above that.
@@ -363,7 +363,7 @@ NEAREST = 0.2
 def rest_on_spring(
     coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, offset: np.ndarray, stiffness: np.ndarray
 ) -> RestOnSpring:
-    """Return where magnets (n,) on springs of `stiffness` in N/m rest, whose gaps without any pull are `gap` in m."""
+    """Return the equilibrium of magnets (n,) on springs of `stiffness` in N/m; `gap` in m is without any pull."""
     gap, offset, stiffness = np.broadcast_arrays(*map(np.atleast_1d, (gap, offset, stiffness)))
     lowest = np.maximum(NEAREST * gap, np.minimum(gap, LEAST_GAP))
     at = gap * (lowest / gap) ** np.linspace(0, 1, FINE)[:, None]
@@ -386,7 +386,7 @@ def rest_on_spring(
 def _core_pull_between(
     coil: CoilSource, magnet: DiscMagnet, at: np.ndarray, offset: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the core's pull in N and its slope in N/m (…, n) at gaps `at` (…, n) in m, by cubics between levels."""
+    """Return the core's pull in N and its slope in N/m (…, n) at gaps `at` (…, n) in m, interpolated by cubics."""
     place = np.log(np.maximum(at, LEAST_GAP) / LEAST_GAP) / LEVEL_STEP
     low = place.astype(int)
     first = low.min() // LEVELS
@@ -410,7 +410,7 @@ def _core_pull_between(
 
 @lru_cache(maxsize=1024)
 def _core_levels(coil: CoilSource, magnet: DiscMagnet, offsets: tuple[float, ...], block: int) -> np.ndarray:
-    """Return the core's pull in N and its slope in N/m (2, LEVELS, n) at one block of levels, at offsets (n,) in m."""
+    """Return the core's pull in N and its slope in N/m (2, LEVELS, n) at a block of gaps, at offsets (n,) in m."""
     gap = LEAST_GAP * np.exp((block * LEVELS + np.arange(LEVELS)) * LEVEL_STEP)
     spectrum = _spectrum(coil, magnet, float(gap[0]), offsets[-1])
     if not spectrum.cores:
@@ -424,7 +424,7 @@ def _core_levels(coil: CoilSource, magnet: DiscMagnet, offsets: tuple[float, ...
 
 
 def _crossing(at: np.ndarray, left: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """Return where `left` (m, n) at gaps `at` (m, n) crosses 0 before `index` (n,), by a straight line."""
+    """Return the gaps (n,) at which `left` (m, n) crosses 0 just before row `index` (n,), by linear interpolation."""
     rows = np.maximum(index - 1, 0), np.maximum(index, 0)
     (start, end), (before, after) = ([np.take_along_axis(of, row[None], 0)[0] for row in rows] for of in (at, left))
     change = np.where(before == after, 1.0, after - before)

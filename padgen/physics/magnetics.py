@@ -164,7 +164,7 @@ class SteelRing(NamedTuple):
         return SteelRing(*self[:4])
 
     def outline(self, nodes: tuple[int, int]) -> "tuple[Side, ...]":
-        """Return its outline with its underside at 0; `nodes` are the numbers on each face and on each rim."""
+        """Return the sides of washer and crown, underside at height 0; `nodes` are those on each face and rim."""
         outer = self.outer_diameter / 2
         inner = self.inner_diameter / 2
         top = self.thickness
@@ -198,7 +198,7 @@ def paper_force_constant(coil: CoilSource, area: float) -> float:
 
 
 def slack_at(deflection: float, gap: float, exponent: float) -> float:
-    """Return the static deflection by a pull that does not grow, if with growth it balances at `deflection`.
+    """Return the deflection that a pull balanced at `deflection` would cause if it did not grow with deflection.
 
     For a pull ``c I² (g/(g − z))^m`` against a spring this is ``z (1 − z/g)^m``. All in the unit of `gap`.
     """
@@ -206,13 +206,13 @@ def slack_at(deflection: float, gap: float, exponent: float) -> float:
 
 
 def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
-    """Return the largest deflection in balance, ``z = g/(m + 1)`` (g/3 for m = 2), and its `slack_at`."""
+    """Return the deflection at pull-in, the largest in equilibrium, ``z = g/(m + 1)``, and its `slack_at`."""
     end = gap / (exponent + 1)
     return end, slack_at(end, gap, exponent)
 
 
 def balanced_deflection(slack: float, gap: float, exponent: float) -> float | None:
-    """Return the deflection in balance of a pull that at rest would deflect by `slack`; None beyond pull-in."""
+    """Return the equilibrium deflection by a pull that, if constant, would deflect by `slack`; None past pull-in."""
     low = 0.0
     high, largest = pull_in_deflection(gap, exponent)
     if slack > largest:
@@ -224,7 +224,7 @@ def balanced_deflection(slack: float, gap: float, exponent: float) -> float | No
 
 
 def ring_factor(ring: SteelRing) -> float:
-    """Return the demagnetising factor of a ring in an even field along its plane.
+    """Estimate the demagnetising factor of a ring in a uniform field along its plane.
 
     A ring of mean radius R and cross-section w × t carries a line charge ∝ cos φ, whose own field along the ring is
     ``wt/2πR² (ln(8R/r) − 2)`` of the polarisation; r is the mean distance of the section from itself, 0.2235 (w + t)
@@ -279,7 +279,7 @@ class BHCurve:
 
 
 def saturating(initial_permeability: float, saturation_t: float) -> BHCurve:
-    """Return the curve of a steel by two figures, ``J = χ μ0 H / (1 + χ μ0 H / J_s)``.
+    """Return a steel's curve from initial permeability and saturation, ``J = χ μ0 H / (1 + χ μ0 H / J_s)``.
 
     The law is Fröhlich's (1881) and Kennelly's (1891); Bozorth, *Ferromagnetism*, 1951, ch. 11. `initial_permeability`
     is relative, at H → 0, so that a weakly driven part acts as in a linear model; `saturation_t` is the polarisation
@@ -334,7 +334,7 @@ def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def toroidal(above_one: np.ndarray, most: int) -> np.ndarray:
-    """Return Q_{m−½}(1 + ε) for m = 0 … `most` (at least 1), shape (most + 1, …); `above_one` is ε."""
+    """Return toroidal functions Q_{m−½}(1 + ε), ε = `above_one`, m = 0 … `most` (at least 1), shape (most + 1, …)."""
     flat = np.ravel(above_one)
     x = 1 + flat
     first, second = _elliptic(flat / (flat + 2))
@@ -391,7 +391,7 @@ def _elliptic(complement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 class RingPotential(NamedTuple):
-    """Potential of rings with a charge of cos mφ per metre of their meridian, and its slopes along r and z.
+    """Potential of rings of charge that varies as cos mφ round each ring, and its slopes along r and z.
 
     Each has the shape (m, …) and is per unit of ``density dr'``; the ring's radius r' is included as a factor.
     """
@@ -404,7 +404,7 @@ class RingPotential(NamedTuple):
 def ring_potential(
     radius: np.ndarray, height: np.ndarray, ring_radius: np.ndarray, ring_height: np.ndarray, most: int, at_ring: bool
 ) -> RingPotential:
-    """Return potentials of orders m = 0 … `most` at points, with slopes at the points, or at the rings with `at_ring`.
+    """Return potentials of rings in orders 0 … `most` at points, with slopes there or, if `at_ring`, at the rings.
 
     The four arrays, in m, broadcast. A radius on the axis is replaced by a ten-thousandth of the ring's.
     """
@@ -515,7 +515,7 @@ def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]
 
 
 def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBody:
-    """Return the body of an outline, with its response in orders 0 … `most` round the axis."""
+    """Return the steel body that `sides` outline, with its response in orders 0 … `most` round the axis."""
     nodes = [gauss(side.nodes) for side in sides]
     radius, height = np.concatenate([np.stack(side.at(t)) for side, (t, _) in zip(sides, nodes, strict=True)], 1)
     area = 2 * pi * radius * np.concatenate([weight for _, weight in nodes])
@@ -561,7 +561,7 @@ def _layers(
 
 
 def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return points (n, 2 `count`) on [0, 1] whose cubed distances crowd them towards `nearest` (n,), and weights."""
+    """Return quadrature points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,), and their weights."""
     at, weight = gauss(count)
     cube = at**3
     weight = 3 * at**2 * weight
@@ -571,7 +571,7 @@ def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def eights(count: float) -> int:
-    """Return a number of points, rounded up to a multiple of eight, so that few different rules are needed."""
+    """Return `count` rounded up to a multiple of eight, so that few different quadrature rules are needed."""
     return 8 * ceil(count / 8)
 
 
@@ -586,7 +586,7 @@ def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rings of charge for fields near the body.
+    """Return rings of a body's charge, fine enough for fields near its top: radii, heights, shares of charge.
 
     Radii and heights in m, and shares (rings, nodes) of the nodes' charge. Rings on the topmost side are at most `step`
     m apart; elsewhere they lie at the nodes.
@@ -618,7 +618,7 @@ AT_ONCE = 8192
 
 @lru_cache(maxsize=32)
 def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> tuple[SteelBody, np.ndarray] | None:
-    """Return the core, and the magnetic charge at its nodes, per dt (`SteelBody`), in A per A; None without a core.
+    """Return a coil's core and its magnetic charge at nodes, per dt (`SteelBody`), in A per A; None without core.
 
     `top` is the number of nodes on its upper face, `orders` the highest order round its axis.
     """

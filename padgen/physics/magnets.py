@@ -62,7 +62,7 @@ class DiscMagnet(NamedTuple):
 
     @property
     def rims(self) -> tuple[tuple[float, int], ...]:
-        """Radii in m of its edges, with the sign of what they enclose."""
+        """Radii in m of the outer and inner edge, with the sign 1 of the disc and −1 of the hole."""
         outer = (self.outer_diameter / 2, 1)
         return (outer, (self.inner_diameter / 2, -1)) if self.inner_diameter else (outer,)
 
@@ -141,7 +141,7 @@ def _asymptotic(x: np.ndarray, order: int) -> np.ndarray:
 
 
 def wave_points(end: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return points on 0 … `end` and weights that integrate waves of up to `rate` rad per unit of these."""
+    """Return quadrature points on 0 … `end` and weights that integrate waves of up to `rate` rad per unit."""
     panels = ceil(end * rate / PANEL_PHASE)
     node, weight = gauss(PANEL_NODES)
     step = end / panels
@@ -181,13 +181,13 @@ def neighbour_pull(magnet: DiscMagnet, places: np.ndarray, polarity: np.ndarray)
 
 
 def _laplacian(stiffness: np.ndarray) -> np.ndarray:
-    """Return the matrix of springs between all pairs, of which `stiffness` (n, n) has 0 on the diagonal."""
+    """Return the stiffness matrix of springs between all pairs, from each pair's `stiffness` (n, n), diagonal 0."""
     return np.diag(stiffness.sum(1)) - stiffness
 
 
 @lru_cache(maxsize=256)
 def _beside(magnet: DiscMagnet, apart: float) -> tuple[float, float]:
-    """Return the push apart in N of two magnets of one polarity, and the second derivative of their energy in N/m."""
+    """Return the repulsion in N of two magnets of one polarity, and d²U/dz² in N/m of their energy over height."""
     outer = magnet.outer_diameter / 2
     inner = magnet.inner_diameter / 2
     turns = min(max(ceil(16 / log((apart - outer) / outer)), 12), 96)
@@ -212,7 +212,7 @@ KNOWN = 20
 
 
 def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing | None = None) -> np.ndarray:
-    """Return the second derivatives (…) in N/m of the energy of two equal magnets over height, as `neighbour_pull`.
+    """Return second derivatives (…) over height in N/m of the energy of two equal magnets, `apart` (…) in m.
 
     They are of one polarity, their axes at distances (…) in m; `steel` is that on top of each. Over `dipole_stiffness`
     it is a smooth function of the inverse square of the distance.
@@ -229,7 +229,7 @@ def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing 
 
 @lru_cache(maxsize=64)
 def _over_dipoles(magnet: DiscMagnet, steel: SteelRing | None, wide: float) -> np.ndarray:
-    """Return Chebyshev coefficients of the stiffness of two magnets over that of dipoles."""
+    """Return Chebyshev coefficients of two magnets' stiffness over two dipoles', by inverse squared distance."""
     node = chebyshev.chebpts1(KNOWN)
     apart = wide * NEAREST_KNOWN / np.sqrt((node + 1) / 2)
     stiffness = np.array([_bend_beside(magnet, float(distance), steel) for distance in apart])
@@ -244,7 +244,7 @@ RING_TURNS = 16
 
 @lru_cache(maxsize=64)
 def steel_charges(magnet: DiscMagnet, steel: SteelRing) -> np.ndarray:
-    """Return the charge that a magnet draws on a piece of steel that lies on top of it, as rings (3, n).
+    """Return the charge that a magnet induces on a piece of steel that lies on top of it, as rings (3, n).
 
     They are radii and heights above the magnet's underside in m, and charges in A·m. The steel is linear; its charge
     moves with the magnet, so that a coil's current pulls on it in proportion. What the current itself magnetises is
@@ -268,7 +268,7 @@ def steel_charges(magnet: DiscMagnet, steel: SteelRing) -> np.ndarray:
 
 
 def _bend_beside(magnet: DiscMagnet, apart: float, steel: SteelRing | None) -> float:
-    """Return the second derivative in N/m of the energy of two magnets over height, with the steel on top of each."""
+    """Return the second derivative over height in N/m of the energy of two magnets with steel on top of each."""
     bare = _beside(magnet, apart)[1]
     if steel is None:
         return bare

@@ -256,7 +256,7 @@ BISECTIONS = 60
 def hardening(
     beams: list[BeamPlacement], motion: np.ndarray, reference: np.ndarray, compliance: np.ndarray, elastic: Any
 ) -> np.ndarray:
-    """Return α (…) in 1/m² of the force ``k z (1 + α z²)`` of the working mode of taxels.
+    """Return the hardening coefficient α (…) in 1/m² of taxels' working mode, with force ``k z (1 + α z²)``.
 
     `motion` (…, 6) is the body's at `reference` (…, 3) for 1 m of z. `compliance` (…, 6, 6) is that of the suspended
     body there under static loads. `elastic` is Young's modulus in Pa and Poisson's ratio. Bent beams count as straight.
@@ -307,7 +307,7 @@ def jump_amplitude(alpha: float, q: float) -> float:
 
 
 def level_kept(alpha: Any, q: float, amplitude: Any, offset: Any = 0.0) -> Any:
-    """Return the amplitude over the wanted one when a tone stays at the resonance of small motions.
+    """Return the share of the wanted amplitude that a hardening taxel keeps with its tone at the linear resonance.
 
     It is 1 without hardening; otherwise the root y of ``y² ((2 Q rise(y))² + 1) = 1``, which is unique since the tone
     lies below the resonance.
@@ -454,7 +454,7 @@ def _bent_energy(integrals: tuple[Array, Array, Array], up: Array, about_y: Arra
 def relative_error(
     energies: np.ndarray, frequency_hz: np.ndarray, working: np.ndarray, floor: Array = FLOOR
 ) -> np.ndarray:
-    """Return the relative error (…, 6) of each frequency from the energies (…, 6, parts) of all beams.
+    """Estimate the relative error (…, 6) of each frequency from all beams' `uncertain_energies` (…, 6, parts).
 
     It is at least `floor`. For modes other than the `working` one (…,) the model leaves out more: how yoke, wall and
     plate yield along and across the beam, and the beams' inertia. Their estimate is larger accordingly.

@@ -174,7 +174,7 @@ def _pull_with_nodes(
 
 
 def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> float:
-    """Return the distance in m of the washer's steel from the core's, or from the windings."""
+    """Return the distance in m from the washer's steel to the core's; without a core, the gap."""
     core = coil.core_diameter / 2
     rim = washer.outer_diameter / 2
     bore = washer.inner_diameter / 2
@@ -183,7 +183,7 @@ def _nearest(coil: CoilSource, washer: SteelRing, gap: float, offset: float) -> 
 
 
 def _fineness(coil: CoilSource, washer: SteelRing, near: float, offset: float | None) -> tuple[int, ...]:
-    """Return how many nodes resolve one gap's width, within bounds of time, for steel `near` m away.
+    """Return numbers of nodes and orders that resolve fields of steel `near` m away, at most `MOST` to save time.
 
     They are those on faces of washer and core, then the orders round the axes of both. An `offset` of None stands for
     the one that needs most.
@@ -206,7 +206,7 @@ def _washer(washer: SteelRing, nodes: tuple[int, int], orders: int) -> SteelBody
 def _mutual_charges(
     washer: SteelBody, core: SteelBody, at_nodes: np.ndarray, project: np.ndarray, potential: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the charges of the washer (m, n) and of the core (j, k), each in the other's field.
+    """Return the charges of the washer (m, n), by `potential` and core, and of the core (j, k), by the washer.
 
     `at_nodes` (j, n, turns, k) is the potential of the core's charge at the washer's nodes; `project` (m, turns)
     expands it in orders round the washer. The opposite direction follows from their mutual energy. Solved by conjugate
@@ -219,12 +219,12 @@ def _mutual_charges(
     )
 
     def echo(charge: np.ndarray) -> np.ndarray:
-        """Return the core's charge in the field of a charge (m, n) on the washer."""
+        """Return the charge (j, k) that a charge (m, n) on the washer induces on the core."""
         back = ((weight * charge).T @ project).ravel() @ forth / weight_core
         return np.asarray((core.response @ back[..., None])[..., 0])
 
     def answer(potential: np.ndarray) -> np.ndarray:
-        """Return the washer's charge in a potential."""
+        """Return the charge (m, n) that a potential (m, n) induces on the washer."""
         return np.asarray((washer.response @ potential[..., None])[..., 0])
 
     left = answer(potential)
@@ -286,7 +286,7 @@ class PullAt(NamedTuple):
 
 
 class PullTable(NamedTuple):
-    """Coefficients (gaps, offsets, 5) of Chebyshev polynomials in ln gap and in the squared offset.
+    """Table of pulls: coefficients (gaps, offsets, 5) of Chebyshev polynomials in ln gap and squared offset.
 
     The five are axial force, side force and moment over the offset, doubt and dipole of `pull.Pull`, each over the
     exponential of the polynomial `scale` (gaps,) in ln gap. The table covers gaps `low` … `high` and offsets up to
@@ -300,7 +300,7 @@ class PullTable(NamedTuple):
     shape: np.ndarray
 
     def wound(self, share: float) -> "PullTable":
-        """Return the table of the coil with `share` times its turns: forces go as their square, the dipole as they."""
+        """Return the table of the coil with `share` times the turns: forces go as share², the dipole as share."""
         scale = self.scale.copy()
         shape = self.shape.copy()
         scale[0] += 2 * log(share)
@@ -308,7 +308,7 @@ class PullTable(NamedTuple):
         return self._replace(scale=scale, shape=shape)
 
     def beside(self, offset: float) -> "PullTable":
-        """Return the table of one offset in m that solving at that offset would make, but for the interpolation."""
+        """Return the table for the single `offset` in m, interpolated from the offsets of this table."""
         nodes = _at_nodes(len(self.scale))[0]
         across = chebyshev.chebvander(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1] - 1)[0]
         columns = nodes @ np.einsum("ijk,j->ik", self.shape, across) * np.exp(nodes @ self.scale)[:, None]
@@ -355,18 +355,20 @@ class PullTable(NamedTuple):
 
 @cache
 def _at_nodes(count: int) -> tuple[np.ndarray, ...]:
-    """Return matrices on `count` coefficients: their values at the nodes, the inverse, first and second derivative."""
+    """Return matrices on `count` Chebyshev coefficients: to node values, its inverse, first and second derivative."""
     values = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
     return values, np.linalg.inv(values), *(chebyshev.chebder(np.eye(count), order) for order in (1, 2))
 
 
 def pull_range(gap_m: np.ndarray) -> np.ndarray:
-    """Return the number (n,) of the range of a gap (n,) in m; gaps of different ranges have different tables."""
+    """Return the index (n,) of the range in which each gap (n,) in m lies; each range has its table."""
     return np.floor(np.log(gap_m / LOW) / log(RANGE)).astype(int)
 
 
 def make_table(coil: CoilSource, washer: SteelRing, part: int, reach: float, offsets: int) -> PullTable:
-    """Make a table of the pull over the range `part` of gaps, at `offsets` offsets; a single one is `reach`/√2.
+    """Return a table of the pull over range `part` of gaps, at `offsets` offsets up to `reach` in m.
+
+    A single offset is `reach`/√2.
 
     At one offset and gaps below all tables that come with padgen it is solved with the nodes that this offset needs, in
     down to a twentieth of the time; elsewhere with those of the worst, so that it is what such a table says.
@@ -385,7 +387,7 @@ def make_table(coil: CoilSource, washer: SteelRing, part: int, reach: float, off
 
 
 def _table(low: float, high: float, reach: float, columns: np.ndarray) -> PullTable:
-    """Return the table that has these `columns` (gaps, offsets, 5) at its nodes."""
+    """Return the table with the values `columns` (gaps, offsets, 5) at its nodes."""
     scale = np.sqrt((columns[..., 0] ** 2).mean(1)) + 1e-30
     transforms = [_at_nodes(count)[1] for count in columns.shape[:2]]
     coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, columns / scale[:, None, None], optimize=True)
@@ -393,18 +395,21 @@ def _table(low: float, high: float, reach: float, columns: np.ndarray) -> PullTa
 
 
 def of_one_turn(coil: CoilSource) -> CoilSource:
-    """Return the coil with one turn in all; coils that differ in their turns alone share its table (see `wound`)."""
+    """Return the coil scaled to one turn in all: coils that differ in turns alone share a table (see `wound`)."""
     return coil._replace(windings=tuple(w._replace(turns=w.turns / coil.turns) for w in coil.windings))
 
 
 def parts_key(coil: CoilSource, washer: SteelRing) -> str:
-    """Return all numbers of a coil and a washer but the coil's turns as text, to identify the pair."""
+    """Return a text that identifies a coil and a washer: all their numbers but the coil's number of turns."""
     ring = washer if washer.crown_height else washer[:4]
     return " ".join(f"{v:.9g}" for part in (*of_one_turn(coil).windings, coil[1:], ring) for v in part)
 
 
 def brought_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable | None:
-    """Return the table that comes with padgen for these parts and range, with any number of turns; None for others."""
+    """Return the table that comes with padgen for a coil, a washer and range `part` of gaps; None without one.
+
+    The coil may have any number of turns.
+    """
     places, numbers = _supplied_tables()
     place = places.get(parts_key(coil, washer))
     if place is None or not 0 <= part < len(place["ranges"]):
@@ -419,7 +424,7 @@ def brought_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable |
 
 @cache
 def _supplied_tables() -> tuple[dict[str, dict[str, Any]], np.ndarray]:
-    """Read the places of the tables by `parts_key`, and all their numbers."""
+    """Read the tables that padgen brings: where each one lies, by `parts_key`, and the numbers of all."""
     return json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii")), np.load(BROUGHT.with_suffix(".npy"))
 
 
@@ -459,7 +464,7 @@ COARSE_STEP = 1.0
 
 
 class Leakage(NamedTuple):
-    """Pulls of neighbouring coils on n washers, as shares of their own coil's pull at 1 A; quadratic in the currents.
+    """Pulls of neighbouring coils on n washers of a coil, over that coil's pull at 1 A; quadratic in currents.
 
     `mutual` (n, k, k) is by the fields of neighbours k and l together: currents i_k pull with ``Σ mutual_kl i_k i_l``.
     `product` (n, k) is by neighbour k and the washer's own coil: ``2 product_k i i_k``.
@@ -481,7 +486,7 @@ def leakage(
     neighbours: np.ndarray,
     far: np.ndarray = NO_COILS,
 ) -> Leakage:
-    """Return the leakage on washers from the coils around their own.
+    """Return the pulls of neighbouring coils on the washers of one coil, over that coil's pull.
 
     The washers are at `place` (n, 2) in m from the axis of their own coil, the other coils at `neighbours` and `far`
     (k, 2). `far` coils are replaced by their poles (`magnetics.coil_poles`) and come last in the result. Every
@@ -567,7 +572,7 @@ def _fourier_parts(values: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def _core_charge(coil: CoilSource, core: SteelBody, neighbours: np.ndarray, far: np.ndarray) -> np.ndarray:
-    """Return the charge (k, parts, nodes) of the own coil's core in the other coils' fields."""
+    """Return the charge (k, parts, nodes) that each of k other coils induces on the core of the washers' coil."""
     turns = 2 * CORE_ORDERS + 2
     angle = (np.arange(turns) + 0.5) * 2 * np.pi / turns
     points = core.radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
@@ -581,7 +586,7 @@ def _core_charge(coil: CoilSource, core: SteelBody, neighbours: np.ndarray, far:
 
 
 def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
-    """Return effective currents (k, k) of coils at `axes`, the own one first, as their cores magnetise each other.
+    """Return effective currents (k, k) of coils at `axes`, the washers' coil first, as cores magnetise each other.
 
     A core in another coil's field is a dipole, which counts as additional current of the core's own coil. The first
     coil's core is left out, since `_core_charge` computes it better.

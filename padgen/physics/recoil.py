@@ -111,7 +111,7 @@ class MovingPad:
         return np.asarray((force + shaken) / self.dynamic)
 
     def heard(self, listeners: np.ndarray) -> np.ndarray:
-        """Return a matrix (6, 6): ``|heard p|²`` is the mean square that `listeners` (indices) move by.
+        """Return a matrix R (6, 6): ``|R p|²`` is the mean square motion of `listeners` (indices) for p (6,).
 
         p (6,) is ``Σ g F/D``, the momentum of the driven taxels over jω.
         """

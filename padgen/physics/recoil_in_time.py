@@ -76,13 +76,13 @@ class PadMotion:
 
 
 def unknowns(taxels: MovingTaxels) -> int:
-    """Return how many sums of the taxels' motions count, at most."""
+    """Return an upper bound on the number of independent combinations of taxel motions that shake the pad."""
     _, count = np.unique(np.stack([taxels.mass, taxels.resonance_hz, taxels.q]), axis=1, return_counts=True)
     return int(np.minimum(count, taxels.momentum.shape[1]).sum())
 
 
 def _reduced(taxels: MovingTaxels, push: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return mass, damping and stiffness (r,) of the sums that count, their forces (r, k), and their shakes (r, 6)."""
+    """Return mass, damping, stiffness (r,), forces (r, k) and momenta (r, 6) of sums of motions that shake a pad."""
     figures = np.stack([taxels.mass, taxels.resonance_hz, taxels.q])
     alike, group = np.unique(figures, axis=1, return_inverse=True)
     rows = []

@@ -40,7 +40,7 @@ FEWEST_PERIODS = 8
 
 
 def without_pick_up(rate_hz: float, current: np.ndarray, response: np.ndarray) -> np.ndarray:
-    """Return a `response` (n,) without what follows the coil's `current` (n,) itself or its slope, where that is there.
+    """Return a `response` (n,) without the sensor's pick-up, if any, of the coil's `current` (n,) and its slope.
 
     A sensor near a coil hears its field, i and di/dt; the taxel answers to i². In a sweep both pass a frequency at
     different times, so that the one is found by least squares without touching the other.
@@ -59,7 +59,7 @@ def without_pick_up(rate_hz: float, current: np.ndarray, response: np.ndarray) -
 
 
 def _pick_up_lag(rate_hz: float, swing: np.ndarray, level: np.ndarray) -> int | None:
-    """Return by how many samples what follows a current comes late; None where nothing does.
+    """Return the delay in samples of the pick-up of a current in a record; None where there is no pick-up.
 
     What follows a sweep at once at all frequencies is a short impulse; what answers to i² at other times is not.
     """
@@ -76,7 +76,7 @@ def _pick_up_lag(rate_hz: float, swing: np.ndarray, level: np.ndarray) -> int | 
 
 
 def _late(values: np.ndarray, samples: int) -> np.ndarray:
-    """Return `values` (n,) so many samples later, zero where nothing is known."""
+    """Return `values` (n,) delayed by `samples`, zero where nothing is known."""
     moved = np.roll(values, samples)
     if samples > 0:
         moved[:samples] = 0
@@ -139,7 +139,7 @@ def refuse_other_knocks(rate_hz: float, response: np.ndarray, near_hz: float) ->
 
 
 def _ringing_hz(rate_hz: float, level: np.ndarray, size: np.ndarray) -> float:
-    """Return the frequency in Hz at which a knock rings, from that part in which it is well above its end."""
+    """Return the frequency in Hz at which a knock rings, up to where it has died to a tenth of its largest size."""
     audible = np.flatnonzero(size > size.max() / 10)
     part = level[: int(audible[-1]) + 1]
     spectrum = np.abs(np.fft.rfft(part * np.hanning(2 * len(part))[len(part) :], 8 * len(part)))

@@ -153,7 +153,7 @@ NOT_FED = np.zeros((0, 1))
 
 
 class MeasuredLines(NamedTuple):
-    """Measured lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that make them.
+    """Measured spectral lines: `data` (n,) over `frequency` (n,) in Hz, and the inputs (m, n) that cause them.
 
     A record lasts `seconds` (0 for a spectrum). `slow` (k, n) are transforms of the response times the time and times
     its square and, with an excitation, of that times the time. `fed` (k, n) are forces on the first mode that the
@@ -170,7 +170,7 @@ class MeasuredLines(NamedTuple):
 
     @property
     def step_hz(self) -> float:
-        """Distance of a record's lines in Hz, or the largest of a spectrum's."""
+        """Spacing of a record's lines in Hz; of a spectrum's, the largest spacing."""
         return 1 / self.seconds if self.seconds else float(np.diff(self.frequency).max())
 
     def at(self, keep: np.ndarray) -> "MeasuredLines":
@@ -184,7 +184,7 @@ class MeasuredLines(NamedTuple):
         )
 
     def cubed(self, hz: float) -> "MeasuredLines":
-        """Return a record's lines `fed` back by the third power of the response near `hz`, over its largest's square.
+        """Return the lines with a force `fed`: the cubed response near `hz`, over the square of its largest value.
 
         The spring of a mode may soften or stiffen: its motion to the third power is then a further force on it
         (nonlinear identification through feedback of the outputs: D. E. Adams, R. J. Allemang, Mech. Syst. Signal
@@ -223,7 +223,7 @@ class _Solved(NamedTuple):
 
     @property
     def of_fed(self) -> slice:
-        """Places of the columns, and factors, of forces that the response makes."""
+        """Slice of the columns, and of the factors, that belong to the forces `fed` back by the response."""
         end = len(self.factors) - self.extra.shape[1]
         return slice(end - len(self.lines.fed), end)
 
@@ -239,7 +239,7 @@ class _Solved(NamedTuple):
 
 
 class _Peak(NamedTuple):
-    """A mode of the first look: frequency, Q and amplitude at resonance in the unit of the data."""
+    """A mode by a first rough fit: frequency in Hz, Q, and amplitude at resonance in the unit of the data."""
 
     hz: float
     q: float
@@ -249,7 +249,7 @@ class _Peak(NamedTuple):
 def fit_spectrum(
     frequency_hz: np.ndarray, response: np.ndarray, near_hz: float | None = None, power: int | None = None
 ) -> ResonanceFit:
-    """Fit a `response` (n,), complex or a magnitude, over rising `frequency_hz` (n,).
+    """Fit a resonance to a `response` (n,), complex or a magnitude, over rising `frequency_hz` (n,).
 
     Of several comparable peaks the one nearest to `near_hz` is taken; without `near_hz` they are refused. `power` is 0
     for displacement, 1 for velocity, 2 for acceleration, None where it is to be recognised.
@@ -294,7 +294,7 @@ def fit_driven(
     exact: bool = False,
     current: np.ndarray | None = None,
 ) -> ResonanceFit:
-    """Fit the `response` (n,) to `squared_current` (n,); `peak` is per unit of a line of the latter.
+    """Fit a resonance to the `response` (n,) to `squared_current` (n,); `peak` is per unit of the latter's lines.
 
     With the `current` (n,) itself what the sensor picks up of it is taken out. `power` is as in `fit_spectrum`.
     `ring_s` is about the time constant of the resonance; `clipped` (n,) marks samples of the response at the end of
@@ -378,7 +378,7 @@ def fit_decay(
     exact: bool = False,
     clipped: np.ndarray | None = None,
 ) -> ResonanceFit:
-    """Fit the free decay in `response` (n,), of any sensor, after its largest value.
+    """Fit a resonance to the free decay in `response` (n,), of any sensor, after its largest value.
 
     Raises
     ------
@@ -446,7 +446,7 @@ def _taps(size: np.ndarray, period: int) -> list[int]:
 
 
 def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
-    """Return the response over frequency of a record as it is, without a fit: of a decay the transform."""
+    """Return a record's response over frequency without a fit; of a free decay, its Fourier transform."""
     if squared_current is None or np.ptp(squared_current) == 0:
         first = int(np.abs(response - response.mean(dtype=float)).argmax())
         lines = _record_lines(rate_hz, response[first : first + MOST_OF_DECAY])
@@ -481,7 +481,7 @@ def current_of_voltage(rate_hz: float, voltage: np.ndarray, resistance: float, i
 
 
 def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> MeasuredLines:
-    """Return the lines of a record, without its mean."""
+    """Return the spectral lines of a record `y` without its mean, with the excitation `x`, if any, as an input."""
     level = y - y.mean()
     time = np.linspace(-0.5, 0.5, len(y))
     late = [level * time, level * time**2, *([] if x is None else [(x - x.mean()) * time])]
@@ -493,10 +493,10 @@ def _record_lines(rate: float, y: np.ndarray, x: np.ndarray | None = None) -> Me
 
 
 class _Cross(NamedTuple):
-    """Transfer function `response` (n,) of a record over `frequency` (n,) in Hz, in the excited band alone, its ends,
-    and its `impulse` (n,), complex.
+    """Transfer function of a record over `frequency` (n,) in Hz, zero outside the excited band.
 
-    It is twice the record long, so that lags of either sign stay apart.
+    `response` (n,) is complex, `impulse` (n,) its inverse transform; `low_hz` and `high_hz` are the band's ends. The
+    transforms are twice as long as the record, so that lags of either sign stay apart.
     """
 
     frequency: np.ndarray
@@ -507,7 +507,7 @@ class _Cross(NamedTuple):
 
 
 def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
-    """Return the response of y to x."""
+    """Return the transfer function from x to y in the band that x excites."""
     from scipy.fft import next_fast_len
     from scipy.ndimage import uniform_filter1d
 
@@ -541,7 +541,7 @@ def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
 
 
 def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
-    """Return x and the signals that are `lag` samples late, without the delay."""
+    """Return x and the signals `late` without their delay of `lag` samples, cut to the samples that they share."""
     count = max(len(x) - abs(lag), 0)
     kept = [x[max(-lag, 0) :][:count], *(v[max(lag, 0) :][:count] for v in late)]
     # A delay that leaves the answer to most of the excitation outside the record is one that chance has made.
@@ -552,7 +552,7 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
 
 
 def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> MeasuredLines:
-    """Return the response by the beginning of the impulse response, at `lag`, for some eight time constants."""
+    """Return the frequency response by about eight time constants of the impulse response, from `lag` on."""
     impulse = cross.impulse
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
@@ -566,7 +566,7 @@ def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> MeasuredLines:
 
 
 def _recognised(lines: MeasuredLines, peaks: list[_Peak], near_hz: float | None, power: int | None) -> int | None:
-    """Return the power of the frequency by which a response differs from that of a displacement: 0, 1, 2 or None.
+    """Return the kind of sensor: 0 for displacement, 1 for velocity, 2 for acceleration, None where unclear.
 
     It is the slope of the response over the first peak's on logarithmic axes, above and below it, where other peaks and
     noise are small. A stated `power` is believed.
@@ -601,13 +601,13 @@ def _refuse_short(seconds: float, hz: float) -> None:
 
 
 def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
-    """Return the response (n,) of a mode, of size 1 at its resonance, to a sensor of the `power` of frequency."""
+    """Return the response (n,) of a mode, of size 1 at its resonance, to a sensor of kind `power` (`SENSORS`)."""
     s = frequency / hz
     return np.asarray(s**power / (q * (1 - s) * (1 + s) + 1j * s))
 
 
 def _basis(lines: MeasuredLines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
-    """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `extra`."""
+    """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `fed`, `extra`."""
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
     shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
     hz, q = np.exp(theta[:2])
@@ -620,7 +620,7 @@ def _basis(lines: MeasuredLines, theta: np.ndarray, power: int, extra: np.ndarra
 
 
 def _projected(basis: np.ndarray, data: np.ndarray) -> np.ndarray:
-    """Return the residual (n,) of `data` after the columns of `basis`."""
+    """Return the residual of `data` (n,) or (n, p) after a least-squares fit by the columns of `basis`."""
     norm = np.linalg.norm(basis, axis=0)
     q = np.linalg.qr(basis / np.where(norm > 0, norm, 1))[0]
     return np.asarray(data - q @ (q.conj().T @ data))
@@ -634,7 +634,7 @@ def _parts(values: np.ndarray) -> np.ndarray:
 def _solve(
     lines: MeasuredLines, start: np.ndarray, power: int, extra: np.ndarray | None = None, tries: int = MOST_TRIES
 ) -> _Solved:
-    """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`, in so many `tries` at most."""
+    """Minimise the residual of `lines` over ln f₀ and ln Q of each mode, from `start`, in at most `tries` steps."""
     from scipy.optimize import least_squares
 
     more = np.zeros((len(lines.data), 0)) if extra is None else extra
@@ -690,7 +690,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
 
 
 def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return slopes over all real parameters, caps last, and the inverse of their prior variances, in noise's."""
+    """Return slopes over all real parameters, caps last, and the noise variance over each one's prior variance."""
     caps = np.zeros((len(fit.residual), 0)) if fit.caps is None else fit.caps
     columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else []), caps], 1)
     prior = np.zeros(columns.shape[1])
@@ -741,7 +741,7 @@ def _correlation(residual: np.ndarray) -> float:
 
 
 def _gain(fit: _Solved) -> float:
-    """Return the decrease of the sum of squares by the modes' first columns, in variances of a part of a line."""
+    """Return how much the modes lower the sum of squares, in noise variances of a line's real or imaginary part."""
     smooth = np.arange(fit.basis.shape[1]) >= len(fit.modes)
     smooth[fit.of_fed] = False
     plain = _projected(fit.basis[:, smooth], fit.lines.data)
@@ -777,7 +777,7 @@ def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak
 
 
 def _shown(fit: _Solved) -> bool:
-    """Return whether data show the first mode: more than noise does by chance, and no smaller than the mode."""
+    """Return whether the data show the first mode: more than noise does by chance, and about as large as fitted."""
     near = np.abs(detuning(fit.lines.frequency, fit.modes[0, 0], fit.modes[0, 1])) < 1
     largest = np.abs(fit.lines.data / fit.lines.inputs[0])[near].max(initial=0.0)
     return bool(abs(fit.factors[0]) < 1.5 * largest and _gain(fit) > LEAST_GAIN)
@@ -809,7 +809,7 @@ def _peaks(lines: MeasuredLines, power: int) -> list[_Peak]:
 
 
 def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: int) -> tuple[_Solved, np.ndarray]:
-    """Return the fit with a cap on each crest of which the samples `held` were clipped, and y with these caps.
+    """Return the fit with the clipped crests (samples `held`) restored by caps, and y with the caps.
 
     Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
     """
@@ -846,7 +846,7 @@ def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: i
 
 
 def _chosen(peaks: list[_Peak], near_hz: float | None, exact: bool = False) -> _Peak:
-    """Return the largest peak, or, of comparable ones (with `exact` of all), the one nearest to `near_hz`."""
+    """Return the peak nearest to `near_hz` of comparable ones (of all, if `exact`); the largest without `near_hz`."""
     least = 0.0 if exact else COMPARABLE * max(p.size for p in peaks)
     return min(
         (peak for peak in peaks if peak.size >= least),
@@ -910,7 +910,7 @@ def _fit_peaks(
 
 
 def _may_be_bent(fit: _Solved, cubed: MeasuredLines, power: int) -> bool:
-    """Return whether a term of the third power in the spring explains what a straight one alone does not.
+    """Return whether a cubic term in the spring explains what a linear spring alone does not.
 
     Further modes are left out: a peak that leans looks like two.
     """
@@ -926,7 +926,7 @@ def _is_worth(fit: _Solved, more: _Solved) -> bool:
 
 
 def _without_hum(fit: _Solved, power: int) -> _Solved:
-    """Return the fit with those mains lines in the model that stand out of the residual."""
+    """Return the fit with columns added for the mains lines that stand out of the residual."""
     lines = fit.lines
     for _ in range(MOST_HUM):
         size = np.abs(fit.residual)
@@ -965,7 +965,7 @@ def _are_resolved(fit: _Solved) -> bool:
 
 
 def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.ndarray:
-    """Return columns (n, k) of a line near the `place`-th one that may waver; of a spectrum that point.
+    """Return columns (n, k) for a line of unsteady frequency near the `place`-th; in a spectrum, for that point.
 
     They are neighbouring sines about that one which explains most of what neither the model nor its slopes do. Where a
     resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.
@@ -986,7 +986,7 @@ def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.n
 
 
 def _sines(away: np.ndarray) -> np.ndarray:
-    """Return the transform of a sine that is `away` lines from each line, of a record of one."""
+    """Return the transform at each line of a sine that is `away` lines from it, in a record of length 1."""
     return np.asarray(np.sinc(away) * np.exp(1j * np.pi * away))
 
 
@@ -1000,7 +1000,7 @@ def _result(
     clock: float = 0.0,
     seconds: float = np.inf,
 ) -> ResonanceFit:
-    """Return the fit's figures beside the circle's, which is fitted to the data without all other terms.
+    """Return the resonance by the fit and, as a check, by a circle fitted to the data without all other terms.
 
     `clock` is one sigma of the time's scale, which all methods have in common. A gain that drifts during the `seconds`
     of the whole record looks like damping.
@@ -1076,7 +1076,7 @@ def _with_phase(frequency: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
-    """Return the fit of magnitudes `size` (n,) from a complex one; the phases of its data are the model's.
+    """Return a fit of the magnitudes `size` (n,) that starts from a complex one; its data have the model's phases.
 
     A magnitude in complex noise of rms N is on average larger by ``N²/4|H|`` (S. O. Rice, Bell Syst. Tech. J. 24,
     1945).

@@ -82,7 +82,7 @@ def circle_resonance(
     start_q: float,
     sigma: np.ndarray | float = 1.0,
 ) -> CircleFit | None:
-    """Fit the circle of a receptance `response` (n,) near `start_hz`; None where too few points determine it.
+    """Fit f and Q to the circle of a receptance `response` (n,) near `start_hz`; None where data do not fix them.
 
     `sigma` is the relative size of each point's noise.
     """
@@ -105,7 +105,7 @@ def circle_resonance(
 
 
 def detuning(frequency: np.ndarray, hz: float, q: float) -> np.ndarray:
-    """Return x (n,) of the phase ``−2 arctan x``."""
+    """Return the distance (n,) from a resonance in half bandwidths, ``x = Q (f/f₀ − f₀/f)``."""
     return np.asarray(q * (frequency / hz - hz / frequency))
 
 
@@ -214,7 +214,7 @@ class ResonanceFit(NamedTuple):
 
 
 def agree(fit: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
-    """Return whether a fit, whose sigmas are of noise alone, agrees with that of the second method, if there is one.
+    """Return whether a fit agrees with the second method's; true where that has none.
 
     Refuses a resonance that noise leaves less known than `needed`, and one that the second method finds elsewhere.
     """
@@ -248,7 +248,7 @@ def agree(fit: CircleFit, check: CircleFit | None, needed: tuple[float, float]) 
 
 
 def refuse_bad_spectrum(frequency_hz: np.ndarray, response: np.ndarray) -> None:
-    """Refuse data that are no spectrum, too few or too many."""
+    """Refuse a spectrum with too few or too many points, bad numbers, or frequencies that do not rise."""
     if len(frequency_hz) != len(response) or len(frequency_hz) < FEWEST_POINTS:
         raise SolverError(f"must have at least {FEWEST_POINTS} frequencies, got {len(frequency_hz)}")
     if len(frequency_hz) > MOST_POINTS:
@@ -280,7 +280,7 @@ def _refuse_numbers(values: np.ndarray, point: str, everywhere: str) -> None:
 
 
 def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndarray, size: np.ndarray) -> None:
-    """Refuse a peak that does not stand out; `gain` is its decrease of the sum of squares, in variances."""
+    """Refuse a peak hidden by noise; `gain` is how much the peak lowers the sum of squares, in variances."""
     low = float(frequency_hz[0])
     high = float(frequency_hz[-1])
     if peak >= LEAST_PEAK * noise and gain >= LEAST_GAIN:
@@ -304,7 +304,7 @@ def refuse_no_peak(peak: float, noise: float, gain: float, frequency_hz: np.ndar
 
 
 def refuse_no_resonance(size: np.ndarray, left: float, scatter: float, hz: float) -> None:
-    """Refuse a peak of another form: the fit's residual is `left` (rms), of which `scatter` is noise."""
+    """Refuse a peak of another form than a resonance: the fit leaves `left` (rms), of which `scatter` is noise."""
     if left > MOST_LEFT * float(size.max()) and left > 4 * scatter:
         raise SolverError(
             f"the peak at {number(hz)} Hz is not that of a resonance: the best fit leaves"
@@ -359,7 +359,7 @@ def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) 
 
 
 def rough_peak(frequency: np.ndarray, size: np.ndarray) -> tuple[float, float]:
-    """Return the frequency of the largest `size` (n,), and the width in Hz around it where it is above 1/√2 of that."""
+    """Return the frequency of the largest `size` (n,), and the width in Hz of its peak at 1/√2 of that size."""
     top = int(size.argmax())
     lower = np.flatnonzero(size < size[top] / np.sqrt(2))
     low = frequency[lower[lower < top][-1] if (lower < top).any() else 0]

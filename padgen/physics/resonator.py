@@ -180,7 +180,7 @@ def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_
 
 
 def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the energy (rows, lines) of taxels under lines of one newton, over the one at their own tone.
+    """Return the felt energy (rows, lines) of taxels under lines of one newton, over that at each taxel's tone.
 
     `frequency` is (lines,), or (rows, lines) for lines of each taxel's own; `rest` is its rounding error, as in
     `relative_energy`.
@@ -192,7 +192,7 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
 def felt_response(
     taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the felt amplitudes (rows, 3, lines) that `felt_energy` is the energy of, in phase and a quarter behind.
+    """Return the felt amplitudes (rows, 3, lines) of taxels under lines of 1 N, in phase and a quarter behind.
 
     The parts are those of `felt_gains`: up, and by tilting about both axes. Under ``cos ωt`` a part moves as
     ``real cos ωt + imaginary sin ωt``.

@@ -98,7 +98,7 @@ class Scheme(NamedTuple):
 
     @property
     def force_order(self) -> int:
-        """Order in the current of the forces that the scheme is for."""
+        """Power of the current that the scheme's forces are proportional to: 1 or 2."""
         return int(getattr(self.kind, "FORCE_ORDER", SQUARE))
 
     @property
@@ -272,7 +272,7 @@ def off_energy(
     one_hot: bool = False,
     weight: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """Return the largest energy (n, …) of each OFF taxel over all states, over that of its own ON state.
+    """Return the largest energy (n, …) of each taxel in all states in which it is OFF, over its energy when ON.
 
     Further axes are further coils (prints, candidates), without `modes`. The `drivers` (None: the channels themselves)
     need not be at the taxels' resonances; ``which.line`` is then the line that moves a taxel by its level at its own
@@ -360,7 +360,7 @@ def loudest_line(
 def print_share(
     of: Channels, scheme: Scheme, need: float, coils: int, followed: float, missed: float = 0.0, share: float = 0.9
 ) -> float:
-    """Share of printed pads of so many `coils` that keep the energy ratio `need` of ON over OFF, in closed form.
+    """Estimate in closed form which share of prints of `coils` coils keeps the energy ratio `need` of ON to OFF.
 
     Eq. 12 with a guard band for the print. A line may come as near to an OFF taxel as `need` allows, all other lines
     staying where they are: in logarithms ``x = arsinh(√(P/b − 1)/2Q)``, P being its energy at the taxel's resonance
@@ -442,5 +442,5 @@ def _line_response(which: Channels, part: Lines, modes: Responses | None, rows: 
 
 
 def _below_db(energy: float) -> float:
-    """Return in dB how far an OFF energy is below the smallest ON energy, 1: that of a taxel on alone."""
+    """Return in dB how far an OFF energy lies below 1, the smallest ON energy, of a taxel that is ON alone."""
     return float(-10 * np.log10(energy)) if energy > 0 else float("inf")

@@ -53,7 +53,7 @@ class Threshold(NamedTuple):
 
 
 def for_area(known: Sequence[Threshold], area: float) -> Threshold:
-    """Return the threshold through a contactor of `area` in m² from those of others; its error is the larger one's."""
+    """Return the threshold for a contactor of `area` in m², interpolated from `known` ones, with the larger error."""
     known = sorted(known, key=lambda one: one.area)
     above = next((k for k, one in enumerate(known) if one.area >= area), len(known) - 1)
     upper = known[above]

@@ -43,12 +43,12 @@ class Brake(NamedTuple):
 
     @property
     def seconds(self) -> float:
-        """Its whole length."""
+        """Length of the whole brake in s."""
         return self.blend_s * len(self.shares)
 
     @property
     def shares(self) -> tuple[tuple[float, float], ...]:
-        """At the end of each blend the share of the level before, and of the counter-phase."""
+        """Shares of the level before and of the counter-phase at the end of each blend."""
         return ((0.0, 0.0), (0.0, 1.0), (0.0, 0.0)) if self.through_zero else ((0.0, 1.0), (0.0, 0.0))
 
     def counter(self, amplitude: np.ndarray, level: np.ndarray, tau_s: np.ndarray) -> np.ndarray:
@@ -77,7 +77,7 @@ def brake_for(tau_s: np.ndarray, blend_s: float, through_zero: bool) -> Brake:
 
 
 def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a blend makes of taxels (n,) that begin with an amplitude, under a level before and one after.
+    """Return forms for energy and final amplitude of taxels (n,) in a blend, by start amplitude and two levels.
 
     `energy` (n, 3, 3) is the form of these three that gives ∫ a² dt in s, `after` (n, 3) that of the amplitude at the
     end.
@@ -86,7 +86,7 @@ def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
-    """Return the shares (3, `STEPS` + 1, n) of amplitude at the begin, level before and after in it, over a blend."""
+    """Return the weights (3, `STEPS` + 1, n) of start amplitude, level before and after in a blend's amplitudes."""
     tau = np.asarray(tau_s, float)
     step = seconds / STEPS
     keep = np.exp(-step / tau)

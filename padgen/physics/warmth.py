@@ -141,10 +141,10 @@ def _side_lengths(layers: WarmLayers) -> np.ndarray:
 def _balanced(
     right: np.ndarray, down: np.ndarray, through: np.ndarray, out: np.ndarray, heat: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the rises at which what flows into each cell flows out again, by conjugate gradients from `start`."""
+    """Return the rises in K at which heat into and out of each cell balances, by conjugate gradients from `start`."""
 
     def flowing(rise: np.ndarray) -> np.ndarray:
-        """Return what flows out of each cell in W."""
+        """Return the net heat flow out of each cell in W."""
         flow = out * rise
         along = right * (rise[..., 1:] - rise[..., :-1])
         flow[..., 1:] += along
@@ -194,7 +194,7 @@ def _rayleigh(rise_k: float, length_m: float, room_c: float) -> float:
 
 
 def _radiated(rise_k: float, room_c: float) -> float:
-    """Return the film coefficient in W/(m² K) of a black surface to a room."""
+    """Return the radiative film coefficient in W/(m² K) of a black surface in a room."""
     warm = room_c + rise_k + KELVIN
     cold = room_c + KELVIN
     return STEFAN_BOLTZMANN * (warm**2 + cold**2) * (warm + cold)

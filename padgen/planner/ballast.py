@@ -40,7 +40,7 @@ def ballast_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def _rocking(plan: Plan, ballast: Ballast) -> Iterator[Finding]:
-    """Find the mode besides the working one that lies nearest to a tone of its coil."""
+    """Yield a warning if a mode other than the working one lies too near to a tone of its coil."""
     nearest: tuple[float, Channel, float, float] | None = None
     for channels in channel_sets(plan.channels, plan.coils.sets):
         tones_hz = [channel.resonance_hz for channel in channels]
@@ -87,7 +87,7 @@ def ballast_size(ballast: Ballast) -> str:
 
 
 def ballast_step(spec: Spec) -> str:
-    """Return how the ballast is put in; empty without ballast."""
+    """Return the assembly instruction for the ballast; empty without ballast."""
     ballast = spec.ballast
     if ballast is None:
         return ""

@@ -66,7 +66,7 @@ class Via(NamedTuple):
 
 
 class HeaderPin(NamedTuple):
-    """A pin of a connector, whose `row` is 0 nearest to the coils."""
+    """A pin of a connector; `row` 0 is the one nearer to the coils."""
 
     net: int
     connector: int
@@ -121,7 +121,7 @@ def board_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def board_of(plan: Plan) -> Board:
-    """Return the board of a plan whose coils are board coils.
+    """Return the layout of the printed circuit board for a plan with board coils.
 
     Raises
     ------
@@ -260,12 +260,12 @@ def _polar(radius: float, angle: float) -> Point:
 
 
 def _moved(point: Point, by: Point) -> Point:
-    """Return a point moved, to a nanometre, so that ends that meet are the same."""
+    """Return `point` moved by `by` in mm, rounded to a nanometre so that ends that meet are equal."""
     return round(point[0] + by[0], 6), round(point[1] + by[1], 6)
 
 
 def _sides(plan: Plan, axes: dict[tuple[int, int], Point], half_x: float) -> list[list[tuple[int, int]]]:
-    """Return the coils of each connector: of one at the near side if its pins fit there, else of two."""
+    """Return the coils that each connector feeds: one connector if all pins fit on the near side, else two."""
     fitting = int((2 * half_x - 2 * MARGIN_MM) / PIN_MM)
     places = sorted(axes, key=lambda place: axes[place][1])
     if len(places) <= fitting:
@@ -285,7 +285,7 @@ def _sides(plan: Plan, axes: dict[tuple[int, int], Point], half_x: float) -> lis
 def _lane_widths_mm(
     plan: Plan, coil: BoardCoil, sides: list[list[tuple[int, int]]], axes: dict[tuple[int, int], Point]
 ) -> dict[float, float]:
-    """Return the width in mm of the tracks beside each column, by its x: as wide as there is room, or refuse.
+    """Return the width in mm of the tracks beside each column of coils, by the column's x; raise without room.
 
     The last column's pass between its coils and the screws' heads.
     """
@@ -327,7 +327,7 @@ def _fan(
     half_y: float,
     connector: int,
 ) -> _Fan:
-    """Return the tracks from the coils' ends to the pins of one connector, at y = `sign` · …, and where it ends."""
+    """Return tracks and pins of one connector and the board's edge beyond it in mm; `sign` is -1 at the near side."""
     step = max(lanes_mm.values()) + coil.space / MM
     outer = coil.outer_diameter / 2 / MM
     last = len(coil.copper) - 1
@@ -378,7 +378,7 @@ def _rounded(point: Point) -> Point:
 
 
 def _levels(starts: list[float], ends: list[float], apart: float) -> tuple[list[int], int]:
-    """Return at which level each track goes sideways, and how many there are.
+    """Return the level at which each track goes sideways, and the number of levels.
 
     Of tracks that go right the rightmost turns first, of those that go left the leftmost, so that none cross. A track
     that does not come within `apart` of the one that turned before it has the first level again.

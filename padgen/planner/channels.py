@@ -88,7 +88,7 @@ def taxel_modes(model: TaxelModel) -> TaxelModes:
 
 
 def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> dict[str, Any]:
-    """Return the fields of a `Channel` about its modes; the pull's `wrench` (6,) is that of `site_wrenches`.
+    """Return the `Channel` fields that describe its modes; `wrench` (6,) is a row of `site_wrenches`.
 
     Shares are of the working mode's static compliance under a vertical pull at the washer's axis, to `SHARE_DECIMALS`.
     """
@@ -104,7 +104,7 @@ def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> dict[str, Any]:
 
 
 def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
-    """Return the motion (n,) of working modes under pulls of `wrenches` (n, 6), over that under vertical pulls.
+    """Return the ratios (n,) of working-mode motion under pulls of `wrenches` (n, 6) to that under vertical pulls.
 
     Vertical pulls act at the washer's axis.
     """
@@ -118,7 +118,7 @@ def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarr
 
 
 def force_error(modes: TaxelModes, wrench: np.ndarray, error: float, radius_m: float) -> float:
-    """Return the relative error of the force on the working mode; the pull's `wrench` (6,) is that of `site_wrenches`.
+    """Return the relative error of the force on the working mode by a pull `wrench` (6,) from `site_wrenches`.
 
     The axial pull has the relative `error`. The side force is off by as many newtons, the moment by the same force at
     the rim of the washer, `radius_m` from its axis (docs/accuracy.md). The three errors are independent.
@@ -344,14 +344,14 @@ def hanging_gap_um(spec: Spec, sag_um: np.ndarray | float) -> np.ndarray:
 
 
 def resting(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> CoreRest | None:
-    """Return where the movers of `sites` rest that their coils' cores draw; None where no core does."""
+    """Return where movers at `sites` come to rest, drawn by their coils' cores; None where no core draws them."""
     gap_um = hanging_gap_um(spec, np.array([float(s.model.sag_m) for s in sized]) / UM)
     stiffness = np.array([float(s.model.stiffness_n_per_m) for s in sized])
     return core_rest(spec, gap_um, [site.coil_distance_mm for site in sites], stiffness)
 
 
 def softened(modes: TaxelModes, share: float) -> TaxelModes:
-    """Return modes of which the working one has this share of its stiffness left."""
+    """Return `modes` with the stiffness of the working mode reduced to `share` of its value."""
     if share == 1:
         return modes
     frequency = modes.frequency_hz.copy()

@@ -26,7 +26,7 @@ SNAPPED_SHARE = 0.01
 
 
 class CoreRest(NamedTuple):
-    """Rest of n taxels over cores: `gap_um` where they hang, and the share of their stiffness that is left there.
+    """Rest positions of n taxels that cores draw in: the gap in µm and the share of stiffness left there.
 
     `snap_um` is the gap below which they would snap to the core, `least_n_per_m` the least stiffness of a spring that
     holds. The first three are nan for those that snap at once.
@@ -39,7 +39,7 @@ class CoreRest(NamedTuple):
 
 
 def core_rest(spec: Spec, gap_um: np.ndarray, distance_mm: Sequence[float], stiffness: np.ndarray) -> CoreRest | None:
-    """Return the rest of taxels whose gaps without a core are `gap_um`; None where no core draws them."""
+    """Return the rest positions of taxels with gaps `gap_um` without a core; None where no core draws them."""
     rest = getattr(mover_of(spec), "rest", None)
     if rest is None or not spec.coil.core_diameter_mm:
         return None
@@ -53,7 +53,7 @@ def snaps(rest: CoreRest | None) -> bool:
 
 
 def as_if_held(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return gaps in µm and shares of stiffness (n,) of a rest, with finite numbers for taxels that snap."""
+    """Return gaps in µm and stiffness shares (n,) at rest, with small finite stand-ins for taxels that snap."""
     lost = np.isnan(rest.gap_um)
     gap_um = np.where(lost, SNAPPED_GAP * hanging_um, rest.gap_um)
     return gap_um, np.where(lost, SNAPPED_SHARE, rest.stiffness_share)
@@ -62,7 +62,7 @@ def as_if_held(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.n
 def on_snapping(
     spec: Spec, sites: Sequence[Site], gap_um: np.ndarray, stiffness: np.ndarray, rest: CoreRest
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return a sentence on the mover that snaps most surely, and from which gap on all would hold; and cures."""
+    """Return a sentence on the mover that snaps most surely and the least gap at which none would, and cures."""
     gap_mm = float(spec.coil.gap_mm)
     worst = int(np.argmax(rest.least_n_per_m / stiffness))
     away = [site.coil_distance_mm for site in sites]
@@ -88,12 +88,12 @@ def on_snapping(
 def _at_gap(
     spec: Spec, gap_um: np.ndarray, away_mm: Sequence[float], stiffness: np.ndarray, gap_mm: float
 ) -> CoreRest | None:
-    """Return the rest of taxels with the gap of the spec changed to `gap_mm`."""
+    """Return the rest positions of taxels with the spec's gap changed to `gap_mm`."""
     return core_rest(spec, gap_um + (gap_mm - float(spec.coil.gap_mm)) * MM / UM, away_mm, stiffness)
 
 
 def core_findings(plan: Plan) -> Iterator[Finding]:
-    """Tell what cores do at rest: how far they draw the movers, and how near that is to snapping."""
+    """Yield a finding on how far cores draw the movers at rest, and how near that is to snapping."""
     channels = plan.channels
     hanging_um, away_mm, stiffness = _springs(channels, plan.spec)
     rest = core_rest(plan.spec, hanging_um, away_mm, stiffness)
@@ -121,7 +121,7 @@ def core_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def _springs(channels: Sequence[Channel], spec: Spec) -> tuple[np.ndarray, list[float], np.ndarray]:
-    """Return gaps in µm, distances in mm and stiffnesses in N/m of channels without what their cores do."""
+    """Return gaps in µm, distances in mm and stiffnesses in N/m of channels as if no core drew their movers."""
     share = np.array([(1 - channel.pull_shift) ** 2 for channel in channels])
     stiffness = np.array([channel.stiffness_n_per_m for channel in channels]) / share
     hanging_um = float(spec.coil.gap_mm) * MM / UM - np.array([channel.sag_um for channel in channels])

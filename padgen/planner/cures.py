@@ -62,7 +62,7 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 
 
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
-    """Return `plan` with the cures of its findings that hold, each finding's first one, and no others.
+    """Return `plan` with each finding's first proposed cure that works when planned, and no other cures.
 
     `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left and there are
     no more errors; where there are fewer kinds of findings, or no more of those that are not `COUNTED`; and where as
@@ -109,7 +109,7 @@ UNUSUAL_TRIED = 3
 
 
 def named_breakdown(spec: Spec, error: SolverError, planned: Callable[[Cure], Any]) -> SolverError:
-    """Return `error` with the field at fault: one that leaves a pad that can be computed if it has its usual value.
+    """Return `error` with the first field that, at its usual value, makes the plan computable; unchanged without one.
 
     Usual is what the template pad-32 has; fields are tried in the order of their ratio to that, the largest first.
     """
@@ -202,7 +202,7 @@ def _holding(cures: Sequence[Cure], planned: Callable[[Cure], Any]) -> Iterator[
 
 
 def _cooler(plan: Any) -> Cure:
-    """Return the level that keeps a pad from overheating, where that is its only error; empty elsewhere.
+    """Return the cure by a lower level if overheating is a plan's only error, else an empty cure.
 
     Where taxels have room does not change how much they heat the pad.
     """

@@ -83,7 +83,7 @@ def _row(spec: Spec, scheme: Scheme, channel: Channel, current_a: float, carrier
 
 
 def bias_row(spec: Spec, scheme: Scheme, channel_set: Sequence[Channel], name: str = BIAS) -> DriveRow:
-    """Return the row of the constant part of the current of a coil with the channels `channel_set`."""
+    """Return the row for the constant part of the current in a coil with the channels `channel_set`."""
     lines = np.array([c.line_a2 for c in channel_set])
     resistance = spec.coil.resistance_ohm
     square = mean_square_a2(scheme, lines, spec.drive.headroom)

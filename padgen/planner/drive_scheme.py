@@ -96,7 +96,7 @@ a neighbouring taxel is then at least 38 dB below the motion that the steady ton
 
 
 def switch_ms(channels: Sequence[Channel], sets: int = 1) -> float:
-    """Return the length in ms of a transition that neither clicks nor shakes a taxel that stays OFF.
+    """Return the duration in ms of a switching transition that hardly excites taxels that stay OFF.
 
     The force is blended over it by a step that is flat to the fourth derivative at both ends. Two resonances of a coil
     within a half-power bandwidth act as one and do not beat.
@@ -145,7 +145,7 @@ def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
 
 
 class _Switched(NamedTuple):
-    """The switching of a coil's channels: their time constants, a transition, and energy that OFF ones hear."""
+    """What sets the contrast of a coil's frames: time constants, transition time, steady OFF energy, and brake."""
 
     tau_s: np.ndarray
     ramp_s: float
@@ -154,7 +154,7 @@ class _Switched(NamedTuple):
     brake: Brake | None
 
     def contrasts_db(self, seconds: float) -> tuple[float, float]:
-        """Return the contrast over a frame of so many seconds and at its end, in the worst case."""
+        """Return the worst-case contrasts in dB over a frame of `seconds` and at the frame's end."""
         count = len(self.tau_s)
         frames = np.array([[1.0], [0.0]]) * np.ones(count)
         if self.takes_turns:
@@ -179,14 +179,17 @@ class _Switched(NamedTuple):
         return self._worst_db(on, off), self._worst_db(last_on**2, last_off**2)
 
     def _worst_db(self, on: np.ndarray, off: np.ndarray) -> float:
-        """Return the contrast of energies (n,) when ON and when OFF, of two channels where there are two."""
+        """Return in dB the least ON energy of a channel over the OFF energy of another, or of itself if alone.
+
+        Energies are (n,); `steady` is added to those when OFF.
+        """
         ratio = on[:, None] / np.maximum(off + self.steady, 1e-12)
         if len(on) > 1:
             ratio[np.diag_indices(len(on))] = inf
         return decibel(float(ratio.min()) ** 0.5)
 
     def longest_rate(self, kept_db: float, least_s: float) -> float | None:
-        """Return the most frames per second, of `least_s` or longer, that keep a contrast; None without any."""
+        """Return the highest frame rate in 1/s at which frames of `least_s` or more keep `kept_db`, or None."""
         low = high = least_s
         while self.contrasts_db(high)[0] < kept_db:
             low = high
@@ -244,7 +247,7 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
 
 
 def _slowest(rates: Sequence[float | None]) -> float | None:
-    """Return the lowest of the rates; None where one has none."""
+    """Return the lowest of the rates; None if any of them is None."""
     return None if None in rates else min(rate for rate in rates if rate is not None)
 
 
@@ -302,7 +305,7 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
 
 
 def fitting_parts(plan: Plan) -> Parts:
-    """Return the parts of the catalogues that can play all channels of a plan, driven as it is planned.
+    """Return the catalogues' amplifiers and sound cards that can play all channels of a plan, driven as planned.
 
     The smallest come first: amplifiers by the power of a channel, sound cards by their channels.
     """
@@ -323,7 +326,7 @@ def fitting_parts(plan: Plan) -> Parts:
 
 
 def coil_demand(load: CoilLoad, coils: int, moved: tuple[Moved, ...] = ()) -> Demand:
-    """Return what a plan asks for with all taxels on, of a coil and of so many coils; `moved` are taxels of each."""
+    """Return what a plan asks of one coil and of `coils` coils with all taxels on; `moved` are taxels to judge."""
     watts = load.copper_loss_w
     return Demand(load.voltage_peak_v, load.current_peak_ma * MA, watts, watts * coils, moved)
 
@@ -411,7 +414,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
 
 
 class _CoilSets(NamedTuple):
-    """A coil's sets of channels for the physics, as `_resonators` makes them, and the modes that they hear."""
+    """A coil's sets of channels, as each kind of `_resonators`, and the modes that lines of the drive excite."""
 
     alike: list[Channels]
     placed: list[Channels]
@@ -420,7 +423,7 @@ class _CoilSets(NamedTuple):
 
     @property
     def alone(self) -> bool:
-        """True where a coil has one channel only, so that there is no other to choose it from."""
+        """True where a coil has one channel only, so that it has no selectivity."""
         return len(self.alike[0].line) < 2
 
 
@@ -481,7 +484,7 @@ def _selectivity(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> Se
 
 
 def _worst_db(sets: Sequence[Channels], scheme: Scheme, modes: Iterable[ModalTaxels | None] = repeat(None)) -> float:
-    """Return the all-state selectivity in dB of the worst set of channels; with `modes`, all of these are counted."""
+    """Return the all-state selectivity in dB of the worst set of channels, with all `modes` of taxels if given."""
     return min(all_states(taxels, scheme, set_modes).db for taxels, set_modes in zip(sets, modes, strict=False))
 
 
@@ -528,7 +531,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets, spec.force_order)}
 
     def told(others: Sequence[str]) -> str:
-        """Return what other schemes reach, in brackets, or nothing."""
+        """Return a phrase in brackets on the selectivity in dB of other schemes; empty if none is known."""
         words = [
             f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")
             for name in others
@@ -554,7 +557,10 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
 
 
 def _paper_db(spec: Spec, sets: Sequence[Sequence[Channel]]) -> float:
-    """Return the selectivity in dB that the paper's Eq. 12 gives for the closest pair: ``Δy = 4 Q (ρ − 1)/(ρ + 1)``."""
+    """Return the selectivity in dB of the closest pair, of ratio ρ, by the paper's Eq. 12.
+
+    ``Δy = 4 Q (ρ − 1)/(ρ + 1)``.
+    """
     ratio = min(b.resonance_hz / a.resonance_hz for channel_set in sets for a, b in pairwise(channel_set))
     return decibel(4 * spec.q_min * (ratio - 1) / (ratio + 1))
 
@@ -568,7 +574,7 @@ LEAK_ERROR = 0.25
 
 
 def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
-    """Bound the leakage of the coils around, in their worst state, onto an OFF taxel.
+    """Choose which cells to turn, and bound the leakage of the coils around, in their worst state, onto OFF taxels.
 
     With the driver table neighbours play in step, so that their fields add. Where the taxel's own coil plays its other
     channels, its field beats with theirs.
@@ -616,7 +622,7 @@ COUPLED_STEPS = 3
 
 
 class PushedEnergies(NamedTuple):
-    """Energies (n,) of OFF taxels that all their ON neighbours push with no current, over their own ON states.
+    """Energies (n,) of OFF taxels by forces between movers, all neighbours ON, over their energies when ON.
 
     `in_step`: neighbours of one channel move in step, as by the driver table; `apart`: each at a frequency of its own.
     """
@@ -628,7 +634,7 @@ class PushedEnergies(NamedTuple):
 def neighbour_energies(
     spec: Spec, channels: Sequence[Channel], pitch_mm: np.ndarray, grid: tuple[int, int], turned: str
 ) -> PushedEnergies:
-    """Return what OFF taxels in the middle of the pad hear of movers that push each other, as magnets do.
+    """Return the energies of OFF taxels in the middle of the pad by forces between movers, such as magnets.
 
     Every two movers are joined by a spring of `Mover.coupling`. A taxel's own stiffness is taken as it is, since taxels
     are measured in their places. At each channel's tone its other taxels are held at their level, and all else is free.
@@ -690,7 +696,7 @@ def _add_by_cores(
     own_set: int,
     shared: Callable[[Coil, Any, np.ndarray], np.ndarray],
 ) -> None:
-    """Add to the springs of `neighbour_energies` what movers over one coil do to each other by its core."""
+    """Add to `spring` in N/m the coupling of movers over one coil through its core (`neighbour_energies`)."""
     at = 0
     for step in steps:
         over_one = channels[(own_set + sum(map(abs, step))) % spec.coil.sets :: spec.coil.sets]
@@ -719,7 +725,7 @@ def _leakage(
 
 
 def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
-    """Return the energy (n,) of the tones of coils with different frequencies, over that of the own coil's tone.
+    """Return the energy (n,) by tones of the coils `some`, no two of one frequency, over that by the taxel's coil.
 
     Each coil then makes a line of its own, and with plain tones every two coils one more between theirs. Lines of
     different frequencies add as energies. With constant currents each coil's tone makes its line with all of them.
@@ -755,7 +761,7 @@ def _leak_error(
 
 
 def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:
-    """Return energies (n,) of OFF taxels, over their ON states, as if a coil `steps` away were their own.
+    """Return three energies (n,) of OFF taxels, over those when ON, as if a coil `steps` away were below them.
 
     The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current
     with that of the own coil, which plays all channels but the OFF one.
@@ -777,7 +783,7 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
 
 
 def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
-    """Return the largest energy by twice the product of the currents of the own coil and another.
+    """Return a taxel's largest energy by twice the product of the currents of its coil and of another.
 
     With tones or biased currents every two channels make a line at their sum and one at their difference; the caller
     counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
@@ -804,7 +810,7 @@ def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.n
 
 
 def coils_around(rows: int, columns: int) -> np.ndarray:
-    """Return the steps (k, 2) along x and y from a coil in the middle of the grid to those around, the nearest first.
+    """Return the steps (k, 2) along x and y from a coil in the middle of the grid to those around, adjacent first.
 
     They reach as far as `RINGS`. With an even number of rows or columns they are those around either middle coil.
     """
@@ -826,7 +832,7 @@ def cell_is_turned(turned: str, row: int, column: int) -> bool:
 
 
 def _distances_mm(spec: Spec, layout: Layout, channels: Sequence[Channel], turned: str) -> list[float]:
-    """Return the distances in mm of taxels of one channel in neighbouring cells, the shortest first."""
+    """Return all distances in mm between taxels of the same channel in neighbouring cells, the shortest first."""
     distances = []
     for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
         if row < layout.rows and column < layout.columns:

@@ -86,7 +86,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class MoverRow:
-    """The pad planned with one mover and the catalogue's coil for it, the search free: coils, heat, what prints keep.
+    """Figures of the pad planned anew with one mover and its catalogue coil: coils, heat, what prints keep.
 
     `heat_w` and `peak_v` are with all taxels on, `outputs` what feeds the coils. Where no pad can be planned `why` says
     so and all figures are None.
@@ -138,7 +138,7 @@ MOVERS_COMPARED: tuple[tuple[str, str, str], ...] = (
 
 
 def _movers(spec: Spec) -> list[MoverRow]:
-    """Return the pad planned with each of `MOVERS_COMPARED`: those whose prints work first, by their heat."""
+    """Return a row for each of `MOVERS_COMPARED`: first those with enough good prints, each group by rising heat."""
     rows = [_with_mover(spec, *each) for each in MOVERS_COMPARED]
     works = spec.print_share
     return sorted(rows, key=lambda row: (row.heat_w is None, (row.good_share or 0.0) < works, row.heat_w or 0.0))
@@ -236,7 +236,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
-    """Return a sort key: good prints up to the share `asked`, below it their selectivity, then those good for life.
+    """Return a sort key: share of good prints up to `asked`, if below it their selectivity, then share good for life.
 
     Changes that are alike in this go by the channels that they buy, then by their cost.
     """
@@ -249,7 +249,7 @@ def _rank(change: Change, asked: float) -> tuple[float, ...]:
 
 
 def _channels_in_band(spec: Spec) -> int:
-    """Return the most channels that band, Q and drive allow, as if there were room for all; 'auto' makes no spurs."""
+    """Return the most channels that band, Q and drive allow, room aside; 'auto' counts as a scheme without spurs."""
     law = level_law(spec)
     asked_db = decibel(spec.delta_y)
     return largest_counts(spec.band_hz, spec.q_min, law, _spurless(spec), asked_db, MOST_IN_BAND)[0]
@@ -321,7 +321,7 @@ def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) ->
 
 
 class _Printed(NamedTuple):
-    """`Change.good_share`, `Change.life_share` and `Change.print_db`."""
+    """What simulated prints keep: `Change.good_share`, `Change.life_share` and `Change.print_db`."""
 
     good_share: float | None
     life_share: float | None
@@ -439,7 +439,7 @@ PLACES = (0.7, 0.85, 1.2)
 
 
 def _touch_changes(spec: Spec) -> Iterator[tuple[int, Iterable[Cure]]]:
-    """Yield changes that count under touch: where pins stand, their size, the mass that moves, and the tones."""
+    """Yield changes that matter under touch, with their cost: place and diameter of pins, and heavier ballast."""
     if spec.touch.is_none:
         return
     share = spec.pin_share

@@ -106,7 +106,7 @@ def coupon_groove(coupon: Plan) -> Outline:
 
 
 def _coils(plan: Plan) -> CoilGrid:
-    """Return the smallest coil grid that holds all sets of channels and makes up the smallest active area."""
+    """Return the coil grid of a coupon: the smallest with every set of channels and the least active area."""
     coils = plan.coils
     sets = len(plan.sets)
     wide, deep = (sets, 1) if coils.columns > 1 else (1, sets)
@@ -329,7 +329,7 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
 
 
 def _refuse(plan: Plan, clear_mm: float) -> None:
-    """Raise `InfeasibleError` for coils too small, too short or too close for sockets, or `clear_mm` below the pad."""
+    """Raise `InfeasibleError` for coils too small, short or close for sockets, or less than a layer below the pad."""
     spec = plan.spec
     printer = plan.spec.printer
     coil = plan.spec.coil

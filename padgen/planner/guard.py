@@ -118,7 +118,7 @@ def _pocket(plan: Plan, taxel: Taxel) -> Outline:
 
 
 def guard_findings(plan: Plan) -> Iterator[Finding]:
-    """Yield findings about the guard plate: pins that meet their holes, walls between holes, a hand that bends it."""
+    """Yield findings about the guard plate: pins or plates that touch it, thin walls, a hand that bends it."""
     spec = plan.spec
     if not spec.guard.thickness_mm:
         return
@@ -130,7 +130,7 @@ def guard_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def _caught(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
-    """Yield a warning where a pin meets its hole before a push has ended, or an error where it does in its own motion.
+    """Yield an error where a vibrating pin meets the edge of its hole, else a warning where a pushed one does.
 
     Beside its motion a pin is off its hole's middle by the play. Its top leans; in the hole it is up to the thickness
     lower, where it leans less.
@@ -165,7 +165,7 @@ def _leaned_mm(channel: Channel) -> float:
 
 
 def _walls(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
-    """Yield a warning where neighbouring holes leave less than two lines of wall."""
+    """Yield an error where neighbouring holes leave less than two lines of wall."""
     spec = plan.spec
     if len(guard.pins_mm) < 2:
         return
@@ -215,7 +215,7 @@ def _lifted(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
 
 
 def _pressed(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
-    """Yield a warning where 10 N of one finger bend the plate over a pocket to its strength, or onto what moves there.
+    """Yield a warning where a finger's push of 10 N bends the plate over a pocket beyond its allowed stress or sag.
 
     Notes
     -----

@@ -123,7 +123,7 @@ def _named(channels: Iterable[Channel]) -> str:
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
-    """Tell how much the coils around shake an OFF taxel: in step by the driver table, or each re-tuned on its own."""
+    """Yield a warning where leakage is too strong even after re-tuning, a note where only by the driver table."""
     step = plan.reuse.leak_db
     asked = plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
@@ -140,7 +140,7 @@ def _leak(plan: Plan) -> Iterator[Finding]:
 
 
 def _unknown_leak(plan: Plan) -> Iterator[Finding]:
-    """Tell of a leakage that is less certain than large, where it may spoil the selectivity that is asked."""
+    """Yield an error where the leakage's error is larger than the leakage and may spoil the asked selectivity."""
     reuse = plan.reuse
     length_mm = plan.spec.coil.length_mm
     coils = plan.coils
@@ -245,7 +245,7 @@ def _slow(plan: Plan) -> Iterator[Finding]:
 
 
 def _limits(plan: Plan) -> Iterator[Finding]:
-    """Find errors where all taxels on ask for more than is borne, as `padgen.driver.loads` does of a drive."""
+    """Yield a finding for each limit that is exceeded with all taxels on (of a drive: `padgen.driver.loads`)."""
     spec = plan.spec
     moved = []
     for channel_set in channel_sets(played_channels(plan), plan.coils.sets):
@@ -290,7 +290,7 @@ WORST: dict[str, Callable[[Channel], float]] = {
 
 
 def _one_of_each(plan: Plan, findings: Sequence[Finding]) -> list[Finding]:
-    """Make one finding of those of one code and level that several channels have: the worst channel's, naming all."""
+    """Join findings of one code and level on several channels into the worst channel's, naming all channels."""
     alike: dict[tuple[str, str], list[Finding]] = {}
     for finding in findings:
         if finding.code in WORST:
@@ -419,7 +419,7 @@ def _prints(plan: Plan) -> Iterator[Finding]:
 
 
 def _life(plan: Plan) -> Iterator[Finding]:
-    """Warn where re-tuning once is not enough for what the spec says the pad goes through."""
+    """Warn where too few re-tuned prints stay good over changes of temperature, ageing and scatter of Q."""
     life = plan.life
     wanted = plan.spec.print_share
     if plan.retuned_prints.good_share < wanted or life.good_share >= wanted:
@@ -528,7 +528,7 @@ def _model_doubt(spec: Spec, channel: Channel) -> str:
 
 
 def _stretching(spec: Spec, channel: Channel) -> Finding:
-    """Warn where beams stretch as they bend (bridges), so that a tone planned for small motions misses the level."""
+    """Return a warning that beams stretch as they bend, so that a tone planned for small motions misses the level."""
     alpha = channel.hardening_per_mm2
     sag_mm = channel.sag_um * UM / MM
     low = 0.0
@@ -581,7 +581,7 @@ MOVES = (0.95, 1.05, 0.9)
 
 
 class Crowd(NamedTuple):
-    """A mode of a channel's taxel close to a line of the drive.
+    """A taxel's mode that may spoil the selectivity, with the line of the drive that moves it most.
 
     The line, described by `line`, moves the taxel when OFF by `planned` of its ON amplitude, all modes counted, and by
     `at_peak` if this mode's peak lay on the line. `costs_db` is the all-state selectivity that the mode costs, 0 where
@@ -644,7 +644,7 @@ def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
 
 
 def _coil_crowds(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme) -> Iterable[Crowd]:
-    """Return the crowds of one coil: all modes near a line, and modes of its worst OFF taxel that cost it much."""
+    """Return the modes that may spoil a coil's selectivity: near a line, or costly to its worst OFF taxel."""
     taxels = placed_channels(spec, channel_set)
     modes = coil_modes(spec, channel_set)
     crowd_at = dict[tuple[int, int], Crowd]()
@@ -742,7 +742,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
 
 
 def _unexcited(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Finding]:
-    """Tell of second modes in the slots of other channels that a pull at the washer's axis does not excite."""
+    """Yield a note on second modes in other channels' slots that a pull at the washer's axis leaves unexcited."""
     loud = {(crowd.channel, crowd.hz) for crowd in all_crowds}
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     silent = [

@@ -55,7 +55,7 @@ SLACK_MM = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A candidate: `rows` × `columns` coils with `channels` each, a cell divided into `sub_columns` × `sub_rows`.
+    """Candidate layout: `rows` × `columns` coils of `channels` each, cells split into `sub_columns` × `sub_rows`.
 
     `surplus` counts the places without a taxel. Washers hang as near to their coil's axis as they can, but not nearer
     than `ring_mm`.
@@ -91,22 +91,22 @@ class Layout:
 
     @property
     def rank(self) -> tuple[bool, int, float]:
-        """Sort key among feasible candidates, best first."""
+        """Sort key of layouts: first those without empty places, then the fewest coils, then the largest margin."""
         return (*self.rank_by_coils, -self.margin_mm)
 
     @property
     def rank_by_coils(self) -> tuple[bool, int]:
-        """The parts of `rank` that need no slacks."""
+        """The part of `rank` that needs no slacks: whether places are empty, and the number of coils."""
         return self.surplus > 0, self.coils
 
 
 def candidates(spec: Spec, channel_limit: int) -> list[Layout]:
-    """Return the layouts for the spec's resolution, by their rank; of those without room only the nearest misses."""
+    """Return layouts for the spec's resolution, sorted by `rank`: all that have room, and the nearest misses."""
     return list(_candidates(_of_any_gap_and_drive(spec), channel_limit, SUSPENSIONS.changes))
 
 
 def _of_any_gap_and_drive(spec: Spec) -> Spec:
-    """Return `spec` with one gap and drive, which move no layout, so that specs alike but for these share them."""
+    """Return `spec` with a fixed gap and drive, on which no layout depends, so that cached layouts are shared."""
     coil = replace(spec.coil, gap_mm=1.0)
     drive = replace(spec.drive, scheme="auto", level_um=1.0)
     return replace(spec, coil=coil, drive=drive)
@@ -128,7 +128,7 @@ NEAR_MISSES = 200
 
 
 def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
-    """Return all layouts that hold the spec's taxels with less than a coil to spare, before their slacks are known."""
+    """Return all layouts for the spec's taxels with at most one empty place a coil, their slacks not yet computed."""
     wanted = spec.resolution
     return [
         layout
@@ -140,7 +140,7 @@ def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
 
 
 def roomy_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
-    """Yield the `candidates` that have room for their parts, by their rank, each worked out when it is its turn."""
+    """Yield, in the order of `rank`, the `candidates` that have room for their parts, computed only as needed."""
     key = _of_any_gap_and_drive(spec), channel_limit, SUSPENSIONS.changes
     for group in range(len(_by_coils(*key))):
         yield from _with_room(*key, group)
@@ -148,7 +148,7 @@ def roomy_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
 
 @lru_cache(maxsize=64)
 def _by_coils(spec: Spec, channel_limit: int, suspensions_version: int) -> tuple[tuple[Layout, ...], ...]:
-    """Return the layouts without slacks in groups of as many coils, as ranked."""
+    """Return the layouts, their slacks not yet computed, sorted and grouped by `rank_by_coils`."""
     bare = sorted(_without_slacks(spec, channel_limit), key=lambda layout: layout.rank_by_coils)
     return tuple(tuple(alike) for _, alike in groupby(bare, key=lambda layout: layout.rank_by_coils))
 
@@ -164,7 +164,7 @@ def _with_room(spec: Spec, channel_limit: int, suspensions_version: int, group: 
 
 
 def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
-    """Yield layouts of fewer taxels than asked that have room for their parts, most taxels first."""
+    """Yield layouts without empty places for fewer taxels than asked that have room, most taxels first."""
     rows_, columns_ = most_coils(spec)
     plate = plate_shape(spec)
     most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / (plate.length_mm * plate.width_mm)))
@@ -225,7 +225,7 @@ def most_outputs(spec: Spec) -> float:
 
 
 def _grids(spec: Spec, coils: int) -> list[tuple[int, int]]:
-    """Return grids (rows, columns) of at least `coils` coils whose pitch holds the coil; the spec's, if it has one.
+    """Return grids (rows, columns) of at least `coils` coils that do not overlap; the spec's grid, if it has one.
 
     For each number of rows there is one grid, with as few columns as possible.
     """
@@ -274,7 +274,7 @@ def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
 
 
 class _Parts(NamedTuple):
-    """The parts that a sub-cell has room for: a plate, the gap around it, and one of some suspensions.
+    """The parts for which a sub-cell needs room: a plate, the gap around it, and one of the allowed suspensions.
 
     Each of the suspensions stands with the length of its shortest beam in mm.
     """
@@ -319,7 +319,7 @@ def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tup
 
 
 def coil_room_mm(spec: Spec, rows: int) -> tuple[float, float]:
-    """Return the least pitches in mm along x and y: the coil's diameter, and what tracks to `rows` coils take."""
+    """Return the least coil pitch in mm along x and y: the coil's diameter, plus room for tracks to `rows` coils."""
     outer_mm = spec.coil.outer_diameter_mm
     if spec.coil.kind == "solenoid":
         return outer_mm, outer_mm
@@ -358,7 +358,7 @@ def slots(layout: Layout) -> list[tuple[float, float]]:
 
 
 def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:
-    """Put a taxel into its sub-cell so that its washer hangs as near to the coil axis as the layout's ring allows.
+    """Return the site of a taxel in its sub-cell, its washer as near to the coil axis as the ring allows.
 
     The root lies on the side away from the coil. Where the cell is not divided along the beams, the roots lie on
     alternating sides so that the pad stays balanced.
@@ -388,7 +388,7 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
 
 
 def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
-    """Return the share of `way`, from `near` on, after which the distance from the axis is `ring_mm`; at most 1."""
+    """Return the share (0 to 1) of `way` to go from `near` to be `ring_mm` from the coil axis."""
     short = ring_mm**2 - float(near @ near)
     length = float(way @ way)
     if short <= 0 or not length:
@@ -456,7 +456,7 @@ def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
 
 
 def outline(plan: Plan, channel: Channel) -> Outline:
-    """Return the sub-cell of `channel` in the taxel's own axes, rounded to 1e-9 mm so that layouts share taxels."""
+    """Return the rectangle of a channel's sub-cell in the taxel's axes, to 1e-9 mm so that layouts share taxels."""
     cosine, sine = TURNS[channel.site.along]
     dx, dy = (c - o for c, o in zip(channel.site.centre_mm, channel.site.origin_mm, strict=True))
     x = cosine * dx + sine * dy
@@ -526,7 +526,7 @@ def groove(spec: Spec, x_mm: float, above: bool = False) -> Outline:
 
 
 def corner_groove(spec: Spec) -> Outline:
-    """Return the groove at the corner of the coil in row 0, column 0: where the active area begins, towards −y."""
+    """Return the groove that marks the corner of the coil in row 0, column 0, in the border's side towards −y."""
     return groove(spec, (WIDTH_MM - spec.pad.width_mm) / 2)
 
 
@@ -535,7 +535,7 @@ SAME_MM = 0.05
 
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
-    """Return the distances in mm of neighbouring columns and rows, and the share of their crossings with a taxel."""
+    """Return the spacing in mm of the taxels' columns and rows, and the share of their crossings with a taxel."""
     crossings = 1
     steps = list[tuple[float, ...]]()
     for places_mm in ([t.x_mm for t in taxels], [t.y_mm for t in taxels]):

@@ -94,7 +94,7 @@ class FrameAround(NamedTuple):
 
 
 def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
-    """Return the largest relative shift (n,) of each channel's resonance on the flexible frame; inf near a frame mode.
+    """Return bounds (n,) of the relative shifts of resonances by the flexible frame; inf near a frame mode.
 
     `clamping` is a name in `SUPPORTS`: how the pad is held. The resonance is the peak of the taxel's own response.
     """
@@ -118,7 +118,7 @@ def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
 
 
 def frame_around(plan: Plan, channel: Channel, clamping: str) -> FrameAround:
-    """Return the stiffness of the frame around a channel's taxel.
+    """Return the stiffnesses of the frame around a channel's taxel, and the pad's lowest bending mode.
 
     The rib at the root is made of its part in this sub-cell and, beyond the seam, at least the thinnest wall that this
     sub-cell has. The lowest mode follows from the deflection w of the pad's centre under its own weight, ``ω² = g/w``
@@ -230,7 +230,7 @@ beams warns of it."""
 
 
 def left_out(plan: Plan) -> tuple[LeftOut, ...]:
-    """Return every effect that the models of `plan` may leave out: bounded ones, largest first, unbounded, included.
+    """Return the effects that a plan's models leave out: with bounds, largest first, without, and those included.
 
     Each bound is of the channel where it is largest.
     """
@@ -267,7 +267,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
 
 
 def _plastic(material: Material) -> Iterator[LeftOut]:
-    """Yield how moisture and frequency change the plastic's stiffness, by the material's ratios of stiffness."""
+    """Yield moisture and frequency as effects on the plastic's stiffness, each bounded as a shift of resonances."""
     for term, ratio, is_planned_by in (
         ("moisture", material.wet_ratio, material.wet),
         ("modulus at the frequency of use", material.dynamic_ratio, material.dynamic),
@@ -302,7 +302,7 @@ def _told(entry: LeftOut) -> str:
 
 
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
-    """Yield a note of the effects left out above `model.tolerance`, and a warning of unbounded stresses."""
+    """Yield a note on effects left out above `model.tolerance`, and a warning where shrinkage tightens beams."""
     sentences = [f"{_told(e)} ({RUNGS[e.term][1]})" for e in _ignored(entries) if _size(e) > spec.model.tolerance]
     if any(entry.term == STRESSES for entry in entries):
         yield Finding(
@@ -335,7 +335,7 @@ def _worst_channel(term: str, of: str, channels: Sequence[Channel], bound: np.nd
 
 
 def _inertia(plan: Plan) -> LeftOut:
-    """Bound the inertia of beams beyond the beam model's; for channels solved as solids it is the solver's error."""
+    """Bound the resonance error by beam inertia that the beam model lacks; for solved solids, the solver's error."""
     plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
     material = plan.spec.material
     channels = plan.channels
@@ -355,7 +355,7 @@ def _inertia(plan: Plan) -> LeftOut:
 
 
 def _bending(plan: Plan) -> Iterator[LeftOut]:
-    """Bound what beams do that bend far.
+    """Bound how beams that bend far shift resonances: by stretching, and by large slopes.
 
     Of stretching it is the cubic spring's error, and the mean pull's offset, which is not in `level_shift`; of slopes
     beyond linear theory, the secant stiffness that grows by `SLOPE_HARDENING` ``(z/l)²``. The cubic spring is that of a
@@ -405,7 +405,7 @@ def _air(plan: Plan) -> Iterator[LeftOut]:
 
 
 def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.ndarray:
-    """Return the radius (n,) of a circle with the area that circles of `radius` (n,) and `other`, `apart`, share."""
+    """Return the radius (n,) of a circle with the area in which two circles at a distance `apart` overlap."""
     apart = np.maximum(apart, 1e-9)
     near = np.clip((apart**2 + radius**2 - other**2) / (2 * apart * radius), -1, 1)
     far = np.clip((apart**2 + other**2 - radius**2) / (2 * apart * other), -1, 1)
@@ -415,7 +415,7 @@ def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.nd
 
 
 def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
-    """Return figures of the moving area of a taxel, with motions over the washer's.
+    """Return the area of a taxel's moving parts and measures of their motion, relative to the washer's motion.
 
     They are the area of blocks and beams and that of the blocks alone in m², the mean square and the largest motion,
     and the diagonal of the window in m.
@@ -446,7 +446,7 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
 
 
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
-    """Bound the modes that `heard_modes` drops, at the tones of a coil's other channels, all on.
+    """Bound the error of OFF amplitudes by the modes that `heard_modes` drops, with all other channels on.
 
     The bound is the relative error of OFF amplitudes, by Cauchy's inequality for each component.
     """
@@ -474,7 +474,7 @@ def _far_modes(plan: Plan) -> Iterator[LeftOut]:
 
 
 def _magnetic(plan: Plan) -> Iterator[LeftOut]:
-    """Bound the effects on force and current, for the channels that their coil pulls."""
+    """Bound the magnetic effects that the models leave out, for the channels that their coil pulls."""
     spec = plan.spec
     channels = [channel for channel in plan.channels if channel.force_constant_n_per_a2 > 0]
     if not channels:
@@ -518,7 +518,7 @@ USUAL_REMANENCE = 0.25
 
 
 def _remanence(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
-    """Bound the forces by remanence, over each channel's wanted force, all channels on.
+    """Bound the forces by remanent magnetisation over each channel's wanted force, with all channels on.
 
     Plain tones make each a line at half the resonance, which the selectivity counts where the spec plans with it
     (`drive.remanent_share`); where it does not, the bound is of the usual share. A constant current makes the
@@ -582,7 +582,7 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
 
 
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
-    """Return relative errors (n,) of force and resonance because pulls are taken where washers hang without current.
+    """Bound the relative errors (n,) of force and resonance by pulls that are taken at the gap without current.
 
     In fact the mean pull draws a washer nearer, until the spring balances it, and the washer swings about that place.
     There the slope of the pull over the gap (of force and lever) softens the spring. Infinite where nothing balances.
@@ -602,7 +602,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return pulls on the modes over `force_constant_n_per_a2`; errors of slope and second derivative, in µm."""
+        """Return pulls on the modes over the planned, and relative errors of slope per µm and curvature per µm²."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
         return at.pull * share / here, at.slope_off * unsure * UM, at.bend_off * unsure * UM**2

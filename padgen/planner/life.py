@@ -44,7 +44,7 @@ WORTH = 1.2
 
 
 def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
-    """Return what the prints of a plan keep for life, from as many prints as that takes.
+    """Return what prints keep after one re-tuning when warmer, colder and aged, from as many prints as needed.
 
     Few prints are enough of a plan whose prints keep too little on the day of re-tuning. With `quick` few are taken,
     with other modes as they are in the plan, and `retune_k` is not looked for: it is 0 where the range is too large.
@@ -67,7 +67,7 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
 
 
 def _life(plan: Plan, design: Design, pads: int) -> Life:
-    """Return what so many prints keep for life; `retune_k` is 0 where fewer than asked do."""
+    """Return what `pads` prints keep, re-tuned only once; `retune_k` is 0 if fewer are good than asked."""
     spec = plan.spec
     range_k = spec.life.temperature_range_k
     ends = [_after(plan, design, change_k, pads) for change_k in (range_k, -range_k)]
@@ -110,12 +110,12 @@ def _shift(spec: Spec, change_k: float) -> float:
 
 
 def _with_planned_modes(design: Design) -> Design:
-    """Return a design whose prints hear by other modes what the plan does, which is several times faster."""
+    """Return `design` with what other modes add taken from the plan for every print: several times faster."""
     return design._replace(modes=(None,) * len(design.coils))
 
 
 def _largest_change_k(plan: Plan, design: Design, pads: int) -> float:
-    """Return the largest whole number of `STEP_K` up to which the asked share of `pads` is good; 0 without one.
+    """Return the largest temperature change in K, in steps of `STEP_K`, that the asked share of prints bears; else 0.
 
     It is found with other modes as they are in the plan, for the worse of warmer and colder, and lowered until it holds
     for both with those of every print.

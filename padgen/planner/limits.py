@@ -57,7 +57,7 @@ Cures = tuple[dict[str, Any], ...]
 
 
 class Moved(NamedTuple):
-    """A taxel of a `channel` at a share `level` of its ON level, over a coil whose mean of i² in A² is `square_a2`.
+    """A taxel of `channel` that moves at the share `level` of its ON level; its coil's mean i² is `square_a2` in A².
 
     For a force in proportion to the current itself, which has no mean, it is 0.
     """
@@ -83,7 +83,7 @@ class Demand(NamedTuple):
 
 
 def slack_um(channel: Channel, square_a2: float) -> float:
-    """Return the deflection in µm under the mean pull at rest, as if the pull did not grow while the gap closes."""
+    """Return the static deflection in µm under the mean pull, as if the pull did not grow while the gap closes."""
     return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
 
 
@@ -95,7 +95,7 @@ def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
 
 
 def _resting_um(spec: Spec, one: Moved) -> float:
-    """Return sag and deflection by the mean pull in µm; a washer that snaps to its coil crosses the gap."""
+    """Return a washer's static deflection in µm: by weight and mean pull, or weight and the gap if it snaps."""
     channel = one.channel
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     static_um = balanced_deflection(slack_um(channel, one.square_a2), gap_um, max(channel.pull_exponent, 0.0))
@@ -104,7 +104,7 @@ def _resting_um(spec: Spec, one: Moved) -> float:
 
 
 def _travel_mm(spec: Spec, one: Moved) -> float:
-    """Return the farthest that a washer comes from where its beam is straight: sag, mean pull and amplitude, in mm."""
+    """Return the largest deflection of a washer in mm from the straight beam: by weight, mean pull and amplitude."""
     return (_resting_um(spec, one) + one.level * one.channel.level_um) * UM / MM
 
 
@@ -120,7 +120,7 @@ def _at_finger_um(channel: Channel) -> float:
 
 
 def lower_level(spec: Spec, share: float) -> Cures:
-    """Return a cure: a `share` of the level. Empty where that is below the smallest level that a spec may ask for."""
+    """Return the cure of a level lower by the factor `share`; none below the smallest level that a spec may have."""
     level_um = float(at_most(spec.drive.level_um * share))
     return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
 
@@ -137,7 +137,7 @@ LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.nam
 
 @dataclass(frozen=True)
 class Limit:
-    """One limit: what is asked must not be more than what is borne.
+    """One limit: a quantity that a plan or drive asks for, and the bound that it must not exceed.
 
     `asked` returns the quantity in `unit` of a `Demand`, or of a `Moved` where it is `of_taxels`; `bound` returns what
     a spec allows, infinity where nothing limits it, and `bound_name` says what that is. The quantity goes with the
@@ -167,7 +167,7 @@ class Limit:
     digits: int = 5
 
     def share_of_level(self, spec: Spec, asked: float) -> float:
-        """Return the share of the level at which the quantity is at its bound, as far as it goes with the level."""
+        """Return the factor on the level that brings the quantity to its bound; a guess where no power law holds."""
         if self.power is None:
             return LOWER
         power = self.power
@@ -187,7 +187,7 @@ class Exceeded(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """Say what is asked and what is borne, as a clause."""
+        """Clause that states the quantity that is asked for, and its bound."""
         limit = self.limit
         unit = f" {limit.unit}" if limit.unit != "1" else ""
         worst = f" (channel {self.channels[0]})" if self.channels else ""
@@ -199,14 +199,14 @@ class Exceeded(NamedTuple):
 
     @property
     def where(self) -> str:
-        """Name the part: the channels that exceed the limit, else coil or pad."""
+        """Name of the part at fault: the channels that exceed the limit, else the coil or the pad."""
         if not self.channels:
             return self.limit.where
         return f"channel{plural(len(self.channels))} {', '.join(map(str, sorted(self.channels)))}"
 
 
 def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
-    """Yield the limits that `demand` exceeds, in the order of the table; of channels those that do, the worst first.
+    """Yield the limits that `demand` exceeds, in the table's order, each with its channels at fault, worst first.
 
     A channel is judged by that of its taxels that asks for most.
     """
@@ -232,7 +232,7 @@ def exceeded(spec: Spec, demand: Demand) -> Iterator[Exceeded]:
 
 
 def most_asked(limit: Limit, spec: Spec, demand: Demand) -> float:
-    """Return the most that a demand asks of a limit's quantity, of any taxel; minus infinity where none moves."""
+    """Return the largest value of a limit's quantity in `demand`, over all taxels; minus infinity if none moves."""
     if limit.of_taxels:
         return max((limit.asked(spec, one) for one in demand.moved), default=-inf)
     return limit.asked(spec, demand)

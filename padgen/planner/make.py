@@ -151,7 +151,7 @@ BROKEN_DOWN = (ArithmeticError, np.linalg.LinAlgError)
 
 @contextmanager
 def numbers_hold() -> Iterator[None]:
-    """Raise `SolverError` where a computation divides by zero, overflows or has no number, instead of carrying on.
+    """Raise `SolverError` where a computation divides by zero, overflows or gives NaN, instead of carrying on.
 
     Code that means to has a `numpy.errstate` of its own, with the reason.
     """
@@ -171,7 +171,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
-    """Plan the pad of `spec`; its findings name cures only where these are tried, a third of the work.
+    """Plan the pad of `spec`; with `tries_cures`, a third of the work, its findings name cures that were tried.
 
     Raises
     ------
@@ -220,7 +220,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
 
 @numbers_hold()
 def choose(spec: Spec) -> Choice:
-    """Search the layouts and size the beams: the fewest coils with which the asked share of prints works.
+    """Return the layout and beams that make the asked share of prints work with the fewest coils.
 
     If there are none, the choice with the most working prints. Raises as `make_plan` does.
     """
@@ -230,7 +230,7 @@ def choose(spec: Spec) -> Choice:
 
 
 def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
-    """Return the choice for a spec; with `quick` the first that has room and beams.
+    """Return the best layout with sized beams, or with `quick` the first; None where there is none.
 
     Where at most so many are tried, it is returned without its runners-up.
     """
@@ -338,7 +338,7 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
 
 
 def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, Tried]]) -> Choice | None:
-    """Return the first choice of `rank`, else with bent beams, whose prints work as asked; the others join `tried`.
+    """Return the first of `rank`, or else with bent beams, whose prints work as asked; append others to `tried`.
 
     Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
     (`NO_HOPE_DB`, `MOST_FAR_SHORT`).
@@ -404,13 +404,13 @@ def _least_short(tried: list[tuple[Choice, Tried]], judged_by: _Round) -> Choice
 
 
 def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
-    """Return all that makes a pad, so that no pad is judged as chosen for an automatic drive and again for that one."""
+    """Return a key of the pad that `choice` makes with `drive`, so that no pad is judged twice."""
     coil = choice.spec.coil
     return choice.layout, choice.channels, choice.spec.suspension.topology, coil.reuse, coil.gap_mm, drive
 
 
 def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
-    """Yield choices with each family of suspensions (serpentines) that 'auto' does not include: prints differ less.
+    """Yield choices with families of bent beams (serpentines), which 'auto' leaves out and which vary less in print.
 
     They are made of the first of those `tried` that would work if printed exactly.
     """
@@ -466,7 +466,7 @@ def _tried(
 
 @numbers_hold()
 def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
-    """Return what a decided spec keeps under touch, with its faintest channel so many dB above what is just felt."""
+    """Return what a decided spec keeps under touch when its faintest channel is `felt_db` above threshold."""
     choice = _searched(spec, quick=True)
     if choice is None:
         raise InfeasibleError("no layout holds", "resolution")
@@ -495,7 +495,7 @@ UNSURE_HEAT = 1.4
 
 
 def _tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
-    """Judge a choice by its touched prints, driven loud enough for them."""
+    """Judge a plan by simulated prints under touch, and its coils by the levels that touch needs."""
     spec = bare.spec
     touch = planned_touch(bare, quick=True)
     assert touch is not None, "the spec names a contact"
@@ -553,7 +553,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
 
 
 def _finite(plan: Plan) -> Plan:
-    """Return the plan; raises `SolverError` if a figure of it is no number, or infinite in a pad that has no error."""
+    """Return `plan`; raise `SolverError` if a figure is NaN, or infinite although the plan has no error."""
     broken = any(finding.level == "error" for finding in plan.findings)  # as where a coil does not pull its washer
     if lost := next(((at, value) for at, value in lost_figures(plan) if isnan(value) or not broken), None):
         raise SolverError(f"has no finite value ({lost[1]}), so that the pad cannot be judged", lost[0])

@@ -46,7 +46,7 @@ class ChannelMass(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PadMass:
-    """Bodies of the parts of a pad in SI units: x and y from the pad's centre, z from its underside."""
+    """Masses of a pad's parts as rigid bodies in SI units: x and y from the pad's centre, z from its underside."""
 
     plan: Plan
 
@@ -142,14 +142,14 @@ class PadMass:
         return combine(*(part for part in parts if part is not None))
 
     def momenta(self, centre: np.ndarray) -> np.ndarray:
-        """Return what each taxel's working mode takes (n, 6), moments about `centre` (3,) in m."""
+        """Return linear and angular momentum (n, 6) about `centre` (3,) in m of each taxel's mode at unit motion."""
         force, moment = self._taxel_momenta
         arm = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in self.plan.taxels]) - centre
         return np.concatenate([force, moment + np.cross(arm, force)], axis=1)
 
     @cached_property
     def _taxel_momenta(self) -> np.ndarray:
-        """The two parts (2, n, 3) of what each taxel's working mode takes, about the taxel's own axis."""
+        """Linear and angular momenta (2, n, 3) of the taxels' working modes at unit motion, each about its washer."""
         plan = self.plan
         turns = np.array([_turn(plan.channels[taxel.channel], taxel) for taxel in plan.taxels])
         momentum = np.array([self.channels[taxel.channel].momentum for taxel in plan.taxels])
@@ -157,7 +157,7 @@ class PadMass:
 
     @cached_property
     def _plate(self) -> RigidBody:
-        """The frame and border without windows."""
+        """The frame and border as a solid plate, windows not cut out."""
         pad = self.plan.spec.pad
         density = self.plan.spec.material.density_g_per_cm3 * G_PER_CM3
         height = pad.frame_thickness_mm * MM
@@ -170,7 +170,7 @@ def pad_mass(plan: Plan) -> PadMass:
 
 
 def _placed(body: RigidBody, channel: Channel, taxels: Sequence[Taxel]) -> RigidBody:
-    """Return the bodies of some taxels in place as one; `body` is in a taxel's own axes, from its washer's axis."""
+    """Return one body of copies of `body`, given from its washer's axis, at the places of `taxels` on the pad."""
     turns = np.array([_turn(channel, taxel) for taxel in taxels])
     at = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in taxels])
     mass = np.full(len(taxels), body.mass)
@@ -225,7 +225,7 @@ def _pin(channel: Channel, beam: BeamPath, density: float) -> RigidBody:
 
 
 def mode_momentum(plan: Plan, channel: Channel, motion: np.ndarray) -> np.ndarray:
-    """Return momentum and its moment (6,) about the washer's axis of a taxel that moves by `motion` (6,) there.
+    """Return linear and angular momentum (6,) about the washer's axis of a taxel with motion `motion` (6,) there.
 
     Of the beams' momentum, `BEAM_SHARE` of their mass moves with their tips.
     """
@@ -269,7 +269,7 @@ They are those of a beam whose tip does not turn, ``y = 3 s² − 2 s³``. Beams
 
 
 def _chamfer(plan: Plan, density: float, washer: np.ndarray) -> RigidBody:
-    """Return what the boss lacks at its edge, as a ring of no height."""
+    """Return the negative mass of what the boss lacks at its chamfered edge, as a point in the middle of its top."""
     edge = plan.plate.boss_edge_mm * MM
     volume = pi * (plan.plate.boss_diameter_mm * MM - edge * 2 / 3) * edge**2 / 2
     at = washer + np.array([0.0, 0.0, plan.plate.boss_top_mm * MM])
@@ -293,7 +293,7 @@ def _outline_parts(plan: Plan, low: float, high: float, density: float) -> Itera
 
 
 def _holes(plan: Plan, height: float, density: float) -> Iterator[RigidBody]:
-    """Yield the screw holes of the border."""
+    """Yield the screw holes of the border as cylinders of negative density."""
     pad = plan.spec.pad
     x = (pad.width_mm + pad.border_mm) / 2 * MM
     y = (pad.depth_mm + pad.border_mm) / 2 * MM
@@ -337,7 +337,7 @@ def _tray_parts(plan: Plan, tray: Tray) -> Iterable[RigidBody]:
 
 
 def _within_rim(low: float, high: float, half: float, border: float) -> tuple[float, float]:
-    """Return a span in m that crosses the rim cut to the rim from `half` outwards; one along the rim stays."""
+    """Return the span `low` … `high` in m clipped to the rim that begins at `half`, if it crosses the rim."""
     if low < -half:
         return max(low, -half - border), -half
     if high > half:

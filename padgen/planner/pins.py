@@ -31,7 +31,7 @@ a plate holds at the edge does less, 0.18 as a clamped disc that shears.
 
 
 def pin_of(spec: Spec, model: TaxelModel, site: Site) -> Pin:
-    """Return what of a taxel meets the skin and how it moves; `pushed` adds stresses, `with_errors` errors."""
+    """Return the boss or pin of a taxel and how it moves; `pushed` adds its stresses, `with_errors` its errors."""
     arrangement = model.arrangement
     x_mm, y_mm = (float(v) for v in pin_place_mm(spec, arrangement))
     contact = model.contact
@@ -71,7 +71,7 @@ def pushed(pin: Pin, model: TaxelModel) -> Pin:
     closed_mm = pin.closed_mm
 
     def force_n(way_mm: float) -> tuple[float, float]:
-        """Return the parts of a push before and after the mover rests on the coil."""
+        """Return the force in N of a push by `way_mm`: its parts before and after the mover rests on the coil."""
         before = min(way_mm, closed_mm) * MM / free.way_m
         after = max(way_mm - closed_mm, 0.0) * MM / held.way_m if held.way_m > 0 else 0.0
         return before, after
@@ -92,7 +92,7 @@ def pushed(pin: Pin, model: TaxelModel) -> Pin:
 
 
 def with_errors(pin: Pin, model: TaxelModel) -> Pin:
-    """Return a pin with its errors, which take as long as all else of a taxel."""
+    """Return `pin` with the errors of its lever and stiffness, which take as long as the rest of a taxel."""
     lever_error, stiffness_error = model.contact_errors
     return replace(pin, lever_error=lever_error, stiffness_error=stiffness_error)
 
@@ -124,12 +124,12 @@ def _stop(
 
 
 def felt_parts(plan: Plan) -> str:
-    """Return what one calls the parts that a finger feels: bosses on plates, or pins."""
+    """Return the word for the parts that a finger feels: 'bosses' or 'pins'."""
     return "bosses" if plan.spec.contactor == ContactorTable() else "pins"
 
 
 def judge_pins(plan: Plan) -> Iterator[Finding]:
-    """Warn of pins whose beams, or which themselves, come near their strength under a push of 1 N before a stop."""
+    """Warn where a push of 1 N on a pin, or less where a stop ends it, brings its beams near their strength."""
     spec = plan.spec
     if spec.contactor == ContactorTable() and not spec.guard.thickness_mm:
         return
@@ -150,7 +150,7 @@ def judge_pins(plan: Plan) -> Iterator[Finding]:
 
 
 def _stops(plan: Plan, bound_mpa: float) -> Iterator[dict[str, float]]:
-    """Yield a guard plate, or a lower pin in it, that ends a push before the stress in MPa is reached."""
+    """Yield cures by which a push ends before the stress in MPa is reached: a guard plate, or a lower pin in it."""
     spec = plan.spec
     layer_mm = spec.printer.layer_mm
     share = min(

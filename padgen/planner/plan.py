@@ -197,7 +197,7 @@ class Pin:
 
     @property
     def load_lever(self) -> float:
-        """Lever through which skin loads the mover, that of its sideways motion included (`SIDEWAYS`)."""
+        """Effective lever through which skin loads the mover: up and down, and sideways (by `SIDEWAYS`)."""
         return float((self.lever**2 + SIDEWAYS * self.sway**2) ** 0.5)
 
 
@@ -427,7 +427,7 @@ class FrameRate:
 
 @dataclass(frozen=True, slots=True)
 class Reuse:
-    """Leakage: the motion of an OFF taxel by the coils around, in their worst state.
+    """Leakage by reuse of channels: the motion of an OFF taxel by the coils around, in their worst state.
 
     `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back: 'none', 'odd
     rows' or 'odd columns'. `leaks_db` (n,) is how far each channel's motion stays below its own level when all coils
@@ -445,7 +445,7 @@ class Reuse:
 
     @property
     def is_known(self) -> bool:
-        """True where the leakage is known: its error is no more than itself."""
+        """True where the leakage is known: its relative error is at most 1."""
         return self.leak_error <= 1
 
     @property
@@ -559,7 +559,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """Feeling of each channel's taxel (n,) by a fingertip at its planned level, untouched (docs/touch.md).
+    """How strongly a fingertip feels each channel's taxel (n,) at its planned level (docs/touch.md).
 
     `threshold_um` is the amplitude that is just felt at the resonance through the boss, with an error of `error_db`.
     Above it, `on_db` is the level of an ON taxel and `off_db` that of the OFF taxel in its coil's worst state (None
@@ -679,7 +679,7 @@ class Recoil:
         return 0.0 if self.clamped_db is None or self.signed_db is None else self.clamped_db - self.signed_db
 
     def kept_db(self, db: float, moving_db: float | None) -> float:
-        """Return what is left of a selectivity `db` where OFF taxels hear the pad, too: energies add.
+        """Return what recoil leaves of a selectivity `db`: its energy adds to that of the OFF taxels.
 
         `moving_db` is the figure of the moving pad: `in_step_db`, `apart_db` or `signed_db`.
         """
@@ -764,7 +764,7 @@ NOT_JUDGED = Verdict("error", "not judged yet", "", "", "", None)
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """Parts of the catalogues that play all channels of the plan: amplifiers, with how many it takes, and sound cards.
+    """Devices of the catalogues that can drive all channels: amplifiers, with how many are needed, and sound cards.
 
     A sound card has an output for each coil's amplifier. What would do on a carrier alone is not among them: a spec
     that names such a device is planned with a carrier.
@@ -952,7 +952,7 @@ def plan_from_json(text: str, where: str = "plan.json") -> Plan:
 
 
 def plan_from_table(table: Any, where: str) -> Plan:
-    """Return the plan of the JSON object of one; raises as `plan_from_json` does."""
+    """Return the plan that a parsed JSON object holds; raises as `plan_from_json` does."""
     try:
         is_plan = isinstance(table, dict) and "spec" in table
         if is_plan and not ({"verdict", "recoil", "warm", "life"} <= {*table} and _has_warm_levels(table["warm"])):
@@ -967,12 +967,12 @@ def plan_from_table(table: Any, where: str) -> Plan:
 
 
 def _has_warm_levels(warm: Any) -> bool:
-    """Return whether the warmth of a plan file has what version 0.14.0 did not write."""
+    """Return whether a plan file's `warm` table has the lost levels, which version 0.14.0 did not write."""
     return not isinstance(warm, dict) or "lost_db" in warm
 
 
 def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
-    """Return the `value` of an entry as its `kind`; raises `ValueError` if it is of another kind."""
+    """Return the JSON `value` of an entry as the type `kind`; raises `ValueError` if it is of another type."""
     origin = get_origin(kind)
     kinds = get_args(kind)
     is_table = is_dataclass(kind)
@@ -1011,7 +1011,7 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
 
 
 def _part_rules(plan: Plan) -> Iterator[Rule]:
-    """Yield the rules that parts of a plan do not contradict each other, and can be drawn: none larger than any pad."""
+    """Yield the rules that the parts of a plan agree with each other, and have sizes that a pad can have."""
     coils = plan.coils
     channels = plan.channels
     warm_hz = plan.warm.resonances_hz
@@ -1094,7 +1094,7 @@ def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
 
 
 def sets_db(spec: Spec, resonance_hz: np.ndarray, mass: np.ndarray, scheme: Scheme) -> float:
-    """Return the all-state selectivity in dB of the worst of the spec's sets, which the channels (n,) join in turn."""
+    """Return the all-state selectivity in dB of the worst of the spec's sets, to which channels (n,) go in turn."""
     level = level_law(spec)(resonance_hz)
     sets = spec.coil.sets
     dealt = (slice(k, None, sets) for k in range(sets))

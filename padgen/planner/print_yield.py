@@ -87,7 +87,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Gain when one spread is taken away, with the same random numbers for the others."""
+    """What one spread of prints costs: the gain without it, with the same random numbers for the others."""
 
     spread: str
     sigma: float
@@ -236,7 +236,7 @@ def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:
 
 
 def _costliest(gains: dict[str, Gain]) -> tuple[str, str]:
-    """Return the spread with the largest gain and its figure: the first in which a gain is above `LEAST_GAINS`."""
+    """Return the costliest spread and the figure that shows it: the first with a gain above its `LEAST_GAINS`."""
     for figure, least in LEAST_GAINS.items():
         value = {name: getattr(gain, figure) or 0.0 for name, gain in gains.items()}
         best = max(value, key=lambda name: value[name])

@@ -126,7 +126,7 @@ FARTHEST = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Spreads:
-    """One sigma of each cause: `modulus`, `common_beads` and `beads` relative, others in the unit of their name.
+    """Sigma of each cause of print errors: `modulus`, `common_beads`, `beads` relative, others in their name's unit.
 
     `across_beads` is no spread: it is −ln of the stiffness across the beads over that along them, alike in every print.
     """
@@ -384,7 +384,7 @@ def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
 
 
 class _PrintedModes(NamedTuple):
-    """Modes of taxels in many pads: `Responses` whose frequencies are all off by `x` (n, pads), as the resonances.
+    """Modes of taxels in many pads: `Responses` with frequencies scaled by `x` (n, pads), as the resonances are.
 
     `q_ratio` (n, pads) is their Q over the plan's. Lines are those of all pads, the pads last.
     """
@@ -399,7 +399,7 @@ class _PrintedModes(NamedTuple):
         return self.modes.responses
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return `felt_energy` (rows, lines) of these taxels; `rest` is far below what prints differ by.
+        """Return `felt_energy` (rows, lines) of the taxels; `rest`, negligible beside print errors, is ignored.
 
         It is written out with one division, since most of the time of judging prints goes into it.
         """
@@ -460,7 +460,7 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
 
 
 def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
-    """Return the sigma of ln of a taxel's resonance over its tone at each of `STAGES`, for the worst channel."""
+    """Return the sigma of ln(resonance/tone) of the worst channel's taxels at each of `STAGES`."""
     square = (np.array(astuple(replace(spreads, **{IN_EVERY_PRINT: 0.0})))[:, None] * design.weight) ** 2
     known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
     return tuple(float(square[[name not in some for name in NAMES]].sum(0).max() ** 0.5) for some in known)
@@ -475,14 +475,14 @@ class Ratios(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """Changes of prints after re-tuning: of ln f alike in all of them by `log_x`, as by warmth, and drawn by `life`."""
+    """Changes of prints after re-tuning: `log_x` of ln f alike in all, as by warmth, and random ones by `life`."""
 
     log_x: float
     life: LifeTable
 
 
 class Later(NamedTuple):
-    """Drawn prints after re-tuning: ln of the resonance (taxels, pads) over then, and ln of Q over the plan's.
+    """Simulated prints later: ln of resonance (taxels, pads) over that at re-tuning, and ln of Q over the plan's.
 
     Q was the same when they were re-tuned, so that their lines follow it.
     """
@@ -492,7 +492,7 @@ class Later(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """Drawn prints: ln of printed over planned resonance, and of the printed over the planned pull.
+    """Random print errors: ln of printed over planned resonance, and ln of printed over planned pull.
 
     The rows of both (3, taxels, pads) are the error common to a print, this with the field (which leaves pulls as they
     are), and this with each taxel's own error.
@@ -503,7 +503,7 @@ class Drawn(NamedTuple):
 
 
 def drawn_prints(design: Design, spreads: Spreads, seed: int, unit: int, pads: int) -> Drawn:
-    """Return `pads` drawn prints.
+    """Draw the random errors of `pads` prints.
 
     Each kind of error has a stream of random numbers, drawn pad by pad: the first pads are the same however many there
     are.
@@ -532,7 +532,7 @@ def drawn_prints(design: Design, spreads: Spreads, seed: int, unit: int, pads: i
 
 
 def drawn_later(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> Later:
-    """Return what happens to `pads` drawn prints after re-tuning, from streams of its own as in `drawn_prints`."""
+    """Draw random changes of `pads` prints after re-tuning, from streams separate from those of `drawn_prints`."""
     of_print, of_taxel = (np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in (4, 5))
     life = drift.life
     ageing, common_q = of_print.standard_normal((pads, 2)).T
@@ -552,7 +552,7 @@ def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def _waves(places_mm: tuple[float, ...], length_mm: float) -> np.ndarray:
-    """Return W (n, k) with ``W Wᵀ`` = exp(−d²/length²) for places (n,) at distances d.
+    """Return a factor W (n, k) of the covariance ``W Wᵀ`` = exp(−d²/length²) of places (n,) at distances d.
 
     The waves stand on nodes a sixth of the length apart, or on the places themselves if these are fewer: each wave
     takes a random number for every pad.
@@ -610,7 +610,7 @@ def printed(
 
 
 def known_print_db(plan: Plan, resonances_hz: np.ndarray) -> tuple[float, float] | None:
-    """Return what a print with these resonances (taxels,) keeps, in dB: with the planned tones, and re-tuned.
+    """Return the selectivity in dB of a print of given resonances (taxels,): with the planned tones, and re-tuned.
 
     None where nothing moves an OFF taxel.
     """
@@ -626,7 +626,7 @@ def known_print_db(plan: Plan, resonances_hz: np.ndarray) -> tuple[float, float]
 
 
 def _decibels(ratio: np.ndarray) -> np.ndarray:
-    """Return energy ratios in dB; of none at all a very low figure, not minus infinity."""
+    """Return energy ratios in dB; for a ratio of 0 a very low figure instead of minus infinity."""
     return np.asarray(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)))
 
 
@@ -806,13 +806,13 @@ def _simulated_until_sure(plan: Plan, design: Design, stages: tuple[str, ...]) -
 
 
 def share_error(share: float, made: int) -> float:
-    """Return half of Wilson's 95 % interval of a share among so many."""
+    """Return half the width of Wilson's 95 % interval of a `share` among `made`."""
     z2 = SIGMAS_95**2
     return SIGMAS_95 * sqrt(share * (1 - share) / made + z2 / (4 * made**2)) / (1 + z2 / made)
 
 
 def quantile_error(rising: np.ndarray, share: float) -> float:
-    """Return half of the 95 % interval of what a `share` of the values, in rising order, reach.
+    """Return half the width of the 95 % interval of the value that a `share` of the sorted values reach.
 
     It lies between two ranks (normal approximation of the binomial distribution).
     """
@@ -823,7 +823,7 @@ def quantile_error(rising: np.ndarray, share: float) -> float:
 
 
 def pads_until_sure(work_of_pad: float, error_share: float | None = None, error_db: float = 0.0, pads: int = 0) -> int:
-    """Return how many pads are simulated first, or, from their errors, how many it takes until these are small."""
+    """Return how many pads to simulate first or, given the errors of `pads` pads, how many make errors small."""
     first, most = (int(max(limit / work_of_pad, FEWEST)) for limit in (WORK, MOST_WORK))
     if error_share is None:
         return min(PADS, first)

@@ -148,7 +148,7 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
 
 
 def shaping_profile(spec: Spec) -> dict[str, str]:
-    """Return the settings for PrusaSlicer that change what is laid, by its own names."""
+    """Return the settings, under PrusaSlicer's names, that change where and how much plastic is laid."""
     profile = {key: value for setting in _settings(spec) for key, value in setting.prusa.items()}
     # With more than two perimeters the inner ones would hang free over the recesses. All further settings are
     # PrusaSlicer's defaults, written because a user's profile may have other values.

@@ -28,7 +28,7 @@ EDGE_SHARE = 0.75
 
 
 class _Give(NamedTuple):
-    """Motion in m/N under a push on the boss: of the washer's middle, and of the point of its rim that sinks most."""
+    """Compliance in m/N under a push on the boss: of the washer's middle, and of the lowest point of its rim."""
 
     middle: float
     rim: float
@@ -72,7 +72,7 @@ def _push(skin: str, push_mn: float | None, moved_mm: Sequence[float], gaps_mm: 
 
 
 def judge_pushes(plan: Plan) -> Iterator[Finding]:
-    """Say which push closes the softest gap, and warn where a finger that only rests on the frame closes one.
+    """Say which push closes the softest taxel's gap, and warn where a finger resting on the frame closes a gap.
 
     Another warning where beams break before the coil stops a push. A note where only a push closes a gap.
     """
@@ -121,7 +121,7 @@ def _short(value: float) -> str:
 
 
 def _cures(plan: Plan) -> Iterator[dict[str, float]]:
-    """Yield a less proud boss and a wider gap: typical skin at the frame's height then leaves half of every gap."""
+    """Yield a lower boss and a wider gap with which typical skin at the frame's height leaves half of every gap."""
     spec = plan.spec
     skin = next(push for push in plan.pushed.pushes if push.skin == "typical")
     proud_mm = spec.taxel.boss_protrusion_mm

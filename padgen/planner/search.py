@@ -149,7 +149,7 @@ search starts from that: of 200 random bands two lost 0.2 and 0.4 dB and the oth
 
 
 def _stepped(hz: float, whole: Callable[[float], int]) -> float:
-    """Return a frequency moved to whole logarithmic steps by `floor` or `ceil`."""
+    """Return a frequency rounded to a whole logarithmic step by `whole` (`floor` or `ceil`)."""
     return exp(whole(log(hz) / STEP) * STEP)
 
 
@@ -215,14 +215,14 @@ def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
 
 
 def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
-    """Return the best resonances in a band that are found near those of a wider band, for one drive scheme."""
+    """Return the best resonances in a band for one drive scheme, searched near the best ones of a wider band."""
     law = level_law(spec)
     near_hz = np.array(_wider(spec, count, low_hz, high_hz, drive).resonances_hz)
     return _found(low_hz, high_hz, count, spec.q_min, law, scheme_named(spec, drive), near_hz)
 
 
 def _wider(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
-    """Return the best resonances that a search all over a wider band finds; bands of about one width share it."""
+    """Return the best resonances of a global search in a wider band, which bands of similar width share."""
     law = level_law(spec)
     start_hz = low_hz if law.curve_hz else 1.0  # under a power law a shift in octaves changes nothing
     end_hz = start_hz
@@ -252,7 +252,7 @@ def _found(
 
 
 def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
-    """Return the optimum for the room's band, for equal masses and any beam.
+    """Return the optimised resonances for the part of the band that a room reaches, for equal masses and any beam.
 
     None where the spec does not ask for optimised resonances, and for two sets or a single channel.
     """
@@ -343,7 +343,7 @@ MOST_SNAPPING = 4
 
 
 def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str, Any]]] | None:
-    """Return why a pad's movers snap to the cores of their coils, with cures, where nothing else is in its way."""
+    """Return why movers snap to the coils' cores, with cures, for the first layout where they do, if any does."""
     for layout in islice(options, MOST_SNAPPING):
         channels = _beams(spec, layout)
         if not channels:
@@ -381,7 +381,7 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
-    """Return beams for the first ladder that prints; with optimised spacing, for the most selective as printed."""
+    """Return beams for the first ladder of resonances that prints; with optimised spacing, for the most selective."""
     bare = beams_only(spec)
     if spec.spacing == "optimised":
         bare = replace(bare, drive=spec.drive)
@@ -393,7 +393,7 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
 
 @lru_cache(maxsize=256)
 def _sized(spec: Spec, count: int, space: Room, changes: int) -> tuple[tuple[SizedChannel, ...], ...]:
-    """Return beams for the first ladder that prints; with optimised spacing, for all ladders that print."""
+    """Return beams for the first ladder of resonances that prints; with optimised spacing, for all that print."""
     undriven = replace(spec, drive=DriveTable())
     sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz, changes)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
@@ -403,7 +403,7 @@ def _sized(spec: Spec, count: int, space: Room, changes: int) -> tuple[tuple[Siz
 def _resonating(
     spec: Spec, space: Room, resonance_hz: tuple[float, ...], changes: int
 ) -> tuple[SizedChannel, ...] | None:
-    """Return beams for resonances; of the same ones they are the same whatever drive they are optimised for."""
+    """Return beams for given resonances, cached, since beams do not depend on the drive."""
     return beams_for_resonances(spec, space, resonance_hz)
 
 

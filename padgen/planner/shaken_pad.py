@@ -51,7 +51,7 @@ BASES_G = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0)
 
 
 class HeardImages(NamedTuple):
-    """Of each image: the smallest ON amplitude over the planned one, the largest OFF one over that taxel's when ON."""
+    """For each image: smallest ON amplitude over the planned, largest OFF amplitude over that taxel's when ON."""
 
     on: np.ndarray
     off: np.ndarray
@@ -108,7 +108,7 @@ class ShakenPad:
 
     @property
     def lowest_m(self) -> float:
-        """Height of the lowest face above the pad's underside: negative."""
+        """Height (negative) of the lowest face of tray, coils or base from the pad's underside."""
         half_x, half_y = self.half_m
         base_kg = (self.mount.base_mass_g or 0.0) * GRAM
         return -self.masses.height_mm * MM - base_kg / (4 * half_x * half_y * IRON_KG_PER_M3)
@@ -120,7 +120,7 @@ class ShakenPad:
 
     @cached_property
     def base(self) -> Base:
-        """The body on its mount."""
+        """Mass, stiffness and damping of the rigid pad on its mount."""
         mass = rigid_mass(self.body)
         vertical = self.mount.stiffness_n_per_m
         if vertical is None:
@@ -137,7 +137,7 @@ class ShakenPad:
         return [MovingPad(self.base, self.taxels, float(hz)) for hz in self.hz]
 
     def force(self, tone: int, driven: np.ndarray) -> np.ndarray:
-        """Return the forces (…, n) in N at a tone, by default a channel's, for taxels `driven` (…, n): signed levels.
+        """Return the forces (…, n) in N on all taxels at one tone, with taxels driven at signed levels (…, n).
 
         A tone pulls every washer over its coil.
         """
@@ -148,7 +148,7 @@ class ShakenPad:
         return np.asarray(self.pull * coils[..., self.coil_of])
 
     def signs(self, levels: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
-        """Return signs (n,) for the ON taxels of an image of `levels` (n,), 0 for the others.
+        """Return balancing signs (n,) for the ON taxels of an image of `levels` (n,), 0 for the others.
 
         Those of one tone balance each other in what its taxels hear of the pad. Signs that are `kept` (n,), not 0, stay
         where their taxels are ON and others would not help enough (`padgen.physics.recoil.balanced_signs`).
@@ -163,13 +163,13 @@ class ShakenPad:
 
     @cached_property
     def heard(self) -> list[np.ndarray]:
-        """Answer of each tone's taxels to the pad's motion, as `padgen.physics.recoil.MovingPad.heard` has it."""
+        """For each tone, the matrix by which its taxels hear the pad (`padgen.physics.recoil.MovingPad.heard`)."""
         channels = [self.channel_of[np.argmax(self.tone_of == tone)] for tone in range(len(self.hz))]
         heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
         return [shaken.heard(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
 
     def listen_apart(self, shown: np.ndarray) -> HeardImages:
-        """Return what is heard of images of levels (k, n) whose taxels each have a frequency of their own.
+        """Return ON and OFF amplitudes of images of levels (k, n), each taxel driven at a separate frequency.
 
         These lie so near the channel's that the pad answers alike; what they move adds as energies. All taxels hear the
         pad; those of the same coil are pulled as well.
@@ -208,7 +208,7 @@ class ShakenPad:
         return driven, by_coil[np.repeat(begin, many) + within]
 
     def listen(self, driven: np.ndarray, clamped: bool = False) -> HeardImages:
-        """Return what is heard of images of signed levels `driven` (…, n)."""
+        """Return ON and OFF amplitudes of images of signed levels `driven` (…, n); if `clamped`, the pad is still."""
         energy = np.broadcast_to(self.leak, driven.shape).copy()
         on = np.full(driven.shape, np.inf)
         for tone, shaken in enumerate(self.shaken):
@@ -222,7 +222,7 @@ class ShakenPad:
 
 
 def chance_images(count: int, images: int, seed: int = 33) -> np.ndarray:
-    """Return images (images, count) of 0 and 1 by chance: from one taxel that is ON to all but one."""
+    """Return random images (images, count) of 0 and 1, each with one to all but one of the taxels ON."""
     rng = np.random.default_rng(seed)
     levels = np.zeros((images, count))
     for image in levels:
@@ -231,7 +231,7 @@ def chance_images(count: int, images: int, seed: int = 33) -> np.ndarray:
 
 
 def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES) -> Recoil:
-    """Return what the recoil of a plan's pad costs in the worst of some images, in step and with signs.
+    """Return the recoil of a plan's pad in the worst of random images: in step, apart, and with balancing signs.
 
     The pad is on the `mount`, by default that of the plan's spec.
     """
@@ -250,7 +250,7 @@ def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES
 
 
 def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
-    """Return what recoil costs the pad of a plan as its tables move it: by the planned one in step, re-tuned apart."""
+    """Return the recoil of a plan's pad, driven in step by the planned table, or with every taxel re-tuned."""
     pad = ShakenPad(plan)
     known = _unsigned(pad, IMAGES)
     planned = replace(plan, prints=prints, recoil=known)
@@ -268,7 +268,7 @@ def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
 
 
 def recoil_energy(plan: Plan) -> float:
-    """Return the energy that the pad's recoil adds to an OFF taxel, over the ON ones', in the worst of some images."""
+    """Return the energy that recoil adds to an OFF taxel, over that of ON taxels, in the worst of random images."""
     heard = _unsigned(ShakenPad(plan), IMAGES)
     if heard.apart_db is None:
         return 0.0
@@ -298,7 +298,7 @@ def recoil_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def _unsigned(pad: ShakenPad, images: int) -> Recoil:
-    """Return the figures of a pad whose taxels have no signs, without a base."""
+    """Return the recoil of a pad in random images, without balancing signs or a search for a base plate."""
     plan = pad.plan
     momenta = np.array([channel.momentum for channel in pad.masses.channels])
     known = Recoil(
@@ -338,7 +338,7 @@ def _with_base(
     heard_db: Callable[[ShakenPad], float | None],
     as_it_is_db: float | None,
 ) -> Recoil:
-    """Return `known` with the lightest base plate on which the pad `keeps` enough of what `heard_db` tells of it."""
+    """Return `known` with the lightest tried base plate whose `heard_db` satisfies `keeps`, if any does."""
     if keeps(as_it_is_db):
         return replace(known, base_g=0.0, based_db=as_it_is_db)
     for tried_g in BASES_G:
@@ -355,12 +355,12 @@ def _rows(table: np.ndarray) -> tuple[tuple[float, ...], ...]:
 
 
 def _signed_db(pad: ShakenPad, shown: np.ndarray) -> float | None:
-    """Return ON over OFF in dB of the worst image (k, n) that is shown with signs that keep the pad still."""
+    """Return ON over OFF in dB of the worst of images (k, n), shown with signs that keep the pad still."""
     return _worst(pad.listen(np.array([levels * pad.signs(levels) for levels in shown])))
 
 
 def _worst(heard: HeardImages) -> float | None:
-    """Return the dB of the worst image; None where nothing is heard in any."""
+    """Return ON over OFF in dB of the worst image; None where no OFF taxel moves in any."""
     db = float(heard.db.min())
     return db if isfinite(db) else None
 

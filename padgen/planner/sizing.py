@@ -137,7 +137,7 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
 
 
 def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz: np.ndarray) -> list[_Option]:
-    """Return the beam that each channel takes of its options.
+    """Return one beam of its `options` for each channel, chosen in rounds for the selectivity of the targets.
 
     Each begins with the beam nearest to its target. One channel at a time then takes better beams, until the all-state
     selectivity reaches that of the targets.
@@ -263,7 +263,7 @@ ANY_COIL = Coil("any", 2.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, gap_mm=1.0)
 
 
 def beams_only(spec: Spec) -> Spec:
-    """Return `spec` with equal values in all fields that move no beam in a given room: variants then share one search.
+    """Return `spec` with fixed values in all fields on which beams in a given room do not depend, to share searches.
 
     Of the coil only the number of sets is kept, of the drive nothing.
     """
@@ -404,7 +404,7 @@ _STEPS = ("width", "width+thickness", "width+length", "width+thickness+length")
 
 
 def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[list[Pick]]:
-    """Yield choices of a beam for each channel: those with the fewest different dimensions first, then the robust."""
+    """Yield choices of a beam for each channel: with fewest differing dimensions first, then with smallest spread."""
     widths = [item.widths_for(targets) for item in reaches]
     tables = [(item, width, item.spread(width, spec)) for item, width in zip(reaches, widths, strict=True)]
     allowed = set(spec.suspension.tune.split("+"))
@@ -422,7 +422,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
 
 
 def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> list[tuple[float, list[Pick]]]:
-    """Return the best choices of one topology in which only the dimensions of `step` differ, with the worst spread."""
+    """Return the best choices of one topology that differ only in the dimensions of `step`, with the worst spread."""
     # For each value of the dimensions that all channels share, every channel takes its best value of the others.
     free = [axis for axis, name in ((1, "thickness"), (2, "length")) if name in step]
     best = spread.min(axis=tuple(free), keepdims=True) if free else spread

@@ -76,7 +76,7 @@ STEP = 1e-3
 
 
 def plate_shape(spec: Spec) -> PlateShape:
-    """Return the plate: as the spec says, else the boss, or the recess or ballast with a wall around, if larger."""
+    """Return the plate's sizes: the spec's, else the largest of the boss, and recess or ballast with their walls."""
     walls = 2 * spec.printer.line_width_mm
     recess = recess_mm(spec)[0]
     boss = spec.contact_diameter_mm if spec.pin_share is None else 0.0
@@ -132,7 +132,7 @@ def recess_mm(spec: Spec) -> tuple[float, float]:
 
 
 def hollow_mm(spec: Spec) -> tuple[float, float]:
-    """Return diameter and depth in mm of what is hollow in the plate's underside, apart from the mover.
+    """Return diameter and depth in mm of the hollow in the plate's underside, with ballast but without mover.
 
     It is the recess; ballast that is wider than the recess leaves its pocket open below it.
     """
@@ -179,13 +179,13 @@ def foot_fillet_mm(spec: Spec, beam_width_mm: float) -> float:
 
 
 def _rigid_top_mm(spec: Spec) -> float:
-    """Return the height in mm from the bed up to which a cylinder has the contactor's mass: a dome's lacks a third."""
+    """Return the top in mm from the bed of a cylinder with the contactor's mass: below the top of a dome."""
     round_off = spec.contact_diameter_mm / 6 if spec.contactor.shape == "dome" else 0.0
     return spec.contact_top_mm - round_off
 
 
 def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
-    """Make a method take its value from the array's model where the taxel belongs to one (`member_of`)."""
+    """Make a method return a taxel's entry of its array's value, where the taxel belongs to one (`member_of`)."""
 
     @wraps(method)
     def value(model: "TaxelModel") -> np.ndarray:
@@ -219,7 +219,7 @@ class EndRatios(NamedTuple):
 
 
 class ContactMotion(NamedTuple):
-    """How a contactor moves: `lever` is up and down, `sway` sideways at its top, over the mover in the working mode.
+    """Motion of a contactor over the mover's in the working mode: `lever` up and down, `sway` sideways at its top.
 
     Under a push down on its top it has a `stiffness` in N/m; it moves sideways by `lean` times as much as down, and the
     mover follows by `mover` times as much.
@@ -379,7 +379,7 @@ class TaxelModel:
 
     @property
     def _shortening_m_per_n(self) -> float:
-        """How much one taxel's contactor gets shorter under a push on its top, from its foot up."""
+        """Compression in m/N of one taxel's contactor, from its foot up, under a push on its top."""
         ground_mm = self.plate.thickness_mm
         if self.spec.pin_share is not None:
             ground_mm = float(self.arrangement.beams[0].thickness_mm)
@@ -388,7 +388,7 @@ class TaxelModel:
 
     @cached_property
     def _foot_motion(self) -> tuple[np.ndarray, np.ndarray]:
-        """Motion (6, k) in each mode of what the contactor stands on, and its flexibility (6, 6) with the body held.
+        """Motion (6, k) of the contactor's foot in each mode, and the foot's flexibility (6, 6) with the body held.
 
         On the plate it is at the washer's axis on the bed, on a beam below the pin at the middle of the thickness.
         """
@@ -401,7 +401,7 @@ class TaxelModel:
 
     @cached_property
     def pushes(self) -> tuple[Push1N, Push1N]:
-        """One taxel under a push down on its contactor: while its mover is free, and once that rests on the coil."""
+        """Way and stress per N of a push on one taxel's contactor: with free mover, and once it rests on the coil."""
         modes = self.modes
         angular = 2 * np.pi * modes.frequency_hz
         foot, local = self._foot_motion
@@ -625,7 +625,7 @@ class TaxelModel:
 
     @property
     def _uncertain_ends(self) -> list[EndRatios]:
-        """Compliances of the ends, each larger by its uncertainty, that a pin's lever and stiffness go with."""
+        """End compliances, each in turn larger by its uncertainty, on which a pin's lever and stiffness depend."""
         mount = "crossbar" if self.arrangement.yoke else "mount"
         return [
             EndRatios(root=1 + UNCERTAINTY["root"]),
@@ -736,12 +736,12 @@ class SolvedModel(TaxelModel):
 
     @cached_property
     def contact_errors(self) -> tuple[float, float]:
-        """Relative errors of lever and stiffness: the beam model's, whose shape of the beam is taken."""
+        """Relative errors of lever and stiffness, those of the beam model, which gives the beam's shape."""
         return self.beam_model.contact_errors
 
     @property
     def pushes(self) -> tuple[Push1N, Push1N]:
-        """One taxel under a push on its contactor, by the beam model."""
+        """Way and stress per N of a push on the contactor, by the beam model."""
         return self.beam_model.pushes
 
     @property

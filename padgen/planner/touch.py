@@ -106,7 +106,7 @@ def contactor_of(spec: Spec) -> Contactor:
 
 
 def indentation_mm(spec: Spec) -> float:
-    """Return how far a contactor presses the skin in at rest: as the spec says, else as proud as it is of a guard."""
+    """Return the skin's indentation in mm by a contactor at rest: the spec's, else the height above the guard."""
     if spec.touch.is_none:
         return 0.0
     if spec.touch.indentation_mm is not None:
@@ -339,7 +339,7 @@ def _or_silent(db: float | None) -> float:
 
 
 def _louder(plan: Plan, below_db: float) -> Iterator[dict[str, float | str]]:
-    """Yield levels at which every ON taxel would be felt: equal sensation, then more of all."""
+    """Yield levels at which every ON taxel would be felt: by equal sensation, then a higher level of all taxels."""
     level_um = plan.spec.drive.level_um
     lowest_um = plan.felt.threshold_um[0] * 10 ** ((plan.channels[0].level_loss_db + MARGIN_DB) / 20)
     equal: dict[str, float | str] = {"drive.level_law": SENSATION}

@@ -129,7 +129,7 @@ WIDER = (1.05, 1.1, 1.2, 1.3, 1.5)
 
 
 def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], TouchTrial]) -> InfeasibleError:
-    """Return the refusal of a spec of which the search found no pad, with a wider pad on which its start works."""
+    """Return the refusal of a spec without a pad, with the cure of a wider pad on which the search's start works."""
     is_open = frozenset(spec.touch.search.split("+"))
 
     def works(sides: Cure, place: float | str) -> bool:
@@ -151,7 +151,7 @@ def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], 
 
 
 def _scored(decided: Spec, trial: TouchTrial) -> tuple[tuple[bool, float], Spec | None]:
-    """Return the score of a decided spec, and the spec with the level that it must be driven at; none without a pad."""
+    """Return a decided spec's score, and the spec with the level that it needs; `NO_PAD` where nothing is kept."""
     if not isfinite(trial.kept_db):
         return NO_PAD
     # Out of bounds, what takes less heat is nearer to being within.
@@ -178,7 +178,7 @@ IN_ORDER = ("ratio", "ballast", "start_hz", "place")
 def _climbed(
     parts: _TouchParts, name: str, values: tuple[Any, ...], score: Callable[[_TouchParts], tuple[bool, float]]
 ) -> _TouchParts:
-    """Return the choice with one part moved on among its values while that gains."""
+    """Return the choice with the part `name` moved through its values as long as the score rises."""
     while True:
         best = max([parts, *(parts._replace(**{name: value}) for value in _next(name, values, parts))], key=score)
         if best == parts or name not in IN_ORDER:
@@ -195,7 +195,7 @@ def _next(name: str, values: tuple[Any, ...], parts: _TouchParts) -> tuple[Any, 
 
 
 def _decided(spec: Spec, parts: _TouchParts, is_open: frozenset[str]) -> Spec:
-    """Return a spec with one choice of parts: two channels a coil, of many coils in two sets that take turns."""
+    """Return the spec with one choice of parts: two channels a coil, and alternating sets if it has several coils."""
     change: Cure = {"touch.search": "none"}
     kind = spec.mover.kind
     if not is_open.isdisjoint(OF_MOVER):
@@ -231,7 +231,7 @@ def _kind(mover: str) -> str:
 
 
 def _plate(spec: Spec, parts: _TouchParts, is_open: frozenset[str]) -> Cure:
-    """Return the plate and frame that have room for mover and ballast, where the spec's are too thin."""
+    """Return plate and frame thicknesses that have room for mover and ballast; empty where the spec's suffice."""
     printer = spec.printer
     name = parts.ballast if "ballast" in is_open else None
     height_mm = catalogue("ballast")[name]["height_mm"] if name else 0.0

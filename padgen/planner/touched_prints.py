@@ -144,7 +144,7 @@ class Fingers(NamedTuple):
         return _reached_db(self.ratio, share) if np.isfinite(self.ratio).all() else None
 
     def errors(self, need: float, share: float) -> tuple[float, float]:
-        """Return half of the 95 % intervals of the share of pads that keep the energy ratio `need`, and of the dB."""
+        """Return half the 95 % intervals: of the share of pads that keep the energy ratio `need`, and of the dB."""
         good = float((self.ratio >= need).mean())
         kept_db, _ = rising_db(np.minimum(self.ratio, np.finfo(float).max), share)
         return share_error(good, len(self.ratio)), quantile_error(kept_db, share)
@@ -164,7 +164,7 @@ def _reached_db(energy: np.ndarray, share: float) -> float:
 
 
 class _Beside(NamedTuple):
-    """What OFF taxels hear beside their own coil's tones: energies (n,) over that of their ON state.
+    """Energies (n,) that leakage, other modes and recoil add to OFF taxels, over that of their ON state.
 
     `leaks` (2, n) are of the coils around, driven by the table and re-tuned; `modes` is by their other modes, and
     `recoil` by that of the pad.
@@ -176,7 +176,7 @@ class _Beside(NamedTuple):
 
 
 def _beside(plan: Plan, tones: str) -> _Beside:
-    """Return what OFF taxels hear beside their own coil's tones, with tones of a kind."""
+    """Return the energies that leakage, other modes and recoil add to OFF taxels, with `tones` of one of `TONES`."""
     played = touched_plan(plan).channels if tones == TONES[0] else plan.channels
     modes = np.zeros(len(plan.channels))
     for own_set, played_set in zip(plan.sets, channel_sets(played, plan.spec.coil.sets), strict=True):
@@ -206,7 +206,7 @@ def touched_pads(
     as_drawn: str = "",
     drift: Drift | None = None,
 ) -> Fingers:
-    """Simulate `pads` prints under drawn skins, always the same ones, driven by `tones` of a kind.
+    """Simulate `pads` prints under random skins, the same at every call, driven by `tones` (one of `TONES`).
 
     Where they are `retuned`, every bare taxel's resonance is measured and its tone moved; else tones and forces are the
     plan's. Where they are `as_drawn`, they are as planned, and all skin is that, 'low', 'typical' or 'high'. With a
@@ -243,7 +243,7 @@ def touched_pads(
 
 
 def _worst(on: np.ndarray, off: np.ndarray) -> np.ndarray:
-    """Return the smallest energy of an ON over that of an OFF taxel (pads,), of all pairs of two in one coil."""
+    """Return the smallest ratio (pads,) of an ON to an OFF energy, over all pairs of taxels of one coil."""
     count = len(on)
     worst = np.full(on.shape[-1], inf)
     for k in range(count):
@@ -349,7 +349,7 @@ class _TouchedCoil:
         return on, off
 
     def _played(self, tones: str, known: np.ndarray, known_pull: np.ndarray) -> tuple[Channels, np.ndarray]:
-        """Return the lines that are played, and the levels in m that they are to give: of the kind of `tones`."""
+        """Return the lines played with `tones` of a kind, and the levels, in the level law's unit, to be reached."""
         hz = np.empty(known.shape)
         force = np.empty(known.shape)
         law = self.design.law
@@ -481,12 +481,12 @@ def played_channels(plan: Plan) -> tuple[Channel, ...]:
 
 
 def played_plan(plan: Plan) -> Plan:
-    """Return a plan with its `played_channels` in place of its channels and its contact, for tables of a drive."""
+    """Return the plan with its `played_channels` as channels and without its contact, for tables of a drive."""
     return plan if plan.touch is None else replace(plan, channels=played_channels(plan), touch=None)
 
 
 def _played(spec: Spec, planned: Sequence[Channel], tones: str, in_hand_db: float) -> tuple[Channel, ...]:
-    """Return channels as their tones find them, with a level in hand.
+    """Return channels whose resonances are the tones, with levels raised by `in_hand_db`.
 
     Their levels are those under typical skin, or where these are larger those of bare taxels under the same tones.
     """
@@ -573,7 +573,7 @@ NEARER = 0.8
 
 
 def _nearest(plan: Plan, kept_db: float) -> Iterator[dict[str, Any]]:
-    """Yield the nearest that may be: a pin nearer to its root, fewer taxels on as many coils' room, less asked."""
+    """Yield changes that may help: a pin nearer its root, fewer taxels over the same coils, a lower `delta_y`."""
     spec = plan.spec
     share = spec.pin_share
     if share is not None:

@@ -32,7 +32,7 @@ def based_pad_db(plan: Plan) -> float | None:
 
 
 def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
-    """Return what prints keep where the moving pad's figure is `moving_db`."""
+    """Return the selectivity in dB that prints keep if the moving pad has an ON over OFF of `moving_db`."""
     prints = plan.prints
     held_db: float | None = inf
     if prints.print_db is not None:
@@ -43,7 +43,7 @@ def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
 
 
 def recoil_db(plan: Plan) -> float | None:
-    """Return the moving pad's figure."""
+    """Return ON over OFF in dB on the moving pad: in step by the driver table if prints allow it, else re-tuned."""
     return plan.recoil.in_step_db if _is_by_table(plan) else plan.recoil.apart_db
 
 

@@ -84,7 +84,7 @@ def planned_warmth(plan: Plan) -> Warm:
 
 
 def softened(material: Material, rise_k: np.ndarray | float) -> np.ndarray:
-    """Return the share of its resonance that a taxel keeps whose plastic is warmer by `rise_k`; colder, it is above 1.
+    """Return warm over cold resonance of a taxel with plastic warmer by `rise_k` (negative if colder).
 
     Half the relative change of the modulus, which is a slope at room temperature.
     """
@@ -92,12 +92,12 @@ def softened(material: Material, rise_k: np.ndarray | float) -> np.ndarray:
 
 
 def copper_ohm(ohm: float, copper_c: float) -> float:
-    """Return the resistance of a coil of `ohm` at 20 °C whose copper is at `copper_c`."""
+    """Return the resistance at the copper temperature `copper_c` in °C of a coil of `ohm` at 20 °C."""
     return ohm * (1 + COPPER_PER_K * (copper_c - COPPER_C))
 
 
 def _left_by_currents(plan: Plan, cold_hz: np.ndarray, warm_hz: np.ndarray) -> np.ndarray:
-    """Return the shares (n,) of their levels that the cold pad's currents leave.
+    """Return the shares (n,) of the planned levels that the cold pad's currents still give when it is warm.
 
     A softer spring gives way more, and its resonance is no longer where the line is. Q is taken to stay.
     """
@@ -126,7 +126,7 @@ def _lines_by_voltages(plan: Plan, copper_c: float) -> np.ndarray:
 
 
 def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
-    """Return the temperatures (n, r, c) in °C of each channel's plate over every coil, from those of a quarter's cells.
+    """Return the temperatures (n, r, c) in °C of each channel's plate over every coil, from those of a pad's quarter.
 
     A plate is as warm as the cells below it are on the mean. Turned cells are the mean of both ways.
     """
@@ -151,7 +151,7 @@ def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
 
 
 def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float) -> np.ndarray:
-    """Return the shares (3,) of a plate, `long_mm` and `at_mm` from a coil's axis: beside, over, beside the coil."""
+    """Return the shares (3,) of a plate's length, centred at `at_mm`, that lie beside, over and beside the coil."""
     lines_mm = np.array([-pitch_mm, -side_mm, side_mm, pitch_mm]) / 2
     within_mm = np.clip(lines_mm, at_mm - long_mm / 2, at_mm + long_mm / 2)
     shares = np.diff(within_mm) / np.ptp(within_mm)
@@ -159,7 +159,7 @@ def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float)
 
 
 def _coil_side_mm(plan: Plan) -> float:
-    """Return the side of a square of a coil's area in mm, at most nearly its cell's."""
+    """Return the side in mm of a square of the coil's area, kept just smaller than its cell."""
     round_mm = plan.spec.coil.outer_diameter_mm * sqrt(pi) / 2
     return min(round_mm, 0.98 * min(plan.coils.pitch_x_mm, plan.coils.pitch_y_mm))
 
@@ -227,7 +227,7 @@ def _quarter(coils: int, pitch_mm: float, side_mm: float, border_mm: float) -> t
 
 
 def _tray_heights_mm(plan: Plan) -> tuple[float, float, float, float]:
-    """Return the heights of floor, sockets, coils and rim in mm; of a tray of the usual ones where none can be made."""
+    """Return the heights in mm of a tray's floor, sockets, coils and rim; typical ones where no tray can be made."""
     tray = PadMass(plan).tray
     if tray is None:
         coil = plan.spec.coil

@@ -48,7 +48,7 @@ def new_canvas(plan: Plan, words: str, width_in: float, height_in: float) -> Any
 
 
 def draw_figure(plan: Plan, name: str) -> Any:
-    """Draw the figure of a name: tables beside each other, other panels below each other over one x axis."""
+    """Draw the figure named `name` by matplotlib: tables side by side, other panels stacked over one x axis."""
     figure = figures_of(plan, name, "draw")[0]
     panels = figure.panels
     if panels and panels[0].kind == "discs":
@@ -146,7 +146,7 @@ def size_in(panels: Sequence[Panel]) -> tuple[float, float]:
 
 
 def legend(canvas: Any, axis: Any, panel: Panel) -> None:
-    """Name what is in a panel: rows above it, for which it is as wide as the picture, all else beside it."""
+    """Add a panel's legend to its right: beside the whole picture for rows, else beside the panel's axes."""
     if not axis.get_legend_handles_labels()[0]:
         return
     if panel.kind == "rows":
@@ -309,7 +309,7 @@ MOST_WRITTEN = 16
 
 
 def draw_prints(plan: Plan) -> Any:
-    """Draw the pad from the touch side, each coil's cell in the colour of the share of prints in which it is good."""
+    """Draw the pad from the touch side, each coil's cell coloured by the share of prints in which it is good."""
     canvas = new_canvas(plan, "which coils' prints suffer", 6.8, 5.9)
     print_map(canvas.subplots(), plan)
     canvas.legend(loc="outside lower left", fontsize=8, ncols=6)
@@ -359,7 +359,7 @@ MOST_LABELLED = 64
 
 
 def draw_overview(plan: Plan) -> Any:
-    """Draw the pad with the prints that each coil survives, and beside it the ladder of resonances."""
+    """Draw the map of the prints in which each coil is good and, beside it, the ladder of resonances."""
     canvas = new_canvas(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
     left, right = canvas.subplots(1, 2, width_ratios=(1.15, 1))
     print_map(left, plan)

@@ -63,7 +63,7 @@ Points = np.ndarray
 
 
 def title_of(plan: Plan, words: str) -> str:
-    """Return a picture's title: the pad's name, in which a dollar sign begins no formula, and what is shown."""
+    """Return a picture's title: the pad's name, with dollar signs escaped for matplotlib, and what is shown."""
     return plan.name.replace("$", r"\$") + f": {words}"
 
 
@@ -118,7 +118,7 @@ class Sheet:
         self.axis.text(*place, text, **{"ha": "center", "va": "center", "fontsize": SMALL_PT, **style})
 
     def dimension(self, ends: tuple[float, float], at: float, start: float, text: str = "", tall: bool = False) -> None:
-        """Draw a dimension line along x (or, `tall`, along z) at `at`, from lines that begin at `start`."""
+        """Draw a dimension line along x (or, `tall`, along z) at `at`, with extension lines that begin at `start`."""
         turn = slice(None, None, -1 if tall else 1)
         for end in ends:
             self.axis.plot(*[(end, end), (start, at)][turn], color=PALE, linewidth=0.5)
@@ -202,7 +202,7 @@ def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
 
 
 def all_shapes(plan: Plan, names: Sequence[str]) -> dict[str, list[Points]]:
-    """Return the outlines of these parts of all taxels, in the pad's axes."""
+    """Return the outlines of the named parts of all taxels, by part, in the pad's axes."""
     shapes_of = [_in_cell(plan, channel) for channel in plan.channels]
     return {
         name: [
@@ -472,7 +472,7 @@ def draw_section(plan: Plan) -> Any:
 
 
 def beam_cuts(beams: Sequence[Points]) -> list[tuple[float, float]]:
-    """Return where the plane y = 0 cuts beams of these outlines: stretches of x."""
+    """Return the intervals of x in which the plane y = 0 cuts beams with these outlines."""
     from matplotlib.path import Path
 
     x = np.linspace(min(b[:, 0].min() for b in beams), max(b[:, 0].max() for b in beams), CUT_POINTS)
@@ -492,7 +492,7 @@ UP = pi / 7.5
 
 
 class Prism(NamedTuple):
-    """A part with an upright side: its convex outline (n, 2) in mm, anticlockwise, between two heights in mm."""
+    """A part as an upright prism: name, convex outline (n, 2) in mm, anticlockwise, lower and upper height in mm."""
 
     part: str
     outline: Points
@@ -507,7 +507,7 @@ def projected(places: Points, z: float) -> Points:
 
 
 def draw_exploded(plan: Plan) -> Any:
-    """Draw the parts above each other in the order in which they are put together, in parallel projection."""
+    """Draw an exploded view: the parts above each other in the order of assembly, in parallel projection."""
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
 

@@ -157,5 +157,5 @@ def _text(x: float, y: float, words: str, anchor: str = "middle") -> str:
 
 
 def _places(scale: Scale, first: float, last: float) -> Callable[[float], float]:
-    """Return the function from a value to its place in px between those of the ends of its axis."""
+    """Return the function that maps a value on an axis to px, from `first` at its low end to `last` at its high."""
     return lambda value: round(first + (last - first) * scale.share(value), 1)

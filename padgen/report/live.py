@@ -128,12 +128,12 @@ class Live:
         return {"written": str(self.folder / name)}
 
     def check(self, fields: Mapping[str, Any]) -> dict[str, Any]:
-        """Refuse fields that make no spec."""
+        """Raise `PadgenError` if the fields make no valid spec; return an empty answer."""
         self.spec(fields)
         return {}
 
     def build(self, fields: Mapping[str, Any]) -> str:
-        """Build the changed spec's pad and return its page; the steps are told to who listens to this worker."""
+        """Build the changed spec's pad, report each step to the worker's listener, and return the pad's page."""
         spec = self.spec(fields)
         pad = Pad(spec, progress=tell)
         folder = pad.save(self.folder / spec.name).folder
@@ -310,7 +310,7 @@ class Work:
         return self._built().value or ""
 
     def _built(self) -> Answer:
-        """Return the answer of the build that is done, one without a value if there is none."""
+        """Return the answer of the finished build; an answer without a value if no build has finished."""
         if self._build is None or not self._build.done():
             return Answer("value")
         try:
@@ -325,7 +325,7 @@ def _end(end: "asyncio.Future[str]", reason: str) -> None:
 
 
 def application(work: Work, token: str, port: int) -> Any:
-    """Return the web application (ASGI) that answers at this port of this machine to who knows the `token`."""
+    """Return the web application (ASGI) for `port` of this machine, which answers only requests with the `token`."""
     from starlette.applications import Starlette
     from starlette.exceptions import HTTPException
     from starlette.requests import ClientDisconnect, Request
@@ -394,7 +394,7 @@ def application(work: Work, token: str, port: int) -> Any:
         return str(answer.value)
 
     def told(function: Callable[[Request], Coroutine[Any, Any, Response | str]]) -> Any:
-        """Answer a page's own requests, errors in words: browsers report other codes than 200 as faults."""
+        """Wrap a handler: check each request, and answer errors as JSON with status 200, as browsers log others."""
 
         async def answer(request: Request) -> Response:
             check(request)
@@ -450,7 +450,7 @@ def _web_server(work: Work, token: str, port: int, request_s: float) -> Any:
             self.rest()
 
         def watch(self) -> None:
-            """Give the rest of a request its time, which further bytes do not lengthen."""
+            """Limit the time of an incomplete request, however many bytes come; stop the timer once complete."""
             if self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
                 self.rest()
             elif self.timer is None:

@@ -38,7 +38,7 @@ PHASES = {
 
 
 class CoilLines(NamedTuple):
-    """The lines of one coil's i² with all channels on: frequency, its rounding error, and squared amplitude (lines,).
+    """Spectral lines of one coil's i², all channels on: frequency, its rounding error, squared amplitude (lines,).
 
     `kinds` are 'tone', 'harmonic', 'sum', 'difference' or `REMANENT`; `makers` have the one or two channels of each, by
     their positions in the coil.
@@ -51,7 +51,7 @@ class CoilLines(NamedTuple):
     makers: tuple[tuple[int, ...], ...]
 
     def energy(self, plan: "Plan", channel_set: Sequence[Channel], modes: ModalTaxels) -> np.ndarray:
-        """Return the felt energy (taxels, lines) of each taxel under each line, over that of its own ON state."""
+        """Return each taxel's felt energy (taxels, lines) under each line, relative to that of its ON state."""
         part = Lines(self.hz[None], self.rest[None], self.square[None], ())
         return line_energy(placed_channels(plan.spec, channel_set), part, modes)[:, 0]
 
@@ -95,8 +95,10 @@ def line_motion(plan: "Plan", channel_set: Sequence[Channel], lines: CoilLines, 
 
 
 def motion_data(plan: "Plan") -> dict[str, Any]:
-    """Return what each state of a coil moves, as data for the page: of each set of channels its lines' `hz`, `makers`,
-    felt `energy` (taxels, lines), and motion `moved_um` (taxels, lines, real and imaginary part).
+    """Return the motion of a coil's taxels under each line of each set of channels, as data for the page.
+
+    Of each set of channels: its lines' `hz` and `makers`, the felt `energy` (taxels, lines), and the motion
+    `moved_um` (taxels, lines, real and imaginary part).
     """
     sets = []
     for channel_set in plan.sets:

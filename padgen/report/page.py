@@ -154,7 +154,7 @@ def page_data(
 
 
 def scene_data(plan: Plan, pad: Pad | None = None, bill: str = "", *, live: bool = True) -> dict[str, Any]:
-    """Return the part of the page's data that a move of the live page does not wait for.
+    """Return the part of the page's data that the live page loads later: shapes, masses, bill and most figures.
 
     It is what needs the meshes of a plan's parts, their shapes and what is weighed, and most figures; the histogram of
     prints only if it is not `live`.
@@ -184,7 +184,7 @@ def _mass_g(volume_mm3: float, density_g_per_cm3: float) -> float:
 
 
 def _badge(plan: Plan) -> str:
-    """Return the few words beside the verdict, which say of what it holds."""
+    """Return the badge beside the verdict: whether the pad works, touched or not, as printed or re-tuned."""
     where = "untouched"
     if plan.touch:
         where = "under its own contact" if plan.touch.contact == "own" else f"under a {plan.touch.contact}"
@@ -193,7 +193,7 @@ def _badge(plan: Plan) -> str:
 
 
 def _figures(plan: Plan) -> list[dict[str, str]]:
-    """Return the four figures of the first screen."""
+    """Return the four key figures of the page's first screen: selectivity, that under a finger, heat and outputs."""
     is_touched = plan.touch is not None
     of_what = "prints and fingers" if is_touched else "prints"
     prints = plan.prints
@@ -301,7 +301,7 @@ def _taxels(plan: Plan) -> dict[str, list]:
 
 
 def _shape(part: ScenePart) -> dict[str, Any]:
-    """Return a part as text: its mesh in 16-bit steps, its places as numbers; of taxels and washers also the motion."""
+    """Return a part as plain data: its mesh and motion as base64 of 16-bit steps, its places as numbers."""
     vertices = part.mesh.vertices_mm
     low = vertices.min(0)
     high = vertices.max(0)
@@ -327,7 +327,7 @@ def _shape(part: ScenePart) -> dict[str, Any]:
 
 
 def _board_of(plan: Plan) -> dict[str, str] | None:
-    """Return what assembling a pad on a board of coils needs to be told; None with wound coils."""
+    """Return the assembly manual's texts on a board of coils; None with wound coils."""
     coil = plan.spec.coil
     if coil.kind != "board":
         return None

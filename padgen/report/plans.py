@@ -126,7 +126,7 @@ def gain_line(plan: "Plan") -> str:
 
 
 def nearest_taxels_mm(plan: "Plan") -> tuple[float, float]:
-    """Return the smallest and the largest distance in mm from a taxel to the one that is nearest to it."""
+    """Return the smallest and the largest distance in mm between a taxel and its nearest neighbour."""
     from numpy import array, inf
 
     places_mm = array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
@@ -179,7 +179,7 @@ SHOWN_CHANNELS = 12
 
 
 def _power_lines(plan: "Plan") -> list[str]:
-    """Return lines on the pad's power, and on its prints' selectivity by what is measured of them."""
+    """Return lines on the pad's power, warmth and touch, and on the selectivity that its prints keep."""
     from padgen.planner.verdict import moving_pad_db
 
     load = plan.load
@@ -264,7 +264,7 @@ def _touch_lines(touch: "Touch", share: float) -> list[str]:
 
 
 def _warm_levels_line(plan: "Plan") -> str:
-    """Return one sentence on what the drive table of the cold pad leaves of the warm pad's levels."""
+    """Return one sentence on the levels that the warm pad reaches when the drive table of the cold pad drives it."""
     warm = plan.warm
     levels = ", ".join(f"{level:.2g}" for level in warm.levels_um)
     return (
@@ -335,7 +335,7 @@ def plan_text(plan: "Plan") -> str:
 
 
 def _pushes_table(plan: "Plan") -> str:
-    """Return a table of the gap that pushes on the boss leave, and of the push that closes it, for each channel."""
+    """Return a table by channel: the gap in mm left under pushes on the boss, and the push in mN that closes it."""
     pushed = plan.pushed
     skins = [f"{push.skin} skin at frame" for push in pushed.pushes if push.push_mn is None]
     headings = [f"{number(push.push_mn)} mN" for push in pushed.pushes if push.push_mn is not None] + skins
@@ -506,7 +506,7 @@ def _finding_line(f: Finding) -> str:
 
 
 def held_line(done: str, findings: Iterable[Finding]) -> str:
-    """Return one sentence that says that something is `done`, and how its checks came out."""
+    """Return a sentence that begins with `done` and ends with how the checks came out."""
     levels = [f.level for f in findings]
     errors, warnings = (levels.count(level) for level in ("error", "warning"))
     if errors:
@@ -606,7 +606,7 @@ MOVERS_TOLD = (
 
 
 def _mover_cells(row: "MoverRow") -> tuple[str, ...]:
-    """Return the row of a mover; one that no pad can be planned with says so under outputs."""
+    """Return the table row of a mover; if no pad can be planned with the mover, the column outputs says so."""
     if row.heat_w is None or row.peak_v is None:
         return row.mover, row.coil, "", "", "", "", "", "", "no pad"
     share = "" if row.good_share is None else f"{row.good_share:.0%}"
@@ -622,7 +622,7 @@ def _printed_cells(of: "Explanation | Change") -> tuple[str, str, str]:
 
 
 def yield_text(result: "PrintYield") -> str:
-    """Return tables of the yields before and after re-tuning, and of the gain without each spread."""
+    """Return tables of the yields before and after re-tuning, and of the gain if each error spread were zero."""
     fewer = f"; {result.pads_asked} would have been too much work" if result.pads < result.pads_asked else ""
     columns = (
         "",

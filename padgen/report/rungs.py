@@ -44,7 +44,7 @@ class RungMark(NamedTuple):
 
 
 def marks_of(study: "Study") -> list[RungMark]:
-    """Return the marks of a study; a rung without an error or a run time has them not finite."""
+    """Return the marks of a study's rungs; a missing error or run time is not finite."""
     from padgen.ladders.rung import recommended_for
 
     marks = []
@@ -60,7 +60,7 @@ def marks_of(study: "Study") -> list[RungMark]:
 
 
 def marks_read(table: Mapping[str, Any]) -> list[RungMark]:
-    """Return the marks of the table of a ``study.json``.
+    """Return the marks of the rungs in a ``study.json`` that have an error and a run time.
 
     Raises
     ------
@@ -146,7 +146,7 @@ VERDICT_ROLES = {"right": "right", "WRONG": "wrong", "unchecked": "unsure", "ref
 
 
 def extreme_figure(verdicts: Sequence["CaseVerdict"]) -> Figure:
-    """Return the figure of the extreme cases: error against stated error; right are those below the diagonal."""
+    """Return the figure of the extreme cases, error against stated error; cases below the diagonal are right."""
     drawn = [verdict for verdict in verdicts if isfinite(verdict.error) and isfinite(verdict.stated_error)]
     domains = dict.fromkeys(verdict.domain for verdict in verdicts)
     points = []

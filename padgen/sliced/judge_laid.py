@@ -168,7 +168,7 @@ def _needed(plan: Plan) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
 def _judged(
     plan: Plan, laid: LaidPad, wrong: Wrong, drawn: tuple[float, float] | None
 ) -> tuple[dict[str, Any], list[Finding]]:
-    """Return the figures and findings of one pad as laid; `drawn` is what it keeps as drawn, in dB."""
+    """Return figures and findings of one laid pad; `drawn` are its selectivities in dB if laid as drawn."""
     beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
@@ -201,7 +201,7 @@ def _judged(
 
 
 def _of_pad(laid: LaidPad, wrong: Wrong) -> Iterator[Finding]:
-    """Find a raft, another size of the whole pad, and pads that come after it."""
+    """Yield findings on the whole pad: a raft, a wrong size, and objects after it that are not judged."""
     if laid.bottom_mm > DEPTH_MM:
         raft = f"it begins {number(laid.bottom_mm)} mm above the bed; beams and recesses must lie on it, without a raft"
         cause = ": {name} is {has}, must be {needs}".format(**wrong["raft"]) if "raft" in wrong else ""
@@ -281,7 +281,7 @@ def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> n
 
 
 def _wrong(needs: Mapping[str, str], has: Mapping[str, str]) -> dict[str, dict[str, str]]:
-    """Return the settings that differ from those that the plan counts on."""
+    """Return the slicer's settings that differ from what the plan needs."""
     wrong = {}
     for name in needs:
         if name not in has or _plain(has[name]) == _plain(needs[name]):

@@ -151,7 +151,7 @@ def read_layers(path: Path, filament_mm: float) -> Iterator[Layer]:
 
 
 def _extrusions(path: Path) -> Iterator[tuple[bool, tuple[float, ...]]]:
-    """Yield whether a move lays a support, and the move: from x, y, to x, y, z, fed filament and stated height, in mm.
+    """Yield for each extrusion whether it is a support, and x, y, to_x, to_y, z, fed filament and height in mm.
 
     Arcs come as chords.
     """
@@ -220,7 +220,7 @@ def _moved(at: float, value: float | None, is_relative: bool) -> float:
 
 
 def _words(line: bytes, count: int, path: Path) -> dict[bytes, float]:
-    """Return the numbers of a line by their letters, which stand before them."""
+    """Return the numbers in a line of G-code, keyed by the letter before each."""
     text = line.partition(b";")[0].strip()
     parts = WORD.split(text)
     if b"".join(parts[::3]).strip():
@@ -383,7 +383,7 @@ class TaxelMap:
         self.stations = len(names)
 
     def _across(self, middle: np.ndarray, who: np.ndarray, name: np.ndarray) -> np.ndarray:
-        """Return the names with one for both sides of a gap where the edge of two stations runs along its middle.
+        """Return the stations' names with one name for adjoining pixels on both sides of a gap's middle line.
 
         The middle is one or two pixels thick. One of the upper body takes the name of one of the lower body beside it.
         """
@@ -433,7 +433,7 @@ class PadMaps:
         self.corner = (self.low - washer)[self.channel]
 
     def cells(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the columns and rows of the sub-cells of points (…, 2) on the pad, and where there is a sub-cell."""
+        """Return column and row of the sub-cell at each point (…, 2) on the pad, and a mask of points in any."""
         pad = self.plan.spec.pad
         cell = self.plan.cell
         rows, columns = self.places.shape
@@ -442,7 +442,7 @@ class PadMaps:
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
 
     def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return what is laid at points (n, 2) in mm on the pad.
+        """Return the plan's taxel, the place in its axes and the map pixel at points (n, 2) in mm on the pad.
 
         Return each one's taxel (−1: none), its place (n, 2) from the washer in the taxel's own axes, and its pixel.
         """
@@ -467,7 +467,7 @@ class PadMaps:
         return self.aside_mm[pixel] + x * outward.real + y * outward.imag
 
     def solid_at(self, points: np.ndarray) -> np.ndarray:
-        """Return where, among points (n, 2) in mm, the plan has plastic in its lowest layer."""
+        """Return a mask of the points (n, 2) in mm at which the plan has plastic in its lowest layer."""
         spec = self.plan.spec
         taxel, _, pixel = self.found(points)
         half = np.array([spec.pad.width_mm, spec.pad.depth_mm]) / 2
@@ -652,7 +652,7 @@ def _of_layers(
     is_followed: bool,
     rows: list[tuple[Any, ...]],
 ) -> LaidPad:
-    """Put together what `_laid_layer` has measured of a pad."""
+    """Return the laid pad, put together from its layers' measurements: `rows` as `_laid_layer` returns them."""
     plan = maps.plan
     steps, areas, plate, roof, strands, room, gap, supported = (np.array(part) for part in zip(*rows, strict=True))
     tops = np.cumsum(steps)
@@ -721,7 +721,7 @@ def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[list[Pl
 
 
 def _with_others(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> list[Placing]:
-    """Return the place of a pad and of the others that a layer holds, which are looked for in what is left of it."""
+    """Return the places of all pads in a layer: the known one, then others sought in the rest of the layer."""
     placings = [placing]
     pad = maps.plan.spec.pad
     half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm + LONG_MM
@@ -749,7 +749,7 @@ def _with_others(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) 
 
 
 def _scale(maps: PadMaps, placing: Placing, layer: Layer) -> float:
-    """Return the size of a pad over the planned one: that at which most of its lowest beads lie in the plan's plastic.
+    """Return the ratio of a pad's size to the planned one where most of its lowest beads lie in planned plastic.
 
     Beads lie half their width inside, so that many sizes have all of them there; the middle of these is returned, which
     wider or narrower walls do not change. It is no number where no size has all of them.
@@ -773,7 +773,7 @@ def _scale(maps: PadMaps, placing: Placing, layer: Layer) -> float:
 
 
 def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> float:
-    """Return the plastic of the lowest layer within the taxels' sub-cells over the planned plastic there."""
+    """Return the ratio of laid to planned plastic in the lowest layer, within the taxels' sub-cells."""
     points, line = cut(layer, COARSE_MM)
     points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
     pieces = np.bincount(line, minlength=len(layer.start))
@@ -843,7 +843,7 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
 
 
 def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.ndarray:
-    """Return by how much (2,) in mm the middle between the beads at opposite edges is off the pad's middle."""
+    """Return the offset (2,) in mm of the midpoint between beads at opposite edges from the pad's middle."""
     off = np.zeros(2)
     for k in (0, 1):
         along = np.abs(stop[:, k] - start[:, k]) < PARALLEL_MM
@@ -857,8 +857,9 @@ def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.
 
 
 def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarray, laid: np.ndarray) -> float:
-    """The largest share of a sub-cell, or of the border, that is laid where the plan has a window, or bare where it
-    has plastic.
+    """Return the largest share of a sub-cell, or of the border, at which laid and planned plastic differ.
+
+    They differ where plastic is laid in a planned window, or is missing where it is planned.
 
     `middles` are the coordinates of the images' pixels along x and y.
     """

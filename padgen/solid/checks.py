@@ -107,7 +107,7 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
 
 
 def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
-    """Run all checks of a mesh from any program that should equal the `pad` of `plan`, and lies where the pad does.
+    """Run all checks of a mesh in the planned pose, from any program, that should equal the `pad` of `plan`.
 
     Triangles that are the pad's own, or its faces cut anew, need no further check. Where the mesh has others, the
     solids are compared: every difference into which a cube of `padgen.solid.compare.SMALLEST_MM` fits is found, and
@@ -130,7 +130,7 @@ def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
 def _whole(
     mesh: Mesh, state: Topology, printer: Printer, density_g_per_cm3: float
 ) -> tuple[dict[str, Any], list[Finding]]:
-    """Return the figures and findings that only the whole mesh can give."""
+    """Return size, volume, mass and bodies of the whole mesh, and findings on closedness, bodies and bed size."""
     figures = {
         "triangles": len(mesh.triangles),
         "size_mm": [round(float(v), 4) for v in _size_mm(mesh)],
@@ -142,7 +142,7 @@ def _whole(
 
 
 class PrintedMesh(NamedTuple):
-    """A whole mesh, what its triangles enclose, and the printer that is to print it."""
+    """A whole mesh, its topology and volume, and the printer that is to print it."""
 
     mesh: Mesh
     topology: Topology
@@ -150,7 +150,7 @@ class PrintedMesh(NamedTuple):
 
 
 def _mesh_rules(printed: PrintedMesh) -> Iterator[Rule]:
-    """Yield what must hold of any mesh that is to be printed."""
+    """Yield the rules of any mesh to be printed: closed, not inside out, one body, small enough for the bed."""
     mesh, state, printer = printed
     size = _size_mm(mesh)
     bed = (printer.bed_x_mm, printer.bed_y_mm, printer.bed_z_mm)
@@ -183,7 +183,7 @@ def _size_mm(mesh: Mesh) -> np.ndarray:
 
 
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
-    """Check the pad's distinct tiles and, where the pad is `closed`, a sample of it with their seams."""
+    """Check each distinct tile of the pad and, if it is `closed`, a small pad with every kind of tile and seam."""
     findings: list[Finding] = []
     half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
@@ -253,7 +253,7 @@ def as_built(size_mm: float) -> str:
 
 
 def told(off: list[Dimension], differing: list[Difference], cells: Cells | None) -> Iterator[Finding]:
-    """Yield one finding per group of taxels (or other parts of the pad) that differ in the same way."""
+    """Yield one finding per group of taxels (or other parts) that differ from the plan in the same way."""
     dimensions: dict[str, list[str]] = {}
     for d in off:
         text = f"{d.name} is {as_built(d.built_mm)}, planned are {number(d.planned_mm)} mm"
@@ -280,7 +280,7 @@ def told(off: list[Dimension], differing: list[Difference], cells: Cells | None)
 
 
 def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: float = 0.0) -> Iterator[Finding]:
-    """Find recesses too narrow for the washer and for the plastic that the printer lays too far inwards.
+    """Yield an error for each recess that prints too narrow for its washer or magnet.
 
     `rooms` are taxels and their free diameters in mm. The washer's diameter is the largest that its catalogue allows.
     `within_mm` is forgiven: other programs may cut a round face into coarser triangles.
@@ -305,7 +305,7 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
 
 
 def _print_rules(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Rule]:
-    """Yield the rules of dimensions: washers sink into recesses, lines are wide enough, and heights whole layers."""
+    """Yield the rules of measured dimensions: recesses deep enough, beams wide enough, heights in whole layers."""
     printer = spec.printer
     washer = spec.moved
     for d in dimensions:
@@ -355,7 +355,7 @@ def _pierced(mesh: Mesh, where: str = "mesh") -> Iterator[Finding]:
 
 
 def volume_findings(built: float, exact: float) -> Iterator[Finding]:
-    """Report a volume in mm³ that is not the exact one."""
+    """Yield an error if the `built` volume in mm³ differs from the `exact` one by more than `VOLUME_SHARE`."""
     if not abs(built / exact - 1) <= VOLUME_SHARE:
         yield Finding(
             "error",
@@ -367,7 +367,7 @@ def volume_findings(built: float, exact: float) -> Iterator[Finding]:
 
 
 def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
-    """Return the mesh as a solid, or None and why it is none."""
+    """Return the mesh as a manifold3d solid, or None and the finding that says why it is no manifold."""
     try:
         return as_manifold(mesh, "the mesh"), []
     except GeometryError as error:
@@ -375,7 +375,7 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
 
 
 def _kept_printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
-    """Return the result of `_printable` from the cache, or measure it and keep it: variants have the same sample."""
+    """Return the result of `_printable` from the cache, or compute and store it: many variants share one sample."""
     inputs = {
         "mesh": [file_hash(part.tobytes()) for part in mesh],
         "printer": asdict(printer),
@@ -427,7 +427,7 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
 
 
 def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> Iterator[Wrong]:
-    """Find walls, or gaps, too thin for the printer; of those above each other only the lowest."""
+    """Yield walls, or with `gaps` gaps, too narrow to print: of several above one another only the lowest."""
     limit = printer.smallest_gap_mm if gaps else min(printer.line_width_mm, printer.smallest_beam_mm)
     seen: set[tuple[int, int]] = set()
     for cut, place in ((each, place) for each in cuts for place in narrow(each, limit - FACET_MM, gaps)):

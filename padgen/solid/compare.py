@@ -74,7 +74,7 @@ class Pose(NamedTuple):
         return Mesh(mesh.vertices_mm @ self.rows.T + self.shift_mm, triangles)
 
     def findings(self) -> Iterator[Finding]:
-        """Describe the pose in one finding: an error where the print would differ, else a note."""
+        """Yield one finding on the pose, an error if the print would differ, else a note; none if as planned."""
         turned = f"turned by {number(round(self.turned_deg, 3))}° about z"
         size = f"{number(1 / self.scale)} times as large as planned: scale it by {number(self.scale)}"
         wrong = (
@@ -116,7 +116,7 @@ class Cells(NamedTuple):
         )
 
     def within(self, corners_mm: np.ndarray) -> np.ndarray:
-        """Mark the cells (rows + 2, columns + 2) that triangles (n, 3, 3) reach into."""
+        """Return a mask (rows + 2, columns + 2) of the cells that triangles (n, 3, 3) reach into."""
         low = corners_mm[..., :2].min(1) - MARGIN_MM / 2
         high = corners_mm[..., :2].max(1) + MARGIN_MM / 2
         x0, x1 = (np.searchsorted(self.x_mm, corner[:, 0]) for corner in (low, high))
@@ -127,7 +127,7 @@ class Cells(NamedTuple):
         return reached
 
     def room(self, reached: np.ndarray) -> Any:
-        """Return the space over and under the marked cells as a manifold."""
+        """Return the space over and under the `reached` cells as a manifold."""
         import manifold3d
 
         x, y = (np.concatenate([[-OUTSIDE_MM], edges, [OUTSIDE_MM]]) for edges in (self.x_mm, self.y_mm))
@@ -144,7 +144,7 @@ class Cells(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A piece that is `more` than planned (else missing): its volume, its middle and its extent, in mm³ and mm."""
+    """A piece of material that is `more` than planned, or missing: volume in mm³, middle and extent in mm."""
 
     more: bool
     volume_mm3: float
@@ -213,7 +213,7 @@ def _landmarks(mesh: Mesh) -> np.ndarray:
 
 
 def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, Mesh]:
-    """Return masks of the triangles that only one mesh has, and the mesh with its corners moved onto the planned ones.
+    """Return masks of each mesh's triangles that the other lacks, and `mesh` with corners snapped to `planned`.
 
     The first mask is of the triangles of `mesh`, the second of those of `planned`.
     """
@@ -235,7 +235,7 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
 
 
 def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
-    """Return whether both meshes triangulate the same faces, given their triangles (n, 3, 3) that differ.
+    """Return whether two sets of triangles (n, 3, 3) cover the same faces, however the faces are triangulated.
 
     Along a vertical line two such solids can part only at faces that are seen from above or below, and cannot where
     the triangles in every plane cover the same places. Strips narrower than `STRIP_MM` are left out.

@@ -36,7 +36,7 @@ class _Layer:
             self._current = number
 
     def flash(self, at: Point, shape: str, function: str, net: str = "") -> None:
-        """Add a pad of an aperture's shape, such as ``C,1.7``."""
+        """Add a pad at a place, in the shape of an aperture such as ``C,1.7`` (a circle of 1.7 mm)."""
         self._select(shape, function)
         self._net(net)
         self._commands.append(f"{_at(at)}D03*")
@@ -80,7 +80,7 @@ class _Layer:
 
 
 def gerber_files(board: Board) -> dict[str, str]:
-    """Return the texts of a board's Gerber and drill files, by the ends of their names."""
+    """Return the texts of a board's Gerber and drill files, keyed by the end of the file's name."""
     files = {}
     for k in range(board.layers):
         side = "Inr"
@@ -127,7 +127,7 @@ def gerber_files(board: Board) -> dict[str, str]:
 
 
 def drill_text(function: str, holes: Iterable[tuple[float, Point]]) -> str:
-    """Return an Excellon file in mm of holes, each with its diameter and place."""
+    """Return the text of an Excellon drill file in mm for `holes`, each a diameter and a place."""
     by_size: dict[float, list[Point]] = {}
     for size, at in holes:
         by_size.setdefault(size, []).append(at)
@@ -161,7 +161,7 @@ def _at(point: Point) -> str:
 
 
 def _number_6(value: float) -> int:
-    """Return a length in the file's unit, a nanometre."""
+    """Return a length in mm as whole nanometres, the unit of the file."""
     return round(value * 1e6)
 
 

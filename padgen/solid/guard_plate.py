@@ -119,7 +119,7 @@ INSIDE_MM = 0.05
 
 
 def free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
-    """Return the diameter of the largest circle about a point within the hole around it, nan where there is no hole."""
+    """Return the diameter of the largest circle about (x, y) in the hole around it, nan if it lies in no hole."""
     at = np.array([x, y])
     for contour in holes:
         if (contour.min(0) < at).all() and (at < contour.max(0)).all():

@@ -40,7 +40,7 @@ class _Later:
 
 
 class _Deferred(ModuleType):
-    """Placeholder of a module of which nothing is used while build123d is imported."""
+    """Placeholder of a module that build123d imports but does not use while it is being imported."""
 
     def __getattr__(self, name: str) -> _Later:
         if name.startswith("__"):

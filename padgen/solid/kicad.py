@@ -99,7 +99,7 @@ def _lines(board: Board) -> Iterator[str]:
 
 
 def _connectors(board: Board, number: Iterator[str]) -> Iterator[str]:
-    """Yield the pin headers, two rows each."""
+    """Yield the KiCad text of the pin headers, two rows of pins each."""
     for connector in sorted({pin.connector for pin in board.pins}):
         pins = [pin for pin in board.pins if pin.connector == connector]
         first = pins[0].at_mm
@@ -135,18 +135,18 @@ def _identifiers(name: str) -> Iterator[str]:
 
 
 def _at(point: Iterable[float]) -> str:
-    """Return a place on KiCad's sheet."""
+    """Return a place, in mm from the pad's centre, as text in the coordinates of KiCad's sheet."""
     x, y = point
     return f"{_mm(ORIGIN_MM[0] + x)} {_mm(ORIGIN_MM[1] - y)}"
 
 
 def _mm(value: float) -> str:
-    """Return a length to a nanometre, as KiCad stores it."""
+    """Return a length in mm as text to a nanometre, as KiCad stores it."""
     return f"{round(value, 6) + 0.0:.6f}".rstrip("0").rstrip(".")
 
 
 def project_text(board: Board, house: dict[str, Any]) -> str:
-    """Return the text of the ``.kicad_pro``, whose rules are those of a house: no test of KiCad's is left out."""
+    """Return the text of the ``.kicad_pro``: a board house's design rules, with no check of KiCad's left out."""
     ring_mm = round((house["via_mm"] - house["drill_mm"]) / 2, 6)
     net_class = {
         "clearance": house["space_mm"],

@@ -57,7 +57,7 @@ class Dimension(NamedTuple):
 
 
 class _Gauge(NamedTuple):
-    """A planned length in mm, the rays that measure it, and the function that combines their runs to that length.
+    """A planned length in mm, the rays that measure it, and the function that combines the rays' lengths.
 
     `rays` (n, 2, 3) are from and to, in the taxel's axes. A run is the distance in mm from a ray's start to a face.
     """
@@ -177,7 +177,7 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
 
 
 def _length_gauge(name: str, path: BeamPath, height: float, pin: Pin | None) -> _Gauge:
-    """Gauge a beam's length by rays back to the frame and forward to the plate, `height` mm above the bed.
+    """Return the gauge of a beam's length: rays to the frame and to the plate, `height` mm above the bed.
 
     They start within the first and the last segment, near their ends where a pin stands in the way. A straight ray
     leaves an arc, so on an arc it starts close to the arc's end.
@@ -200,26 +200,26 @@ def _length_gauge(name: str, path: BeamPath, height: float, pin: Pin | None) -> 
 
 
 def _all_clear(path: BeamPath, k: int, sign: int, share: float, pin: Pin | None) -> bool:
-    """Return whether segment `k` is clear of a pin over a `share` of its length from its start, or its end (−1)."""
+    """Return whether segment `k` is clear of the pin over a `share` of it, from its start, or end (`sign` −1)."""
     shares = np.linspace(0, share, 10)
     return all(_is_clear(path.within(k, at if sign > 0 else 1 - at), pin) for at in shares.tolist())
 
 
 def _worst(runs: list[float], planned: float, span: float, one: float, other: float) -> float:
-    """Return the size farthest from `planned` of one per station: ``span + one * run + other * next run``, in mm."""
+    """Return the size in mm farthest from `planned`: ``span + one * a + other * b`` of each two runs a, b."""
     sizes = [span + one * a + other * b for a, b in zip(runs[::2], runs[1::2], strict=True)]
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
 
 def _opening_mm(plan: Plan) -> float:
-    """Return the largest width in mm of the opening in the plate's underside, of the recess or the ballast."""
+    """Return the width in mm of the opening in the plate's underside: recess or ballast, whichever is wider."""
     recess = plan.plate.recess_diameter_mm
     ballast = plan.spec.ballast
     return max(recess, ballast.corners_mm) if ballast else recess
 
 
 def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield for each taxel the outline (n, 2) and centroid (2,) of its recess at this share of its depth, else nan."""
+    """Yield each taxel's recess at a `share` of its depth: outline (n, 2) and centroid (2,); nan without one."""
     outlines = holes_of(solid, plan.plate.recess_depth_mm * share)
     sides = [(outline + np.roll(outline, -1, axis=0), _crosses(outline)) for outline in outlines]
     centroids = [(both * crosses[:, None]).sum(0) / (3 * crosses.sum()) for both, crosses in sides]
@@ -234,12 +234,12 @@ def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> 
 
 
 def _diameter_mm(outline: np.ndarray, centroid: np.ndarray) -> float:
-    """Return the largest diameter: the corners of a round hole lie on its true circle."""
+    """Return twice the largest distance of an outline's corners from its centroid: a round hole's diameter."""
     return 2 * float(np.hypot(*(outline - centroid).T).max())
 
 
 def holes_of(solid: Any, z_mm: float) -> list[np.ndarray]:
-    """Return the outlines (n, 2) of the holes in a cross-section, which run clockwise."""
+    """Return the clockwise outlines (n, 2) of the holes in the cross-section at height `z_mm`."""
     return [contour for contour in solid.slice(z_mm).to_polygons() if _crosses(contour).sum() < 0]
 
 
@@ -275,7 +275,7 @@ class Narrow(NamedTuple):
 
 
 def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
-    """Cut once between any two neighbouring heights of the vertices, at most `LEVELS` times.
+    """Return cross-sections halfway between neighbouring heights of the vertices, at most `LEVELS` of them.
 
     Each cut is its height in mm and a manifold3d cross-section.
     """
@@ -288,7 +288,7 @@ def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
 
 
 def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> list[Narrow]:
-    """Return the places where the material, or with `gaps` the empty space around and within it, is too narrow."""
+    """Return the places where the material, or with `gaps` the space around and in it, is below `limit_mm` wide."""
     from manifold3d import JoinType
 
     z_mm, filled = section

@@ -93,7 +93,7 @@ def tessellated(solid: Any, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE
 
 
 def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float = WELD_MM) -> Mesh:
-    """Join vertices that round to the same step of `tolerance_mm`, and drop triangles that lose a side by it."""
+    """Join vertices that round to the same multiple of `tolerance_mm`, and drop triangles that collapse by it."""
     # The ranks along the three axes are packed into one number: sorting rows would be many times slower.
     number = np.zeros(len(vertices_mm), np.int64)
     for axis in vertices_mm.T:
@@ -106,7 +106,7 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
 
 
 def expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return for each item of runs of `counts` items the index of its run and its place in that, from 0.
+    """Return the run's index and the place in the run, both from 0, of each item in runs of `counts` items.
 
     >>> expanded(np.array([2, 0, 3]))
     (array([0, 0, 2, 2, 2]), array([0, 1, 0, 1, 2]))
@@ -116,7 +116,7 @@ def expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sound_mesh(vertices_mm: np.ndarray, triangles: np.ndarray, where: str, weld: bool = True) -> Mesh:
-    """Return the arrays read from the file `where` as a mesh, with corners that agree within `FILE_WELD_MM` joined.
+    """Return arrays read from file `where` as a valid mesh; with `weld`, join corners within `FILE_WELD_MM`.
 
     Raises
     ------
@@ -222,7 +222,7 @@ def topology(mesh: Mesh) -> Topology:
 
 
 def shells(mesh: Mesh) -> np.ndarray:
-    """Return the number of each triangle's connected shell, from 0."""
+    """Return for each triangle the index, from 0, of the connected shell that it belongs to."""
     label = np.arange(len(mesh.vertices_mm))
     before = np.empty(0, int)
     while not np.array_equal(label, before):
@@ -280,7 +280,7 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """List the triangles of each column of a grid in the plane, and for each how many of the next ones to compare.
+    """Return the triangles by column of a grid in the plane, and for each how many of the next to compare.
 
     A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
     pair would meet in all of them.
@@ -315,7 +315,7 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _pierce(mesh: Mesh, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return where triangles `a` and `b` pierce each other, by all six pairs of an edge and a triangle."""
+    """Return a mask of the pairs (`a`, `b`) of triangles where an edge of one passes through the other."""
     result = np.zeros(len(a), dtype=bool)
     for one, other in ((a, b), (b, a)):
         face = mesh.triangles[other]

@@ -42,7 +42,7 @@ __all__ = [
 def border_mesh(
     plan: Plan, shape: tuple[int, int], chord_mm: float, angle_rad: float, groove: Outline | None = None
 ) -> Mesh:
-    """Return the triangles of the border around `shape` (rows, columns) of tiles.
+    """Return the triangles of the border around a grid of `shape` (rows, columns) tiles.
 
     Its inner edge has a vertex wherever two tiles meet. A `groove` (see `padgen.planner.layout`) is cut from its
     outside over the whole height.
@@ -71,7 +71,7 @@ def border_mesh(
 
 
 def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM) -> Mesh:
-    """Return the triangles of the washer glued to the roof of its recess, in mm in the taxel's own axes."""
+    """Return the mesh of the washer or magnet where it is glued, in mm in the taxel's axes."""
     washer = plan.spec.moved
     high = plan.spec.mover_top_mm
     centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
@@ -108,7 +108,7 @@ def border_volume_mm3(plan: Plan, groove: Outline | None = None) -> float:
 
 
 def _outside(plan: Plan, chord_mm: float, angle_rad: float, groove: Outline | None) -> np.ndarray:
-    """Return the outside with its round corners as points (n, 2) in mm, anticlockwise.
+    """Return the border's outer outline, with round corners and groove, as anticlockwise points (n, 2) in mm.
 
     A groove's outline lies half outside the border: the inner half is the notch.
     """
@@ -177,7 +177,7 @@ SEAM_MM = 1e-7
 
 @dataclass(frozen=True)
 class PadSolid:
-    """The pad: its `mesh`, the exact `volume_mm3` of its solids, and what it was made from.
+    """The modelled pad: its mesh, the exact volume of its solids, and the tiles, border and grid that make it up.
 
     `tiles`, about their sub-cell's centre and turned as in the pad, has one tile per channel and, last, the
     bare tile; `grid` (rows, columns) of sub-cells holds indices into it.
@@ -191,7 +191,7 @@ class PadSolid:
 
 
 class Places(NamedTuple):
-    """Places of a sample's copies on the pad: the map from its coordinates to the pad's.
+    """Shifts from coordinates of a `PadSample` to coordinates of the whole pad, by column and row of coils.
 
     `columns_mm` and `rows_mm` are the sample's coordinates at which its second, third … column and row of coils begin;
     the shifts, one per column and row, are added to reach the place in the pad.
@@ -210,7 +210,7 @@ class Places(NamedTuple):
 
 
 class PadSample(NamedTuple):
-    """A pad of few coils that has every kind of tile of a larger pad, beside every neighbour that it has there."""
+    """A small pad with every kind of tile of a larger pad, and every pair of neighbouring tiles."""
 
     plan: Plan
     pad: PadSolid
@@ -220,7 +220,7 @@ class PadSample(NamedTuple):
 def build_pad(
     plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD, groove: Outline | None = None
 ) -> PadSolid:
-    """Model each distinct taxel once and assemble the pad of `plan`, with a `groove` or the corner's mark.
+    """Model each distinct taxel once and assemble the pad of `plan`; a `groove` replaces the mark at its corner.
 
     Raises
     ------
@@ -321,7 +321,7 @@ def turned_grid(plan: Plan) -> np.ndarray:
 
 
 def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray) -> Mesh:
-    """Place `tiles` as `grid` (rows, columns) of their indices says within `border`, and weld the seams."""
+    """Return the mesh of `tiles` placed by `grid` (rows, columns) of their indices in `border`, seams welded."""
     rows, columns = grid.shape
     spec = plan.spec
     x = np.linspace(-spec.pad.width_mm / 2, spec.pad.width_mm / 2, columns + 1)

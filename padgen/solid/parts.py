@@ -230,7 +230,7 @@ def _off(gauges: list[Dimension]) -> Iterator[Finding]:
 
 
 def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
-    """Check the gap between coils and washers: rim over seat, less the coil, plus the washer's place in the pad.
+    """Check the gap between coils and washers that the tray's measured seats and rim give; add it to `figures`.
 
     It is measured on the mesh. It may differ from the spec's gap by half a layer (which `tray_findings` reports) and by
     `BUILT_MM`.
@@ -288,7 +288,7 @@ def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
 
 
 def build_coupon(plan: Plan) -> tuple[Plan, PadSolid]:
-    """Return the plan of the coupon of `plan`, which it is checked against, and its solid.
+    """Return the coupon's plan, against which the coupon is checked, and the coupon's solid.
 
     Raises
     ------
@@ -389,7 +389,7 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
 
 
 def _coil_row(coil: Coil, count: int) -> tuple[str, int, str, str]:
-    """Return the row of the bill of materials of `count` coils: wound ones, or the board that has them."""
+    """Return the bill of materials' row for `count` coils: wound coils, or the board that they are printed on."""
     figures = f"{number(coil.resistance_ohm)} ohm {number(coil.inductance_mh)} mH"
     if coil.kind == "board":
         what = f"{count} coils of {number(coil.outer_diameter_mm)} mm on {coil.layers} layers, {figures} each"

@@ -40,7 +40,7 @@ class Place(NamedTuple):
 
 
 class ScenePart(NamedTuple):
-    """A distinct part: its name and material, its mesh about the origin of its places, and these.
+    """A distinct part of a scene: name, material, mesh about the part's origin, and the places of its copies.
 
     `channel` is that of a taxel or of its washer, else None; `heights` (V,) then has each vertex's displacement in the
     working mode over the washer's, else None.
@@ -58,7 +58,7 @@ SceneParts = tuple[ScenePart, ...]
 
 
 def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
-    """Return the parts of a plan's pad, with the meshes of `pad` if it is given, and the coils and the tray below it.
+    """Return the parts of a plan's pad (with the meshes of `pad` if given), its coils, tray and guard plate.
 
     A taxel has its origin on the washer's axis, as its places have. Without room for a tray there is none.
     """
@@ -111,7 +111,7 @@ def _from_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
 
 
 def mode_heights(arrangement: Arrangement, channel: Channel, points_mm: np.ndarray) -> np.ndarray:
-    """Return the vertical displacement (n,) of points (n, 3) of a taxel in its working mode, over the washer's.
+    """Return vertical displacements (n,) of points (n, 3) in a taxel's working mode, relative to the washer's.
 
     Points are in mm in the taxel's own axes. Plate, washer and boss move as one body, by the mode's translation and
     rotations; the frame is at rest; between them a beam is drawn as the cubic curve that meets both without a kink.
@@ -161,7 +161,7 @@ EDGE_MM = 1e-4
 
 
 def _stations(path: BeamPath, pieces: int, least: int) -> tuple[list[PathPoint], np.ndarray]:
-    """Return points along a beam's path, and their shares (k,) of its length.
+    """Return points along a beam's path, and their distances (k,) from its root as shares of its length.
 
     They cut it into about so many `pieces`, and each segment into `least` or more.
     """
@@ -207,7 +207,7 @@ def _taxel_mesh(plan: Plan, channel: Channel, arrangement: Arrangement) -> Mesh:
 
 
 def _beam(path: BeamPath) -> manifold3d.Manifold:
-    """Return a beam as wide and thick as planned, reaching a little into the frame so that it joins it."""
+    """Return the solid of a beam, which reaches a little into the frame so that the two join."""
     half = float(path.width_mm) / 2
     points, _ = _stations(path, STATIONS, 1)
     left, right = (np.array([point.beside(way) for point in points], float) for way in (half, -half))
@@ -239,7 +239,7 @@ def _coils(plan: Plan) -> SceneParts:
 
 
 def _tray(plan: Plan) -> SceneParts:
-    """Return the tray of `padgen.planner.fixtures` as a rim and a cell under each coil; none where none can be made."""
+    """Return the tray of `padgen.planner.fixtures` as a rim and a cell under each coil; () where no tray fits."""
     try:
         tray = plan_tray(plan)
     except InfeasibleError:
@@ -331,7 +331,7 @@ def _disc(diameter: float, x: float = 0.0, y: float = 0.0, sides: int = SIDES) -
 
 
 def _extruded(rings: list[np.ndarray], low: float, high: float) -> manifold3d.Manifold:
-    """Return the solid over outlines anticlockwise and holes clockwise."""
+    """Return the prism from `low` to `high` mm over anticlockwise outlines with clockwise holes."""
     section = manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
     return section.extrude(high - low).translate((0, 0, low))
 

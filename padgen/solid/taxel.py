@@ -81,7 +81,7 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
 
 
 def washer_solid(plan: Plan, channel: Channel) -> Any:
-    """Return the solid of the washer glued to the roof of its recess, in the taxel's own axes, in mm."""
+    """Return the solid of the washer or magnet where it is glued, in the taxel's axes, in mm."""
     washer = plan.spec.moved
     washer_x = float(plan.arrangement(channel).washer_x_mm)
     high = plan.spec.mover_top_mm
@@ -151,7 +151,7 @@ def _side(path: BeamPath, side: float, start: float) -> list[Any]:
 
 
 def _contactor(pin: Pin, edge_mm: float, ground_mm: float) -> Any:
-    """Return boss or pin upwards from `ground_mm`, turned about its axis: its foot's fillet, and its dome or chamfer.
+    """Return the solid of a boss or pin, turned about its axis, with its foot's fillet and its dome or chamfer.
 
     What ends on the top of a plate stands on it; on a beam it begins at the bed.
     """
@@ -203,7 +203,7 @@ def _disc(diameter: float, x: float, low: float, high: float) -> Any:
 
 
 def _prism(ballast: Ballast, x: float, low: float, high: float) -> Any:
-    """Return the outline of ballast, without its bore, between two heights; a hexagon's corners lie beside the beam."""
+    """Return the ballast's solid without its bore, `low` to `high` mm; a hexagon's corners lie beside the beam."""
     b = build123d()
     if ballast.shape == "round":
         return _disc(ballast.width_mm, x, low, high)
@@ -257,7 +257,7 @@ def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
 
 
 def kept_solid(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> Tile:
-    """Return a channel's taxel in its own axes from the cache, or model it and keep it."""
+    """Return the triangles (in the taxel's axes) and volume of a channel's taxel, from the cache if it has them."""
     key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
 
     def made() -> bytes:

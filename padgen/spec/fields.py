@@ -160,7 +160,7 @@ TYPES = {bool: "true or false", str: "text", int: "a whole number", float: "a nu
 
 
 def _refuse(kind: type, meta: Mapping[str, Any], value: Any, where: str) -> None:
-    """Raise if a single value is not of its `kind`, or not as its field's metadata ask for."""
+    """Raise SpecError if a single value is not of type `kind` or breaks a bound in its field's metadata."""
     known: Any = (int, float) if kind is float else kind
     if not isinstance(value, known) or (isinstance(value, bool) and kind is not bool):
         raise SpecError(f"must be {TYPES[kind]}, got {shown(value)}", where)

@@ -205,7 +205,7 @@ POWERS = {1: "the current", 2: "the square of the current"}
 
 
 def _order_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rule that a drive scheme is for the mover's force; movers are looked up only where one is named."""
+    """Yield the rule that a named drive scheme suits the mover's force: linear or quadratic in the current."""
     scheme = spec.drive.scheme
     if scheme != "auto":
         order = spec.force_order
@@ -245,7 +245,7 @@ def _mover_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of a sound card: what its high-pass is, and that it leaves lines to be made good."""
+    """Yield the rules of a sound card's high-pass corner: given if AC coupled, not if DC, not above the band."""
     card = spec.sound_card
     low = spec.band_hz[0]
     if card is None:
@@ -316,7 +316,7 @@ def _ballast_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _flatter(spec: Spec, top_mm: float, widest_mm: float = inf) -> list[dict[str, Any]]:
-    """Return the catalogue's heaviest ballast below a height in mm and no wider than given, if there is one."""
+    """Return, as a cure, the catalogue's heaviest ballast that ends below `top_mm`, at most `widest_mm` wide."""
     fitting = {}
     for name in catalogue("ballast"):
         ballast = _catalogue_entry("ballast", name, OWN)
@@ -403,7 +403,7 @@ def _taxel_rules(spec: Spec) -> list[Rule]:
 
 
 def _contactor_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of what meets the skin, and of the guard plate round it."""
+    """Yield the rules of the contactor (boss or pin that meets the skin) and of the guard plate round it."""
     printer = spec.printer
     least_mm = printer.least_pin_mm
     diameter_mm = spec.contact_diameter_mm
@@ -461,13 +461,13 @@ LARGEST_PIN_MM = 1e3
 
 
 def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
-    """Return a cure: plates of a thickness in mm, and a frame of the same height if it is lower."""
+    """Return a cure: plates `plate_mm` thick, and a frame of that height where the frame is lower."""
     frame = {} if plate_mm <= spec.pad.frame_thickness_mm else {"pad.frame_thickness_mm": plate_mm}
     return [{"taxel.plate_thickness_mm": plate_mm, **frame}]
 
 
 def _bridged(spec: Spec) -> list[dict[str, Any]]:
-    """Return cures for a roof too wide to bridge: the largest washer that is not, or a post in the recess."""
+    """Return cures for a recess roof too wide to bridge: a smaller washer or magnet, or a centre post."""
     taxel = spec.taxel
     moved = spec.moved
     most_mm = spec.printer.longest_bridge_mm
@@ -494,7 +494,7 @@ HIGHEST_LAYER = 0.8
 
 
 def _nozzle_rules(spec: Spec) -> list[Rule]:
-    """Bound lines and layers of filament by the nozzle that lays them."""
+    """Return the rules that bound line width and layer height by the nozzle's diameter; none for resin."""
     printer = spec.printer
     if printer.process != "fdm":
         return []
@@ -519,7 +519,7 @@ LEAST_PRINTED_MM = 0.01
 
 
 def _printed_rules(spec: Spec) -> list[Rule]:
-    """Bound how much thinner and narrower than drawn beams print, by what is left of the smallest beam."""
+    """Return the rules that the smallest beam still prints where beams print thinner or narrower than drawn."""
     printer = spec.printer
     thickness = spec.suspension.thickness_mm or printer.height_mm(printer.smallest_beam_layers)
     return [
@@ -619,7 +619,10 @@ def _points(text: str, where: str) -> list[tuple[float, float]]:
 
 
 def _threshold_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of a curve, each true only if those before it hold: it rises in frequency and covers the band."""
+    """Yield the rules of a threshold curve: equally long lists, frequencies that rise and cover the band.
+
+    A rule is judged only once those before it hold.
+    """
     hz = spec.drive.threshold_hz or ()
     um = spec.drive.threshold_um or ()
     where = "drive.threshold_hz"
@@ -645,7 +648,10 @@ SEARCHED = ("mover", "magnet", "washer", "coil", "ballast", "suspension", "conta
 
 
 def _searched(touch: TouchTable, given: set[str], kind: str) -> TouchTable:
-    """Return the table with the parts that the search decides, by what is `given`, and the `kind` of the mover."""
+    """Return `touch` with an automatic search spelt out: the parts that the spec leaves open.
+
+    `given` are the names that the spec has, `kind` is the mover's.
+    """
     if touch.is_none or touch.search != "auto":
         return touch
     if not given.isdisjoint({"resonances_hz", "coil.grid"}):
@@ -661,7 +667,7 @@ OWN_CONTACT = ("k_n_per_m", "c_n_s_per_m", "m_g")
 
 
 def _touch_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of a contact: its own figures are there, of one length, and cover the band."""
+    """Yield the rules of touch: known parts to search, and consistent figures of a custom contact over the band."""
     touch = spec.touch
     hz = touch.hz
     given = [name for name in ("hz", *OWN_CONTACT) if getattr(touch, name) is not None]
@@ -724,7 +730,7 @@ CATALOGUES = {
 
 
 def _list(text: str) -> tuple[float, ...]:
-    """Return the numbers of a cell that has several, with spaces between."""
+    """Return the numbers in a catalogue cell, which are separated by spaces."""
     return tuple(map(float, text.split()))
 
 
@@ -904,7 +910,7 @@ def without_none(value: Any) -> Any:
 
 
 def laid_over(base: dict[str, Any], values: dict[str, Any]) -> dict[str, Any]:
-    """Return the tables of a spec with `values` set, which are given by the fields' dotted names."""
+    """Return a spec's tables `base` with `values`, keyed by dotted field names, set in them."""
     table = deepcopy(base)
     # Whole tables are set first, so that a catalogue entry and one of its fields may both be changed.
     for name, value in sorted(values.items(), key=lambda pair: pair[0].count(".")):
@@ -1032,7 +1038,7 @@ def _ratio_of_db(value: Any, table: dict[str, Any]) -> float:
 
 
 def _sound_card(value: Any) -> SoundCard:
-    """Return the sound card of a spec; one that is said to be DC coupled has no corner of its catalogue entry."""
+    """Return the sound card of a spec; if DC coupled, without the high-pass corner of its catalogue entry."""
     card: SoundCard = _catalogue_entry("sound_card", value, OWN)
     stated = isinstance(value, dict) and "corner_hz" in value
     return card if card.coupling == "AC" or stated else replace(card, corner_hz=None)
@@ -1129,7 +1135,7 @@ IN_NOZZLES = (
 
 
 def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
-    """Return the fields of a printer that is given by its nozzle: those of the catalogue's nearest one, in proportion.
+    """Return a printer's fields scaled to its nozzle from the catalogue's printer with the nearest nozzle.
 
     What is no nozzle or process is refused where the field is read.
     """
@@ -1146,7 +1152,7 @@ def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
 
 
 def _completed_by(coil: Any) -> Callable[[dict[str, Any]], Coil] | None:
-    """Return what makes a coil of a kind from the fields that a spec gives; None for kinds that want all of them."""
+    """Return the function that completes a coil of this kind from some fields; None if the kind needs all."""
     kind = coil.get("kind") if isinstance(coil, dict) else None
     if not isinstance(kind, str) or kind == "solenoid" or kind not in COILS.names():
         return None
@@ -1154,7 +1160,7 @@ def _completed_by(coil: Any) -> Callable[[dict[str, Any]], Coil] | None:
 
 
 def _of_grade(grade: Any) -> dict[str, Any]:
-    """Return the figures that a magnet has of its grade; none where neither spec nor catalogue names one."""
+    """Return the material figures of a magnet's grade; an empty table where no grade is named."""
     if grade is None:
         return {}
     if not isinstance(grade, str):

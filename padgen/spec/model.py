@@ -140,7 +140,7 @@ class Material:
 
     @property
     def modulus_gpa(self) -> float:
-        """Modulus in GPa that is planned by: at the resonances if `dynamic`, of the wet print if `wet`."""
+        """Modulus in GPa that plans use: at the resonances if `dynamic`, of the wet print if `wet`."""
         dynamic = self.dynamic_ratio or 1.0
         wet = self.wet_ratio or 1.0
         return self.youngs_modulus_gpa * (dynamic if self.dynamic else 1.0) * (wet if self.wet else 1.0)
@@ -199,7 +199,7 @@ class Printer:
 
     @property
     def least_pin_mm(self) -> float:
-        """Smallest diameter in mm of a pin: `smallest_pin_mm`, or two lines."""
+        """Smallest diameter in mm of a pin that prints: `smallest_pin_mm`, or two line widths without it."""
         return self.smallest_pin_mm or 2 * self.line_width_mm
 
     def layers_up_to(self, height_mm: float) -> int:
@@ -270,7 +270,7 @@ class Spread:
 
     @property
     def bed_field_mm(self) -> float:
-        """Sigma of the field in mm, for a bed that is meshed or not."""
+        """Standard deviation in mm of the smooth thickness error over the bed, which may be meshed or not."""
         return self.field_z_mm if self.bed_meshed else self.unmeshed_field_z_mm
 
 
@@ -352,12 +352,12 @@ class Ballast:
 
     @property
     def corners_mm(self) -> float:
-        """Largest width in mm: the diameter, or that across the corners, which lie beside the beams."""
+        """Largest width in mm: the diameter, or a hexagon's size across corners, which lie beside the beams."""
         return self.width_mm * (2 / sqrt(3) if self.shape == "hexagon" else 1.0)
 
     @property
     def round_mm(self) -> float:
-        """Diameter in mm of the disc that has the area of its outline.
+        """Diameter in mm of the disc with the same area as the outline.
 
         As a disc a hexagon has 0.8 % less moment about its axis, and half of that across.
         """
@@ -702,7 +702,7 @@ class TouchTable:
 
 @dataclass(frozen=True, slots=True)
 class ContactorTable:
-    """What of a taxel meets the skin (docs/contactor.md): today's boss on the plate, or a pin on plate or beam."""
+    """The part of a taxel that meets the skin (docs/contactor.md): a boss on the plate, or a pin on plate or beam."""
 
     diameter_mm: float | None = quantity(
         None,
@@ -825,7 +825,7 @@ class Spec:
 
     @property
     def contact_edge_mm(self) -> float:
-        """Chamfer in mm that breaks the edge of its top: none of a dome, at most a fifth of a pin's diameter."""
+        """Chamfer in mm at the top of boss or pin: 0 for a dome, at most a fifth of a pin's diameter."""
         if self.contactor.shape == "dome":
             return 0.0
         if self.contactor == ContactorTable():
@@ -839,41 +839,41 @@ class Spec:
 
     @property
     def guard_hole_mm(self) -> float:
-        """Diameter in mm of the guard plate's holes: where the spec gives none twice that of the pin, or with play."""
+        """Diameter in mm of the guard plate's holes: by default twice the pin's, or the pin's plus play if more."""
         pin_mm = self.contact_diameter_mm
         return self.guard.hole_diameter_mm or max(2 * pin_mm, pin_mm + 2 * GUARD_PLAY_MM)
 
     @property
     def contact_proud_mm(self) -> float:
-        """Height in mm of what meets the skin above the frame, or above the guard plate."""
+        """Height in mm by which boss or pin stands proud of the frame, or of the guard plate if there is one."""
         proud_mm = self.contactor.protrusion_mm
         return self.taxel.boss_protrusion_mm if proud_mm is None else proud_mm
 
     @property
     def contact_top_mm(self) -> float:
-        """Height in mm from the bed of the top of what meets the skin."""
+        """Height in mm above the bed of the top of boss or pin."""
         return self.pad.frame_thickness_mm + self.guard_height_mm + self.contact_proud_mm
 
     @property
     def moved(self) -> Washer | Magnet:
-        """The part in the recess of a taxel that the coil moves."""
+        """The washer or magnet in a taxel's recess, which the coil moves."""
         part = self.magnet or self.washer
         assert part is not None, "make_spec gives a spec the part of its mover"
         return part
 
     @property
     def hung(self) -> tuple[Ballast, ...]:
-        """The ballast, if there is any: the last argument of what a mover is asked, left out where there is none."""
+        """The ballast as the last argument of a mover's functions: a tuple of it, empty without ballast."""
         return () if self.ballast is None else (self.ballast,)
 
     @property
     def mover_part(self) -> str:
-        """The table of that part: 'washer' or 'magnet'."""
+        """The spec's table of the part that the coil moves: 'washer' or 'magnet'."""
         return "magnet" if self.magnet else "washer"
 
     @property
     def force_order(self) -> int:
-        """Order of the force in the current: 2 of steel, which is pulled by its square, 1 of a magnet."""
+        """Power of the current that the force goes with: 2 for a steel washer, 1 for a magnet."""
         return int(MOVERS.get(self.mover.kind, "mover.kind").FORCE_ORDER)
 
     @property
@@ -889,7 +889,7 @@ class Spec:
 
     @property
     def blocked_by(self) -> str | None:
-        """The device that keeps direct current from the coils, as "the AC-coupled ..."; None where none is named."""
+        """The first named device that blocks direct current, as "the AC-coupled ..."; None where none does."""
         blocking = (f"the AC-coupled {word} {device.name!r}" for word, device in self.feeds if device.coupling == "AC")
         return next(blocking, None)
 
@@ -903,7 +903,7 @@ class Spec:
 
     @property
     def corner_hz(self) -> float:
-        """Corner in Hz of the high-pass through which the coils are fed; 0 where there is none that is known."""
+        """Corner in Hz of the sound card's high-pass; 0 where there is none or it is not known."""
         return (self.sound_card.corner_hz or 0.0) if self.sound_card else 0.0
 
     @property
@@ -913,7 +913,7 @@ class Spec:
 
     @property
     def pocket_top_mm(self) -> float:
-        """Height in mm above the pad's underside of the ballast's top; 0 without ballast.
+        """Height in mm of the ballast's top above the pad's underside; 0 without ballast.
 
         The ballast is pressed against the roof of its pocket, which is a whole number of layers high.
         """
@@ -923,14 +923,14 @@ class Spec:
 
     @property
     def mover_top_mm(self) -> float:
-        """Height in mm of the mover's top above the pad's underside: it lies against its recess' roof, or ballast."""
+        """Height in mm of the mover's top above the pad's underside, where it meets recess roof or ballast."""
         if self.ballast is None:
             return self._whole_layers_mm(self.moved.thickness_mm + self.taxel.glue_gap_mm)
         return self.pocket_top_mm - self.ballast.height_mm
 
     @property
     def mover_low_mm(self) -> float:
-        """Height in mm of the mover's underside above the pad's."""
+        """Height in mm of the mover's underside above the pad's underside."""
         return self.mover_top_mm - self.moved.thickness_mm
 
     def _whole_layers_mm(self, height_mm: float) -> float:

@@ -110,7 +110,7 @@ class CoupledMotion(NamedTuple):
 
 
 class Collocation(NamedTuple):
-    """Points (s,) on [0, 1], integrals (s, s) from 0 to them, weights (s,), stage values → Legendre coefficients."""
+    """A collocation rule on [0, 1]: points (s,), integrals (s, s), weights (s,), map to Legendre coefficients."""
 
     points: np.ndarray
     integrals: np.ndarray
@@ -122,7 +122,7 @@ class Collocation(NamedTuple):
         return np.asarray(stages @ (legendre.legvander(2 * at - 1, len(self.points) - 1) @ self.to_legendre).T)
 
     def integrated(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Return their integrals from 0 to points (k,) of the step: (…, k), in unit of a step."""
+        """Return integrals (…, k) of the polynomials through `stages` (…, s), 0 to points (k,), in unit of a step."""
         return np.asarray(stages @ (_integrals(at, len(self.points)) @ self.to_legendre).T)
 
 
@@ -168,7 +168,7 @@ def simulate(
     stages: int = 20,
     most_steps: int = 500_000,
 ) -> CoupledMotion:
-    """Simulate motion from rest at t = 0, where a circuit carries `current_a`, at rising times (k,).
+    """Simulate a coupled system from rest, with `current_a` at t = 0, and sample it at rising times (k,).
 
     `tolerance` is the share of a step's solution that its polynomials may leave out; ends of steps are far better.
 
@@ -226,7 +226,7 @@ def _steps(
     tolerance: float,
     most_steps: int,
 ) -> Iterator[tuple[_State, np.ndarray, np.ndarray, np.ndarray, _State]]:
-    """Yield every step from `at` on: where it starts, what it does at its stages, where it ends.
+    """Yield each time step from `at` to `end_s`: its state at the start, values at the stages, state at the end.
 
     At the stages that is velocities and current (n + 1, s), displacements and accelerations (n, s).
     """
@@ -366,7 +366,7 @@ def _solved(
 
 
 def _share(change: np.ndarray, size: np.ndarray) -> float:
-    """Return the largest of `change` (k,) over `size` (k,), 0 where there is no size."""
+    """Return the largest ratio of `change` (k,) to `size` (k,); a ratio is 0 where its size is 0."""
     return float(np.divide(change, size, out=np.zeros(len(size)), where=size > 0).max())
 
 

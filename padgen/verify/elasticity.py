@@ -84,9 +84,11 @@ LOST_VOLUME = 1e-9
 
 
 class Fineness(NamedTuple):
-    """Fineness of a mesh: `levels` of layers round singular edges, each `factor` as thick as the last,
-    in tetrahedra of at most `largest_mm` and `per_face` times the root of a face's area, that grow by
-    `grading` (0 slow, 1 fast)."""
+    """Fineness of a mesh: its layers round singular edges, and the size and growth of its tetrahedra.
+
+    `levels` of layers, each `factor` as thick as the last, in tetrahedra of at most `largest_mm` and `per_face` times
+    the root of a face's area, that grow by `grading` (0 slow, 1 fast).
+    """
 
     levels: int = 2
     factor: float = 0.25
@@ -99,7 +101,7 @@ USUAL = Fineness()
 
 
 def taxel_shape(step: Path, washer_volume_mm3: float, where: str = "", ballast_volume_mm3: float = 0.0) -> Any:
-    """Glue the solids of a STEP file into one shape that shares faces.
+    """Read a taxel's solids from a STEP file and glue them into one shape with shared faces.
 
     They are named ``printed``, ``washer`` and, where its volume is given, ``ballast``; told apart by volume because
     names do not survive the import. Refusals begin with `where`, with the file where that is empty.
@@ -167,7 +169,7 @@ def _printed_bounds(shape: Any) -> np.ndarray:
 
 
 def _hold(shape: Any, clamp: str, bounds: np.ndarray) -> None:
-    """Name the printed faces that `clamp` holds, in a part of the shape with these bounds."""
+    """Name ``clamped`` the printed part's faces that `clamp` holds; `bounds` (2, 3) in mm are the whole part's."""
     near = 1e-5 * float(np.ptp(bounds, axis=0).max())
     printed = [face for solid in shape.solids if solid.name == PRINTED for face in solid.faces]
     for face in printed:
@@ -190,12 +192,12 @@ class Mirror(NamedTuple):
 
     @property
     def loads(self) -> tuple[int, ...]:
-        """Places of the forces along and moments about x, y, z that are their own image."""
+        """Indices of the six loads (forces along, moments about x, y, z) that are symmetric in the mirror."""
         return (1, 2, 3) if self.axis == 0 else (0, 2, 4)
 
 
 def mirrors_of(shape: Any, washer_x_mm: float) -> tuple[Mirror, ...]:
-    """Return the upright planes through the washer's axis to whose other side every face of `shape` has its image."""
+    """Return which of the upright planes x = `washer_x_mm` and y = 0 are planes of symmetry of `shape`."""
     faces = np.array([(face.mass, *_xyz(face.center)) for face in shape.faces])
     mirrors = []
     for mirror in (Mirror(0, washer_x_mm), Mirror(1, 0.0)):
@@ -232,7 +234,7 @@ def mirrored_part(shape: Any, mirrors: tuple[Mirror, ...], clamp: str) -> Any:
 
 
 def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
-    """Return the NGSolve mesh of `shape` (see `clamped_shape`), not curved yet.
+    """Return the NGSolve mesh of `shape` (see `clamped_shape`) with layers along edges; `assembled` curves it.
 
     It has layers along the edges named in `layered`, all singular ones by default. Where Netgen fails, or its layers
     leave an element without volume, slightly other meshes are tried.
@@ -340,8 +342,11 @@ def edge_angles(mesh: Any) -> dict[str, float]:
 
 
 class Orthotropy(NamedTuple):
-    """Constants along x, y and z, as layered prints have: moduli (Ex, Ey, Ez) and shear moduli
-    (Gyz, Gzx, Gxy) in Pa, and Poisson ratios (ν_yz, ν_zx, ν_xy), ν_ij = −ε_j/ε_i under σ_i."""
+    """Elastic constants of an orthotropic material, such as a layered print, along x, y and z.
+
+    Moduli (Ex, Ey, Ez) and shear moduli (Gyz, Gzx, Gxy) in Pa, and Poisson ratios (ν_yz, ν_zx, ν_xy), ν_ij = −ε_j/ε_i
+    under σ_i.
+    """
 
     modulus_pa: tuple[float, float, float]
     shear_pa: tuple[float, float, float]
@@ -349,7 +354,7 @@ class Orthotropy(NamedTuple):
 
 
 class Elastic(NamedTuple):
-    """A linear elastic material. With `axes` given, they replace `modulus_pa` and `poisson`."""
+    """A linear elastic material; `axes`, where given, replace `modulus_pa` and `poisson`."""
 
     modulus_pa: float
     poisson: float
@@ -358,7 +363,7 @@ class Elastic(NamedTuple):
 
 
 def layered(material: Elastic, ratio: float) -> Elastic:
-    """Return `material` printed in layers across z, where its modulus and shear moduli are `ratio` of those along."""
+    """Return `material` layered along z: modulus along z and shear moduli across layers multiplied by `ratio`."""
     if ratio == 1:
         return material
     e = material.modulus_pa
@@ -436,7 +441,7 @@ class System(NamedTuple):
 
 
 class Eigen(NamedTuple):
-    """`frequency_hz` (k,) rising, `shape` (n, k) mass-normalised, `residual` the largest of the modes."""
+    """Eigenmodes: `frequency_hz` (k,) rising, `shape` (n, k) mass-normalised, and their largest `residual`."""
 
     frequency_hz: np.ndarray
     shape: np.ndarray
@@ -495,7 +500,7 @@ def assembled(
 
 
 def _thin(spaces: tuple[Any, ...], mesh: Any, order: int, rich: np.ndarray) -> None:
-    """Lower spaces of `order` to `LEAN` at edges, faces and insides that belong to no element of `rich`."""
+    """Lower the order of `spaces` to `LEAN` at edges, faces and cells that belong to no element of `rich`."""
     counts = {ng.EDGE: mesh.nedge, ng.FACE: mesh.nface, ng.CELL: mesh.ne}
     # The edges and faces that layers have split are numbered still; at order 1 they have no unknowns.
     orders = {kind: np.ones(count, int) for kind, count in counts.items()}
@@ -517,7 +522,7 @@ def _thin(spaces: tuple[Any, ...], mesh: Any, order: int, rich: np.ndarray) -> N
 
 
 def energy(material: Elastic, u: Any, v: Any) -> Any:
-    """Return the integrand in mm of the stiffness: displacements in m, coordinates in mm."""
+    """Return the integrand of the stiffness form, for displacements `u` and `v` in m and coordinates in mm."""
     stiffness = stiffness_pa(material)
     # du/dx has 1/mm, the volume mm³: Pa · 1e6/m² · 1e-9 m³.
     if material.axes is None:
@@ -558,7 +563,7 @@ def factored(system: System) -> Solver:
 
 
 def accurate(system: System, solve: Solver, loads: np.ndarray, answers: np.ndarray) -> bool:
-    """Tell whether `answers` (n, k) to `loads` (n, k) hold: for the softest, by the energy of its correction.
+    """Tell whether `answers` (n, k) to `loads` (n, k) are accurate, by the energy of the softest one's correction.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
     solid lie more than about 1e8 apart, without a word.
@@ -670,7 +675,7 @@ def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen
 
 
 def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]:
-    """Return the largest share over the modes of the tetrahedra along each named edge of the solid."""
+    """Return by named edge the energy share of the tetrahedra along the edge, the largest over the modes."""
     nodes = netgen_mesh.Elements3D().NumPy()["nodes"][:, :4].astype(np.int64)
     segments = netgen_mesh.Elements1D().NumPy()
     ends = np.sort(segments["nodes"][:, :2].astype(np.int64), axis=1)
@@ -715,9 +720,11 @@ POOR_OTHERS = 0.2
 
 
 class SolidTaxel(NamedTuple):
-    """One taxel to solve: a STEP file in mm with its solids, printed part, washer and, where it has any, ballast,
-    bonded where they touch. `glue_kg` is carried by the washer. `clamp` is one of `CLAMPS`. Refusals call it by its
-    `name`, by its file where it has none."""
+    """A taxel to solve by finite elements: a STEP file in mm of printed part, washer and, if any, ballast.
+
+    The solids are bonded where they touch. `glue_kg` is carried by the washer. `clamp` is one of `CLAMPS`. Refusals
+    call the taxel by its `name`, by its file where it has none.
+    """
 
     step: Path
     printed: Elastic
@@ -744,9 +751,11 @@ class SolidTaxel(NamedTuple):
 
 
 class SolidModes(NamedTuple):
-    """Modes by elements of `order` with `unknowns`; `residual` of the worst mode;
-    `error` (k,) estimated relative error of each frequency,
-    nan where there is no second order to compare with; `setting` that of `SETTINGS` which was solved last."""
+    """The modes of a taxel by elements of `order` with `unknowns`, and the estimated errors of their frequencies.
+
+    `residual` is that of the worst mode; `error` (k,) the estimated relative error of each frequency, nan where there
+    is no second order to compare with; `setting` the place in `SETTINGS` of the one that was solved last.
+    """
 
     modes: TaxelModes
     order: int
@@ -777,7 +786,7 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
-    """Return modes with the estimated error of the working mode below `tolerance`, by the cheapest setting that does.
+    """Return modes by the cheapest setting whose estimated error of the working mode is below `tolerance`.
 
     Where no setting does, the modes of the one that comes nearest: compare their `error`. Settings before the one of
     place `first` in `SETTINGS` are not tried.
@@ -840,7 +849,7 @@ def _by_settings(
 
 
 def _with_working(known: SolidModes, finer: SolidModes) -> SolidModes:
-    """Return `known` with the working mode's frequency of `finer`, where that is better known and the same mode."""
+    """Return `known` with the working mode's frequency from `finer`, if it is the same mode with a smaller error."""
     working = known.modes.working
     hz = float(finer.modes.frequency_hz[finer.modes.working])
     frequency = known.modes.frequency_hz.copy()
@@ -872,7 +881,7 @@ def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
 
 
 def _extrapolated(coarser: SolidModes, finer: SolidModes) -> SolidModes:
-    """Return `finer` extrapolated to higher orders than its own, by the step from `coarser`, with its error."""
+    """Return `finer` with frequencies extrapolated to higher orders by the change from `coarser`, with errors."""
     working = finer.modes.working
     other = coarser.modes.working
     change = coarser.modes.frequency_hz / finer.modes.frequency_hz - 1
@@ -896,7 +905,7 @@ class Draft(NamedTuple):
 
     @property
     def loads(self) -> tuple[int, ...]:
-        """Places of the forces and moments that have the symmetry of all mirrors."""
+        """Indices of the six loads on the washer that are symmetric in all mirrors."""
         return tuple(k for k in range(6) if all(k in mirror.loads for mirror in self.mirrors))
 
 
@@ -939,7 +948,7 @@ def _layered(taxel: SolidTaxel, draft: Draft, setting: FineSetting) -> Any:
 def _answered(
     taxel: SolidTaxel, draft: Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None
 ) -> SolvedDraft:
-    """Solve statics and modes, in blocks where rounding allows; elsewhere every element is `rich`."""
+    """Solve a draft's statics and modes: in 3 x 3 blocks if rounding allows, else with all elements of `order`."""
     volumes: dict[str, float] = {}
     for solid in draft.shape.solids:
         volumes[solid.name] = volumes.get(solid.name, 0.0) + solid.mass

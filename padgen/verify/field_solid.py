@@ -62,7 +62,7 @@ class ScalarField(NamedTuple):
 
 
 class BodyWrench(NamedTuple):
-    """Force and moment (6,) in N and N·m on a body, and the same by a second method.
+    """Force and moment (6,) in N and N·m on a body, by each of two methods.
 
     `virtual_work` spreads a virtual displacement over all the air between the bodies; `surface` over the
     one layer of elements around the body (Coulomb 1983; Maxwell's stress right at the surface). They
@@ -82,7 +82,7 @@ def solve_scalar(
     weight: Any = 1.0,
     start: ScalarField | None = None,
 ) -> ScalarField:
-    """Solve for Ω on `mesh` (materials named in `steels` are steel, all others air; far boundary ``far``).
+    """Solve for the scalar magnetic potential on `mesh`: `steels` by material, air elsewhere, far faces ``far``.
 
     `source` is T in A/m as a coefficient function; it may jump at faces of the mesh only. `start` is a
     solution on the same mesh to begin with.
@@ -155,7 +155,7 @@ def minimise(form: Any, space: Any, solution: Any) -> float:
 
 
 def _line_search(form: Any, solution: Any, step: Any, trial: Any, expected: float) -> bool:
-    """Move along −step to where the energy falls by a share of the expected fall; return False if nowhere."""
+    """Move `solution` along −step by backtracking until the energy falls enough; return False if it never does."""
     energy = float(form.Energy(solution.vec))
     share = 1.0
     while share > 1e-6:
@@ -180,7 +180,7 @@ def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float
 
 
 def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
-    """Return the displacement 1 on the body, harmonic in the air, 0 on all other bodies and on the far sphere."""
+    """Return a virtual displacement: 1 on the body, harmonic in the air, 0 on other bodies and the far boundary."""
     mesh = solved.mesh
     others = [name for name in dict.fromkeys(mesh.GetMaterials()) if name != "air"]
     fixed = space.GetDofs(mesh.Materials("|".join(others))) | space.GetDofs(mesh.Boundaries("far"))
@@ -192,7 +192,7 @@ def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
 
 
 def _stress_on(solved: ScalarField, shift: Any, at_mm: tuple[float, float, float]) -> np.ndarray:
-    """Return ``−∫ σ·∇g`` and its moment, with Maxwell's stress σ = μ0 (H⊗H − ½ H²)."""
+    """Return force and moment (6,) ``−∫ σ·∇g`` by Maxwell's stress σ = μ0 (H⊗H − ½ H²), with the displacement g."""
     slope = ng.grad(shift)
     field = solved.field
     density = MU_0 * (ng.InnerProduct(field, field) / 2 * slope - ng.InnerProduct(field, slope) * field)
@@ -216,7 +216,7 @@ WIDEST = 0.2
 
 
 class AxisymmetricForce(NamedTuple):
-    """Axial force on the washer in N, negative towards the coil, by either potential.
+    """Axial force on the washer in N, negative towards the coil, by the scalar and by the vector potential.
 
     The scalar potential bounds the field's energy from one side, the vector potential from the other;
     so far they did so with the force as well. Taken is the method (`BodyWrench`) by which the two lie
@@ -231,12 +231,12 @@ class AxisymmetricForce(NamedTuple):
 
     @property
     def force_n(self) -> float:
-        """The middle of the bracket."""
+        """The force in N: the mean of those by the two potentials."""
         return (self.scalar_n + self.vector_n) / 2
 
     @property
     def error(self) -> float:
-        """Width of the bracket relative to the force."""
+        """Relative difference of the forces by the two potentials; inf for no force."""
         return abs(self.scalar_n - self.vector_n) / abs(self.force_n) if self.force_n else float("inf")
 
 
@@ -358,14 +358,14 @@ def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]
 
 
 def _edges(*places: float) -> list[float]:
-    """Return the places sorted, with those that differ by rounding only once."""
+    """Return the places sorted, without repeats that differ by rounding only."""
     ordered = sorted(places)
     close = 1e-6 * (ordered[-1] - ordered[0])
     return [ordered[0], *(v for u, v in pairwise(ordered) if v - u > close)]
 
 
 def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
-    """Return T_z in A/m, whose curl is the current, and the current's density in A/(m·mm), as functions in mm."""
+    """Return the current vector potential T_z in A/m and the current density in A/(m·mm), for positions in mm."""
     potential = ng.CF(0)
     density = ng.CF(0)
     for w in coil.windings:
@@ -382,7 +382,7 @@ def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple
 def _by_vector(
     mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
-    """Solve the same by ``A = r w``, in T and mm: ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
+    """Solve the axisymmetric field by its vector potential ``r w`` (T, mm): ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
     _, density = wound(coil, current_a, ng.x, ng.y)
     space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
@@ -551,7 +551,7 @@ def _tube(foot: tuple[float, float, float], inner: float, outer: float, height: 
 
 @dataclass(frozen=True)
 class PullQuestion:
-    """One question to the ladder: a coil at `current_a` pulls a washer `offset_m` off its axis over `gap_m`.
+    """A question to the models of pull: a coil at `current_a` pulls a washer `offset_m` off its axis over `gap_m`.
 
     A steel of None is linear, with the part's permeability.
     """
@@ -566,7 +566,7 @@ class PullQuestion:
 
 
 def solid_pull(pull: PullQuestion, order: int = 3, levels: int = 1) -> SolidForce:
-    """Solve the field in space; return the whole wrench.
+    """Return force and moment on the washer of a `PullQuestion`, by the field in three dimensions.
 
     Raises
     ------

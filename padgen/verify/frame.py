@@ -80,7 +80,7 @@ class Element(NamedTuple):
 
 
 def rectangle(width: float, thickness: float, poisson: float, across: float = 1.0) -> Section:
-    """Return the section of a rectangle, `thickness` upwards, in layers; sizes in m.
+    """Return the cross-section of a layered rectangle, `thickness` upwards; sizes in m.
 
     `across` is as in `beams.BeamSection`; the shear coefficient is Cowper's (1966).
     """
@@ -140,7 +140,7 @@ def element_mass_root(element: Element, length: float, bubbles: int) -> np.ndarr
 
 
 def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np.ndarray, np.ndarray]]:
-    """Yield share of the length and weight of Gauss points, and values and slopes (6, m) of the inner motions there.
+    """Yield for each Gauss point its share of the length, weight, and values and slopes (6, m) of inner motions.
 
     Rows: stretch, twist, then shift and turn of each plane. The motions are integrated Legendre polynomials, of degree
     2 … and 0 at both ends; slopes are by the share of the length.
@@ -157,7 +157,7 @@ def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np
 
 
 def _bending_flexibility(element: Element, length: float, plane: int) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return the share 12 EI / (κ G A l²) that shear adds to the bending of an element, and its rotations.
+    """Return an element's shear parameter 12 EI / (κ G A l²), and its end rotations under unit end moments.
 
     Rotations (2, 2) in rad/(N·m) are those of both ends against the chord under unit moments at them, without and with
     the hinges.
@@ -295,7 +295,7 @@ def _outer(frame: Frame) -> int:
 
 
 def _motions(frame: Frame) -> np.ndarray:
-    """Return all motions (nodes, bodies, inner ones) for a unit of each of the f free ones, shape (…, f).
+    """Return the matrix (…, f) from the f free motions to all motions of nodes, bodies and elements' interiors.
 
     A node that is fixed to a body moves with it.
     """
@@ -361,7 +361,7 @@ def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
 
 
 def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.ndarray]) -> np.ndarray:
-    """Return the `root` of one element over all motions of the frame."""
+    """Return one element's stiffness or mass root (as `root` gives it) over all motions of the frame."""
     element = frame.elements[index]
     start, end = frame.nodes[element.start], frame.nodes[element.end]
     length = float(np.linalg.norm(end - start))

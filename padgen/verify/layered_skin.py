@@ -36,7 +36,7 @@ class SkinLayer(NamedTuple):
     poisson: float = 0.5
 
     def complex_shear(self, hz: float) -> complex:
-        """Return the modulus at a frequency."""
+        """Return the complex shear modulus in Pa at a frequency."""
         return self.shear * (1 + 2j * pi * hz * self.time)
 
     def wave_number(self, hz: float) -> complex:
@@ -49,7 +49,7 @@ LAYERED = (SkinLayer(0.35e-3, 1e6 / 4, 0.7e-3), SkinLayer(inf, 80e3 / 4, 0.7e-3)
 
 
 class SkinQuestion(NamedTuple):
-    """A punch of `radius` in m at `hz` on layers, the last infinite; beyond `hole_ratio` radii a plate holds them."""
+    """A punch of `radius` in m at `hz` on layers, the last infinite; a plate holds skin beyond `hole_ratio` radii."""
 
     radius: float
     hz: float
@@ -66,7 +66,7 @@ class SkinAnswer(NamedTuple):
 
 
 def _graded(points: list[float], end: float, smallest: float, growth: float, largest: float) -> np.ndarray:
-    """Return a line from 0 to `end` through `points`, with elements that grow from `smallest` at each of them."""
+    """Return nodes from 0 to `end` through `points`, with spacing that grows from about `smallest` at each point."""
     marks = sorted({0.0, *points, end})
     line = [0.0]
     for low, high in pairwise(marks):
@@ -90,7 +90,7 @@ def _steps(length: float, smallest: float, growth: float, largest: float) -> np.
 
 
 def _mesh(radii: np.ndarray, depths: np.ndarray, question: SkinQuestion) -> Any:
-    """Return the mesh of the half plane, a material for each layer, with the edges named"""
+    """Return the mesh of the half plane, a material for each layer, with named edges."""
     from netgen.meshing import Element1D, Element2D, FaceDescriptor, Mesh, MeshPoint, Pnt
 
     made = Mesh(dim=2)

@@ -44,9 +44,12 @@ MESH = Fineness(levels=0, largest_mm=4.0, grading=0.8, per_face=10.0)
 
 
 class Hung(NamedTuple):
-    """A taxel on a frame: `mass` (6, 6) of its body at the centroid, and for each beam its stiffness (6, 6) there
-    and what takes the frame's motion to the root's (6, n), carried to the centroid. `pull` (6,) takes the
-    body's motion to its washer's vertical one."""
+    """A taxel on a frame: the mass of its body, the stiffness of its beams, and how the frame moves their roots.
+
+    `mass` (6, 6) is that of the body at the centroid. `beams` has for each beam its stiffness (6, 6) there, and what
+    takes the frame's motion to the root's (6, n), carried to the centroid. `pull` (6,) takes the body's motion to its
+    washer's vertical one.
+    """
 
     mass: np.ndarray
     beams: Sequence[tuple[np.ndarray, np.ndarray]]
@@ -54,8 +57,10 @@ class Hung(NamedTuple):
 
 
 class PadModes(NamedTuple):
-    """All modes of a pad: `square` (k,), ``(2πf)²`` in (rad/s)², and the washers' vertical `motion` (taxels, k) in
-    kg^-½; `unknowns` of the frame."""
+    """All modes of a pad: ``(2πf)²`` in (rad/s)² and the washers' vertical motions in kg^-½.
+
+    `square` is (k,), `motion` (taxels, k); `unknowns` are those of the frame.
+    """
 
     square: np.ndarray
     motion: np.ndarray
@@ -68,7 +73,7 @@ class PadModes(NamedTuple):
 
 
 def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes]:
-    """Return modes of the taxels on the frame held by `clamping`, and with all sub-cells' sides held.
+    """Return the taxels' modes on a frame held by `clamping`, and on one also held at all sides of sub-cells.
 
     Both are of one mesh, so that what it errs by close to the roots leaves their ratio alone.
 
@@ -88,7 +93,7 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
 
 
 def _turn(plan: Plan, taxel: Taxel) -> np.ndarray:
-    """Return the turn (3, 3) from a taxel's own axes to the pad's."""
+    """Return the rotation matrix (3, 3) from a taxel's axes to the pad's."""
     cosine, sine = TURNS[plan.channels[taxel.channel].site.along]
     sign = -1 if taxel.turned else 1
     return np.array([[sign * cosine, -sign * sine, 0.0], [sign * sine, sign * cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -225,7 +230,7 @@ def peak_hz(plan: Plan, modes: PadModes, taxel: int) -> float:
 
 
 def shift(plan: Plan, on_frame: PadModes, held: PadModes, taxel: int) -> float:
-    """Return how far the frame moves the resonance of a taxel, as a share of it (`pad_modes` gives both)."""
+    """Return the relative shift of a taxel's resonance by the frame, from both results of `pad_modes`."""
     return peak_hz(plan, on_frame, taxel) / peak_hz(plan, held, taxel) - 1
 
 

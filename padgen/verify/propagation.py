@@ -44,7 +44,7 @@ SPLITTER = 134217729.0
 
 
 class DecayingTones(NamedTuple):
-    """``Σ_j amplitude_j e^(−decay_j t) cos(2π (frequency_j + rest_j) t + phase_j)``, arrays of shape (m,).
+    """A sum of tones (m,): ``Σ_j amplitude_j e^(−decay_j t) cos(2π (frequency_j + rest_j) t + phase_j)``.
 
     `amplitude` may be (n, m), for n receivers. `rest_hz` is the rounding error of `frequency_hz`.
     """
@@ -227,7 +227,7 @@ def propagate(
 
 
 def _blocks(time: np.ndarray, width: int) -> list[np.ndarray]:
-    """Return indices of sorted times in blocks, each at most as long as the time before it."""
+    """Return indices of sorted times in blocks, within which times differ by less than a factor of two."""
     octave = np.where(time > 0, np.frexp(time)[1], -2000)
     most = max(BLOCK // width, 16)
     groups = np.split(np.arange(len(time)), np.flatnonzero(np.diff(octave)) + 1)
@@ -292,7 +292,7 @@ def _with_near(
     modes: tuple[np.ndarray, np.ndarray],
     time: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return `moved` (n, k) with the pairs (p,) of a resonator and a near tone, and their part that goes as the tones.
+    """Add pairs (p,) of a resonator and a tone near its poles to `moved` (n, k); return it and the steady phasors.
 
     `which` are the resonators, `detunings` the exponents ``a − s₁`` and ``a − s₂``.
     """
@@ -324,7 +324,7 @@ def _sums(values: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
 
 
 def _growth(turn: np.ndarray, weights: np.ndarray, which: np.ndarray, count: int) -> np.ndarray:
-    """Return coefficients (n, terms) of ``Σ weight expm1(z)/z``, z = `turn` (p,), at the block's last time."""
+    """Return power series coefficients (n, terms) in τ of ``Σ weight expm1(zτ)/(zτ)``, with z = `turn` (p,)."""
     sums = [_sums(weights, which, count)]
     term = weights
     k = 1

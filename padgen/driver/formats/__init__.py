@@ -25,7 +25,7 @@ __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
 
 @dataclass(slots=True, eq=False)
 class DriveJob:
-    """One job of writing files, judged before anything is written, and what was seen on the way.
+    """What a drive format needs to write its files (plan, drive, options), with the findings and results so far.
 
     `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them. `timeline` is
     None where nothing is shown, as is the `recoil` of the pad. `shown` are the findings about the timeline, `findings`
@@ -53,7 +53,7 @@ class DriveJob:
 
 
 class DriveFormat(Protocol):
-    """A format: a module, or any object, with these names.
+    """Interface of a drive format: a module, or any object, that has the names below.
 
     An `ORDER` may say when it is written, the lowest first; those without one come last. A `refuse` may raise
     SpecError of a job that it cannot write, before anything else is done.

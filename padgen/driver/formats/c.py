@@ -76,7 +76,7 @@ NO_TAXEL = 0xFFFF
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the header and the firmware; the worst that a host may send is judged."""
+    """Write the C header and the firmware, and judge the worst frames that a host may send to it."""
     request = job.request
     drive = drive_at(job.plan, CONTROLLER_RATES_HZ, request.rate_hz, request.tuning, request.carrier_hz)
     drive = replace(drive, corner_hz=0.0)  # a microcontroller's converters are no sound card's outputs
@@ -94,7 +94,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def sample_mhz(drive: PadDrive) -> float:
-    """Return the millions of clocks a second that the samples of a drive take at most on a Cortex-M4."""
+    """Bound the clock rate, in MHz, that a Cortex-M4 needs to compute the samples of a drive."""
     each, coil, taxel = ROOT_CLOCKS if drive.scheme.is_root else CLOCKS
     kinds = {
         coil_drive.harmonic.tobytes() + coil_drive.line_a2.tobytes() + coil_drive.phase_rad.tobytes(): coil_drive
@@ -118,7 +118,7 @@ def firmware_files() -> dict[str, bytes]:
 
 
 def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
-    """Write `pad_drive.h`, a pad for the firmware, as C99 and C++; its tables have a row for each kind of coil.
+    """Return the text of `pad_drive.h`, valid as C99 and C++; its tables have a row for each kind of coil.
 
     Frequencies and phases are of the current's tones: half the force's where it has no constant part. `tuning` is the
     one that `drive` was made with.
@@ -167,7 +167,7 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
 
 
 def sealed(header: str) -> str:
-    """Add, or write anew, the list of a header's tables and the CRC-32 of their bytes, lowest first."""
+    """Return a header with the list of its tables, and the CRC-32 of their little-endian bytes, added or renewed."""
     header = re.sub(r"#define PADGEN_TABLES.*\n", "", header)
     names = []
     crc = 0
@@ -314,7 +314,7 @@ def _by_kind(declared: str, channels: int, entries: Iterable[list[str]], empty: 
 
 
 def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
-    """Yield, for spur-free drives, the least constants of all states of each group, of all on, and the margins."""
+    """Yield C tables of spur-free drives: margins, and the least constants with all on and in each group's states."""
     size = group_channels(channels)
     groups = ceil(channels / size)
     margins = ([_float_above(a2) for a2 in (kind.margin * kind.line_a2).tolist()] for kind in kinds)
@@ -346,7 +346,7 @@ def _sweep(table: FirmwareSweep, rate_hz: int) -> Iterable[str]:
 
 
 def _turns(turns: float) -> int:
-    """Convert a share of a turn into 2⁻³² turns."""
+    """Convert a phase in turns to whole units of 2⁻³² turns, modulo one turn."""
     return round(turns * TURN) % TURN
 
 
@@ -357,7 +357,7 @@ def _float(value: float) -> str:
 
 
 def _float_above(value: float) -> str:
-    """Write a C float that is no smaller."""
+    """Return the C literal of a single-precision float that is not below `value`."""
     single = np.float32(value)
     return _float(float(single if single >= value else np.nextafter(single, np.float32(np.inf))))
 

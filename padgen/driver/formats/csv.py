@@ -21,7 +21,7 @@ FILE = "drive.csv"
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the table, and those of the warm pad and of the print as measured where these are driven."""
+    """Write `drive.csv`, and the tables of the warm pad and of the measured print where the drive is for these."""
     out.write(FILE, drive_csv(job.plan))
     tuning = job.request.tuning
     warm = job.request.warm
@@ -37,7 +37,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
-    """Return the table: a row per channel and, where the current has a constant part, its row."""
+    """Return the rows of the driver table: one per channel, and one per set where the current has a constant part."""
     plan = played_plan(plan)
     spec = plan.spec
     scheme = plan.scheme

@@ -58,7 +58,7 @@ Course = tuple[np.ndarray, np.ndarray]
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the file."""
+    """Write the file `drive.hjif`."""
     out.write(FILE, hjif_text(job.plan, job.timeline, job.request.tuning))
 
 
@@ -123,7 +123,7 @@ def hjif_text(plan: Plan, timeline: Timeline | None = None, tuning: Tuning | Non
 
 
 def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
-    """Yield the device that each taxel is, one for all taxels of a kind."""
+    """Yield the reference device of each taxel; taxels of one channel, resonance and Q share a device."""
     known: dict[tuple[int, float, float], dict[str, Any]] = {}
     for taxel, tuned in zip(plan.taxels, tuning.taxels, strict=True):
         key = (taxel.channel, tuned.resonance_hz, tuned.q)
@@ -220,7 +220,7 @@ def _course(timeline: Timeline) -> Course:
 
 
 def _effects(course: Course, k: int, hz: int) -> Iterator[dict[str, Any]]:
-    """Yield the stretches in which a taxel vibrates, cut where they would get too long; the phase leads on.
+    """Yield an effect for each stretch in which a taxel vibrates; long ones are cut, with the phase continued.
 
     They are cut where the taxel turns over, too: its phase is half a turn on while its sign is negative.
     """

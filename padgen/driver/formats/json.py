@@ -30,7 +30,7 @@ SMALLEST_LINE = 1e-300
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the table, and that of the warm pad where it is driven."""
+    """Write `drive.json`, and `drive-warm.json` where the warm pad is driven."""
     out.write(FILE, drive_json(job.plan))
     if job.request.warm:
         from padgen.measured.tuning import warm_plan

@@ -167,7 +167,7 @@ class _TimedStretch(NamedTuple):
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the script, whose samples are as large as those of the wave where one is written."""
+    """Write the script, with the same full scale as the WAV of voltages where one is written."""
     report = job.report
     scale = report.full_scale if report and report.signal == "voltage" else None
     out.write(FILE, syntacts_script(job.plan, *job.played(), scale))
@@ -250,7 +250,7 @@ def _parts(
 def _lines(
     drive: PadDrive, stretch: _TimedStretch, harmonic: np.ndarray, weight: np.ndarray
 ) -> list[tuple[complex, float]]:
-    """Return complex amplitudes of the current when t is 0, with their rates in rad/s."""
+    """Return each line's complex amplitude at t = 0 of a stretch, and its angular frequency in rad/s."""
     turned = harmonic * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
     rates = 2 * np.pi * harmonic / drive.period_s
     return list(zip((weight * np.exp(2j * np.pi * turned)).tolist(), rates.tolist(), strict=True))
@@ -273,7 +273,7 @@ STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
 def _step_text(stretch: _TimedStretch, half: str = "") -> str:
-    """Write the smooth step b of a stretch, its slope d, and q, what is left to 1; of its half 1 or 2 b1, b2 and so on.
+    """Write assignments of a stretch's smooth step b, its slope d and q = 1 − b; for half 1 or 2 b1, b2 and so on.
 
     1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
     """
@@ -285,7 +285,7 @@ def _step_text(stretch: _TimedStretch, half: str = "") -> str:
 
 
 def _mixed(before: float, after: float, half: str = "") -> str:
-    """Write a number that goes with the smooth step."""
+    """Write a number that goes from `before` to `after` with the smooth step."""
     shares = [f"{_n(value)} * {share}{half}" for value, share in ((before, "q"), (after, "b")) if value]
     return _n(before) if before == after else f"({' + '.join(shares)})"
 
@@ -293,7 +293,7 @@ def _mixed(before: float, after: float, half: str = "") -> str:
 def _tones_text(
     drive: PadDrive, coil: CoilDrive, stretch: _TimedStretch, levels: np.ndarray, fed: tuple[bool, bool], scale_v: float
 ) -> str:
-    """Return the volts of a sum of tones, each with its level or the root of it, and of a constant; '' for silence."""
+    """Return the expression for a coil's volts where the current is tones and a constant; '' for silence."""
     harmonic, amplitude = coil_lines(drive, coil)
     is_root = not drive.scheme.goes_with_level
     if drive.scheme.is_biased:
@@ -336,7 +336,7 @@ def _tones_text(
 def _blends(
     lines: list[tuple[complex, float]], levels: np.ndarray, is_root: bool
 ) -> Iterator[tuple[complex, float, float, float, str]]:
-    """Yield lines and rates with levels before and after, and the half of the stretch between these ('': the whole).
+    """Yield each line, its rate, its level before and after, and the half of the stretch that it is for ('': all).
 
     A tone, which has the root of its level, is a quarter of its period late where that is below 0, and is down in the
     middle where its level turns over.
@@ -354,7 +354,7 @@ def _blends(
 def _root_text(
     drive: PadDrive, coil: CoilDrive, stretch: _TimedStretch, levels: np.ndarray, constant: np.ndarray, scale_v: float
 ) -> str:
-    """Return the volts of √F, with F from one keyframe's force to the next's; '' for silence.
+    """Return the expression for the volts of a spur-free coil, its force blended between keyframes; '' for silence.
 
     On a carrier the current is √(2F) cos(w t + p).
     """

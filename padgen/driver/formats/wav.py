@@ -93,7 +93,7 @@ def _chunk(name: bytes, data: bytes) -> bytes:
 
 
 class WavWriter:
-    """Writes a WAV file block by block; a context manager. The number of samples is given beforehand.
+    """Context manager that writes a WAV file, of a number of samples given beforehand, block by block.
 
     `checksum` is the CRC-32 of the samples' bytes.
     """
@@ -130,7 +130,7 @@ class WavWriter:
 
 
 def _packed_24(samples: np.ndarray) -> np.ndarray:
-    """Return bytes (s, channels, 3), little-endian, rounded to the nearest.
+    """Return samples (s, channels) in −1 … 1 as little-endian 24-bit integers, rounded, in bytes (s, channels, 3).
 
     Without dither: the rounding error of a sum of lines is noise-like at this depth (`tests/test_wav.py`).
     """
@@ -188,7 +188,7 @@ class WaveReport:
 
     @property
     def seconds(self) -> float:
-        """The file's length."""
+        """Length of the file in s."""
         return self.count / self.rate_hz
 
 
@@ -206,7 +206,7 @@ def refuse(job: DriveJob) -> None:
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Add the wave, its sidecar and, where that is asked for, what was heard of it."""
+    """Write the WAV file, its sidecar and, where asked for, `hear.json`: what a simulated finger feels of it."""
     drive, timeline = job.played()
     request = job.request
     carrier = ""
@@ -291,7 +291,7 @@ def write_wave(
 
 
 def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
-    """Return sample 1 of a file of this drive: the amplifier's limit in V, or a round current in A above all."""
+    """Return the full scale of a file: the amplifier's limit in V, or a round current in A not below the peak."""
     if signal == "voltage":
         return drive.voltage_limit_v
     peak_a = max(peak_current_a(drive.scheme, c.line_a2, float(c.margin.max(initial=0.0))) for c in drive.coils)

@@ -46,7 +46,7 @@ class Impedance(NamedTuple):
         return self.stiffness - self.mass * omega**2 + 1j * omega * self.damping
 
     def through(self, lever: Array) -> "Impedance":
-        """Return what the moving mass meets where the skin moves by `lever` times its motion."""
+        """Return the load on a taxel's moving mass where the skin moves by `lever` times the motion of that mass."""
         return Impedance(*(part * np.asarray(lever) ** 2 for part in self))
 
 
@@ -64,10 +64,10 @@ class Contactor(NamedTuple):
 
 
 class Contact(Protocol):
-    """Something that lies on taxels."""
+    """Something that touches taxels, such as skin."""
 
     def impedance(self, hz: Array, contactor: Contactor) -> Impedance:
-        """Return what it adds at frequencies `hz` under a contactor."""
+        """Return the load of the contact on a taxel at frequencies `hz` in Hz, under a contactor."""
 
     def error(self, hz: Array, contactor: Contactor) -> Array:
         """Return the relative error of the dynamic stiffness by the model alone, as if its data were certain."""
@@ -180,7 +180,7 @@ def loaded_resonance(
 
 
 class LoadedTaxels(NamedTuple):
-    """Touched taxels (n,) as `padgen.physics.selectivity` hears them, each by its own mode.
+    """Touched taxels (n,) as `Responses` of `padgen.physics.selectivity`, each by its working mode.
 
     `stiffness` in N/m, `mass` in kg and `q` are untouched. The skin moves by `lever`, a number or (n,), times as far.
     """
@@ -198,7 +198,7 @@ class LoadedTaxels(NamedTuple):
         return 1
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the energy (rows, lines) under lines, over that untouched under a line of 1 at the own resonance.
+        """Return the energy (rows, lines) of touched taxels under lines, over that of untouched ones at resonance.
 
         `rest`, the rounding error of a frequency, does not count at a Q as low as that of touched taxels.
         """

@@ -36,7 +36,7 @@ wide: the layer bends and shears across it, which the factor of a homogeneous ha
 
 
 class HalfSpace(NamedTuple):
-    """Reduced modulus E* in Pa, radius a0 in m that the outer layer adds, and time constant τ in s, or arrays."""
+    """Skin: reduced modulus E* in Pa, radius a0 in m that the outer layer adds, and time constant τ in s."""
 
     modulus: Array
     layer: Array
@@ -72,7 +72,7 @@ class HalfSpace(NamedTuple):
 
 
 def layer_radius(thickness: Array, outer_modulus: Array, modulus: Array) -> Array:
-    """Return the radius a0 in m that an outer layer adds, from its thickness and the reduced moduli of it and of below.
+    """Return the radius a0 in m that an outer layer adds, from its thickness in m and the moduli of both layers.
 
     Notes
     -----

@@ -18,7 +18,7 @@ Array = Any
 
 
 class Table(NamedTuple):
-    """Frequencies in Hz, rising, with stiffness in N/m, damping in N s/m and mass in kg, (n,) each."""
+    """A measured contact: stiffness in N/m, damping in N s/m and mass in kg (n,) at rising frequencies (n,) in Hz."""
 
     hz: np.ndarray
     stiffness: np.ndarray

@@ -83,12 +83,12 @@ unregister = SCHEMES.unregister
 
 
 def in_order(force_order: int = SQUARE) -> tuple[str, ...]:
-    """Return the names of all schemes for forces of that order in the current, in the order of a plan's lists."""
+    """Return the names of the schemes for forces of `force_order` in the current, in the order of a plan's lists."""
     return _sorted(force_order, lambda scheme: getattr(scheme, "ORDER", inf))
 
 
 def simplest_first(force_order: int = SQUARE) -> tuple[str, ...]:
-    """Return the names of such schemes by the demands on the electronics, those that take turns last."""
+    """Return the names of the schemes for forces of `force_order`, simplest electronics first, turn-takers last."""
     return _sorted(force_order, lambda scheme: (scheme.TAKES_TURNS, getattr(scheme, "SIMPLICITY", inf)))
 
 
@@ -153,7 +153,7 @@ def peak_voltage_v(
 def on_carrier_v(
     volts: np.ndarray | float, root_a: np.ndarray | float, inductance: float, carrier_hz: float
 ) -> np.ndarray:
-    """Return the envelope in V of the voltage of ``√2 root cos 2πf_c t``; `volts` are those of the root alone."""
+    """Return the voltage envelope in V of a current ``√2 root cos 2πf_c t``; `volts` is that of the root alone."""
     return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * carrier_hz * inductance * root_a))
 
 

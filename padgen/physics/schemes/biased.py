@@ -27,12 +27,12 @@ HAS_PAIR_SPURS = True
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-    """Return the squared product of two tones, which is small beside their products with the constant."""
+    """Return the squared amplitude of the spurs of two tones, small beside the tones' products with the constant."""
     return (a * b / (2 * scheme.bias_ratio * strongest)) ** 2
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Return the mean square of the constant, which always has its value for all channels on, and of the tones `on`."""
+    """Return the mean square in A² of the constant, which is sized for all channels on, and of the tones `on`."""
     return float(bias_a(scheme, line_a2) ** 2 + (current_lines_a(scheme, line_a2, headroom)[on] ** 2).sum() / 2)
 
 

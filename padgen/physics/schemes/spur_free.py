@@ -40,14 +40,14 @@ def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.
 
 
 def peak_current_a(scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
-    """Return the root of twice the lines and the headroom, in A."""
+    """Return the peak current in A, ``√((2 + headroom) Σ a)``."""
     return float(np.sqrt((2 + headroom) * line_a2.sum()))
 
 
 def peak_voltage_v(
     scheme: Scheme, line_a2: np.ndarray, resonance_hz: np.ndarray, resistance: float, inductance: float, headroom: float
 ) -> float:
-    """Return ``R √((2+h) Σa) + L √(Σ a ω²/2)`` in V, whose second term is the root's steepest possible slope.
+    """Return an upper bound in V of the coil's voltage, ``R √((2+h) Σa) + L √(Σ a ω²/2)``.
 
     With i² = h Σa + Σ a (1 + cos θ) the slope is ``(i²)'/(2i)``, which Cauchy's inequality bounds.
     """

@@ -31,7 +31,7 @@ def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndar
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Return the mean of i² in A² during the slot of the largest channel."""
+    """Return the mean of i² in A² during the slot of the strongest channel `on`."""
     return float(line_a2[on].max(initial=0.0))
 
 

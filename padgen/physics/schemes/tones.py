@@ -27,7 +27,7 @@ HAS_PAIR_SPURS = True
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-    """Return the square of I_a I_b: twice the geometric mean of the wanted lines I²/2."""
+    """Return the squared amplitude of two tones' spurs, I_a I_b: twice the geometric mean of their lines I²/2."""
     return 4 * (a * b)
 
 

@@ -93,7 +93,7 @@ def board_coil(coil: Coil) -> BoardCoil:
 
 
 def beside_mm(coil: Coil, rows: int) -> tuple[float, float]:
-    """Return the room in mm between two coils along x, for the tracks to a column of `rows` coils, and along y."""
+    """Return the least free width in mm between two coils: along x, with tracks of `rows` coils, and along y."""
     assert coil.track_mm and coil.space_mm
     return rows * coil.track_mm + (rows + 1) * coil.space_mm, 2 * coil.space_mm
 

@@ -17,7 +17,7 @@ __all__ = ["Assembly", "Leakage", "Mover", "PullAt", "assembly_of", "mover_of", 
 
 
 class Mover(Protocol):
-    """A mover: a module, or any object, with these names.
+    """A mover: a module, or any object, with the members below.
 
     `coil` and `part` are a spec's coil, whose gap is known, and its washer or magnet. Where the spec has ballast, that
     is a further argument of `pulls`, `leakage` and `coupling`: its steel lies on top of the mover. A mover that coils
@@ -36,20 +36,20 @@ class Mover(Protocol):
     def leakage(
         self, coil: Coil, part: Any, place_m: np.ndarray, next_m: np.ndarray, far_m: np.ndarray, *hung: Ballast
     ) -> Leakage:
-        """Return what movers at `place_m` (n, 2) hear of coils at `next_m` and `far_m` (k, 2), off their coil."""
+        """Return leakage of coils at `next_m` and `far_m` (k, 2) onto movers at `place_m` (n, 2) off their coil."""
 
     def remanent_currents(self, coil: Coil, part: Any, share: float, offset_m: np.ndarray) -> np.ndarray:
-        """Return the currents ρ (n,) in A of pulls as i² + ρ i, where steel keeps a `share` of its coercivity."""
+        """Return ρ (n,) in A of pulls in proportion to i² + ρ i, where steel keeps a `share` of its coercivity."""
 
     def coupling(self, part: Any, apart_m: np.ndarray, *hung: Ballast) -> np.ndarray:
-        """Return the second derivatives in N/m of the energy of two movers over height, at distances in m.
+        """Return the vertical stiffness in N/m (second derivative of energy) between two movers at distances in m.
 
         It is that of movers of one polarity; between others it has the other sign.
         """
 
 
 class Assembly(NamedTuple):
-    """Sentences for who puts a mover in: on gluing it, on connecting its coils, and on screws near it."""
+    """Assembly instructions for a mover: on gluing it, on connecting its coils, and on screws near it."""
 
     gluing: str
     wiring: str
@@ -57,7 +57,7 @@ class Assembly(NamedTuple):
 
 
 def assembly_of(spec: Spec) -> Assembly:
-    """Return what is to be heeded where the mover of a spec is put in."""
+    """Return the assembly instructions for the mover of a spec."""
     sentences_of = getattr(mover_of(spec), "assembly", None)
     if sentences_of is None:
         return Assembly("", "Connect all coils alike.", "")

@@ -72,7 +72,7 @@ USUAL_GAP_MM = 1.0
 
 @lru_cache(maxsize=256)
 def reach_m(coil: Coil, part: Magnet) -> float:
-    """Return the offset in m from the coil's axis up to which it pulls with `LEAST_SHARE` of its pull there."""
+    """Return the offset in m up to which a coil pulls with at least `LEAST_SHARE` of its pull on its axis."""
     gap_m = (coil.gap_mm or USUAL_GAP_MM) * MM
     offset_m = np.linspace(0.0, (coil.outer_diameter_mm + part.outer_diameter_mm) / 2 * MM, REACH_PLACES)
     share = magnet_pull(coil_source(coil), magnet_of(part), np.full(REACH_PLACES, gap_m), offset_m).force
@@ -90,7 +90,7 @@ STEEL_SHARE = 0.015
 
 
 def steel_on(ballast: Ballast | None) -> SteelRing | None:
-    """Return ballast in SI units as steel on top of a magnet, a hexagon as a disc of its area; None if it is not."""
+    """Return magnetic ballast in SI units as steel on top of a magnet, a hexagon as a disc of its area, or None."""
     if ballast is None or not ballast.is_magnetic:
         return None
     sizes = ballast.round_mm * MM, ballast.inner_diameter_mm * MM, ballast.height_mm * MM
@@ -123,7 +123,7 @@ def rest(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, stif
 
 
 def shared(coil: Coil, part: Magnet, place_m: np.ndarray) -> np.ndarray:
-    """Return the springs (n, n) in N/m between magnets at `place_m` (n, 2) over one core; 0 on the diagonal."""
+    """Return the stiffness (n, n) in N/m by which one core couples magnets at `place_m` (n, 2); 0 on the diagonal."""
     gap_m = np.full(len(place_m), coil.gap_mm * MM)
     stiffness = shared_core(coil_source(coil), magnet_of(part), gap_m, place_m, np.ones(len(place_m))).stiffness
     return np.diag(np.diag(stiffness)) - stiffness
@@ -153,12 +153,12 @@ def leakage(
 
 
 def remanent_currents(coil: Coil, part: Magnet, share: float, offset_m: np.ndarray) -> np.ndarray:
-    """Return zeros: the force on a magnet goes with the current as it is."""
+    """Return zeros (n,): the force on a magnet is linear in the current."""
     return np.zeros(len(offset_m))
 
 
 def assembly(part: Magnet) -> tuple[str, str, str]:
-    """Return what is to be heeded where magnets are put in (`movers.Assembly`)."""
+    """Return the assembly instructions for magnets, as the fields of `movers.Assembly`."""
     mark = (
         " First mark a pole: stack the magnets and put a dot on the upper face of each as you take it off; all dots are"
         " of one pole."
@@ -181,5 +181,5 @@ def assembly(part: Magnet) -> tuple[str, str, str]:
 
 
 def coupling(part: Magnet, apart_m: np.ndarray, ballast: Ballast | None = None) -> np.ndarray:
-    """Return the second derivatives in N/m of the energy of two magnets over height, at distances in m."""
+    """Return the vertical stiffness in N/m (second derivative of energy) between two magnets at distances in m."""
     return neighbour_stiffness(magnet_of(part), apart_m, steel_on(ballast))

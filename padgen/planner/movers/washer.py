@@ -82,7 +82,7 @@ def pulls(coil: Coil, part: Washer, gap_m: np.ndarray, offset_m: np.ndarray, bal
 
 @lru_cache(maxsize=1024)
 def _table_beside(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
-    """Return the pulls of a coil of one turn at one offset over one range of gaps, from a brought table or solved."""
+    """Return the pull table of a one-turn coil at one offset for one range of gaps, from padgen's files or solved."""
     brought = brought_table(coil, washer, part)
     if brought is None or offset_m > brought.reach:
         return _own(coil, washer, part, round(offset_m, ALIKE_DIGITS))
@@ -122,7 +122,7 @@ def leakage(
 
 
 def remanent_currents(coil: Coil, part: Washer, share: float, offset_m: np.ndarray) -> np.ndarray:
-    """Return the currents ρ (n,) in A of pulls as i² + ρ i, for washers at offsets (n,) in m from the coil's axis."""
+    """Return ρ (n,) in A of pulls in proportion to i² + ρ i, for washers at offsets (n,) in m from the axis."""
     return _remanent_currents(coil, part, share, tuple(offset_m.tolist()))
 
 
@@ -133,7 +133,7 @@ def _remanent_currents(coil: Coil, part: Washer, share: float, offset_m: tuple[f
 
 
 def assembly(part: Washer) -> tuple[str, str, str]:
-    """Return what is to be heeded where washers are put in (`movers.Assembly`)."""
+    """Return the assembly instructions for washers, as the fields of `movers.Assembly`."""
     return "", "Connect all coils alike: their fields add before they are squared.", ""
 
 

@@ -188,7 +188,7 @@ class Arrangement(NamedTuple):
 
 
 class Suspension(Protocol):
-    """A kind of suspension: a module, or any object, with these names.
+    """A kind of suspension: a module, or any object, with the members below.
 
     It may have an `ORDER`: the planner tries the lowest first, suspensions without it last, and those with None only
     where a spec names them.

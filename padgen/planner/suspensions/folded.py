@@ -40,7 +40,7 @@ def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Return the largest width of a beam in mm: half of the room's width beside the plate and four gaps."""
+    """Return the largest width of a beam in mm: half of what plate and four gaps leave of the room's width."""
     return (room.width_mm - plate.width_mm - 4 * gap_mm) / 2
 
 

@@ -32,7 +32,7 @@ WIDEST_SHARE = 0.2
 
 @dataclass(frozen=True)
 class Serpentine:
-    """A beam with an odd number of `legs` across the window; the first and last reach from its middle to one side.
+    """A beam folded into an odd number of `legs` across the window; the first and last span only half of it.
 
     All bends have the radius that leaves the smallest gap between legs, so that each leg takes up the beam's width and
     one gap along the window.
@@ -45,13 +45,16 @@ class Serpentine:
     BEAMS: ClassVar[int] = 1
 
     def longest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
-        """Return the length in mm of the longest beam of the largest width, which holds for all narrower beams."""
+        """Return the length in mm of the longest beam at the largest width; narrower beams may be as long, too."""
         widest = self.widest(room, plate, gap_mm)
         out = room.width_mm / 2 - gap_mm - widest / 2 - (widest + gap_mm) / 2
         return self._length_mm(out, widest, gap_mm) if widest >= 0 else -1.0
 
     def widest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
-        """Return the largest width in mm: the length of the room beside the plate, shared by the legs."""
+        """Return the largest width in mm with which all legs fit between root and plate; negative where none does.
+
+        It is at most `WIDEST_SHARE` of the plate's width.
+        """
         if plate.width_mm + 2 * gap_mm > room.width_mm + 1e-9 or plate.length_mm / 2 + gap_mm > room.behind_washer_mm:
             return -1.0
         along = min(room.length_mm - plate.length_mm - gap_mm, room.before_washer_mm - plate.length_mm / 2)

@@ -73,7 +73,7 @@ MEDIA = ("draw", "page", "sheet", "move", "notebook")
 
 @dataclass(frozen=True)
 class Scale:
-    """An axis: its label, its unit (empty where it counts), its range, and whether it is logarithmic.
+    """An axis: its label, its unit (empty for a count), its range, and whether it is logarithmic.
 
     `short` stands before a name on the axis where there is little room, and `near` is the part that the page shows.
     """
@@ -92,7 +92,7 @@ class Scale:
         return f"{self.label}, {self.unit}" if self.unit else self.label
 
     def share(self, value: float) -> float:
-        """Return the place of a value between the ends of the axis, from 0 to 1; what lies outside is put on an end."""
+        """Return a value's relative position on the axis, from 0 to 1; a value outside is clipped to an end."""
         inside = min(max(value, self.low), self.high)
         if self.is_log:
             return log(inside / self.low) / log(self.high / self.low)
@@ -151,7 +151,7 @@ class Bars:
 
 @dataclass(frozen=True)
 class Matrix:
-    """A square table of values, coloured by the scale `z`; the diagonal is each row's own. Less than `asked` is bad."""
+    """A square table of values, coloured by the scale `z`; off the diagonal, values below `asked` are framed."""
 
     label: str
     names: tuple[str, ...]
@@ -162,7 +162,7 @@ class Matrix:
 
 @dataclass(frozen=True)
 class Discs:
-    """Circles of one diameter, to scale: in each its number and, where there is room, a name, of which a note tells.
+    """Circles of one diameter, to scale, each with a number and, where there is room, a name (see `names_note`).
 
     All that is to scale has axes of one unit, which are not drawn.
     """
@@ -180,7 +180,7 @@ class Discs:
 
 @dataclass(frozen=True)
 class Shape:
-    """A closed outline behind the marks of a panel: its corners in the units of the axes, and what is said of it."""
+    """A closed outline behind a panel's marks: its corners in the units of the axes, a label and a note."""
 
     role: str
     label: str
@@ -225,7 +225,7 @@ class Line:
 
 @dataclass(frozen=True)
 class RowLabel:
-    """The name of a row, and what is said of it, by its place."""
+    """The label of the row at `at`: its name, and its value as text."""
 
     at: float
     name: str
@@ -274,7 +274,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture as data: its title, panels (tables beside each other, others below each other), and words to it.
+    """A picture as data: its title, description, panels (tables side by side, others stacked), and notes.
 
     `description` is read to those who do not see it. Where a reader chooses between several, `label` names this one and
     `choice` what is chosen. `notes` stand under it on the page, and `instead` in the place of its panels there.
@@ -321,7 +321,7 @@ def figure_names(medium: str) -> tuple[str, ...]:
 
 
 def figures_of(plan: "Plan", name: str, medium: str, quick: bool = False) -> tuple[Figure, ...]:
-    """Return the figures of a name with what a medium shows of them.
+    """Return the figures of the kind named `name`, with only the parts that `medium` shows.
 
     Raises
     ------
@@ -342,24 +342,24 @@ def kept_in(figure: Figure, medium: str) -> Figure:
 
 
 def colour_of(role: str, channels: int) -> str:
-    """Return the colour ``#rrggbb`` of a role in a figure of so many channels."""
+    """Return the colour ``#rrggbb`` of a role in a figure of `channels` channels."""
     kind, _, index = role.partition("-")
     return channel_colours(channels)[int(index)] if kind == "channel" else ROLES[role]
 
 
 def page_figures(plan: "Plan", names: tuple[str, ...], quick: bool) -> dict[str, list[dict[str, Any]]]:
-    """Return figures as plain data for the page, by name: within the part that it shows, with curves packed."""
+    """Return the named figures as plain data for the page, cropped to the ranges that it shows, curves packed."""
     return {name: [plain_figure(figure) for figure in figures_of(plan, name, "page", quick)] for name in names}
 
 
 def plain_figure(figure: Figure) -> dict[str, Any]:
-    """Return a figure as plain data for the page, within the part that it shows."""
+    """Return a figure as plain data for the page, cropped to the ranges that the page shows."""
     plain: dict[str, Any] = _plain(_near(figure))
     return plain
 
 
 def _near(figure: Figure) -> Figure:
-    """Return a figure within the parts of its axes that the page shows; with words instead it has no panels."""
+    """Return a figure cropped to the `near` ranges of its axes; without panels where text stands in their place."""
     panels = []
     for panel in figure.panels if not figure.instead else ():
         x = _near_scale(panel.x)
@@ -380,7 +380,7 @@ def _near_scale(scale: Scale) -> Scale:
 
 
 def _between(curves: Curves, low: float, high: float) -> Curves:
-    """Return curves between two values of x, to a thousandth of the unit of y, which no screen shows."""
+    """Return curves cropped to `low` … `high` in x, with y rounded to a thousandth, which no screen shows."""
     inside = (curves.x >= low) & (curves.x <= high)
     return replace(curves, x=curves.x[inside], y=curves.y[:, inside].round(3))
 
@@ -398,5 +398,5 @@ def _plain(value: Any) -> Any:
 
 
 def packed(values: np.ndarray) -> dict[str, str]:
-    """Return numbers as base64 of 32-bit floats: seven digits in five letters, and quick to read."""
+    """Return numbers as base64 text of 32-bit floats, which is short and quick to read."""
     return {"float32": b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()}

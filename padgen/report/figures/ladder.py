@@ -20,7 +20,7 @@ ORDER = 3
 
 
 def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
-    """Return the ladder of all channels; those of each set have a role of their own."""
+    """Return the chart of all channels' resonances; each set of channels has a different colour role."""
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     several = len(plan.sets) > 1
     series = []

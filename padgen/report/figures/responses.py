@@ -37,7 +37,7 @@ HEARD = "{} of others, as the loudest OFF\ntaxel hears it: off its curve by how 
 
 
 def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
-    """Return the responses of a coil of each set of channels."""
+    """Return a figure for each set of channels: the responses of the taxels over one of its coils."""
     return tuple(_of_set(plan, which) for which in range(len(plan.sets)))
 
 
@@ -141,7 +141,7 @@ def _of_set(plan: "Plan", which: int) -> Figure:
 
 
 def _spurs(lines: CoilLines) -> list[int]:
-    """Return the first spurs, by their places among the lines: harmonics, then each pair's sum and difference."""
+    """Return the indices of the first `MOST_LISTED` spurs among the lines: harmonics, then sums and differences."""
     spurs = [line for line, kind in enumerate(lines.kinds) if kind != "tone"]
     return sorted(spurs, key=lambda line: (lines.kinds[line] != "harmonic", lines.makers[line]))[:MOST_LISTED]
 

@@ -25,7 +25,7 @@ LONGEST_STATE = 24
 
 
 def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
-    """Return the table of each set of channels."""
+    """Return the figure with a selectivity table for each set of channels."""
     selectivity = plan.selectivity
     asked_db = selectivity.asked_db
     # Of many channels the plan has no table.

@@ -84,7 +84,7 @@ THUMBNAIL_PX = (256, 256)
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the part's mesh and read it back: compared row by row, or by volume where it is stored in instances."""
+    """Add the part as a 3MF file and compare it, read back, with the mesh: row by row, or by volume for instances."""
     name = f"{job.part.name}.3mf"
     path = out.write_by(name, partial(pack_3mf, job))
     if job.instances and job.pad is not None:
@@ -94,7 +94,7 @@ def write(out: OutputFolder, job: ExportJob) -> None:
 
 
 def verified_rows(name: str, mesh: Mesh, path: Path) -> None:
-    """Compare a file that this module wrote as one object with its mesh, some rows at a time; raises as `verified`."""
+    """Raise GeometryError if a one-object 3MF file that this module wrote differs from its mesh."""
     rows = 0
     corners = 0
     for is_vertices, numbers in plain_rows(path):
@@ -112,7 +112,7 @@ def verified_rows(name: str, mesh: Mesh, path: Path) -> None:
 
 
 def plain_rows(path: Path) -> Iterator[tuple[bool, np.ndarray]]:
-    """Yield the rows of a file that this module wrote as one object, in a fifth of the time of `read_3mf`.
+    """Yield vertices and triangles of a one-object 3MF file of this module, five times as fast as `read_3mf`.
 
     Each yield has some rows in their order, and whether they are vertices (n, 3) in mm or else triangles (n, 3).
     """
@@ -224,7 +224,7 @@ def _object(number: int, name: str, mesh: Mesh) -> Iterator[bytes]:
 
 
 def _rows(numbers: np.ndarray, row: str) -> Iterator[bytes]:
-    """Yield the numbers (n, 3) as text, each three in a `row`; some rows at a time."""
+    """Yield numbers (n, 3) as XML text, each three formatted by the template `row`, in blocks of rows."""
     for some in np.array_split(numbers, len(numbers) // ROWS + 1):
         # To the millionth, without negative noughts.
         rounded = np.round(some, 6) + 0
@@ -232,7 +232,7 @@ def _rows(numbers: np.ndarray, row: str) -> Iterator[bytes]:
 
 
 class _Object(NamedTuple):
-    """An object of a package: coordinates, corners of its triangles, and its components with their places."""
+    """An object of a 3MF file: vertex coordinates, triangles' vertex indices, and components with transforms."""
 
     coordinates: array
     corners: array
@@ -240,7 +240,7 @@ class _Object(NamedTuple):
 
 
 def read_3mf(path: Path, weld: bool = True) -> Mesh:
-    """Read all triangles of the build items of a 3MF in mm, with instances placed, and weld them unless told not to.
+    """Read all triangles of the build items of a 3MF in mm, instances placed; with `weld`, join their corners.
 
     Where there is only one item, its place on the bed is ignored.
 
@@ -273,7 +273,7 @@ def read_3mf(path: Path, weld: bool = True) -> Mesh:
 
 
 def _unpacked(path: Path) -> Iterator[tuple[str, bytes]]:
-    """Yield name and content of each part of a package, within bounds."""
+    """Yield the path and content of each file in a 3MF package; raise MeshFileError beyond the size limits."""
     left = LARGEST_UNPACKED
     with zipfile.ZipFile(io.BytesIO(read_bounded(path, LARGEST_FILE, "a 3MF"))) as package:
         for entry in package.infolist():
@@ -287,12 +287,12 @@ def _unpacked(path: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def _read_part(name: str, part: bytes, objects: dict[Key, _Object], items: list[tuple[Key, np.ndarray]]) -> None:
-    """Add the objects and build items of the XML in a part of the package; `name` is its path."""
+    """Parse the XML `part` at path `name` of a 3MF package, and add to `objects` and `items` what it defines."""
     current = _Object(array("d"), array("q"), [])
     scale = 1.0
 
     def named(attributes: dict[str, str]) -> tuple[Key, np.ndarray]:
-        """Return the object, which may be in another part, that a component or item places, and where."""
+        """Return the key of the object that a component or item places, and its transform (4, 4)."""
         path = next((value for key, value in attributes.items() if key.rpartition(" ")[2] == "path"), name)
         place = np.eye(4)
         if "transform" in attributes:
@@ -409,7 +409,7 @@ def picture_png(mesh: Mesh, size_px: tuple[int, int]) -> bytes:
 
 
 def _png(pixels: np.ndarray) -> bytes:
-    """Return a picture (height, width, 3) of bytes as PNG, which Pillow takes a tenth of a build to load for."""
+    """Return an image (height, width, 3) of bytes as PNG, without Pillow, which takes long to load."""
     height, width, _ = pixels.shape
     # Each line is the difference from the one above, whose filter is number 2.
     lines = np.insert(np.diff(pixels, axis=0, prepend=np.zeros_like(pixels[:1])).reshape(height, -1), 0, 2, axis=1)
@@ -425,7 +425,7 @@ def _png(pixels: np.ndarray) -> bytes:
 
 
 def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pixels whose centres triangles (n, 3, 3) cover, each one's triangle, and its depth there."""
+    """Return the pixels with their centres in triangles (n, 3, 3), and the triangle and its depth at each."""
     low = corners[..., 1].min(1)
     high = corners[..., 1].max(1)
     owner, row = _runs(np.maximum(np.ceil(low - 0.5), 0), np.minimum(np.floor(high - 0.5), height - 1))
@@ -444,6 +444,6 @@ def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, 
 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Expand runs ``first … last`` into single steps: the index of each step's run, and its place."""
+    """Return, for each integer of the runs ``first … last``, the index of its run and the integer itself."""
     run, step = expanded(np.maximum(last - first + 1, 0).astype(np.int64))
     return run, first[run].astype(np.int64) + step

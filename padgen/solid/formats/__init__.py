@@ -69,7 +69,7 @@ class ExportJob:
 
 
 class PadFormat(Protocol):
-    """A pad format: a module, or any object, with this function."""
+    """Protocol of a pad format: a module, or any object, with a function `write`."""
 
     def write(self, out: "OutputFolder", job: ExportJob) -> None:
         """Add the files of the job's part to `out`, none where the format cannot hold the part.
@@ -84,7 +84,7 @@ unregister = PAD_FORMATS.unregister
 
 
 def verified(name: str, mesh: Mesh, written: Mesh) -> None:
-    """Compare the mesh `written` in file `name` with `mesh`, corner by corner, allowing for single precision.
+    """Raise GeometryError if the mesh `written` in file `name` differs from `mesh` beyond single precision.
 
     Raises
     ------
@@ -104,7 +104,7 @@ def verified(name: str, mesh: Mesh, written: Mesh) -> None:
 
 
 def verified_volume(name: str, mesh: Mesh, written: Mesh) -> None:
-    """Compare the volumes only, for files that hold the mesh in parts.
+    """Raise GeometryError if the mesh `written` in parts to file `name` has another volume than `mesh`.
 
     Raises
     ------

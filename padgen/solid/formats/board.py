@@ -22,7 +22,7 @@ COLOURS = ("#c83737", "#c8ab37", "#37a0c8", "#5fd38d", "#8d5fd3", "#d35fbc", "#a
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the board's files, for the pad itself.
+    """Add the files of the printed circuit board of coils; do nothing for parts beside the pad.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def write(out: OutputFolder, job: ExportJob) -> None:
 
 
 def order_text(plan: Plan, board: Board) -> str:
-    """Return what to tell the board house."""
+    """Return the board's specification as text, for the order at a board house."""
     coil = plan.spec.coil
     x0, y0, x1, y1 = board.outline_mm
     return f"""Board of {board.name}, by the rules of {coil.house!r}
