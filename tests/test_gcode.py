@@ -46,6 +46,21 @@ suspension = { topology = "cantilever", thickness_mm = 0.3 }
 NARROW = FOUR.replace("depth_mm = 25", "depth_mm = 12.5")
 ONE_COIL = FOUR.replace("[1, 2]", "[1, 1]").replace("resolution = 4", "resolution = 2")
 FILAMENT_MM2 = math.pi / 4 * 1.75**2
+HEAVY = """
+name = "heavy"
+resolution = 4
+band_hz = [100, 200]
+q_min = 15
+resonances_hz = [120, 170]
+magnet = "disc-4x2"
+ballast = "steel-rod-4x2"
+pad = { width_mm = 25, depth_mm = 16, frame_thickness_mm = 4.5 }
+coil = { name = "air-10", grid = [1, 2] }
+taxel = { plate_thickness_mm = 4.5, fillet_mm = 0 }
+contactor = { diameter_mm = 0.9, place = 0.5, protrusion_mm = 0.4 }
+suspension = { topology = "cantilever", thickness_mm = 0.6 }
+"""
+"""Magnets under rods pressed into plates, and pins on the beams."""
 LINE_MM = 0.45
 THIN_MM = 0.15
 
@@ -70,7 +85,8 @@ class Hand:
 
     Faults that it can make: wrong `steps_mm` (first layer, other layers), a raft of `raft_mm`; for a taxel and a layer
     another `width` of the beam, or a `piece` missing between two shares of its length; recesses of other depth or
-    smaller radius, roofs with strands of `strand_mm`; another `flow` in the plates; a bead in one `gap`.
+    smaller radius, roofs with strands of `strand_mm`; pockets of ballast `shallower_mm` by so much; another `flow` in
+    the plates, of beads `thin_mm` wide; a bead in one `gap`.
     """
 
     plan: pg.Plan
@@ -84,13 +100,15 @@ class Hand:
     recess_mm: float = 0.4
     strand_mm: float | None = None
     tighter_mm: float = 0.0
+    shallower_mm: float = 0.0
     flow: float = 1.0
     gap: str = ""
+    thin_mm: float = THIN_MM
     beads: list = field(default_factory=list)
 
     def layers(self):
         top = 0.0
-        while top < self.plan.plate.boss_top_mm - 1e-6:
+        while top < self.plan.spec.contact_top_mm - 1e-6:
             step = self.steps_mm[bool(top)]
             top = round(top + step, 6)
             yield top, step
@@ -123,10 +141,13 @@ class Hand:
         long, wide = (float(v) for v in arrangement.window_mm)
         washer = float(arrangement.washer_x_mm), 0.0
         if z <= plan.plate.thickness_mm + 1e-6:
-            hole = (
-                (*washer, plan.plate.recess_diameter_mm / 2 - self.tighter_mm) if z <= self.recess_mm + 1e-6 else None
-            )
-            self.fill(x0, x1, -y1, y1, z, h, hole, self.flow, THIN_MM)
+            hole = None
+            ballast = plan.spec.ballast
+            if ballast and z <= plan.spec.pocket_top_mm - self.shallower_mm + 1e-6:
+                hole = (*washer, ballast.width_mm / 2)
+            if z <= self.recess_mm + 1e-6:
+                hole = (*washer, plan.plate.recess_diameter_mm / 2 - self.tighter_mm)
+            self.fill(x0, x1, -y1, y1, z, h, hole, self.flow, self.thin_mm)
             if self.strand_mm and not hole and z - h <= self.recess_mm + 1e-6:
                 self.beads[first:] = [(*bead[:5], self.strand_mm, z) for bead in self.beads[first:]]
             cx, cy = self.own(channel, *channel.site.centre_mm)
@@ -141,8 +162,11 @@ class Hand:
             self.fill(0, long, wide / 2, north, z, h)
             if taxel.id == self.gap:
                 self.fill(x0, x1, y1, wide / 2, z, h)
-        else:
-            half = math.sqrt(math.pi) / 4 * plan.plate.boss_diameter_mm  # of a square of the boss's area
+        half = math.sqrt(math.pi) / 4 * plan.plate.boss_diameter_mm  # of a square of the boss's area
+        if channel.pin.on_beam:
+            if z > channel.beam.thickness_mm + 1e-6:
+                self.fill(channel.pin.x_mm - half, channel.pin.x_mm + half, -half, half, z, h)
+        elif z > plan.plate.thickness_mm + 1e-6:
             self.fill(washer[0] - half, washer[0] + half, -half, half, z, h)
         width = self.width(taxel, layer)
         piece = self.piece(taxel, layer)
@@ -254,6 +278,27 @@ def test_what_is_laid_as_planned_holds(plan, usual):
         assert taxel["gap_mm"] == pytest.approx(0.3 - 0.043, abs=0.03)
         assert taxel["planned_plate_mg"] == pytest.approx(1.24 * (blocks + boss), rel=1e-4)
         assert taxel["resonance_hz"] == pytest.approx(channel.resonance_hz, rel=0.01)
+
+
+def test_ballast_and_pins_on_beams_are_laid_as_planned(tmp_path):
+    """The pocket above the recess belongs to the plan; a pin's plastic makes no layer of the beam that it stands on."""
+    plan = make_plan(parse_spec(HEAVY))
+    hand = Hand(plan, recess_mm=2.1, thin_mm=0.05)
+    report = check_gcode(plan, hand.file(tmp_path))
+    assert not report.findings
+    blocks = 5.15**2 * 4.5 - math.pi / 4 * (4.25**2 * 2.1 + 4.0**2 * 2.0)
+    for taxel in report.figures["taxels"]:
+        channel = plan.channels[taxel["channel"]]
+        (beam,) = taxel["beams"]
+        assert (beam["layers"], beam["thickness_mm"]) == (5, pytest.approx(0.6))
+        assert taxel["planned_plate_mg"] == pytest.approx(1.24 * blocks, rel=1e-4)
+        assert taxel["recess_depth_mm"] == pytest.approx(4.1, abs=1e-6)
+        # The magnet's recess, not the narrower pocket of the rod above it.
+        assert taxel["recess_room_mm"] == pytest.approx(4.25 - 0.043, abs=0.04)
+        assert taxel["resonance_hz"] == pytest.approx(channel.resonance_hz, rel=0.01)
+    shallow = check_gcode(plan, replace(hand, shallower_mm=0.3).file(tmp_path))
+    assert "roof over the ballast's pocket" in one(shallow, "laid.recess").message
+    assert told(shallow, "error") == {"laid.recess"}
 
 
 @pytest.mark.parametrize("quarters", [2, 3])

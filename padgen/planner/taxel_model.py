@@ -58,6 +58,7 @@ __all__ = [
     "fillet_mm",
     "foot_fillet_mm",
     "hollow_mm",
+    "hollows_mm",
     "narrowest_mm",
     "pin_place_mm",
     "plate_shape",
@@ -141,6 +142,21 @@ def hollow_mm(spec: Spec) -> tuple[float, float]:
     if ballast is None or ballast.round_mm <= diameter:
         return diameter, depth
     return ballast.round_mm, spec.pocket_top_mm - ballast.height_mm
+
+
+def hollows_mm(spec: Spec) -> list[tuple[float, float, float, float]]:
+    """Return what is cut out of the plate as rings in mm: heights from and to, outer and inner diameter.
+
+    They are the recess and, above it, the pocket of the ballast, which takes the recess in where it is wider.
+    """
+    diameter, depth = recess_mm(spec)
+    recess = (0.0, depth, diameter, post_diameter_mm(spec))
+    ballast = spec.ballast
+    if ballast is None:
+        return [recess]
+    if ballast.round_mm > diameter:
+        return [(0.0, spec.pocket_top_mm, ballast.round_mm, 0.0)]
+    return [recess, (depth, spec.pocket_top_mm, ballast.round_mm, 0.0)]
 
 
 def post_diameter_mm(spec: Spec) -> float:
@@ -293,7 +309,7 @@ class TaxelModel:
                 for x0, x1, y0, y1, height in blocks
             ),
             ring(washer_at, top, boss_top, spec.contact_diameter_mm * MM, 0, density),
-            *(ring(washer_at, *sizes, -density) for sizes in self._hollows()),
+            *(ring(washer_at, *(mm * MM for mm in sizes), -density) for sizes in hollows_mm(spec)),
             ring(washer_at, low, high, outer, bore, spec.moved.density_g_per_cm3 * G_PER_CM3),
         ]
         if ballast := spec.ballast:
@@ -304,19 +320,6 @@ class TaxelModel:
             glue_density = taxel.glue_mg * 1e-6 / (np.pi / 4 * (outer**2 - bore**2) * (high - low))
             parts.append(ring(washer_at, low, high, outer, bore, glue_density))
         return combine(*parts)
-
-    def _hollows(self) -> list[tuple[float, float, float, float]]:
-        """Return what is cut out of the plate as rings: heights from and to, outer and inner diameter, in m."""
-        spec = self.spec
-        diameter, depth = recess_mm(spec)
-        recess = (0.0, depth * MM, diameter * MM, post_diameter_mm(spec) * MM)
-        ballast = spec.ballast
-        if ballast is None:
-            return [recess]
-        top = spec.pocket_top_mm * MM
-        if ballast.round_mm > diameter:
-            return [(0.0, top, ballast.round_mm * MM, 0.0)]
-        return [recess, (depth * MM, top, ballast.round_mm * MM, 0.0)]
 
     @cached_property
     def placements(self) -> list[BeamPlacement]:

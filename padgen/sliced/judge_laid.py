@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core.errors import Finding, number, plural
-from padgen.core.units import G_PER_CM3, MG, MM
+from padgen.core.units import G_PER_CM3, GRAM, MG, MM
 from padgen.physics.ladder import slot_half_width
 from padgen.planner.plan import Channel, Plan
 from padgen.planner.printed_pads import known_print_db
 from padgen.planner.printing import IN_ORCA, shaping_profile
 from padgen.planner.suspensions import Arrangement, BeamShape
-from padgen.planner.taxel_model import TaxelModel, plate_shape
+from padgen.planner.taxel_model import TaxelModel, hollows_mm, plate_shape
 from padgen.sliced.laid_pad import LaidPad, laid_pads, read_settings
 
 __all__ = ["LaidReport", "check_gcode"]
@@ -57,7 +57,7 @@ SPOIL_ALL = ("extrusion_multiplier", "ironing", "spiral_vase", "fuzzy_skin", "re
 SCALE_SHARE = 0.004
 """Difference of the pad's size from the plan's that is reported: it is measured to 0.003."""
 SURELY_OTHER_MASS = 0.05
-"""Difference of a plate's plastic above which the pad is another one: f moves by half of it."""
+"""Share of a taxel's moving mass by which its plate's plastic may differ: f moves by half of it, as for another pad."""
 LOST_DB = 1.0
 """Loss of selectivity, with the planned tones, that is reported."""
 NAMED = 3
@@ -237,7 +237,8 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
     broken = area.sum(0) < LAID_SHARE * beam.width_mm * steps[0]
     thin = (widths < LAID_SHARE * beam.width_mm) & is_laid[:, :, None]
     middle = (np.cumsum(steps) - steps / 2)[:, None, None]
-    area = area[:, :, between] + 1e-12
+    # A pin that stands on the beam lays plastic over it, in layers of its own.
+    area = area[:, :, between] * is_laid[:, :, None] + 1e-12
     mean = (area * middle).sum(0) / area.sum(0)
     inertia = (area * (steps[:, None, None] ** 2 / 12 + (middle - mean) ** 2)).sum(0)
     stack = area.sum(0).mean(1)
@@ -248,7 +249,7 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
 
 
 def _plate_mm3(plan: Plan, channel: Channel) -> float:
-    """Return the planned volume of plate and boss, less the recess, in mm³."""
+    """Return the planned volume of plate and boss, less recess and ballast pocket, in mm³."""
     plate = plan.plate
     volume = sum(
         float((b.high_x_mm - b.low_x_mm) * (b.high_y_mm - b.low_y_mm) * b.height_mm)
@@ -257,9 +258,8 @@ def _plate_mm3(plan: Plan, channel: Channel) -> float:
     wide = plate.boss_diameter_mm
     edge = plate.boss_edge_mm
     boss = wide**2 * (plate.boss_top_mm - plate.thickness_mm) - edge**2 * (2 * wide - 4 * edge / 3)
-    return volume + pi / 4 * (
-        max(boss, 0.0) - (plate.recess_diameter_mm**2 - plate.post_diameter_mm**2) * plate.recess_depth_mm
-    )
+    hollow = sum((outer**2 - inner**2) * (high - low) for low, high, outer, inner in hollows_mm(plan.spec))
+    return volume + pi / 4 * (max(boss, 0.0) - hollow)
 
 
 def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> np.ndarray:
@@ -380,7 +380,14 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     washer = plan.spec.moved
     plate = plan.plate
     of = f"{len(ids)} taxels"
-    depth = plan.plate.recess_depth_mm
+    depth = hollows_mm(plan.spec)[-1][1]
+    hollow = "recess"
+    parts = f"the {plan.spec.mover.kind} has"
+    parts_mm = washer.thickness_mm
+    if ballast := plan.spec.ballast:
+        hollow = "ballast's pocket"
+        parts = f"{plan.spec.mover.kind} and ballast have"
+        parts_mm = parts_mm + ballast.height_mm
     closed = laid.gap_mm < CLOSED_MM
     narrow = ~closed & (laid.gap_mm < NARROW_SHARE * plate.gap_mm)
     beside = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
@@ -393,14 +400,13 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     hangs = laid.recess_mm < depth - DEPTH_MM
     deep = laid.recess_mm > depth + DEPTH_MM
     sentence = (
-        f"the recess's roof, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
-        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, the {plan.spec.mover.kind} has"
-        f" {number(washer.thickness_mm)} mm"
+        f"the roof over the {hollow}, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
+        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, {parts} {number(parts_mm)} mm"
     )
-    level = "warning" if laid.recess_mm.min() >= washer.thickness_mm - 1e-6 else "error"
+    level = "warning" if laid.recess_mm.min() >= parts_mm - 1e-6 else "error"
     roof = "thick_bridges", "layer_height", "first_layer_height"
     yield from _told(level, "laid.recess", ids[hangs], of, sentence, wrong, *roof)
-    sentence = f"the recess is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
+    sentence = f"the {hollow} is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
     yield from _told("warning", "laid.recess", ids[deep], of, sentence, wrong, *roof)
     tight = laid.room_mm < washer.outer_diameter_mm
     sentence = (
@@ -414,7 +420,9 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
         f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
     )
     fills = "infill", "infill_overlap", "fill_pattern", "perimeters", "thick_bridges", "xy_size_compensation"
-    level = "error" if np.abs(plastic - 1).max() > SURELY_OTHER_MASS else "warning"
+    gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / GRAM
+    of_moving = np.array([_plate_mm3(plan, c) * gram / c.effective_mass_g for c in plan.channels])[_channels(plan)]
+    level = "error" if (np.abs(plastic - 1) * of_moving).max() > SURELY_OTHER_MASS else "warning"
     yield from _told(level, "laid.mass", ids[off], of, sentence, wrong, *fills)
     # A raft's own layers are supports, too.
     supported = ids[laid.is_supported & (laid.bottom_mm <= DEPTH_MM)]

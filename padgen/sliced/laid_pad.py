@@ -28,6 +28,7 @@ from padgen.core.files import reason
 from padgen.planner.layout import outline, taxel_places
 from padgen.planner.plan import TURNS, Channel, Plan
 from padgen.planner.suspensions import BeamPath
+from padgen.planner.taxel_model import hollows_mm
 
 __all__ = ["PLATE", "LaidPad", "Layer", "PadMaps", "Placing", "TaxelMap", "laid_pads", "read_layers", "read_settings"]
 
@@ -504,6 +505,8 @@ MOST_PIECES = 1_000_000
 """Most pieces that are looked up at a time."""
 WITHIN_RECESS_MM = 0.35
 """Distance inwards from a recess's side from which plastic counts as its roof, not as a bead of the side."""
+SAME_HEIGHT_MM = 0.02
+"""Difference below which a layer begins at a planned height."""
 STRAND = 2.0
 """Multiple of the layer's median width above which an extrusion is taken as a free round strand of a bridge."""
 SHIFTS_MM = 0.06 * np.stack(np.meshgrid(np.arange(-1, 2), np.arange(-1, 2)), -1).reshape(-1, 2)
@@ -561,7 +564,7 @@ class LaidPad:
     `areas_mm2` (layers, taxels, nodes) is the cross-section of plastic at nodes along the beams, in layers up to a
     little above the beams; `steps_mm` (layers,) are these layers' thicknesses. `beams` has for each channel and beam
     the slice of its nodes, evenly spaced from root to tip. `plate_mm3` is the plastic of plate and boss. `recess_mm` is
-    the depth below the lowest strands of the recess's roof, `strand_mm` the height of these strands, `room_mm` the
+    the depth below the lowest strands of the roof over mover and ballast, `strand_mm` these strands' height, `room_mm` the
     diameter of the largest circle near the recess's middle that holds no plastic. `gap_mm` is the narrowest gap around
     plate and beams. `is_supported` (taxels,) tells where supports stand in a taxel's cell. `all_steps_mm` are the
     thicknesses of all layers. `scale` is the pad's size in the plane over the planned one (nan where it has another
@@ -663,6 +666,8 @@ def _of_layers(
     first = (roof > 0).argmax(0)
     strand = np.divide(strands[first, taxels], roof[first, taxels], out=np.full(len(taxels), np.nan), where=has_roof)
     below = np.arange(len(steps))[:, None] < np.where(has_roof, first, len(steps))
+    # Ballast above the mover is pressed into a pocket that may be narrower.
+    below &= ((tops - steps) < plan.spec.mover_top_mm - SAME_HEIGHT_MM)[:, None]
     return LaidPad(
         placing,
         scale,
@@ -889,8 +894,10 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
     sides = np.full(count * stations * 2, np.inf)
     plate, roof, strands = np.zeros((3, count))
     room = np.full((len(SHIFTS_MM), count), np.inf)
-    is_fine = below_mm < max(_beams_top_mm(plan), plan.plate.recess_depth_mm + 0.3)
-    radius = plan.plate.recess_diameter_mm / 2
+    is_fine = below_mm < max(_beams_top_mm(plan), hollows_mm(plan.spec)[-1][1] + 0.3)
+    radius = roof_radius = plan.plate.recess_diameter_mm / 2
+    if ballast := plan.spec.ballast:
+        roof_radius = min(radius, ballast.width_mm / 2)
     post = plan.plate.post_diameter_mm / 2
     for volume, width, height, taxel, along, pixel in _pieces(
         maps, placing, layer, step_mm, FINE_MM if is_fine else COARSE_MM
@@ -911,7 +918,7 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
         volume, width, height, taxel, along = (part[near] for part in (volume, width, height, taxel, along))
         away = np.hypot(*along.T)
         beside = away > post + WITHIN_RECESS_MM if post else np.ones(len(away), bool)
-        above = beside & (away < radius - WITHIN_RECESS_MM)
+        above = beside & (away < roof_radius - WITHIN_RECESS_MM)
         roof += np.bincount(taxel[above], volume[above], count)
         strands += np.bincount(taxel[above], (volume * height)[above], count)
         for k, shift in enumerate(SHIFTS_MM):
