@@ -7,10 +7,12 @@
 | taxels with a pin: lever, resonance, stiffness at the pin | elements of the STEP (docs/measure_pins.py) | stated |
 """
 
+import math
 import sys
 import tempfile
 import tomllib
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -24,6 +26,10 @@ from padgen.measured.fits import TaxelFit
 from padgen.measured.touched_skin import finger_toml, fit_finger
 from padgen.physics.beams import BeamSection, PinFoot, on_pin, pushed_stress, tip_stiffness
 from padgen.physics.modes import to_tip
+from padgen.planner import guard as guard_module
+from padgen.planner.guard import plan_guard
+from padgen.planner.layout import Outline
+from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.solid.checks import check_against, check_pad
@@ -246,6 +252,25 @@ def test_guards_and_pins_that_do_not_do_are_told(fields, code):
     finding = next(f for f in told.findings if f.code == code)
     for cure in finding.cures:
         assert code not in {f.code for f in pg.plan(ONE_COIL, **fields | cure).findings}
+
+
+def test_the_pocket_that_is_stressed_most_is_judged(plan, monkeypatch):
+    """By Roark's coefficients a pocket of 4 x 8 mm bends less than one of 5 x 5 mm, and is stressed 1.7 times as much.
+
+    The thickness is one at which the square pocket bears the push and the long one does not.
+    """
+    poisson = plan.spec.material.poisson_ratio
+    about_mpa = 2 * 3 * 10 / (2 * math.pi)  # at a thickness of 1 mm, with the notch of a hole
+    square, long = (about_mpa * ((1 + poisson) * math.log(4 / math.pi) + share) for share in (0.435, 0.958))
+    bound = 0.6 * STRENGTH_OVER_FATIGUE * plan.spec.material.fatigue_stress_mpa
+    thick = math.sqrt((square + long) / 2 / bound)
+    pockets = (Outline(0, 5, 0, 5), Outline(10, 14, 0, 8))
+    bent = replace(plan_guard(plan), thickness_mm=thick, pockets=pockets, clearance_mm=50.0)
+    monkeypatch.setattr(guard_module, "plan_guard", lambda plan: bent)
+    finding = next(f for f in guard_module.guard_findings(plan) if f.code == "guard.hand")
+    assert "8 x 4 mm" in finding.message
+    monkeypatch.setattr(guard_module, "plan_guard", lambda plan: replace(bent, pockets=pockets[:1]))
+    assert not any(f.code == "guard.hand" for f in guard_module.guard_findings(plan))
 
 
 def test_a_lean_pushed_pin_is_what_the_modes_say(plan):

@@ -223,9 +223,11 @@ def _pressed(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
     Strain, plates 1b): stress and deflection with the coefficients for its sides, and the notch of a hole.
     """
     spec = plan.spec
-    long_mm, short_mm, stress_mpa, sag_mm = worst_pressed(plan, guard)
     bound_mpa = STRENGTH_SHARE * STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa
     room_mm = guard.clearance_mm / 2
+    # A long narrow pocket may bend less than a square one and be stressed more.
+    pressed = pressed_pockets(plan, guard)
+    long_mm, short_mm, stress_mpa, sag_mm = max(pressed, key=lambda case: max(case[2] / bound_mpa, case[3] / room_mm))
     if stress_mpa > bound_mpa or sag_mm > room_mm:
         thicker = max((stress_mpa / bound_mpa) ** (1 / 2), (sag_mm / room_mm) ** (1 / 3))
         yield Finding(
@@ -245,17 +247,17 @@ SAG = (0.1267, 0.1478, 0.1621, 0.1715, 0.1770, 0.1805, 0.1851)
 """Roark's coefficients by the ratio of sides: of the stress in the middle, and of the deflection."""
 
 
-def worst_pressed(plan: Plan, guard: GuardPlate) -> tuple[float, float, float, float]:
-    """Return the sides in mm of the pocket that a push bends most, its stress in MPa and its deflection in mm."""
+def pressed_pockets(plan: Plan, guard: GuardPlate) -> list[tuple[float, float, float, float]]:
+    """Return for each size of pocket its sides in mm, and stress in MPa and deflection in mm by a finger's push."""
     material = plan.spec.material
-    worst = (0.0, 0.0, 0.0, 0.0)
-    for pocket in set(guard.pockets):
-        short, long = sorted((pocket.x1 - pocket.x0, pocket.y1 - pocket.y0))
+    sizes = {(pocket.x1 - pocket.x0, pocket.y1 - pocket.y0) for pocket in guard.pockets}
+    cases = []
+    for short, long in sorted({(min(sides), max(sides)) for sides in sizes}):
         ratio = long / short
         radius = min(FINGER_MM, short / 2)
         bent = (1 + material.poisson_ratio) * log(2 * short / (pi * radius)) + float(np.interp(ratio, SIDES, STRESS))
         stress = HOLE_NOTCH * 3 * HAND_N / (2 * pi * (guard.thickness_mm * MM) ** 2) * max(bent, 0.0)
         soft = float(np.interp(ratio, SIDES, SAG)) * HAND_N * (short * MM) ** 2
         sag = soft / (material.modulus_gpa * GPA * (guard.thickness_mm * MM) ** 3)
-        worst = max(worst, (long, short, stress / MPA, sag / MM), key=lambda case: case[3])
-    return worst
+        cases.append((long, short, stress / MPA, sag / MM))
+    return cases

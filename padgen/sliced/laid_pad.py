@@ -564,7 +564,7 @@ class LaidPad:
     `areas_mm2` (layers, taxels, nodes) is the cross-section of plastic at nodes along the beams, in layers up to a
     little above the beams; `steps_mm` (layers,) are these layers' thicknesses. `beams` has for each channel and beam
     the slice of its nodes, evenly spaced from root to tip. `plate_mm3` is the plastic of plate and boss. `recess_mm` is
-    the depth below the lowest strands of the roof over mover and ballast, `strand_mm` these strands' height, `room_mm` the
+    the depth below the lowest strands of the roof over mover and ballast, `strand_mm` their height, `room_mm` the
     diameter of the largest circle near the recess's middle that holds no plastic. `gap_mm` is the narrowest gap around
     plate and beams. `is_supported` (taxels,) tells where supports stand in a taxel's cell. `all_steps_mm` are the
     thicknesses of all layers. `scale` is the pad's size in the plane over the planned one (nan where it has another
