@@ -289,6 +289,11 @@ def test_a_pad_without_holes_has_a_tray_without(plan):
         (3.4, 4.0, 7.5, ("M3", 10, 2.5, 7.5, False)),
         # Too low for 4.5 mm of thread: through it, into a nut of 2.4 mm.
         (3.4, 4.0, 3.9, ("M3", 12, 3.4, 3.9, True)),
+        # The longest screw is too short for two diameters of thread, but not for a nut.
+        (13.0, 47.0, 10.0, ("M12", 70, 13.0, 10.0, True)),
+        # Of M8 and more none is long enough.
+        (13.0, 60.0, 30.0, ("M6", 70, 5.0, 11.0, False)),
+        (13.0, 80.0, 30.0, None),
         (1.6, 4.0, 12.9, None),
         (0.0, 4.0, 12.9, None),
     ],

@@ -157,21 +157,22 @@ def screw_for(hole_mm: float, clamped_mm: float, below_mm: float) -> Screw | Non
     """Return the largest screw for a hole of `hole_mm` in a plate of `clamped_mm` on a part `below_mm` high.
 
     It is driven into the part below or, where that part is too low, goes through it into a nut. None where no metric
-    screw passes the hole.
+    screw passes the hole, or none is long enough.
     """
-    passing = [size for size in SIZES if size[2] <= hole_mm + 1e-9]
-    if not passing:
-        return None
-    name, diameter, _, tapping, nut, head = passing[-1]
-    wanted = next(n for n in LENGTHS_MM if n >= clamped_mm + GOOD_TURNS * diameter - 1e-9)
-    least = clamped_mm + LEAST_TURNS * diameter - 1e-9
-    fitting = [n for n in LENGTHS_MM if least <= n <= wanted and n - clamped_mm <= below_mm]
-    if fitting:
-        depth = fitting[-1] - clamped_mm + TIP_MM
-        blind = depth + TIP_MM <= below_mm
-        return Screw(name, float(fitting[-1]), head, tapping, depth if blind else below_mm, False)
-    through = next(n for n in LENGTHS_MM if n >= clamped_mm + below_mm + nut - 1e-9)
-    return Screw(name, float(through), head, hole_mm, below_mm, True)
+    for name, diameter, clearance, tapping, nut, head in reversed(SIZES):
+        if clearance > hole_mm + 1e-9:
+            continue
+        least = clamped_mm + LEAST_TURNS * diameter - 1e-9
+        wanted = next((n for n in LENGTHS_MM if n >= clamped_mm + GOOD_TURNS * diameter - 1e-9), LENGTHS_MM[-1])
+        fitting = [n for n in LENGTHS_MM if least <= n <= wanted and n - clamped_mm <= below_mm]
+        if fitting:
+            depth = fitting[-1] - clamped_mm + TIP_MM
+            blind = depth + TIP_MM <= below_mm
+            return Screw(name, float(fitting[-1]), head, tapping, depth if blind else below_mm, False)
+        through = next((n for n in LENGTHS_MM if n >= clamped_mm + below_mm + nut - 1e-9), None)
+        if through is not None:
+            return Screw(name, float(through), head, hole_mm, below_mm, True)
+    return None
 
 
 FLOOR_MM = 2.0
@@ -201,7 +202,7 @@ class Tray:
 
     `gap_mm` is the gap that the tray makes, `clear_mm` the distance of the coils from the pad's moving parts. `groove`
     marks the corner of the coil in row 0, column 0. `wire_slots` are cut through the rim, from the sockets' top
-    upwards; `wires` is the largest number of wires through one of them. `screw` is None for a pad without holes.
+    upwards; `wires` is the largest number of wires through one of them. `screw` is None for a pad without holes, or too thick for any screw.
     """
 
     name: str
