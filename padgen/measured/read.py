@@ -242,7 +242,7 @@ def _current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, 
 
     The sentence about silence begins with `what`.
     """
-    if np.ptp(column**2) < SMALLEST:
+    if np.ptp(column**plan.spec.force_order) < SMALLEST:
         raise FileError(f"{what} is {number(float(abs(column[0])))} throughout; leave it out for a free decay", where)
     if kind == "voltage":
         coil = plan.spec.coil

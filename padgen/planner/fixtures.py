@@ -202,7 +202,8 @@ class Tray:
 
     `gap_mm` is the gap that the tray makes, `clear_mm` the distance of the coils from the pad's moving parts. `groove`
     marks the corner of the coil in row 0, column 0. `wire_slots` are cut through the rim, from the sockets' top
-    upwards; `wires` is the largest number of wires through one of them. `screw` is None for a pad without holes, or too thick for any screw.
+    upwards; `wires` is the largest number of wires through one of them. `screw` is None for a pad without holes, or too
+    thick for any screw.
     """
 
     name: str
