@@ -144,6 +144,27 @@ def test_driven_time_series_by_current_and_by_voltage(plan):
     assert by_voltage.response_um_per_a2 == pytest.approx(by_current[0].response_um_per_a2, rel=0.05)
 
 
+def test_a_current_that_only_changes_sign_excites_magnets(plan):
+    """A pseudo-random binary current, of constant square: magnets hear the current itself, steel hears nothing."""
+    magnets = pg.plan("magnet-6")
+    name = magnets.taxels[0].id
+    hz = 1.02 * magnets.channels[magnets.taxels[0].channel].resonance_hz
+    q = 14.0
+    response = 900.0
+    time = np.arange(int(3 * RATE)) / RATE
+    current = np.repeat(np.random.default_rng(5).choice([-0.1, 0.1], len(time) // 4), 4)
+    frequency = np.fft.rfftfreq(2 * len(time), 1 / RATE)
+    s = frequency / hz
+    answer = response / (q * (1 - s * s) + 1j * s)
+    moved = np.fft.irfft(np.fft.rfft(current, 2 * len(time)) * answer)[: len(time)]
+    text = table(f"# unit: um\ntime_s,current_a,{name}", time, current, moved)
+    (fit,) = fit_measured(read_measured_text(text, magnets), magnets)
+    assert fit.resonance_hz == pytest.approx(hz, rel=2e-3)
+    assert fit.q == pytest.approx(q, rel=0.05)
+    with pytest.raises(FileError, match="0.1 throughout"):
+        read_measured_text(text.replace(name, "r0c0k0"), plan)
+
+
 def test_table(plan):
     text = "taxel,resonance_hz,q,resonance_error_hz,level_um,line_a2\nr0c0k1,91,17,0.2,40,0.1\nr0c0k0,62,,,,\n"
     one, two = fit_measured(read_measured_text(text, plan), plan)

@@ -106,6 +106,14 @@ def test_files_that_are_none(tmp_path):
         load_spec(str(tmp_path / "none.toml"))
     with pytest.raises(FileError, match="did you mean 'paper-32'"):
         load_spec("paper-23")
+
+
+def test_a_folder_with_the_name_of_a_template_hides_no_template(tmp_path, monkeypatch):
+    """As after ``padgen build pad-32 --out pad-32``."""
+    spec = load_spec("pad-32")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pad-32").mkdir()
+    assert load_spec("pad-32") == spec
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(FileError, match="is not TOML: byte 0"):

@@ -860,14 +860,17 @@ def find_spec(spec: str) -> Path:
     path = Path(spec)
     if not spec.strip():
         raise FileError("must name a TOML file or a template, got nothing", "SPEC")
+    templates = template_paths()
     try:
         if path.is_dir():
+            # A template is often built into a folder of its name.
+            if spec in templates:
+                return templates[spec]
             raise FileError("is a folder, must be a TOML file or the name of a template", spec)
         if read_as_one(path.parent, path.exists, path.name):
             return path
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", spec) from error
-    templates = template_paths()
     if spec in templates:
         return templates[spec]
     if path.suffix or len(path.parts) > 1:
