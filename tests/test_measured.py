@@ -161,7 +161,7 @@ def test_a_current_that_only_changes_sign_excites_magnets(plan):
     (fit,) = fit_measured(read_measured_text(text, magnets), magnets)
     assert fit.resonance_hz == pytest.approx(hz, rel=2e-3)
     assert fit.q == pytest.approx(q, rel=0.05)
-    with pytest.raises(FileError, match="0.1 throughout"):
+    with pytest.raises(FileError, match=r"0\.1 throughout"):
         read_measured_text(text.replace(name, "r0c0k0"), plan)
 
 
