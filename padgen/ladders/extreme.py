@@ -745,9 +745,11 @@ FREE = (
     "power_w",
     "dynamic_ratio",
     "wet_ratio",
+    "nozzle_c",
+    "bed_c",
 )
-"""Fields of the spec that are not drawn among the odd ones: without bounds, drawn always, or of no use without another.
-"""
+"""Fields of the spec that are not drawn among the odd ones: without bounds, drawn always, of no use without another, or
+in no figure of a plan."""
 
 
 def spec_cases() -> Iterator[ExtremeCase]:

@@ -25,8 +25,9 @@ __all__ = [
 PROFILE_FILE = "pad.ini"
 ORCA_FILE = "pad-orca.json"
 OTHER_SLICERS_FILE = "slicer-settings.txt"
-TYPICAL_C = {"pla": (215, 60), "petg": (240, 80), "abs": (250, 100), "pa12": (255, 100)}
-"""Typical temperatures of nozzle and bed for materials of the catalogue, by filament makers; others take PLA's."""
+NOZZLE_C = 215.0
+BED_C = 60.0
+"""Temperatures for a filament that states none: those of PLA."""
 
 
 class Setting(NamedTuple):
@@ -134,7 +135,9 @@ def prusa_profile(spec: Spec) -> dict[str, str]:
     printer = spec.printer
     if printer.process != "fdm":
         return {}
-    hot, bed = (str(celsius) for celsius in TYPICAL_C.get(spec.material.name, TYPICAL_C["pla"]))
+    material = spec.material
+    hot = number(NOZZLE_C if material.nozzle_c is None else material.nozzle_c)
+    bed = number(BED_C if material.bed_c is None else material.bed_c)
     x = number(printer.bed_x_mm)
     y = number(printer.bed_y_mm)
     return shaping_profile(spec) | {

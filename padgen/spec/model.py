@@ -134,6 +134,12 @@ class Material:
         high=1,
         doc="stiffness once the print has taken up water from humid air, over the dry print's; no bound when absent",
     )
+    nozzle_c: float | None = quantity(
+        None, unit="°C", low=0, high=500, doc="temperature of the nozzle in the slicer's files; that of PLA when absent"
+    )
+    bed_c: float | None = quantity(
+        None, unit="°C", low=0, high=250, doc="temperature of the bed in the slicer's files; that of PLA when absent"
+    )
     dynamic: bool = flag(False, doc="plan by the stiffness at the resonances, with dynamic_ratio")
     wet: bool = flag(False, doc="plan by the stiffness of the wet print, with wet_ratio")
     source: str = text("", doc="where the figures come from")
