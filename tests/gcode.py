@@ -114,7 +114,9 @@ def laid_recesses(plan: Plan, lines: Extrusions, centre_mm: tuple[float, float])
         top = lines.layer_top_mm[first]
         height = lines.height[roof & (lines.layer == first)].max()
         beads = (lines.width + ROUND_EDGES * lines.height) / 2
-        below = lines.layer < first
+        # Ballast above the mover is pressed into a pocket that may be narrower.
+        of_mover = lines.layer_top_mm[lines.layer] - lines.height < plan.spec.mover_top_mm - 0.02
+        below = (lines.layer < first) & of_mover
         rooms = [2 * (_distance(lines, middle + step) - beads)[below].min() for step in AROUND]
         result.append(LaidRecess(taxel.id, float(top - height), float(max(rooms))))
     return result
