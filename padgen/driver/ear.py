@@ -417,7 +417,10 @@ def _play(
     gap: bool,
     recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
-    """Simulate the file on all groups of like taxels and on the recoiling pad; return each coil's currents."""
+    """Simulate the file on all groups of like taxels and on the recoiling pad; return each coil's currents.
+
+    Each row also has the signal's peak and mean.
+    """
     from scipy.signal import lfilter
 
     resistance = coil.resistance_ohm

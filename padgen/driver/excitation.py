@@ -162,7 +162,7 @@ def excitation(
 def _through(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
     """Return periodic `volts` (n,) pre-corrected for a sound card's high-pass: each line times ``1 − j f_h/f``.
 
-    Their mean, which no high-pass leaves, is none of it.
+    The mean, which no high-pass passes, is left out.
     """
     if not corner_hz:
         return volts

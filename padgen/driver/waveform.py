@@ -620,7 +620,10 @@ def _ramp_between(
 def _sums(
     drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ``constant + Re Σ w_j exp(iω_j t)`` (s, m) for weights (m, n), and ``Re Σ i s_j w_j exp(iω_j t)``."""
+    """Return ``constant + Re Σ w_j exp(iω_j t)`` (s, m) for weights (m, n), and ``Re Σ i s_j w_j exp(iω_j t)``.
+
+    s_j is `group.slope`; the second sum is zeros (1, 1) where all s_j are 0.
+    """
     count = where.stop - where.start
     n = len(group.harmonic)
     rows = -(-count // ROW)
@@ -654,7 +657,10 @@ def _blended(
     where: _Stretch,
     constant: tuple[np.ndarray | float, np.ndarray | float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sum of lines, blended between two keyframes with its constants, and L/R times the sum's slope."""
+    """Return the sum of lines, blended between two keyframes with its constants, and L/R times the sum's slope.
+
+    With a sound card's corner the second also has the high-pass correction (`group.slope`).
+    """
     before, after = _levels(timeline, group, where.key)
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
@@ -751,7 +757,7 @@ def _blends(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]]:
     """Yield blends in which no level (m, n) changes sign: levels before and after, and the ramp between them.
 
-    Those that turn over go to 0 in the first half of the transition, and from there in the second.
+    Levels that change sign go to 0 in the first half of the transition, and from there in the second.
     """
     turns = before * after < 0
     ramp = _ramp(drive, timeline, where)

@@ -166,8 +166,8 @@ def frame_answer(beam: Cantilever) -> Solved:
 def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> np.ndarray:
     """Return the roots in Hz of Timoshenko's frequency equation nearest to `guess_hz` (default: the frame's).
 
-    The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
-    its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
+    They are computed with `DIGITS` digits. The state (deflection, rotation, moment, shear) is carried along the beam by
+    the exponential of its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
     """
     roots = []
     equation = partial(_frequency_equation, beam)
@@ -180,7 +180,10 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> n
 
 
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
-    """Return the determinant of the tip's boundary conditions at an angular frequency; it is zero at a mode."""
+    """Return the determinant of the tip's boundary conditions at an angular frequency; it is zero at a mode.
+
+    The determinant has no unit.
+    """
     width, thickness, length, _, offset, _, modulus, poisson, density = map(mpmath.mpf, beam)
     mass = mpmath.mpf(beam.tip_mass)
     gyration = mpmath.mpf(beam.tip_inertia)
@@ -630,7 +633,10 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -> Solved:
-    """Return displacements of a coupled run, with ten times their difference from a finer run as stated error."""
+    """Return displacements of a coupled run, with ten times their difference from a finer run as stated error.
+
+    Both are over each resonator's largest displacement in the finer run.
+    """
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m
@@ -877,7 +883,8 @@ AT_CORNERS = 0.4
 def odd_table(number: int) -> dict[str, Any]:
     """Draw the odd spec of this `number`: four lines or a template, with some fields anywhere in their bounds.
 
-    The first specs have one field each, at its lowest, at its highest, or one of its words.
+    At most `MOST_TOGETHER` fields are drawn. The first specs have one field each, at its lowest, at its highest, or one
+    of its words.
     """
     if number < len(corners := _corners()):
         name, item, value = corners[number]

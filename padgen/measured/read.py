@@ -396,7 +396,10 @@ LONGEST_LINE = 1 << 22
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sheet:
-    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered lines of its body."""
+    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered lines of its body.
+
+    Each of `lines` is its number and its raw text.
+    """
 
     where: str
     notes: dict[str, str]

@@ -548,7 +548,10 @@ def on_pin(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
 
 
 def _yoke_at_tip(ends: EndCompliance) -> np.ndarray:
-    """Return what a yoke adds to a tip's flexibility (…, 3, 3) out of the beam's plane, times the beam's EI."""
+    """Return what a yoke adds to a tip's flexibility (…, 3, 3) out of the beam's plane, times the beam's EI.
+
+    The slices of the beam do not include the yoke.
+    """
     turn, both, lift = (np.asarray(part)[..., None, None] for part in (ends.yoke_turn, ends.yoke_both, ends.yoke_lift))
     bent = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     tilted = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -628,7 +631,7 @@ def _cut_at(path: Sequence[tuple[Array, Array]], cuts: Sequence[Array]) -> tuple
 def largest_inverse_square(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
     """Return an upper bound in s² of 1/ω² for a bent beam held at both ends; ω is its lowest angular frequency.
 
-    The beam is held at both ends. The bound is Dunkerley's sum over slices.
+    The bound is Dunkerley's sum over slices.
     """
     slowness = []
     for plane in _planes(section, modulus, poisson):
@@ -837,7 +840,10 @@ def bend_stiffening(curved: Array) -> Array:
 
 
 def piece_twist(straight: Array, warping: Array) -> Array:
-    """Return the ratio of a straight piece's twist with ends kept from warping to its twist with free ends."""
+    """Return the ratio of a straight piece's twist with ends kept from warping to its twist with free ends.
+
+    `warping` is that of `EndCompliance`, in m.
+    """
     pieces = np.maximum(straight, SHORTEST_M) / np.maximum(warping, SHORTEST_M)
     return 1 - np.tanh(pieces) / pieces
 
@@ -1032,7 +1038,7 @@ def _wall_compliance(section: BeamSection, around: Surroundings) -> Array:
 def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, ...]:
     """Return lengths of beam in m as compliant as a yoke's crossbar: in lateral bending, twist and stretch.
 
-    Each is a length of beam of equal compliance in m: the beam's section constant over the bar's.
+    Each is the beam's section constant over the bar's.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     across = np.asarray(section.across, float)

@@ -90,8 +90,7 @@ def _missed_energy(
 ) -> tuple[Any, Any, Any]:
     """Return the share of a mode's kinetic energy that `tip_mass` misses of a beam: value, doubt, possible excess.
 
-    The first is known, the second its uncertainty either way, the third what may come on top. `tip` (…, 6) is the
-    motion of the beam's tip.
+    The second counts either way, the third only upwards. `tip` (…, 6) is the motion of the beam's tip.
     """
     if section.path:
         # The mass of a bent beam includes rotary inertia, compliance of its ends and shear already.
@@ -319,8 +318,8 @@ def switching_delay(
 def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
     """Return factors (n,) in m^-3/2; the product of two is what the core adds to one washer's field at the other.
 
-    A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field of washer k at washer n grows by the
-    product of both figures, in units of ``μ0 m/2π``.
+    The washers are at `place` (n, 2). A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field
+    of washer k at washer n grows by the product of both figures, in units of ``μ0 m/2π``.
     """
     volume = pi / 4 * coil.core_diameter**2 * coil.core_length
     _, chi_n = core_polarisation(coil)

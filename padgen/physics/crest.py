@@ -102,8 +102,9 @@ def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
 def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """Return the least F₀ (s,) that keeps ``F₀ + Σ_j A_sj cos(k_j x + φ_j)`` from being negative, A = `amplitude`.
 
-    It is 0 for a silent state; otherwise at most rounding above the true value and at most `EXACT` Σ A below it. A grid
-    comes first; then each of its pieces in which a Taylor bound allows a deeper dip is divided, until no piece is left.
+    Amplitudes have any signs. F₀ is 0 for a silent state; otherwise at most rounding above the true value and at most
+    `EXACT` Σ A below it. A grid comes first; then each of its pieces in which a Taylor bound allows a deeper dip is
+    divided, until no piece is left.
     """
     k = np.asarray(harmonic, int)
     a = np.atleast_2d(np.asarray(amplitude, float))

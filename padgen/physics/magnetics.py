@@ -561,7 +561,10 @@ def _layers(
 
 
 def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return quadrature points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,), and their weights."""
+    """Return quadrature points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,), and their weights.
+
+    Distances from `nearest` are cubes of Gauss points.
+    """
     at, weight = gauss(count)
     cube = at**3
     weight = 3 * at**2 * weight

@@ -368,10 +368,9 @@ def pull_range(gap_m: np.ndarray) -> np.ndarray:
 def make_table(coil: CoilSource, washer: SteelRing, part: int, reach: float, offsets: int) -> PullTable:
     """Return a table of the pull over range `part` of gaps, at `offsets` offsets up to `reach` in m.
 
-    A single offset is `reach`/√2.
-
-    At one offset and gaps below all tables that come with padgen it is solved with the nodes that this offset needs, in
-    down to a twentieth of the time; elsewhere with those of the worst, so that it is what such a table says.
+    A single offset is `reach`/√2. At one offset and gaps below all tables that come with padgen it is solved with the
+    nodes that this offset needs, in down to a twentieth of the time; elsewhere with those of the worst, so that it is
+    what such a table says.
     """
     low = LOW * RANGE**part
     high = LOW * RANGE ** (part + 1)

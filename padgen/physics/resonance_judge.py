@@ -216,7 +216,8 @@ class ResonanceFit(NamedTuple):
 def agree(fit: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
     """Return whether a fit agrees with the second method's; true where that has none.
 
-    Refuses a resonance that noise leaves less known than `needed`, and one that the second method finds elsewhere.
+    The sigmas of `fit` are of noise alone. Refuses a resonance that noise leaves less known than `needed`, and one that
+    the second method finds elsewhere.
     """
     hz, hz_error, q, q_error = fit
     needs = [

@@ -28,8 +28,8 @@ SNAPPED_SHARE = 0.01
 class CoreRest(NamedTuple):
     """Rest positions of n taxels that cores draw in: the gap in µm and the share of stiffness left there.
 
-    `snap_um` is the gap below which they would snap to the core, `least_n_per_m` the least stiffness of a spring that
-    holds. The first three are nan for those that snap at once.
+    `gap_um` and `stiffness_share` are at rest; `snap_um` is the gap below which they would snap to the core,
+    `least_n_per_m` the least stiffness of a spring that holds. The first three are nan for taxels that snap at once.
     """
 
     gap_um: np.ndarray

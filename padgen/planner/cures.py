@@ -64,9 +64,9 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     """Return `plan` with each finding's first proposed cure that works when planned, and no other cures.
 
-    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left and there are
-    no more errors; where there are fewer kinds of findings, or no more of those that are not `COUNTED`; and where as
-    much is kept of the selectivity that is asked.
+    `planned` makes the plan of the spec with a cure, for at most `MOST_TRIED` cures. A cure holds where no finding of
+    that kind is left and there are no more errors; where there are fewer kinds of findings, or no more of those that
+    are not `COUNTED`; and where as much is kept of the selectivity that is asked.
     """
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:

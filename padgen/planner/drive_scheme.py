@@ -145,7 +145,10 @@ def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
 
 
 class _Switched(NamedTuple):
-    """What sets the contrast of a coil's frames: time constants, transition time, steady OFF energy, and brake."""
+    """What sets the contrast of a coil's frames: time constants, transition time, steady OFF energy, and brake.
+
+    `steady` is the energy of an OFF taxel by steady tones, over that of an ON one.
+    """
 
     tau_s: np.ndarray
     ramp_s: float
@@ -624,7 +627,8 @@ COUPLED_STEPS = 3
 class PushedEnergies(NamedTuple):
     """Energies (n,) of OFF taxels by forces between movers, all neighbours ON, over their energies when ON.
 
-    `in_step`: neighbours of one channel move in step, as by the driver table; `apart`: each at a frequency of its own.
+    The forces act without any current. `in_step`: neighbours of one channel move in step, as by the driver table;
+    `apart`: each at a frequency of its own.
     """
 
     in_step: np.ndarray

@@ -128,7 +128,7 @@ NEAR_MISSES = 200
 
 
 def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
-    """Return all layouts for the spec's taxels with at most one empty place a coil, their slacks not yet computed."""
+    """Return all layouts for the spec's taxels with fewer empty places than coils, their slacks not yet computed."""
     wanted = spec.resolution
     return [
         layout

@@ -95,7 +95,10 @@ def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
 
 
 def _resting_um(spec: Spec, one: Moved) -> float:
-    """Return a washer's static deflection in µm: by weight and mean pull, or weight and the gap if it snaps."""
+    """Return a mover's static deflection in µm: by weight and mean pull, or weight and the gap if it snaps.
+
+    A magnet's includes the deflection by the core's pull at rest.
+    """
     channel = one.channel
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     static_um = balanced_deflection(slack_um(channel, one.square_a2), gap_um, max(channel.pull_exponent, 0.0))

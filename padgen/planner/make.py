@@ -232,7 +232,7 @@ def choose(spec: Spec) -> Choice:
 def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
     """Return the best layout with sized beams, or with `quick` the first; None where there is none.
 
-    Where at most so many are tried, it is returned without its runners-up.
+    Where at most `most` are tried, the choice is returned without its runners-up.
     """
     ranked: list[Iterator[_Unsized]] = []
     known: dict[tuple[str, ...], Iterator[tuple[Layout, Callable[[], SizedLayout | None]]]] = {}

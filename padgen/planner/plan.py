@@ -566,6 +566,8 @@ class Felt:
     where it hears nothing), its lines' energies over their thresholds added. A person tells from `least_levels` to
     `most_levels` levels apart up to the ON level, by the least and the most favourable published figures, and as many
     of the felt channels' frequencies as `least_frequencies` to `most_frequencies`.
+
+    Taxels are untouched or, in a plan under a contact, touched and driven for it (`touched_felt`).
     """
 
     threshold_um: tuple[float, ...]

@@ -171,8 +171,8 @@ class ShakenPad:
     def listen_apart(self, shown: np.ndarray) -> HeardImages:
         """Return ON and OFF amplitudes of images of levels (k, n), each taxel driven at a separate frequency.
 
-        These lie so near the channel's that the pad answers alike; what they move adds as energies. All taxels hear the
-        pad; those of the same coil are pulled as well.
+        The frequencies lie so near the channel's that the pad answers alike; what they move adds as energies. All
+        taxels hear the pad; those of the same coil are pulled as well.
         """
         energy = np.broadcast_to(self.leak, shown.shape).copy()
         on = np.full(shown.shape, np.inf)

@@ -179,7 +179,10 @@ def foot_fillet_mm(spec: Spec, beam_width_mm: float) -> float:
 
 
 def _rigid_top_mm(spec: Spec) -> float:
-    """Return the top in mm from the bed of a cylinder with the contactor's mass: below the top of a dome."""
+    """Return the top in mm from the bed of a cylinder with the contactor's mass: below the top of a dome.
+
+    The top of a dome lies d/6 above that of the cylinder.
+    """
     round_off = spec.contact_diameter_mm / 6 if spec.contactor.shape == "dome" else 0.0
     return spec.contact_top_mm - round_off
 

@@ -106,7 +106,10 @@ def contactor_of(spec: Spec) -> Contactor:
 
 
 def indentation_mm(spec: Spec) -> float:
-    """Return the skin's indentation in mm by a contactor at rest: the spec's, else the height above the guard."""
+    """Return the skin's indentation in mm by a contactor at rest: the spec's, else the height above the guard.
+
+    The height counts up to `MOST_PRESSED_MM`. The indentation is 0 without a touch, or with neither of them.
+    """
     if spec.touch.is_none:
         return 0.0
     if spec.touch.indentation_mm is not None:

@@ -167,7 +167,7 @@ class _Beside(NamedTuple):
     """Energies (n,) that leakage, other modes and recoil add to OFF taxels, over that of their ON state.
 
     `leaks` (2, n) are of the coils around, driven by the table and re-tuned; `modes` is by their other modes, and
-    `recoil` by that of the pad.
+    `recoil`, one number for all channels, by the motion of the pad.
     """
 
     leaks: np.ndarray

@@ -168,7 +168,10 @@ def _needed(plan: Plan) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
 def _judged(
     plan: Plan, laid: LaidPad, wrong: Wrong, drawn: tuple[float, float] | None
 ) -> tuple[dict[str, Any], list[Finding]]:
-    """Return figures and findings of one laid pad; `drawn` are its selectivities in dB if laid as drawn."""
+    """Return figures and findings of one laid pad; `drawn` are its selectivities in dB if laid as drawn.
+
+    They are with the planned tones and re-tuned, as `known_print_db` returns them.
+    """
     beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)

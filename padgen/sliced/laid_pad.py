@@ -444,7 +444,7 @@ class PadMaps:
     def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the plan's taxel, the place in its axes and the map pixel at points (n, 2) in mm on the pad.
 
-        Return each one's taxel (−1: none), its place (n, 2) from the washer in the taxel's own axes, and its pixel.
+        The taxel is −1 where there is none; the place (n, 2) is measured from the washer.
         """
         column, row, inside = self.cells(points)
         rows, columns = self.places.shape

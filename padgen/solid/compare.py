@@ -237,8 +237,9 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
 def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
     """Return whether two sets of triangles (n, 3, 3) cover the same faces, however the faces are triangulated.
 
-    Along a vertical line two such solids can part only at faces that are seen from above or below, and cannot where
-    the triangles in every plane cover the same places. Strips narrower than `STRIP_MM` are left out.
+    Along a vertical line two solids that differ by these triangles can part only at faces that are seen from above or
+    below, and cannot where the triangles in every plane cover the same places. Strips narrower than `STRIP_MM` are left
+    out.
     """
     from manifold3d import CrossSection, FillRule, JoinType
 

@@ -277,7 +277,8 @@ class Narrow(NamedTuple):
 def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
     """Return cross-sections halfway between neighbouring heights of the vertices, at most `LEVELS` of them.
 
-    Each cut is its height in mm and a manifold3d cross-section.
+    Each is its height in mm and a manifold3d cross-section; empty ones are left out. Where there are more heights, the
+    cuts lie halfway between quantiles of the heights.
     """
     heights = np.unique(np.round(mesh.vertices_mm[:, 2] / STEP_MM) * STEP_MM)
     if len(heights) > LEVELS + 1:

@@ -153,7 +153,8 @@ def _side(path: BeamPath, side: float, start: float) -> list[Any]:
 def _contactor(pin: Pin, edge_mm: float, ground_mm: float) -> Any:
     """Return the solid of a boss or pin, turned about its axis, with its foot's fillet and its dome or chamfer.
 
-    What ends on the top of a plate stands on it; on a beam it begins at the bed.
+    `ground_mm` is the height of the plate or beam on which the fillet stands. What ends on the top of a plate stands on
+    it; on a beam it begins at the bed.
     """
     b = build123d()
     half = pin.diameter_mm / 2

@@ -36,7 +36,10 @@ class Mover(Protocol):
     def leakage(
         self, coil: Coil, part: Any, place_m: np.ndarray, next_m: np.ndarray, far_m: np.ndarray, *hung: Ballast
     ) -> Leakage:
-        """Return leakage of coils at `next_m` and `far_m` (k, 2) onto movers at `place_m` (n, 2) off their coil."""
+        """Return leakage of coils at `next_m` and `far_m` (k, 2) onto movers at `place_m` (n, 2) off their coil.
+
+        `next_m` and `far_m` each have a k of their own.
+        """
 
     def remanent_currents(self, coil: Coil, part: Any, share: float, offset_m: np.ndarray) -> np.ndarray:
         """Return ρ (n,) in A of pulls in proportion to i² + ρ i, where steel keeps a `share` of its coercivity."""
@@ -44,7 +47,7 @@ class Mover(Protocol):
     def coupling(self, part: Any, apart_m: np.ndarray, *hung: Ballast) -> np.ndarray:
         """Return the vertical stiffness in N/m (second derivative of energy) between two movers at distances in m.
 
-        It is that of movers of one polarity; between others it has the other sign.
+        It is for movers of one polarity; opposite polarity changes the sign.
         """
 
 
