@@ -41,7 +41,7 @@ from padgen.physics.magnetics import (
 from padgen.physics.modes import RigidBody
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.make import BROKEN_DOWN
-from padgen.planner.plan import lost_figures
+from padgen.planner.plan import non_finite_figures
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec, catalogue, make_spec
@@ -962,7 +962,7 @@ def outcome(table: dict[str, Any]) -> str:
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     honest = any(finding.level == "error" for finding in plan.findings)
-    lost = (at for at, value in lost_figures(plan) if isnan(value) or not honest)
+    lost = (at for at, value in non_finite_figures(plan) if isnan(value) or not honest)
     return next((f"{at} is no number" for at in lost), "")
 
 

@@ -57,8 +57,8 @@ __all__ = [
     "asked_error",
     "fillet_mm",
     "foot_fillet_mm",
-    "hollow_mm",
     "narrowest_mm",
+    "open_recess_mm",
     "pin_place_mm",
     "plate_shape",
     "post_diameter_mm",
@@ -131,7 +131,7 @@ def recess_mm(spec: Spec) -> tuple[float, float]:
     return spec.moved.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
 
 
-def hollow_mm(spec: Spec) -> tuple[float, float]:
+def open_recess_mm(spec: Spec) -> tuple[float, float]:
     """Return diameter and depth in mm of the hollow in the plate's underside, with ballast but without mover.
 
     It is the recess; ballast that is wider than the recess leaves its pocket open below it.
@@ -426,7 +426,7 @@ class TaxelModel:
     @cached_property
     def _surroundings(self) -> Surroundings:
         """Sizes in m of the parts that hold the beams' ends."""
-        diameter, depth = hollow_mm(self.spec)
+        diameter, depth = open_recess_mm(self.spec)
         frame = self.spec.pad.rib_mm / 2 if self.frame_depth_mm is None else self.frame_depth_mm
         wall = max((self.plate.length_mm - diameter) / 2, THINNEST_WALL_MM)
         yoke = self.arrangement.yoke
@@ -559,7 +559,7 @@ class TaxelModel:
         """Relative error (…, 6) within which each mode's frequency most likely lies (`padgen.physics.modes`)."""
         modulus, poisson, _ = self.elastic
         length, width, thickness = (side * MM for side in self.plate)
-        roof = max(thickness - hollow_mm(self.spec)[1] * MM, thickness / 10)
+        roof = max(thickness - open_recess_mm(self.spec)[1] * MM, thickness / 10)
         yoke = self.arrangement.yoke
         plate = RigidPlate(length, width, roof, yoke.neck_length_mm * MM if yoke else None)
         energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)

@@ -33,8 +33,8 @@ __all__ = [
     "judge_touch",
     "lever_of",
     "skin_contact",
+    "skin_figures",
     "skin_spreads",
-    "touched_pads",
 ]
 
 SKINS = ("low", "typical", "high")
@@ -135,7 +135,7 @@ MOST_CHANNELS = 32
 """Most channels of a coil for which the selectivity under a finger is computed."""
 
 
-def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
+def skin_figures(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
     """Yield the figures of the pad with every taxel under low, typical and high skin, driven as planned.
 
     Only the taxels' own modes and one coil are counted.

@@ -22,7 +22,8 @@ class Mover(Protocol):
     `coil` and `part` are a spec's coil, whose gap is known, and its washer or magnet. Where the spec has ballast, that
     is a further argument of `pulls`, `leakage` and `coupling`: its steel lies on top of the mover. A mover that coils
     pull less far than they reach over it may have a ``reach_m(coil, part)``; one that cores draw at rest, a ``rest``
-    and a ``shared`` as in `magnet`. What is to be heeded where it is put in, its ``assembly(part)`` says (`Assembly`).
+    and a ``core_coupling`` as in `magnet`. What is to be heeded where it is put in, its ``assembly(part)`` says
+    (`Assembly`).
     """
 
     FORCE_ORDER: int

@@ -85,7 +85,7 @@ def _table_beside(coil: CoilSource, washer: SteelRing, part: int, offset_m: floa
     """Return the pull table of a one-turn coil at one offset for one range of gaps, from padgen's files or solved."""
     brought = brought_table(coil, washer, part)
     if brought is None or offset_m > brought.reach:
-        return _own(coil, washer, part, round(offset_m, ALIKE_DIGITS))
+        return _solved_table(coil, washer, part, round(offset_m, ALIKE_DIGITS))
     return brought.beside(offset_m)
 
 
@@ -94,7 +94,7 @@ ALIKE_DIGITS = 9
 
 
 @lru_cache(maxsize=1024)
-def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
+def _solved_table(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
     """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
     from padgen.core import cache
 
