@@ -37,7 +37,7 @@ from padgen.core.wav_reader import Wave
 from padgen.driver.signs import mount_text, printed_taxels
 from padgen.driver.slots import slots_of, worst_contrast
 from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning, tuned_spec
-from padgen.physics.recoil_in_time import MOST_UNKNOWNS, THROUGH, WEIGHT, WITHIN, PadMotion, unknowns
+from padgen.physics.recoil_in_time import MOST_UNKNOWNS, THROUGH, WEIGHT, WITHIN, PadMotion, most_unknowns
 from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import hanging_gap_um
@@ -342,7 +342,7 @@ class _Recoil:
             taxels, pull = printed_taxels(pad, tuning)
         self.groups = groups
         self.refused = ""
-        count = unknowns(taxels)
+        count = most_unknowns(taxels)
         if count > MOST_UNKNOWNS:
             self.groups = []
             self.refused = f"has {count} motions that shake it, up to {MOST_UNKNOWNS} are heard"

@@ -14,7 +14,7 @@ from padgen.core.errors import FileError, SolverError, number
 from padgen.core.rules import Rule, RuleBook
 from padgen.core.units import MS
 from padgen.measured.read import Measured, Spectrum, TaxelRecord, TaxelRow
-from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, looked_at, rough_hz
+from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, rough_hz, unfitted_response
 from padgen.physics.resonance_judge import ResonanceFit, Seen
 from padgen.planner.plan import Channel, Plan
 
@@ -136,7 +136,7 @@ def fitted(
             if isinstance(part, Spectrum):
                 seen = Seen(part.frequency_hz, part.response, None)
             else:
-                seen = looked_at(part.rate_hz, part.displacement, part.squared_current_a2)
+                seen = unfitted_response(part.rate_hz, part.displacement, part.squared_current_a2)
             curves.append(Curve(part.id, seen, error.message))
     ordered = tuple(fits[taxel.id] for taxel in plan.taxels if taxel.id in fits)
     if not refused:

@@ -47,23 +47,23 @@ __all__ = [
     "columns",
     "curl",
     "curl_held",
-    "fitted",
+    "doubtful_energies",
     "flexibility",
     "largest_inverse_square",
     "largest_stress",
     "layered_edge",
     "matrices",
     "on_elastic_ends",
-    "on_pin",
     "piece_twist",
+    "pin_motion",
     "pushed_stress",
     "root_load",
-    "sharp_energies",
     "sliced",
     "tip_mass",
     "tip_matrices",
     "tip_stiffness",
     "torsion_constant",
+    "within_fitted_range",
     "within_side",
     "within_up",
 ]
@@ -422,11 +422,11 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     """Return the stiffness of the tip, shape (…, 6, 6), in N/m, N and N·m (per radian).
 
     A Timoshenko beam by the unit-load method: the flexibility is integrated along the flared width and inverted, so
-    that the flare is exact within beam theory. A pin takes its part of the flexibility away (`on_pin`).
+    that the flare is exact within beam theory. A pin takes its part of the flexibility away (`pin_motion`).
     """
     if section.pin:
         bare = np.linalg.inv(tip_stiffness(section._replace(pin=None), modulus, poisson))
-        return np.linalg.inv(bare - on_pin(section, modulus, poisson).held)
+        return np.linalg.inv(bare - pin_motion(section, modulus, poisson).held)
     if section.path:
         return _of_planes([np.linalg.inv(plane.flexibility) for plane in _planes(section, modulus, poisson)])
     length = np.asarray(section.length, float)
@@ -514,7 +514,7 @@ class PinMotion(NamedTuple):
     held: np.ndarray
 
 
-def on_pin(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
+def pin_motion(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
     """Return the motion of a beam at the foot of its pin, by the unit-load method along the path to the pin.
 
     The pin holds the beam over its diameter, but for what the beam turns at both ends of the foot, as it does at a
@@ -848,7 +848,7 @@ def piece_twist(straight: Array, warping: Array) -> Array:
     return 1 - np.tanh(pieces) / pieces
 
 
-def sharp_energies(section: BeamSection, load: np.ndarray, modulus: Array, poisson: Array) -> tuple[Array, Array]:
+def doubtful_energies(section: BeamSection, load: np.ndarray, modulus: Array, poisson: Array) -> tuple[Array, Array]:
     """Return twice the energies (…) in J that two laws of bent beams leave in doubt, for a `load` (…, 6) on the tip.
 
     The first is what the rest of the series of `bend_stiffening` would take from bending and twist of the bends. The
@@ -1014,7 +1014,7 @@ def layered_edge(across: Array, poisson: Array) -> Array:
     return np.sqrt((1 / np.sqrt(across) - poisson + (1 + poisson) / across) / 2)
 
 
-def fitted(width: Array, thickness: Array, length: Array) -> Array:
+def within_fitted_range(width: Array, thickness: Array, length: Array) -> Array:
     """Return where beams are long enough, for width and thickness, for the range the laws were fitted to."""
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 

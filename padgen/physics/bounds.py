@@ -21,8 +21,8 @@ __all__ = [
     "core_polarisation",
     "motional_voltage",
     "mutual_shielding",
+    "ring_down_error",
     "saturation_loss",
-    "switching_delay",
     "washer_eddies",
     "washer_magnetised",
 ]
@@ -295,7 +295,7 @@ def motional_voltage(
     return np.where(error < 1, error / np.maximum(1 - error, 1e-300), inf)
 
 
-def switching_delay(
+def ring_down_error(
     static: np.ndarray, pulse: np.ndarray, resonance: np.ndarray, q: np.ndarray, quiet: np.ndarray, lag: float
 ) -> np.ndarray:
     """Bound the relative error (n,) of the ring-down time from the mean pull's release and the current's decay.

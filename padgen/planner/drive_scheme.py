@@ -16,7 +16,7 @@ import numpy as np
 from padgen.core.errors import number
 from padgen.core.registry import MOVERS
 from padgen.core.units import MA, MH, MM, MS, UM, decibel
-from padgen.physics.magnetics import pole_error, pull_in_deflection, slack_at
+from padgen.physics.magnetics import deflection_without_growth, pole_error, pull_in_deflection
 from padgen.physics.modes import jump_amplitude
 from padgen.physics.resonator import ModalTaxels, relative_energy
 from padgen.physics.schemes import (
@@ -355,9 +355,9 @@ def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
     high = min(free_um, pull_in_deflection(gap_um, exponent)[0])
     for _ in range(60):
         static_um = (low + high) / 2
-        grown = slack_at(static_um, gap_um, exponent) / resting_um
+        grown = deflection_without_growth(static_um, gap_um, exponent) / resting_um
         low, high = (static_um, high) if grown * channel.level_um + static_um < free_um else (low, static_um)
-    return slack_at(low, gap_um, exponent) / resting_um
+    return deflection_without_growth(low, gap_um, exponent) / resting_um
 
 
 MOST_SPELLED_OUT = 16

@@ -24,8 +24,8 @@ from padgen.physics.bounds import (
     core_polarisation,
     motional_voltage,
     mutual_shielding,
+    ring_down_error,
     saturation_loss,
-    switching_delay,
     washer_eddies,
     washer_magnetised,
 )
@@ -577,7 +577,7 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
     yield _worst_channel("motion", "current", channels, moved)
     if not scheme.takes_turns and (ring_down > 0).any():
         pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
-        delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), henry / ohm)
+        delay = ring_down_error(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), henry / ohm)
         yield _worst_channel("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
 
 

@@ -163,10 +163,10 @@ class ShakenPad:
 
     @cached_property
     def heard(self) -> list[np.ndarray]:
-        """For each tone, the matrix by which its taxels hear the pad (`padgen.physics.recoil.MovingPad.heard`)."""
+        """For each tone, the matrix by which its taxels hear the pad (see `listening_matrix` in `padgen.physics.recoil`)."""
         channels = [self.channel_of[np.argmax(self.tone_of == tone)] for tone in range(len(self.hz))]
         heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
-        return [shaken.heard(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
+        return [shaken.listening_matrix(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
 
     def listen_apart(self, shown: np.ndarray) -> HeardImages:
         """Return ON and OFF amplitudes of images of levels (k, n), each taxel driven at a separate frequency.

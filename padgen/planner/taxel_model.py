@@ -19,10 +19,10 @@ from padgen.physics.beams import (
     PinFoot,
     Surroundings,
     YokeSize,
-    fitted,
     on_elastic_ends,
-    on_pin,
+    pin_motion,
     pushed_stress,
+    within_fitted_range,
 )
 from padgen.physics.modes import (
     BENT,
@@ -399,7 +399,7 @@ class TaxelModel:
         if self.spec.pin_share is None:
             return np.concatenate([modes.at_point(self.washer_point_m), modes.shape[3:]]), np.zeros((6, 6))
         beam = self.placements[0]
-        pinned = on_pin(beam.section, *self.elastic[:2])
+        pinned = pin_motion(beam.section, *self.elastic[:2])
         return pinned.shape @ to_tip(beam, modes.reference) @ modes.shape, pinned.local
 
     @cached_property
@@ -551,7 +551,7 @@ class TaxelModel:
     @property
     def in_range(self) -> np.ndarray:
         """True (…,) where the beams are within the range that the model was fitted to; elsewhere solve the solid."""
-        return np.asarray(self.is_straight & fitted(*(np.asarray(side, float) for side in self.beam)))
+        return np.asarray(self.is_straight & within_fitted_range(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
     @_from_array
