@@ -310,13 +310,13 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
     )
     gap = np.array([0.9, 0.5, 0.2, 1.0]) * MM
     offset = np.array([4.0, 4.0, 4.0, 0.0]) * MM
-    washers._own.cache_clear()
+    washers._solved_table.cache_clear()
     washers._table_beside.cache_clear()
     found = mover_of(spec).pulls(spec.coil, spec.moved, gap, offset)
     solved = solved_pulls(*magnetic_parts(spec), gap, offset)
     assert found.pull == pytest.approx(solved.pull, rel=2e-3)
     assert found.slope == pytest.approx(solved.slope, rel=0.05)
-    washers._own.cache_clear()
+    washers._solved_table.cache_clear()
     washers._table_beside.cache_clear()
 
     def never(*_):

@@ -721,7 +721,7 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
     """
     poles = []
     for winding in coil.windings:
-        charge = winding.turns * (np.pi * _mean_square_radius(winding)) / winding.length
+        charge = winding.turns * np.pi * _mean_square_radius(winding) / winding.length
         poles += [(charge, winding.top), (-charge, winding.bottom)]
     if (core := charged_core(coil)) is not None:
         height = core[0].height

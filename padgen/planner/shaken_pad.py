@@ -163,7 +163,7 @@ class ShakenPad:
 
     @cached_property
     def heard(self) -> list[np.ndarray]:
-        """For each tone, the matrix by which its taxels hear the pad (see `listening_matrix` in `padgen.physics.recoil`)."""
+        """For each tone, the matrix by which its taxels hear the pad (`MovingPad.listening_matrix`)."""
         channels = [self.channel_of[np.argmax(self.tone_of == tone)] for tone in range(len(self.hz))]
         heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
         return [shaken.listening_matrix(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]

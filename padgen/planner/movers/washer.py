@@ -76,9 +76,8 @@ def pulls(coil: Coil, part: Washer, gap_m: np.ndarray, offset_m: np.ndarray, bal
     ranges = pull_range(gap_m)
     for offset, k in sorted(set(zip(offset_m.tolist(), ranges.tolist(), strict=True))):
         alike = (offset_m == offset) & (ranges == k)
-        result[:, alike] = (
-            _table_beside(one, washer, k, offset).with_turns(source.turns).at(gap_m[alike], offset_m[alike])
-        )
+        table = _table_beside(one, washer, k, offset).with_turns(source.turns)
+        result[:, alike] = table.at(gap_m[alike], offset_m[alike])
     return PullAt(*result)
 
 
