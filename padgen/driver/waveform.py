@@ -152,7 +152,7 @@ class PadDrive:
         """True where the amplifier must pass a part at 0 Hz."""
         return self.scheme.has_constant and self.carrier_hz is None
 
-    def made_good(self, hz: np.ndarray) -> np.ndarray:
+    def high_pass_correction(self, hz: np.ndarray) -> np.ndarray:
         """Return the complex factors that pre-correct lines at `hz` for the sound card's high-pass.
 
         On a carrier, those of the carrier: lines lie about it on both sides, so near that their factors differ by less
@@ -688,7 +688,7 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     harmonic = round(drive.carrier_hz * drive.period_s)
     period = drive.period_samples
     angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
-    turned = np.sqrt(2) * np.exp(1j * angle) * drive.made_good(np.array(drive.carrier_hz))
+    turned = np.sqrt(2) * np.exp(1j * angle) * drive.high_pass_correction(np.array(drive.carrier_hz))
     cosine, sine = turned.real, turned.imag
     turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
     return root * turn + slope * cosine, square
