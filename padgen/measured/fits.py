@@ -123,7 +123,7 @@ def fitted(
     for part in sorted(measured.taxels, key=lambda part: isinstance(part, TaxelRecord) and bool(part.shared)):
         try:
             alone_hz = {taxel: fit.resonance_hz for taxel, fit in fits.items()}
-            for taxel, near_hz in _heard(part, plan, nearest, alone_hz):
+            for taxel, near_hz in _taxels_in(part, plan, nearest, alone_hz):
                 if isinstance(part, TaxelRow):
                     fits[taxel] = _from_row(part, channels[taxel])
                 elif taxel not in alone_hz:
@@ -169,7 +169,7 @@ def _fit(part: Spectrum | TaxelRecord, channel: Channel, near_hz: float | None) 
     )
 
 
-def _heard(
+def _taxels_in(
     part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool, alone_hz: dict[str, float]
 ) -> list[tuple[str, float | None]]:
     """Return the taxels that a part of a measurement holds, each with the frequency in Hz to fit near (or None).

@@ -49,7 +49,6 @@ __all__ = [
     "one_coil_spec",
     "planned_response_um_per_a2",
     "planned_tuning",
-    "played",
     "played_tuning",
     "predicted",
     "printed_channels",
@@ -57,6 +56,7 @@ __all__ = [
     "refuse_tuning",
     "simulate_print",
     "simulated_measurement",
+    "taxel_energies",
     "tones_at",
     "tuned_spec",
     "tuning_from_json",
@@ -438,7 +438,7 @@ def _printed_channel(channel: Channel, tuned: TunedTaxel, level_um: float) -> Ch
     )
 
 
-def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> TaxelEnergies:
+def taxel_energies(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> TaxelEnergies:
     """Return the energies of the taxels `truth` of one coil under `tones`.
 
     ``truth.line`` is the amplitude of i² (A²) that moves a taxel by its wanted level at its own resonance;
@@ -472,7 +472,7 @@ def predicted(
         members = np.array(index)
         which = Channels(*(part[members] for part in truth))
         modes = coil_modes(spec, [channels[i] for i in index])
-        result = played(which, Channels(tones.hz[members], which.q, tones.line_a2[members]), scheme, modes)
+        result = taxel_energies(which, Channels(tones.hz[members], which.q, tones.line_a2[members]), scheme, modes)
         weakest = int(result.on.argmin())
         worst = int(result.off.argmax())
         lone = len(members) < 2
