@@ -14,7 +14,7 @@ import pytest
 import trimesh
 
 from padgen.core.errors import GeometryError, SpecError
-from padgen.make.pad import Pad, parse_formats, up_to_date
+from padgen.make.pad import Pad, current_build, parse_formats
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import ExportJob, Part, _3mf, verify_written
 from padgen.solid.formats._3mf import pack_3mf, read_3mf
@@ -75,9 +75,9 @@ def test_same_bytes_in_one_process(folder, tmp_path):
 def test_changed_code_builds_again(folder, monkeypatch):
     import padgen.make.pad
 
-    assert up_to_date(parse_spec(SMALL), folder, ALL, False)
+    assert current_build(parse_spec(SMALL), folder, ALL, False)
     monkeypatch.setattr(padgen.make.pad, "code_hash", lambda: "other")
-    assert up_to_date(parse_spec(SMALL), folder, ALL, False) is None
+    assert current_build(parse_spec(SMALL), folder, ALL, False) is None
 
 
 def test_stl_is_read_alike_by_trimesh(folder, small_pad):

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_least, at_most, number
-from padgen.core.files import file_hash, json_text, read_bounded
+from padgen.core.files import json_text, read_bounded, sha256_hex
 from padgen.core.units import COPPER_C, GRAM, MN, MS, UM
 from padgen.measured.shaking import chirp_current_a, measuring_band_hz, ring_s, shaking_line_a2, sweep_s
 from padgen.physics.contact import loaded_resonance
@@ -225,7 +225,7 @@ def tuning_to_json(tuning: Tuning) -> str:
 
 def tuning_hash(tuning: Tuning) -> str:
     """Return the first 16 digits of the hash of a tuning's file."""
-    return file_hash(tuning_to_json(tuning).encode())[:16]
+    return sha256_hex(tuning_to_json(tuning).encode())[:16]
 
 
 def read_tuning(path: Path, plan: Plan) -> Tuning:

@@ -326,7 +326,11 @@ def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[S
 def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:
     """Return the pulls (n,) on the movers of `sites`, each over its own gap (n,) in µm."""
     return mover_of(spec).pulls(
-        spec.coil, spec.moved, gap_um * UM, np.array([site.coil_distance_mm for site in sites]) * MM, *spec.hung
+        spec.coil,
+        spec.moved,
+        gap_um * UM,
+        np.array([site.coil_distance_mm for site in sites]) * MM,
+        *spec.ballast_argument,
     )
 
 

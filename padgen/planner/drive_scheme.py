@@ -592,7 +592,7 @@ def coil_leakage(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme
     steps_to = coils_around(layout.rows, layout.columns)
     at = steps_to * pitch * MM
     grid = layout.rows, layout.columns
-    leak = _leakage(spec.mover.kind, spec.coil, spec.moved, washers_mm, grid, tuple(pitch), spec.hung)
+    leak = _leakage(spec.mover.kind, spec.coil, spec.moved, washers_mm, grid, tuple(pitch), spec.ballast_argument)
     away = np.abs(steps_to).sum(1) % spec.coil.sets
     heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
     energy, apart = np.zeros((2, len(channels)))
@@ -667,7 +667,7 @@ def neighbour_energies(
         kind = np.array(kinds)
         distance = np.linalg.norm(np.array(places)[:, None] - np.array(places), axis=-1)
         spring = np.zeros(distance.shape)
-        spring[distance > 0] = mover.coupling(spec.moved, distance[distance > 0] * MM, *spec.hung)
+        spring[distance > 0] = mover.coupling(spec.moved, distance[distance > 0] * MM, *spec.ballast_argument)
         spring *= np.multiply.outer(poles, poles)
         if core_coupling := getattr(mover, "core_coupling", None) if spec.coil.core_diameter_mm else None:
             _add_core_coupling(spring, spec, steps, channels, own_set, core_coupling)

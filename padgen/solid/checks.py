@@ -13,7 +13,7 @@ import numpy as np
 
 from padgen.core import cache
 from padgen.core.errors import Finding, GeometryError, at_least, number
-from padgen.core.files import file_hash
+from padgen.core.files import sha256_hex
 from padgen.core.rules import Rule, RuleBook, broken_rules
 from padgen.planner.plan import Plan
 from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles, same_faces
@@ -378,7 +378,7 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
 def _kept_printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
     """Return the result of `_printable` from the cache, or compute and store it: many variants share one sample."""
     inputs = {
-        "mesh": [file_hash(part.tobytes()) for part in mesh],
+        "mesh": [sha256_hex(part.tobytes()) for part in mesh],
         "printer": asdict(printer),
         "places": places,
         "code": cache.code_hash(*CODE),
