@@ -70,10 +70,10 @@ __all__ = [
     "dynamics_cases",
     "exact_displacement",
     "exact_frequencies",
+    "fault_of",
     "force_cases",
     "frame_answer",
     "odd_table",
-    "outcome",
     "random_pull",
     "random_table",
     "selectivity_cases",
@@ -761,7 +761,7 @@ def spec_cases() -> Iterator[ExtremeCase]:
     for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
         name = f"random {first} … {first + IN_GROUP - 1}"
         source = "a plan of finite figures, or one sentence"
-        yield ExtremeCase(name, "specs", "plan", partial(_group, first), partial(np.array, [0.0]), source)
+        yield ExtremeCase(name, "specs", "plan", partial(_group_answer, first), partial(np.array, [0.0]), source)
     for place in SOLIDS:
         quick = partial(_solid, place, QUICK, QUICK_ERROR)
         source = f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
@@ -774,19 +774,19 @@ def spec_cases() -> Iterator[ExtremeCase]:
         table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}
         outcome_of = partial(np.array, [1.0])
         source = "an error or a refusal, since no pad can be so"
-        yield ExtremeCase(name, "specs", "plan", partial(_refused, table), outcome_of, source)
+        yield ExtremeCase(name, "specs", "plan", partial(_has_error, table), outcome_of, source)
 
 
-def _group(first: int) -> Solved:
+def _group_answer(first: int) -> Solved:
     """Return 0 if `IN_GROUP` random specs from `first` on are answered rightly, else raise `ValueError`."""
-    outcomes = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
+    outcomes = {number: fault_of(random_table(number)) for number in range(first, first + IN_GROUP)}
     wrong = [f"random {number}: {fault}" for number, fault in outcomes.items() if fault]
     if wrong:
         raise ValueError(f"{len(wrong)} of {IN_GROUP} are wrong: {'; '.join(wrong[:3])}")
     return Solved(np.array([0.0]), 0.0)
 
 
-def _refused(table: dict[str, Any]) -> Solved:
+def _has_error(table: dict[str, Any]) -> Solved:
     """Return 1 if the plan of a spec has an error among its findings, else 0; a refusal is raised."""
     plan = plan_for(make_spec(table))
     return Solved(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
@@ -944,7 +944,7 @@ def _with_field(table: dict[str, Any], name: str, item: "Field[Any]", value: Any
     return laid_over(table, {f"{name}.{item.name}" if name else item.name: value})
 
 
-def outcome(table: dict[str, Any]) -> str:
+def fault_of(table: dict[str, Any]) -> str:
     """Return what is wrong with the answer to a spec; empty for a plan of finite figures or one sentence.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures, but no
