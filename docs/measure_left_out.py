@@ -30,7 +30,7 @@ from padgen.ladders.extreme import random_table
 from padgen.make.planning import plan_for
 from padgen.physics.bounds import core_eddies, core_polarisation, motional_voltage
 from padgen.physics.magnetics import impedance
-from padgen.planner.drive_scheme import coil_reuse
+from padgen.planner.drive_scheme import coil_leakage
 from padgen.planner.layout import Layout
 from padgen.planner.left_out import _pulled, left_out
 from padgen.planner.plan import Plan
@@ -104,7 +104,7 @@ def times_table(name: str) -> list[str]:
     pairs: dict[str, tuple[Callable[[], object], Callable[[], object], int]] = {
         "gap": (lambda: _pulled(plan, channel), lambda: finer_models.true_gap(copied(plan)), 1),
         "softening": (lambda: _pulled(plan, channel), lambda: finer_models.true_softening(copied(plan)), 1),
-        "leakage": (lambda: coil_reuse(*reused), lambda: finer_models.true_leakage(plan), 1),
+        "leakage": (lambda: coil_leakage(*reused), lambda: finer_models.true_leakage(plan), 1),
         "beam inertia": (
             lambda: finer_models.condensed_bound(taxel),
             lambda: finer_models.element_error(taxel),
@@ -131,7 +131,7 @@ def times_table(name: str) -> list[str]:
     all_ms = cpu_ms(lambda: left_out(plan), 20)
     lines += [
         "",
-        f"All bounds of {name} together: {all_ms:.1f} ms; leakage: {cpu_ms(lambda: coil_reuse(*reused), 5):.1f} ms.",
+        f"All bounds of {name} together: {all_ms:.1f} ms; leakage: {cpu_ms(lambda: coil_leakage(*reused), 5):.1f} ms.",
     ]
     return lines
 

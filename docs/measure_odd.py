@@ -8,7 +8,7 @@ import signal
 import sys
 from collections import Counter
 
-from padgen.ladders.extreme import odd_table, outcome
+from padgen.ladders.extreme import fault_of, odd_table
 
 SPECS = 20_000
 LIMIT_S = 5.0
@@ -29,7 +29,7 @@ def main(specs: int, first: int) -> int:
     for number in range(first, first + specs):
         try:
             signal.setitimer(signal.ITIMER_VIRTUAL, LIMIT_S)
-            fault = outcome(odd_table(number))
+            fault = fault_of(odd_table(number))
             signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         except TooSlowError:
             fault = ""

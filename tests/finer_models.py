@@ -751,7 +751,7 @@ def fields_in_space(
 
     half = all(abs(w.y_m) < 1e-9 for w in washers)
     mesh, far_mm = field_solid._mesh(coil, washers, half, 0, 1.0)
-    source = ng.CF((0, 0, field_solid.wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
+    source = ng.CF((0, 0, field_solid.winding_source(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
     steels = {"core": coil.core_permeability, **{f"washer{i}": w.ring.permeability for i, w in enumerate(washers)}}
 
     def at(order: int) -> tuple[float, float]:
@@ -784,7 +784,7 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
     """Return phasors of the force at twice `hz`, without and with eddy currents, by the axisymmetric ``A = r w``."""
     import ngsolve as ng
 
-    from padgen.verify.field_solid import _curl, _half_plane, wound
+    from padgen.verify.field_solid import _curl, _half_plane, winding_source
 
     mesh, far = _half_plane(coil, washer, gap, 2)
     space = ng.H1(mesh, order=4, complex=True)
@@ -794,7 +794,7 @@ def eddy_forces(coil: CoilSource, washer: SteelRing, gap: float, hz: float, resi
     steels = {"core": coil.core_permeability, "washer": washer.permeability}
     reluctivity = mesh.MaterialCF({k: 1 / (MU_0 * mu) for k, mu in steels.items()}, default=1 / MU_0)
     conducting = mesh.MaterialCF(dict.fromkeys(steels, 1 / resistivity), default=0)
-    _, density = wound(coil, 1.0, ng.x, ng.y)
+    _, density = winding_source(coil, 1.0, ng.x, ng.y)
     more = ng.dx(bonus_intorder=4)
     source = ng.LinearForm(weight * density * radius * v * more).Assemble()
     near = ng.GridFunction(ng.H1(mesh, order=1))

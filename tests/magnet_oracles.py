@@ -135,10 +135,10 @@ def _magnetised(
     mesh: Any, coil: CoilSource, current: float, magnets: dict[str, float], height: Any, radius: Any
 ) -> Any:
     """Return T_z in A/m of a current in A and of magnets by the names of their bodies, with their polarisation in T."""
-    from padgen.verify.field_solid import wound
+    from padgen.verify.field_solid import winding_source
 
     within = {name: polarisation / MU_0 for name, polarisation in magnets.items()}
-    return wound(coil, current, radius, height)[0] + mesh.MaterialCF(within, default=0)
+    return winding_source(coil, current, radius, height)[0] + mesh.MaterialCF(within, default=0)
 
 
 def _coaxial_field(coil: CoilSource, body: SteelRing, low: float, current: float, polarisation: float) -> Any:

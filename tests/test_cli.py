@@ -488,14 +488,14 @@ def test_plan_and_drive_leave_a_build_up_to_date(work, capsys):
 
 def test_a_made_up_manifest_of_a_build_is_no_traceback(work):
     """The manifest says that the build is up to date, but its files hold nothing."""
-    from padgen.core.files import file_hash
+    from padgen.core.files import sha256_hex
 
     assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
     folder = work / "out/tiny"
     manifest = json.loads((folder / "manifest.json").read_text())
     for text in ("", "[]", '{"findings": [{}]}', '{"findings": [], "figure": 1}', "[" * 100_000):
         (folder / "checks.json").write_text(text)
-        manifest["files"]["checks.json"] = file_hash(text.encode())
+        manifest["files"]["checks.json"] = sha256_hex(text.encode())
         (folder / "manifest.json").write_text(json.dumps(manifest))
         assert cli.run(["build", "tiny.toml", "--formats", "stl"]) == 0
         assert json.loads((folder / "checks.json").read_text())["figures"]

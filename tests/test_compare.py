@@ -9,7 +9,7 @@ import pytest
 from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm
 from padgen.solid.checks import check_pad
-from padgen.solid.compare import SMALLEST_MM, STRIP_MM, cut_anew, differences, loose_triangles, pose_of
+from padgen.solid.compare import SMALLEST_MM, STRIP_MM, differences, loose_triangles, pose_of, same_faces
 from padgen.solid.formats import _3mf
 from padgen.solid.formats._3mf import read_3mf
 from padgen.solid.mesh import Mesh, as_manifold, topology
@@ -81,11 +81,11 @@ OTHERWISE = np.array([[[0, 0, 1], [1, 0, 1], [0, 1, 1]], [[1, 0, 1], [1, 1, 1], 
 def test_faces_cut_anew_are_told_from_others():
     """A square along its two diagonals: flat, sloping, moved by more and by less than the stated strip, turned over."""
     slope = np.array([[1, 0, 0], [0, 1, 0], [2, 1, 1]]).T
-    assert cut_anew(SQUARE, OTHERWISE) and cut_anew(SQUARE @ slope, OTHERWISE @ slope)
-    assert cut_anew(SQUARE, OTHERWISE + np.array([0.8 * STRIP_MM, 0, 0]))
-    assert not cut_anew(SQUARE, OTHERWISE + np.array([1.2 * STRIP_MM, 0, 0]))
-    assert not cut_anew(SQUARE, OTHERWISE + np.array([0, 0, STRIP_MM]))
-    assert not cut_anew(SQUARE, OTHERWISE[:1]) and not cut_anew(SQUARE, OTHERWISE[:, ::-1])
+    assert same_faces(SQUARE, OTHERWISE) and same_faces(SQUARE @ slope, OTHERWISE @ slope)
+    assert same_faces(SQUARE, OTHERWISE + np.array([0.8 * STRIP_MM, 0, 0]))
+    assert not same_faces(SQUARE, OTHERWISE + np.array([1.2 * STRIP_MM, 0, 0]))
+    assert not same_faces(SQUARE, OTHERWISE + np.array([0, 0, STRIP_MM]))
+    assert not same_faces(SQUARE, OTHERWISE[:1]) and not same_faces(SQUARE, OTHERWISE[:, ::-1])
 
 
 def turned(mesh, degrees):

@@ -24,7 +24,7 @@ import padgen as pg
 from padgen.core.errors import SolverError, SpecError
 from padgen.measured.fits import TaxelFit
 from padgen.measured.touched_skin import finger_toml, fit_finger
-from padgen.physics.beams import BeamSection, PinFoot, on_pin, pushed_stress, tip_stiffness
+from padgen.physics.beams import BeamSection, PinFoot, pin_motion, pushed_stress, tip_stiffness
 from padgen.physics.modes import to_tip
 from padgen.planner import guard as guard_module
 from padgen.planner.guard import plan_guard
@@ -54,7 +54,7 @@ def test_a_pin_on_a_slender_beam_moves_as_euler_says(share):
 
     The tip's flexibility is what it was without the pin's stiff foot, which is a millionth of the beam here.
     """
-    pinned = on_pin(SLENDER._replace(pin=PinFoot(share, 1e-6)), MODULUS, 0.3)
+    pinned = pin_motion(SLENDER._replace(pin=PinFoot(share, 1e-6)), MODULUS, 0.3)
     s = share
     # Rise and slope of the pin per rise of the tip, and per turn of the tip (about y, so that −y lifts what is ahead).
     assert pinned.shape[2, 2] == pytest.approx(3 * s**2 - 2 * s**3, rel=1e-5)
@@ -82,7 +82,7 @@ def test_a_bent_beam_is_cut_where_the_pin_stands():
     path = ((np.array(0.3), np.array(0.0)), (np.array(0.5), np.array(1.2)), (np.array(0.2), np.array(0.0)))
     whole = BeamSection(np.array(0.01), np.array(0.004), np.array(1.0), path=path)
     half = whole._replace(length=np.array(0.5), path=(path[0], (np.array(0.2), np.array(0.48))))
-    pinned = on_pin(whole._replace(pin=PinFoot(0.5, 1e-9)), MODULUS, 0.3)
+    pinned = pin_motion(whole._replace(pin=PinFoot(0.5, 1e-9)), MODULUS, 0.3)
     flexible = np.linalg.inv(tip_stiffness(half, MODULUS, 0.3))
     # Loads at the pin on the free beam: what remains with the tip held, and what the tip's holding takes.
     held = pinned.shape @ np.linalg.inv(tip_stiffness(whole, MODULUS, 0.3)) @ np.swapaxes(pinned.shape, -1, -2)
@@ -156,7 +156,7 @@ def pad(plan):
 def test_a_push_on_a_pin_stresses_a_slender_beam_as_statics_says():
     """A cantilever that is free at its tip bears F s l at its root; with its tip held, what a clamped beam does."""
     section = SLENDER._replace(pin=PinFoot(0.4, 1e-6))
-    pinned = on_pin(section, MODULUS, 0.3)
+    pinned = pin_motion(section, MODULUS, 0.3)
     modulus = 1e-4**3 / 6
     # Of a free tip: its motion under the push.
     free = np.linalg.inv(tip_stiffness(section, MODULUS, 0.3))
@@ -283,7 +283,7 @@ def test_a_lean_pushed_pin_is_what_the_modes_say(plan):
     placement = model.placements[0]
     carry = to_tip(placement, model.body.centroid)
     stiffness = carry.T @ tip_stiffness(placement.section, *model.elastic[:2]) @ carry
-    pinned = on_pin(placement.section, *model.elastic[:2])
+    pinned = pin_motion(placement.section, *model.elastic[:2])
     rise = np.eye(6)[:3]
     height = plan.spec.contact_top_mm * 1e-3 - float(placement.section.thickness) / 2
     rise[0, 4] = height

@@ -14,9 +14,9 @@ import pytest
 import trimesh
 
 from padgen.core.errors import GeometryError, SpecError
-from padgen.make.pad import Pad, parse_formats, up_to_date
+from padgen.make.pad import Pad, current_build, parse_formats
 from padgen.solid.checks import check_pad
-from padgen.solid.formats import ExportJob, Part, _3mf, verified
+from padgen.solid.formats import ExportJob, Part, _3mf, verify_written
 from padgen.solid.formats._3mf import pack_3mf, read_3mf
 from padgen.solid.formats.stl import stl_blocks
 from padgen.solid.kernel import build123d
@@ -75,9 +75,9 @@ def test_same_bytes_in_one_process(folder, tmp_path):
 def test_changed_code_builds_again(folder, monkeypatch):
     import padgen.make.pad
 
-    assert up_to_date(parse_spec(SMALL), folder, ALL, False)
+    assert current_build(parse_spec(SMALL), folder, ALL, False)
     monkeypatch.setattr(padgen.make.pad, "code_hash", lambda: "other")
-    assert up_to_date(parse_spec(SMALL), folder, ALL, False) is None
+    assert current_build(parse_spec(SMALL), folder, ALL, False) is None
 
 
 def test_stl_is_read_alike_by_trimesh(folder, small_pad):
@@ -128,10 +128,10 @@ def test_a_3mf_that_is_not_its_mesh_is_refused(small_plan, small_pad, tmp_path, 
     path = tmp_path / "pad.3mf"
     report = check_pad(small_pad, small_plan)
     pack_3mf(ExportJob(small_plan, Part("pad", "tiny", "", mesh, None, report), "0"), path)
-    _3mf.verified_rows("pad.3mf", mesh, path)
+    _3mf.verify_rows("pad.3mf", mesh, path)
     pack_3mf(ExportJob(small_plan, Part("pad", "tiny", "", written, None, report), "0"), path)
     with pytest.raises(GeometryError, match=r"^pad.3mf: read back, it"):
-        _3mf.verified_rows("pad.3mf", mesh, path)
+        _3mf.verify_rows("pad.3mf", mesh, path)
 
 
 def test_step_holds_the_printed_part_and_its_washer(folder, small_plan, small_pad):
@@ -178,11 +178,11 @@ def test_bill_of_materials(small_plan):
 
 def test_a_file_that_reads_back_otherwise_is_refused(small_pad):
     good = stl_mesh(b"".join(stl_blocks(small_pad.mesh, "x")))
-    verified("pad.stl", small_pad.mesh, good)
+    verify_written("pad.stl", small_pad.mesh, good)
     with pytest.raises(GeometryError, match="read back, it has"):
-        verified("pad.stl", small_pad.mesh, Mesh(good.vertices_mm, good.triangles[1:]))
+        verify_written("pad.stl", small_pad.mesh, Mesh(good.vertices_mm, good.triangles[1:]))
     with pytest.raises(GeometryError, match="a corner has moved"):
-        verified("pad.stl", small_pad.mesh, Mesh(good.vertices_mm * 1.01, good.triangles))
+        verify_written("pad.stl", small_pad.mesh, Mesh(good.vertices_mm * 1.01, good.triangles))
 
 
 def test_manifest_holds_hashes_and_versions(folder):

@@ -25,7 +25,6 @@ from padgen.core.files import (
     OutputFolder,
     csv_cell,
     differs,
-    file_hash,
     is_current,
     json_line,
     json_text,
@@ -33,6 +32,7 @@ from padgen.core.files import (
     read_bounded,
     read_manifest,
     recover,
+    sha256_hex,
     take_away,
     unlock_file,
 )
@@ -126,7 +126,7 @@ def test_every_writer_adds_to_the_manifest(tmp_path):
     (tmp_path / "a.csv").unlink()
     put(tmp_path, d_csv="5")
     known = {"b.csv": "3", "c.csv": "4", "d.csv": "5"}
-    assert read_manifest(tmp_path)["files"] == {name: file_hash(text.encode()) for name, text in known.items()}
+    assert read_manifest(tmp_path)["files"] == {name: sha256_hex(text.encode()) for name, text in known.items()}
 
 
 def test_a_build_stays_up_to_date_until_its_plan_or_a_file_of_it_is_another(tmp_path):
@@ -148,7 +148,7 @@ def test_a_build_stays_up_to_date_until_its_plan_or_a_file_of_it_is_another(tmp_
 
 def test_a_manifest_of_builds_alone_still_counts(tmp_path):
     """padgen 0.1 wrote such manifests."""
-    listed = {name: file_hash(text.encode()) for name, text in (("plan.json", PLAN_A), ("pad.stl", "mesh"))}
+    listed = {name: sha256_hex(text.encode()) for name, text in (("plan.json", PLAN_A), ("pad.stl", "mesh"))}
     (tmp_path / "plan.json").write_text(PLAN_A)
     (tmp_path / "pad.stl").write_text("mesh")
     (tmp_path / "manifest.json").write_text(json.dumps({"padgen": "0.1.0", "inputs": {"spec": "a"}, "files": listed}))
@@ -253,7 +253,7 @@ def test_a_tampered_manifest_is_none(tmp_path, text):
     folder.mkdir()
     victim.write_text("mine")
     (folder / "study.csv").write_text("mine")
-    raw = text.replace("HASH", file_hash(b"mine")).encode(errors="surrogateescape")
+    raw = text.replace("HASH", sha256_hex(b"mine")).encode(errors="surrogateescape")
     (folder / "manifest.json").write_bytes(raw)
     assert read_manifest(folder) == {} and not is_current(folder, {})
     take_away(folder)
@@ -611,7 +611,7 @@ def test_a_tampered_journal_is_none(tmp_path, text):
     victim = tmp_path / "victim.txt"
     (folder / ".partial-1").mkdir(parents=True)
     victim.write_text("mine")
-    (folder / files.JOURNAL).write_text(text.replace("HASH", file_hash(b"mine")))
+    (folder / files.JOURNAL).write_text(text.replace("HASH", sha256_hex(b"mine")))
     put(folder, plan_json=PLAN_A)
     assert victim.read_text() == "mine" and seen(folder).keys() == {"plan.json", "manifest.json"}
 

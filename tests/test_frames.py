@@ -16,7 +16,7 @@ from padgen.driver.frames import (
     frames_text,
     pattern_frames,
     read_frames,
-    state_frame,
+    state_frames,
     taxel_grid,
     text_frames,
 )
@@ -322,9 +322,9 @@ def test_too_many_frames(plan, tmp_path, monkeypatch):
     np.save(tmp_path / "a.npy", np.zeros((5, 6, 2)))
     with pytest.raises(FileError, match="at most 3 frames of 11 taxels are read at once; frame 4 is one too many"):
         read_frames(tmp_path / "a.npy", plan)
-    assert len(state_frame(plan, "000 111 010")) == 3
+    assert len(state_frames(plan, "000 111 010")) == 3
     with pytest.raises(SpecError, match="must be at most 3 states, got 4"):
-        state_frame(plan, "000 111 010 001")
+        state_frames(plan, "000 111 010 001")
 
 
 @given(st.lists(st.lists(st.floats(0, 1), min_size=12, max_size=12), min_size=1, max_size=4))
@@ -339,18 +339,18 @@ def test_what_is_written_is_read(plan, tmp_path, rows):
 
 
 def test_a_state_counts_the_coils_own_channels(plan):
-    (levels,) = state_frame(plan, "100")
+    (levels,) = state_frames(plan, "100")
     on = {taxel.id for taxel, level in zip(plan.taxels, levels, strict=True) if level}
     assert on == {"r0c0k0", "r0c1k0", "r1c0k0", "r1c1k0"}
-    grey = state_frame(plan, "0,0.5,1 111")
+    grey = state_frames(plan, "0,0.5,1 111")
     assert grey[0].tolist() == [0, 0.5, 1, 0, 0.5, 1, 0, 0.5, 1, 0, 0.5]
     assert grey[1].min() == 1
 
 
 def test_all_states_are_those_of_the_drivers_table(paper_plan):
-    frames = state_frame(paper_plan, "all")
+    frames = state_frames(paper_plan, "all")
     assert frames[:, :2].tolist() == [[0, 0], [0, 1], [1, 0], [1, 1]]
-    assert np.array_equal(frames[2], state_frame(paper_plan, "10")[0])
+    assert np.array_equal(frames[2], state_frames(paper_plan, "10")[0])
 
 
 @pytest.mark.parametrize(
@@ -368,17 +368,17 @@ def test_all_states_are_those_of_the_drivers_table(paper_plan):
 )
 def test_bad_states_are_refused_in_a_sentence(plan, text, sentence):
     with pytest.raises(SpecError, match=sentence) as error:
-        state_frame(plan, text)
+        state_frames(plan, text)
     assert error.value.where == "--state"
 
 
 def test_all_states_of_many_channels_are_too_many():
     with pytest.raises(SpecError, match="all states of 11 channels are 2048; at most 64 are played"):
-        state_frame(pg.plan("wide-11"), "all")
+        state_frames(pg.plan("wide-11"), "all")
 
 
 def test_pictures_in_text(plan, tmp_path):
-    levels = state_frame(plan, "0,0.5,1 111")
+    levels = state_frames(plan, "0,0.5,1 111")
     text = frames_text(plan, levels)
     assert text == PICTURES
     (tmp_path / "a.txt").write_text(text)

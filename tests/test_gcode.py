@@ -520,7 +520,7 @@ def test_beads_on_both_sides_of_a_gap_are_as_far_apart_as_they_are(gap_mm):
     away_mm = []
     for y in (half_mm - inward_mm, wall_mm + inward_mm):
         points = np.array([hand.on_pad(taxel, channel, washer, washer[0] + 0.013, float(at)) for at in y])
-        away_mm.append(maps.from_gap_mm(*maps.found(points)))
+        away_mm.append(maps.from_gap_mm(*maps.looked_up(points)))
     assert sum(away_mm) == pytest.approx(wall_mm - half_mm + 2 * inward_mm, abs=2e-3)
 
 

@@ -10,7 +10,7 @@ import padgen as pg
 from padgen.core.errors import FileError, SpecError
 from padgen.driver.formats import hjif
 from padgen.driver.formats.hjif import hjif_text
-from padgen.driver.frames import state_frame, taxel_grid
+from padgen.driver.frames import state_frames, taxel_grid
 from padgen.driver.waveform import Timeline, blend, steady, timeline
 from padgen.measured.tuning import TunedTaxel, Tuning, planned_tuning
 from padgen.physics.resonator import relative_energy
@@ -179,7 +179,7 @@ def test_files_keep_the_formats_rules(name):
 @pytest.mark.parametrize("drive", ["time-shared", "biased", "spur-free"])
 def test_other_drives_and_two_sets(drive):
     plan = pg.plan(parse_spec(SMALL + f'reuse = "alternate"\n[drive]\nscheme = "{drive}"\n'))
-    shown = timeline(plan, state_frame(plan, "all"))
+    shown = timeline(plan, state_frames(plan, "all"))
     text = hjif_text(plan, shown)
     refuse_faults(text)
     assert len(read_hjif(text).devices) == 4

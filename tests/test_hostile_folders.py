@@ -11,7 +11,7 @@ import pytest
 
 from padgen.core import files, seal
 from padgen.core.errors import FileError
-from padgen.core.files import OutputFolder, recover, settle
+from padgen.core.files import OutputFolder, recover, wait_for_commit
 
 ROOT = Path(__file__).parents[1]
 SAMPLE = 20
@@ -120,7 +120,7 @@ def test_a_journal_that_was_changed_is_a_strangers(tmp_path, name):
     with pytest.raises(FileError, match="nothing is changed"), OutputFolder(tmp_path):
         pass
     with pytest.raises(FileError, match=r"which this user's padgen did not write there; remove \.padgen\.journal"):
-        settle(tmp_path, "plan.json")
+        wait_for_commit(tmp_path, "plan.json")
     assert (tmp_path / "plan.json").read_text() == "new"
 
 

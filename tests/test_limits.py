@@ -28,7 +28,7 @@ from padgen.driver import loads, sound_card, waveform
 from padgen.driver.drive_folder import Drive, Driven, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.formats.c import boards_in_time, c_header, sample_mhz
-from padgen.driver.frames import state_frame
+from padgen.driver.frames import state_frames
 from padgen.driver.loads import HEAT_S, excitation_load, heat_s, judge_limits, judge_load, load_of
 from padgen.driver.serial_line import frame_message
 from padgen.driver.signs import PlayedPad, choose_signs
@@ -80,7 +80,7 @@ def planned(coil: str = "", drive: str = "") -> Plan:
 
 
 def written(plan: Plan, folder: Path, formats: str, state: str = "1111", **more) -> Driven:
-    frames = state_frame(plan, state) if state else None
+    frames = state_frames(plan, state) if state else None
     return Drive(plan, frames, held=True, **more).save_folder(folder, formats.split(","))
 
 
@@ -351,7 +351,7 @@ def test_judged_volts_are_those_of_the_firmware_in_all_states(tmp_path, scheme):
     found = {f.code: f for f in judge_limits("x", plan, drive)}
     judged_v = asked_in(found["coil.voltage"])
     judged_w = asked_in(found["coil.heat"])
-    states = np.stack([state_frame(plan, f"{k:04b}")[0] for k in range(16)])
+    states = np.stack([state_frames(plan, f"{k:04b}")[0] for k in range(16)])
     for name, limit_v in (("uncut", 1000.0), ("cut", 1.0)):
         (tmp_path / name).mkdir()
         pad = compiled(
@@ -727,7 +727,7 @@ def test_what_an_amplifier_lacks_is_told_with_a_level_that_fits():
 def test_a_spur_free_drive_is_carried_through_an_amplifier_without_direct_current(tmp_path):
     grid = "[coil]\ngrid = [2, 2]\n[drive]\nscheme = 'spur-free'\n"
     plan = pg.plan(parse_spec(amplified(16, 4, "AC", 60, more=grid)))
-    frames = np.stack([np.ones(16), state_frame(plan, "0101")[0]])
+    frames = np.stack([np.ones(16), state_frames(plan, "0101")[0]])
     driven = Drive(plan, frames, held=True, rate_hz=48_000).save_folder(tmp_path / "o", ["csv", "wav", "c"])
     assert not [f for f in driven.findings if f.level == "error" or f.code == "wave.dc"]
     wave = read_wav(tmp_path / "o" / "drive.wav")

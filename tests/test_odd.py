@@ -8,7 +8,7 @@ import pytest
 
 from padgen.core.errors import SolverError, SpecError
 from padgen.core.units import MM
-from padgen.ladders.extreme import ODD, odd_table, outcome
+from padgen.ladders.extreme import ODD, fault_of, odd_table
 from padgen.make.planning import spec_of
 from padgen.physics.magnetics import coil_rings, rings_potential, solenoid
 from padgen.physics.pull import _coarse_rings
@@ -24,7 +24,7 @@ SAMPLE = range(1000, 1012)
 
 @pytest.mark.parametrize("part", range(4))
 def test_odd_specs_are_planned_or_refused_in_a_sentence(part):
-    faults = {number: outcome(odd_table(number)) for number in SAMPLE[part::4]}
+    faults = {number: fault_of(odd_table(number)) for number in SAMPLE[part::4]}
     assert {number: fault for number, fault in faults.items() if fault} == {}
 
 
@@ -100,7 +100,7 @@ def test_beams_that_print_with_nothing_left_are_refused(printer, drawn_mm, key, 
         make_spec({**table, "printer": {**printer, key: offset_mm}})
     assert told.value.where == f"printer.{key}"
     (cure,) = told.value.cures
-    assert outcome({**table, "printer": {**printer, key: cure[f"printer.{key}"]}}) == ""
+    assert fault_of({**table, "printer": {**printer, key: cure[f"printer.{key}"]}}) == ""
 
 
 def pulled(table, gap_m, offset_m):

@@ -28,7 +28,7 @@ from padgen.verify.pad_frame import (
     CLAMPINGS,
     HELD,
     MESH,
-    Hung,
+    MountedTaxel,
     PadModes,
     _frame_solid,
     central_taxels,
@@ -88,7 +88,7 @@ def one_above_the_other(k: float, m: float, frame_k: float, frame_m: float) -> t
     up = np.eye(6)[:, [2]]
     body = np.diag([m, m, m, 1e-9, 1e-9, 1e-9])
     # Two beams that share the load: half the stiffness each.
-    hung = Hung(body, [(stiff / 2, up), (stiff / 2, up)], up[:, 0])
+    hung = MountedTaxel(body, [(stiff / 2, up), (stiff / 2, up)], up[:, 0])
     modes = coupled_modes(np.array([[frame_k]]), np.array([[frame_m]]), [hung])
     return modes, np.array([[frame_k + k, -k], [-k, k]]), np.diag([frame_m, m])
 

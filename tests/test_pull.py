@@ -33,7 +33,7 @@ from padgen.physics.magnetics import (
     toroidal,
     tube,
 )
-from padgen.physics.pull import OWN_ERROR, brought_table, make_table, parts_key, pull, solved_pulls
+from padgen.physics.pull import OWN_ERROR, make_table, parts_key, pull, solved_pulls, supplied_table
 from padgen.planner import make_plan
 from padgen.planner.channels import hanging_gap_um, pull_exponent, site_pulls
 from padgen.planner.movers import mover_of
@@ -310,13 +310,13 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
     )
     gap = np.array([0.9, 0.5, 0.2, 1.0]) * MM
     offset = np.array([4.0, 4.0, 4.0, 0.0]) * MM
-    washers._own.cache_clear()
+    washers._solved_table.cache_clear()
     washers._table_beside.cache_clear()
     found = mover_of(spec).pulls(spec.coil, spec.moved, gap, offset)
     solved = solved_pulls(*magnetic_parts(spec), gap, offset)
     assert found.pull == pytest.approx(solved.pull, rel=2e-3)
     assert found.slope == pytest.approx(solved.slope, rel=0.05)
-    washers._own.cache_clear()
+    washers._solved_table.cache_clear()
     washers._table_beside.cache_clear()
 
     def never(*_):
@@ -359,10 +359,10 @@ def test_a_catalogue_coil_pulls_as_the_same_coil_with_sizes_of_its_own(name):
     other = moved_slightly(coil, 1e-8)
     rng = np.random.default_rng(5)
     for part, offset in enumerate(rng.uniform(0.2, 0.95, 3) * coil.outer_diameter / 2):
-        shipped = brought_table(coil, washer, part)
+        shipped = supplied_table(coil, washer, part)
         assert shipped is not None
-        assert brought_table(other, washer, part) is None
+        assert supplied_table(other, washer, part) is None
         solved = make_table(other, washer, part, offset * 2**0.5, 1)
         gap = shipped.low * (shipped.high / shipped.low) ** rng.uniform(0, 1, 4)
         away = np.full(4, offset)
-        assert shipped.beside(offset).at(gap, away).pull == pytest.approx(solved.at(gap, away).pull, rel=1e-6)
+        assert shipped.at_single_offset(offset).at(gap, away).pull == pytest.approx(solved.at(gap, away).pull, rel=1e-6)

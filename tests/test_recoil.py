@@ -86,7 +86,7 @@ def test_heard_is_the_mean_square_of_the_listeners():
     force = np.r_[rng.normal(size=6), np.zeros(4)]
     moved = recoil.relative_motion(force)[6:]
     momentum = (force / recoil.dynamic) @ taxels.momentum
-    heard = recoil.heard(np.arange(6, 10)) @ momentum
+    heard = recoil.listening_matrix(np.arange(6, 10)) @ momentum
     assert np.vdot(heard, heard).real == pytest.approx(float(np.mean(np.abs(moved) ** 2)), rel=1e-9)
 
 

@@ -25,8 +25,8 @@ from padgen.physics.resonance_judge import (
     NEEDED,
     NEEDED_OF_SPECTRA,
     CircleFit,
-    agree,
     circle_resonance,
+    judge_agreement,
     point_noise,
     taubin_circle,
 )
@@ -417,7 +417,7 @@ def test_a_long_decay_is_fitted_by_its_beginning():
 
 def test_methods_a_bandwidth_apart_are_refused_and_errors_apart_are_not():
     def beside(hz, q):
-        return agree(CircleFit(60, 1e-3, 15, 1e-3), CircleFit(hz, 1e-3, q, 1e-3), NEEDED)
+        return judge_agreement(CircleFit(60, 1e-3, 15, 1e-3), CircleFit(hz, 1e-3, q, 1e-3), NEEDED)
 
     assert not beside(60.9, 20)
     for hz, q in ((61.1, 15), (58.9, 15), (60, 31), (60, 7)):
@@ -429,7 +429,7 @@ def test_what_noise_hides_is_refused_with_how_much_more_is_needed():
     """Ten percent of Q, and 0.3 of half a bandwidth, must be three sigma of noise."""
 
     def known(error_hz, q_error, needed=NEEDED):
-        return agree(CircleFit(60, error_hz, 15, q_error), None, needed)
+        return judge_agreement(CircleFit(60, error_hz, 15, q_error), None, needed)
 
     assert known(0.19, 0.49)
     with pytest.raises(SolverError, match=r"noise hides .* it is known only to ± 0.63 Hz .* where ± 0.6 Hz are needed"):

@@ -35,12 +35,12 @@ from padgen.measured.tuning import (
     levels_um,
     planned_response_um_per_a2,
     planned_tuning,
-    played,
     predicted,
     printed_channels,
     read_tuning,
     simulate_print,
     simulated_measurement,
+    taxel_energies,
     tones_at,
     tuning_from_json,
     tuning_to_json,
@@ -148,7 +148,7 @@ def test_detuned_tones_agree_with_the_yield_of_prints(scheme):
         which, drive = (
             Channels(part.resonance_hz[:, k], q[:, 0], part.line[:, k]) for part in (Channels(hz, q, line), tones)
         )
-        assert played(which, drive, of).off == pytest.approx(expected[:, k], rel=1e-12)
+        assert taxel_energies(which, drive, of).off == pytest.approx(expected[:, k], rel=1e-12)
 
 
 @pytest.mark.parametrize("scheme", ["tones", "biased"])
@@ -176,7 +176,7 @@ def test_on_and_off_are_those_of_the_square_of_the_current(scheme):
         answer = np.abs(receptance(f[:, None], truth.resonance_hz, mass, truth.q)) * 4 * np.pi**2
         energies.append(((answer * lines[:, None]) ** 2).sum(0))
     states = np.array(list(product([0, 1], repeat=3)), bool)
-    result = played(truth, Channels(tone_hz, truth.q, line), Scheme(scheme))
+    result = taxel_energies(truth, Channels(tone_hz, truth.q, line), Scheme(scheme))
     energies = np.array(energies)
     assert result.off == pytest.approx([energies[~states[:, i], i].max() for i in range(3)], rel=1e-9)
     if scheme == "tones":

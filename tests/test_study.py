@@ -20,7 +20,7 @@ import padgen as pg
 from padgen.cli import run
 from padgen.core.display import plot_bytes, seconds_text
 from padgen.core.errors import PadgenError, SolverError, SpecError, percent
-from padgen.ladders.extreme import outcome, random_table, selectivity_cases, solid_cases, spec_cases
+from padgen.ladders.extreme import fault_of, random_table, selectivity_cases, solid_cases, spec_cases
 from padgen.ladders.rung import (
     MOST_SUBJECTS,
     NOT_RUN,
@@ -559,7 +559,7 @@ def test_random_specs_are_planned_or_refused_in_a_sentence():
     """A few of the list are tried; `padgen study --extreme` plans hundreds and solves some by finite elements."""
     tables = [random_table(number) for number in range(6, 12)]
     assert tables == [random_table(number) for number in range(6, 12)]
-    assert [outcome(table) for table in tables] == [""] * 6
+    assert [fault_of(table) for table in tables] == [""] * 6
     odd = [set(table) - {"name", *random_table(0, 0)} for table in tables]
     assert len(set.union(*odd)) > 3
 
@@ -571,13 +571,13 @@ def test_a_wrong_plan_of_a_random_spec_is_found(monkeypatch):
     plan = extreme.plan_for(extreme.make_spec(table))
     lost = replace(plan, channels=(replace(plan.channels[0], sag_um=nan), *plan.channels[1:]))
     monkeypatch.setattr(extreme, "plan_for", lambda spec: lost)
-    assert outcome(table) == "channels[0].sag_um is no number"
+    assert fault_of(table) == "channels[0].sag_um is no number"
 
     def breaks(spec):
         raise ZeroDivisionError("by nothing")
 
     monkeypatch.setattr(extreme, "plan_for", breaks)
-    assert outcome(table) == "ZeroDivisionError: by nothing"
+    assert fault_of(table) == "ZeroDivisionError: by nothing"
     with pytest.raises(ValueError, match="are wrong: random "):
         next(spec_cases()).solve()
 

@@ -9,7 +9,7 @@ import pytest
 
 import padgen as pg
 from padgen.driver.formats.syntacts import syntacts_script
-from padgen.driver.frames import state_frame
+from padgen.driver.frames import state_frames
 from padgen.driver.waveform import PadDrive, Timeline, make_drive, steady, timeline, volts
 from padgen.planner import Plan
 from padgen.spec import parse_spec
@@ -236,7 +236,7 @@ def test_signs_are_those_of_the_wave(library, scheme):
 def test_steady_states_go_on_for_ever(library, scheme):
     plan = small(scheme)
     drive = make_drive(plan, RATE_HZ)
-    levels = state_frame(plan, "10" if scheme == "time-shared" else "11")[0]
+    levels = state_frames(plan, "10" if scheme == "time-shared" else "11")[0]
     shown = steady(levels, drive.period_s)
     assert error_of(plan, drive, shown) < 1e-9
     once = written(drive, shown)

@@ -105,10 +105,10 @@ def read_spec(
     >>> read_spec("paper-32", q_min=20).q_min
     20.0
     """
-    from padgen.make.planning import recorded_spec, spec_of
+    from padgen.make.planning import spec_as_recorded, spec_of
 
     read = spec_of(spec, fields)
-    return read if folder is None else recorded_spec(read, Path(folder))
+    return read if folder is None else spec_as_recorded(read, Path(folder))
 
 
 def plan(

@@ -49,6 +49,7 @@ __all__ = [
     "Work",
     "broken",
     "connect",
+    "error_text",
     "fingerprint",
     "make_variants",
     "records_of",
@@ -56,7 +57,6 @@ __all__ = [
     "run_tasks",
     "run_to_table",
     "sole_sweep",
-    "told",
 ]
 
 
@@ -102,7 +102,7 @@ class Window:
             try:
                 future = self._executor.submit(self._function, tasks, *self._rest)
             except Exception as error:
-                raise StoppedError(f"takes no more tasks ({told(error)})", "executor") from error
+                raise StoppedError(f"takes no more tasks ({error_text(error)})", "executor") from error
             self.pending[id(future)] = future, tasks
             if hasattr(future, "add_done_callback"):
                 future.add_done_callback(lambda future: self._finished.put(id(future)))
@@ -145,16 +145,16 @@ def records_of(future: Any, tasks: list[Task]) -> list[VariantRecord]:
     except (CancelledError, cancelled) as error:
         raise StoppedError("has ended (it was shut down, or the connection to it was lost)", "executor") from error
     except (BrokenExecutor, PadgenError) as error:
-        raise StoppedError(f"has ended ({told(error)})", "executor") from error
+        raise StoppedError(f"has ended ({error_text(error)})", "executor") from error
     except Exception as error:
-        raise LostError(told(error)) from error
+        raise LostError(error_text(error)) from error
     asked = [(task.number, task.key) for task in tasks]
     if not isinstance(records, list) or [(r.number, r.key) for r in records if isinstance(r, VariantRecord)] != asked:
         raise LostError("what came back is not what was asked for")
     return records
 
 
-def told(error: Any) -> str:
+def error_text(error: Any) -> str:
     """Return an error as text on one line, after the name of its type unless it is a `PadgenError`."""
     text = " ".join(str(error).split())
     return str(error) if isinstance(error, PadgenError) else f"{type(error).__name__}: {text}".rstrip(": ")
@@ -392,7 +392,12 @@ def run_sweep(
                         stopped += f"; {error}"  # one more reason
         run.tell("end")
         return SweepResult(
-            **run.told, folder=folder, index=folder / INDEX, stopped=stopped, interrupted=interrupted, overview=overview
+            **run.counts_now,
+            folder=folder,
+            index=folder / INDEX,
+            stopped=stopped,
+            interrupted=interrupted,
+            overview=overview,
         )
 
 
@@ -507,13 +512,13 @@ class _Run:
 
     def tell(self, kind: str, record: VariantRecord | None = None, reused: bool = False) -> None:
         """Report an event to the caller; the time left is estimated from the variants made so far."""
-        notify = self.told
+        notify = self.counts_now
         made = self.total - self.kept - notify["left"]
         eta_s = notify["left"] * notify["seconds"] / made if made else None
         self.on_event(Event(**notify, kind=kind, eta_s=eta_s, record=record, reused=reused))
 
     @property
-    def told(self) -> dict[str, Any]:
+    def counts_now(self) -> dict[str, Any]:
         """The number of variants of each kind, and the seconds since the start."""
         left = self.total - sum(self.counts.values())
         seconds = time.monotonic() - self._start
@@ -600,7 +605,7 @@ def connect(address: str, timeout_s: float = TIMEOUT_S) -> Iterator[Executor]:
         for worker, answer in sorted(_within(seconds, ask, slow, "cannot ask its workers ({})", where).items()):
             place = f"worker {worker}"
             if not isinstance(answer, dict):
-                raise PadgenError(f"cannot import padgen ({told(answer)}); install the same padgen there", place)
+                raise PadgenError(f"cannot import padgen ({error_text(answer)}); install the same padgen there", place)
             if name := next((name for name, mine in here.items() if answer.get(name) != mine), ""):
                 sentences = {
                     "padgen": "another padgen than this machine; install the same one on both",
@@ -647,4 +652,4 @@ def _within(seconds: float, act: Callable[[], Any], late: str, other: str, where
     except OSError as error:  # timeouts are, and what cannot be reached
         raise PadgenError(late, where) from error
     except Exception as error:
-        raise PadgenError(other.format(told(error)), where) from error
+        raise PadgenError(other.format(error_text(error)), where) from error

@@ -13,10 +13,10 @@ from padgen.core.files import (
     OutputFolder,
     built_files,
     differs,
-    file_hash,
     json_text,
     read_bounded,
     recover,
+    sha256_hex,
 )
 from padgen.core.registry import PAD_FORMATS, names_in, plugin_code
 from padgen.make.planning import plan_for
@@ -116,7 +116,7 @@ def _threshold(table: dict[str, Any], folder: Path) -> str:
     if not isinstance(name, str):
         return ""
     try:
-        return file_hash(read_bounded(folder / name, LARGEST_CURVE, "a threshold"))
+        return sha256_hex(read_bounded(folder / name, LARGEST_CURVE, "a threshold"))
     except FileError:
         return "cannot be read"
 

@@ -85,13 +85,13 @@ def _check(options: argparse.Namespace) -> int:
         report = check(
             options.mesh or options.gcode, options.spec or None, gcode=options.mesh is None, progress=progress
         )
-    from padgen.report.plans import figures_text, held_line, serious_text
+    from padgen.report.plans import figures_text, outcome_line, serious_text
     from padgen.report.results import laid_text
 
     serious = serious_text(report.findings, options.verbose)
     if options.mesh is None:
         texts = [laid_text(report, options.gcode, options.verbose), serious]
     else:
-        texts = [held_line(f"{options.mesh} is read", report.findings), serious, figures_text(report.figures)]
+        texts = [outcome_line(f"{options.mesh} is read", report.findings), serious, figures_text(report.figures)]
     answer(options, report, *texts)
     return code_of(report.findings)

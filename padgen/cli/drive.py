@@ -156,12 +156,12 @@ def _drive(options: argparse.Namespace) -> int:
 
 
 def _wiring(options: argparse.Namespace) -> int:
-    from padgen.report.plans import findings_text, held_line
+    from padgen.report.plans import findings_text, outcome_line
 
     with progress_line() as progress:
         plan = plan_of(options, progress)
     findings = check_wiring(plan, options.wiring)
-    held = held_line(f"What was felt or heard of {plan.name} is compared with its wiring", findings)
+    held = outcome_line(f"What was felt or heard of {plan.name} is compared with its wiring", findings)
     answer(options, {"findings": findings}, held, *([findings_text(findings)] if findings else []))
     return code_of(findings)
 

@@ -19,7 +19,7 @@ from stat import S_ISREG
 from typing import Any, TypeVar
 
 from padgen.core.errors import FileError, SpecError
-from padgen.core.files import file_hash, locked, read_bounded, reason
+from padgen.core.files import locked, read_bounded, reason, sha256_hex
 
 __all__ = [
     "CacheInfo",
@@ -105,7 +105,7 @@ def limit_bytes() -> int:
 
 def key_of(inputs: Any) -> str:
     """Return the key of a result: a hash of all its inputs, which are plain data."""
-    return file_hash(json.dumps(inputs, sort_keys=True).encode())
+    return sha256_hex(json.dumps(inputs, sort_keys=True).encode())
 
 
 def load(kind: str, key: str) -> Any:
@@ -281,14 +281,14 @@ def code_hash(*parts: str) -> str:
         for path in ([part] if part.is_file() else part.rglob("*"))
         if path.name.endswith(SOURCES)
     )
-    return file_hash(b"".join(path.read_bytes() for path in files))
+    return sha256_hex(b"".join(path.read_bytes() for path in files))
 
 
 SOURCES = (".py", ".csv", ".npy", ".html", ".min.js", ".min.css")
 
 
 def _head(key: str, data: bytes) -> bytes:
-    return f"{key} {file_hash(data)}".encode()
+    return f"{key} {sha256_hex(data)}".encode()
 
 
 def _entries() -> Iterator[tuple[Path, float, int]]:

@@ -8,8 +8,8 @@ continues from there.
 
 A folder may be a stranger's. So only a journal with the seal of this user (`core/seal.py`) for this very folder is
 followed, no link is followed on the way to a file that is moved, and nothing that reads ever writes: a reader that
-meets a journal waits for a living process (`settle`), and otherwise says what restores the folder. Several files of a
-folder are read as one state of it by `read_as_one`.
+meets a journal waits for a living process (`wait_for_commit`), and otherwise says what restores the folder. Several
+files of a folder are read as one state of it by `read_as_one`.
 
 ``manifest.json`` lists padgen's files with their hashes. A listed file that still has its hash is padgen's and may be
 removed and replaced. Any other file is the user's: it is never removed, and is kept as ``NAME.old`` where an output
@@ -55,7 +55,6 @@ __all__ = [
     "built_files",
     "csv_cell",
     "differs",
-    "file_hash",
     "is_current",
     "is_unchanged",
     "json_line",
@@ -68,9 +67,10 @@ __all__ = [
     "read_manifest",
     "reason",
     "recover",
-    "settle",
+    "sha256_hex",
     "take_away",
     "unlock_file",
+    "wait_for_commit",
     "write_synced",
 ]
 
@@ -411,7 +411,7 @@ def recover(path: Path) -> bool:
     return is_torn
 
 
-def settle(folder: Path, name: str) -> None:
+def wait_for_commit(folder: Path, name: str) -> None:
     """Wait until no commit is moving file `name` of a folder; call this before reading the file.
 
     Nothing is written.
@@ -449,10 +449,10 @@ def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
     Raises
     ------
     FileError
-        As `settle`, or commits come faster than the files are read.
+        As `wait_for_commit`, or commits come faster than the files are read.
     """
     for _ in range(MOST_ATTEMPTS):
-        settle(folder, name)
+        wait_for_commit(folder, name)
         before = _state(folder)
         try:
             content = read()
@@ -655,7 +655,7 @@ def _plain(value: Any, in_full: bool = False) -> Any:
     return _plain(value.item()) if hasattr(value, "item") else str(value)
 
 
-def file_hash(data: bytes | bytearray) -> str:
+def sha256_hex(data: bytes | bytearray) -> str:
     """Return the SHA-256 of bytes, in hexadecimal."""
     return sha256(data).hexdigest()
 
@@ -708,7 +708,7 @@ class OutputFolder:
         """Write a file into the temporary folder, and return its path there, for reading back."""
         raw = data.encode() if isinstance(data, str) else data
         write_synced(self._aside / name, raw)
-        self._hashes[name] = file_hash(raw)
+        self._hashes[name] = sha256_hex(raw)
         return self._aside / name
 
     def write_by(self, name: str, writer: Callable[[Path], None]) -> Path:
@@ -768,7 +768,7 @@ class OutputFolder:
                     manifest["inputs"] = before["inputs"]
             text = json_text(manifest).encode()
             write_synced(self._aside / MANIFEST, text)
-            new = {**self._hashes, MANIFEST: file_hash(text)}
+            new = {**self._hashes, MANIFEST: sha256_hex(text)}
             for name, digest in new.items():
                 path = self.path / name
                 hashes = {digest, known.get(name)}
@@ -791,9 +791,9 @@ def read_manifest(path: Path) -> dict[str, Any]:
     Raises
     ------
     FileError
-        As `settle`.
+        As `wait_for_commit`.
     """
-    settle(path, MANIFEST)
+    wait_for_commit(path, MANIFEST)
     manifest = _read_json_table(path / MANIFEST)
     try:
         files = manifest["files"]
@@ -838,7 +838,7 @@ def take_away(path: Path) -> None:
 
 def differs(path: Path, name: str, text: str) -> bool:
     """Return whether a folder has a file of this name with another text."""
-    settle(path, name)
+    wait_for_commit(path, name)
     file = path / name
     data = text.encode()
     try:
@@ -866,7 +866,7 @@ def read_bounded(path: Path, most_bytes: int, what: str) -> bytes:
     Raises
     ------
     FileError
-        The file is missing, a folder, a device or too large, or cannot be read; or as `settle`.
+        The file is missing, a folder, a device or too large, or cannot be read; or as `wait_for_commit`.
     """
     return read_as_one(path.parent, partial(_read_once, path, most_bytes, what), path.name)
 

@@ -77,7 +77,7 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """Return all names: padgen's own in alphabetic order, then the registered ones in their order."""
-        return (*_files(self._package), *self.registered)
+        return (*_own_extensions(self._package), *self.registered)
 
     def families(self) -> tuple[str, ...]:
         """Return the names of families, such as ``NAME`` of ``NAME-3`` and ``NAME-5``, in alphabetical order."""
@@ -136,23 +136,23 @@ class Registry(Generic[T]):
             There is none; the sentence, about the field `where`, has the nearest name.
         """
         # Padgen's own names cannot be registered, so that plugins need not be imported for them.
-        if name not in _files(self._package):
+        if name not in _own_extensions(self._package):
             if name not in self.registered:
                 raise unknown_name(name, list(self.names()), self.kind, where)
             return self._registered[name]
-        return cast(T, _module(self._package, name))
+        return cast(T, _extension(self._package, name))
 
 
 @cache
-def _module(package: str, name: str) -> Any:
+def _extension(package: str, name: str) -> Any:
     """Import and return an extension's module, or a family's member; cached, since `import_module` is slow."""
-    stem, number = _files(package)[name]
+    stem, number = _own_extensions(package)[name]
     module = import_module(f"{package}.{stem}")
     return module.member(number) if number else module
 
 
 @cache
-def _files(package: str) -> dict[str, tuple[str, int]]:
+def _own_extensions(package: str) -> dict[str, tuple[str, int]]:
     """Return a package's extensions by name, in alphabetic order: module, and number in a family (0: none).
 
     A file with an underscore before a digit has the name without it, since no module can begin with a digit. Other

@@ -10,7 +10,7 @@ from typing import BinaryIO
 import numpy as np
 
 from padgen.core.errors import FileError, number
-from padgen.core.files import reason, settle
+from padgen.core.files import reason, wait_for_commit
 
 __all__ = ["EXTENSIBLE", "FLOAT", "PCM", "SUBFORMAT", "Wave", "read_wav"]
 
@@ -86,7 +86,7 @@ def read_wav(path: Path, data: bytes | None = None) -> Wave:
     try:
         if data is not None:
             return _read(path, BytesIO(data), len(data), data)
-        settle(path.parent, path.name)
+        wait_for_commit(path.parent, path.name)
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise FileError("cannot be read (it is no ordinary file)", str(path))
         with path.open("rb") as file:

@@ -47,7 +47,7 @@ Told = Callable[[str], None]
 class Bench:
     """Set-up of a session that measures a print: plan, folder, audio input, and what plays the sweeps.
 
-    That is the output `sink`, or the firmware at `port`, which knows the print by `tuning`.
+    The sweeps are played by the output `sink`, or the firmware at `port`, which knows the print by `tuning`.
     """
 
     plan: Plan

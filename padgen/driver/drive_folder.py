@@ -21,7 +21,7 @@ from padgen.driver.excitation import SAMPLES_OF_HIGHEST, Excitation, excitation
 from padgen.driver.formats import DriveJob, in_order
 from padgen.driver.formats.wav import BEYOND_LIMIT, WaveReport, WavWriter
 from padgen.driver.formats.wav import FILE as WAV
-from padgen.driver.frames import CROSSED, pattern_frames, read_frames, state_frame, text_frames
+from padgen.driver.frames import CROSSED, pattern_frames, read_frames, state_frames, text_frames
 from padgen.driver.loads import excitation_load, judge_limits, judge_load, judge_warmth
 from padgen.driver.outputs import Outputs, needed_outputs
 from padgen.driver.signs import PlayedPad, PlayedRecoil, choose_signs, played_recoil
@@ -174,7 +174,7 @@ def levels_of(
     named = [name for name, value in given.items() if value is not None]
     if len(named) > 1:
         raise SpecError(f"and {named[1]} are given; one of {', '.join(given)} is shown, not both", named[0])
-    makers = {"state": state_frame, "text": text_frames, "pattern": pattern_frames}
+    makers = {"state": state_frames, "text": text_frames, "pattern": pattern_frames}
     if pattern == CROSSED:
         return crossed_frames(plan)
     for name in named:

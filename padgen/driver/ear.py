@@ -37,7 +37,7 @@ from padgen.core.wav_reader import Wave
 from padgen.driver.signs import mount_text, printed_taxels
 from padgen.driver.slots import slots_of, worst_contrast
 from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning, tuned_spec
-from padgen.physics.recoil_in_time import MOST_UNKNOWNS, THROUGH, WEIGHT, WITHIN, PadMotion, unknowns
+from padgen.physics.recoil_in_time import MOST_UNKNOWNS, THROUGH, WEIGHT, WITHIN, PadMotion, most_unknowns
 from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import hanging_gap_um
@@ -250,7 +250,7 @@ def hear(
     if pad.moving_kg is not None:
         recoil = _Recoil(pad, tuning, coil_of, wave.channels, sidecar["rate_hz"], all_alike())
     coils = _play(plan, tuned_spec(plan, heard_print.coil_c).coil, wave, sidecar, groups, gap, recoil)
-    level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = _found(groups)
+    level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = _joined_figures(groups)
     at_s = np.arange(len(course_m)) * (step / sidecar["rate_hz"])
     settled = np.zeros(level_m.shape, bool)
     rise_s = np.full(level_m.shape, np.nan)
@@ -279,7 +279,7 @@ def hear(
         frame_m = _slot_levels(at_s, course_m, np.arange(len(frames) + 1) * frame_s)
     shaken = None
     if recoil is not None and recoil.groups:
-        level_shaken, _, _, course_shaken, _, _ = _found(recoil.groups)
+        level_shaken, _, _, course_shaken, _, _ = _joined_figures(recoil.groups)
         for h, span in enumerate(spans):
             if span.in_turns:
                 level_shaken[h] = _largest_of(course_shaken, at_s, span)
@@ -312,10 +312,10 @@ def hear(
     )
 
 
-def _found(groups: "Sequence[_Alike]") -> list[np.ndarray]:
+def _joined_figures(groups: "Sequence[_Alike]") -> list[np.ndarray]:
     """Return the results of all `groups`, joined, with taxels in the plan's order."""
     order = np.argsort(np.concatenate([group.which for group in groups]))
-    figures = zip(*(group.found() for group in groups), strict=True)
+    figures = zip(*(group.figures() for group in groups), strict=True)
     return [np.concatenate(parts, axis=-1)[..., order] for parts in figures]
 
 
@@ -342,7 +342,7 @@ class _Recoil:
             taxels, pull = printed_taxels(pad, tuning)
         self.groups = groups
         self.refused = ""
-        count = unknowns(taxels)
+        count = most_unknowns(taxels)
         if count > MOST_UNKNOWNS:
             self.groups = []
             self.refused = f"has {count} motions that shake it, up to {MOST_UNKNOWNS} are heard"
@@ -353,12 +353,12 @@ class _Recoil:
         # A washer that its coil does not pull is not moved by it.
         self.reacts = -taxels.momentum / np.where(pull > 0, pull, np.inf)[:, None]
 
-    def hear(self, first: int, square_a2: np.ndarray) -> None:
+    def take_block(self, first: int, square_a2: np.ndarray) -> None:
         """Simulate the recoil, and the taxels under it, for a block of i² (coils, s) from sample `first` on."""
         if self.groups:
             shaken = self.reacts @ self.motion.acceleration(square_a2)
             for group in self.groups:
-                group.hear(first, square_a2, shaken[group.which])
+                group.take_block(first, square_a2, shaken[group.which])
 
 
 def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> np.ndarray:
@@ -417,7 +417,10 @@ def _play(
     gap: bool,
     recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
-    """Simulate the file on all groups of like taxels and on the recoiling pad; return each coil's currents."""
+    """Simulate the file on all groups of like taxels and on the recoiling pad; return each coil's currents.
+
+    Each row also has the signal's peak and mean.
+    """
     from scipy.signal import lfilter
 
     resistance = coil.resistance_ohm
@@ -450,9 +453,9 @@ def _play(
         current, memory = lfilter(*coefficients, left, zi=memory)
         pulled = current**plan.spec.force_order + remanent_a * current
         for group in groups:
-            group.hear(first - late, pulled)
+            group.take_block(first - late, pulled)
         if recoil is not None:
-            recoil.hear(first - late, pulled)
+            recoil.take_block(first - late, pulled)
         current, signal = (part[:, max(late - first, 0) :] for part in (current, signal))
         most_a = np.maximum(most_a, np.abs(current).max(1, initial=0.0))
         most = np.maximum(most, np.abs(signal).max(1, initial=0.0))
@@ -570,7 +573,7 @@ class _Alike:
         self.course_m = [np.zeros((1, len(which)))]
         self.tail = np.zeros((3, len(which), 0))
 
-    def hear(self, first: int, square_a2: np.ndarray, shaken_a2: np.ndarray | float = 0.0) -> None:
+    def take_block(self, first: int, square_a2: np.ndarray, shaken_a2: np.ndarray | float = 0.0) -> None:
         """Simulate the taxels for a block of i² (coils, s), or of i where force goes with i, from sample `first` on.
 
         `shaken_a2` (taxels, s) is what would pull as the moving pad does.
@@ -623,7 +626,7 @@ class _Alike:
         self.pulled_in |= (felt[0] >= NEAREST * (self.gap_m or np.inf)).any(1)
         return felt
 
-    def found(self) -> tuple[np.ndarray, ...]:
+    def figures(self) -> tuple[np.ndarray, ...]:
         """Return levels, amplitudes at the tones, peaks (h, n), course (t, n), wanted (n,) in m; pulled in (n,)."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))

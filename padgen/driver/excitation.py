@@ -135,7 +135,7 @@ def excitation(
         current, slope = (np.pad(part, silence) for part in noise)
     coil = plan.spec.coil
     volts = coil.resistance_ohm * current + coil.inductance_mh * MH * slope
-    volts = _through(volts, plan.spec.corner_hz, rate_hz)
+    volts = _corrected_for_high_pass(volts, plan.spec.corner_hz, rate_hz)
     between = cos(pi * band[1] / (order if kind == "chirp" else 1) / rate_hz)
     square = float((current[:swept] ** 2).mean())
     headroom = plan.spec.drive.headroom
@@ -159,10 +159,10 @@ def excitation(
     )
 
 
-def _through(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
+def _corrected_for_high_pass(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
     """Return periodic `volts` (n,) pre-corrected for a sound card's high-pass: each line times ``1 − j f_h/f``.
 
-    Their mean, which no high-pass leaves, is none of it.
+    The mean, which no high-pass passes, is left out.
     """
     if not corner_hz:
         return volts

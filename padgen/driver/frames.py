@@ -46,7 +46,7 @@ __all__ = [
     "pattern_frames",
     "read_frames",
     "read_text",
-    "state_frame",
+    "state_frames",
     "taxel_grid",
     "text_frames",
 ]
@@ -352,7 +352,7 @@ def _by_value(path: Path) -> tuple[list[tuple[bool, int, str]], str]:
     return [(k % 2 == 1, int(part) if k % 2 else 0, part) for k, part in enumerate(parts)], str(path)
 
 
-def state_frame(plan: Plan, text: str) -> np.ndarray:
+def state_frames(plan: Plan, text: str) -> np.ndarray:
     """Return a frame (k, taxels) for each state in `text`; in a frame every coil is in the same state.
 
     A state is a digit 0 or 1 for each channel of a coil, its lowest first (``0110``), or levels between commas

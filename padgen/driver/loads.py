@@ -52,8 +52,9 @@ __all__ = [
     "Load",
     "Signal",
     "carrier_text",
+    "channels_per_group",
+    "channels_per_signed_group",
     "excitation_load",
-    "group_channels",
     "heat_s",
     "judge_limits",
     "judge_load",
@@ -61,7 +62,6 @@ __all__ = [
     "least_constants",
     "load_of",
     "refuse_frames",
-    "signed_channels",
     "signed_constants",
 ]
 
@@ -158,7 +158,7 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     """Bound what a timeline, or whatever the firmware may be sent (None), asks of the coils."""
     ramp = ramp_s(plan) if shown is None else min(ramp_s(plan), _shortest_s(shown))
     if shown is None:
-        asked = [_any(drive, coil) for coil in drive.coils]
+        asked = [_largest_demand(drive, coil) for coil in drive.coils]
         warm = np.array([asked_set.square_a2 for asked_set in asked])
         level = np.ones(len(plan.taxels))
         total_a2 = sum(warm.tolist())
@@ -172,7 +172,7 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
     each = list(zip(drive.coils, asked, strict=True))
     peak_v = max(_bound_v(drive, coil, asked_set, ramp) for coil, asked_set in each)
     if peak_v > drive.voltage_limit_v:
-        peak_v = _shown_peak(drive, shown, "voltage") if shown is not None else _any_v(drive, ramp)
+        peak_v = _shown_peak(drive, shown, "voltage") if shown is not None else _bound_any_levels_v(drive, ramp)
     peak_a = max(_bound_a(drive, coil, asked_set) for coil, asked_set in each)
     if shown is not None and peak_a > _limit_a(plan):
         # What is written for a sound card's high-pass is not what flows.
@@ -217,7 +217,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
     return np.asarray(np.abs(levels) @ coil.line_a2)
 
 
-def _any(drive: PadDrive, coil: CoilDrive) -> _Asked:
+def _largest_demand(drive: PadDrive, coil: CoilDrive) -> _Asked:
     """Return the most that a host may ask of a coil."""
     level = np.ones(len(coil.line_a2))
     if drive.scheme.is_root:
@@ -229,7 +229,8 @@ def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
     """Return complex amplitudes (n,) in V of a coil's tones at level 1; the spur-free drive has no tones."""
     harmonic, amplitude = coil_lines(drive, coil)
     hz = harmonic / drive.period_s
-    return np.asarray(impedance(drive.resistance_ohm, drive.inductance_h, hz) * amplitude * drive.made_good(hz))
+    ohm = impedance(drive.resistance_ohm, drive.inductance_h, hz)
+    return np.asarray(ohm * amplitude * drive.high_pass_correction(hz))
 
 
 def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
@@ -268,8 +269,8 @@ def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant
     volts: np.ndarray = drive.resistance_ohm * root + drive.inductance_h * slope
     if drive.carrier_hz is None:
         return volts
-    made_good = float(np.abs(drive.made_good(np.array(drive.carrier_hz))))
-    return made_good * on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
+    correction = float(np.abs(drive.high_pass_correction(np.array(drive.carrier_hz))))
+    return correction * on_carrier_v(volts, root, drive.inductance_h, drive.carrier_hz)
 
 
 # ---- Peaks ---------------------------------------------------------------------------------------------------------
@@ -284,15 +285,16 @@ def _shown_peak(drive: PadDrive, timeline: Timeline, signal: str) -> float:
     return max(float(np.abs(samples).max(initial=0.0)) for samples, _ in played) * BETWEEN
 
 
-def _any_v(drive: PadDrive, ramp: float) -> float:
+def _bound_any_levels_v(drive: PadDrive, ramp: float) -> float:
     """Bound the voltage under any levels that a host may send, and through changes between them."""
     alike = {coil.harmonic.tobytes() + coil.line_a2.tobytes(): coil for coil in drive.coils if len(coil.taxels)}
-    bounds = sorted(((_bound_v(drive, c, _any(drive, c), ramp), key) for key, c in alike.items()), reverse=True)
+    each = ((_bound_v(drive, c, _largest_demand(drive, c), ramp), key) for key, c in alike.items())
+    bounds = sorted(each, reverse=True)
     peak = 0.0
     for bound, key in bounds:
         if bound > peak:
             coil = alike[key]
-            peak = max(peak, _steady_v(drive, coil) + _ramp_v(drive, coil, _any(drive, coil), ramp))
+            peak = max(peak, _steady_v(drive, coil) + _ramp_v(drive, coil, _largest_demand(drive, coil), ramp))
     return peak
 
 
@@ -353,7 +355,7 @@ def _states(count: int) -> np.ndarray:
 
 def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
     """Return the firmware's least constants in A² with all on and in all states of each group; and the group size."""
-    size = group_channels(max(len(c.taxels) for c in drive.coils))
+    size = channels_per_group(max(len(c.taxels) for c in drive.coils))
     all_on, groups = least_constants(coil, size)
     return all_on, [np.array(group) for group in groups], size
 
@@ -376,7 +378,7 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
     return max(all_on, float(sum(group.max() for group in groups))) + float(coil.margin @ coil.line_a2)
 
 
-def group_channels(channels: int) -> int:
+def channels_per_group(channels: int) -> int:
     """Return how many channels a group has when `channels` are divided evenly into the fewest groups."""
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
@@ -403,8 +405,8 @@ def _least_constants(
     return float(all_on), tuple(groups)
 
 
-def signed_channels(channels: int) -> int:
-    """Return how many channels a group has, as `group_channels`, where states are off, on and in counter-phase."""
+def channels_per_signed_group(channels: int) -> int:
+    """Return how many channels a group has, as `channels_per_group`, where states are off, on and in counter-phase."""
     return ceil(channels / ceil(channels / SIGNED_CHANNELS))
 
 

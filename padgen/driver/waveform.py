@@ -152,7 +152,7 @@ class PadDrive:
         """True where the amplifier must pass a part at 0 Hz."""
         return self.scheme.has_constant and self.carrier_hz is None
 
-    def made_good(self, hz: np.ndarray) -> np.ndarray:
+    def high_pass_correction(self, hz: np.ndarray) -> np.ndarray:
         """Return the complex factors that pre-correct lines at `hz` for the sound card's high-pass.
 
         On a carrier, those of the carrier: lines lie about it on both sides, so near that their factors differ by less
@@ -620,7 +620,10 @@ def _ramp_between(
 def _sums(
     drive: PadDrive, group: _Group, where: _Stretch, weight: np.ndarray, constant: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return ``constant + Re Σ w_j exp(iω_j t)`` (s, m) for weights (m, n), and ``Re Σ i s_j w_j exp(iω_j t)``."""
+    """Return ``constant + Re Σ w_j exp(iω_j t)`` (s, m) for weights (m, n), and ``Re Σ i s_j w_j exp(iω_j t)``.
+
+    s_j is `group.slope`; the second sum is zeros (1, 1) where all s_j are 0.
+    """
     count = where.stop - where.start
     n = len(group.harmonic)
     rows = -(-count // ROW)
@@ -654,7 +657,10 @@ def _blended(
     where: _Stretch,
     constant: tuple[np.ndarray | float, np.ndarray | float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sum of lines, blended between two keyframes with its constants, and L/R times the sum's slope."""
+    """Return the sum of lines, blended between two keyframes with its constants, and L/R times the sum's slope.
+
+    With a sound card's corner the second also has the high-pass correction (`group.slope`).
+    """
     before, after = _levels(timeline, group, where.key)
     if np.array_equal(before, after):
         return _sums(drive, group, where, before * group.weight, constant[0])
@@ -682,7 +688,7 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
     harmonic = round(drive.carrier_hz * drive.period_s)
     period = drive.period_samples
     angle = 2 * np.pi / period * ((np.arange(where.start, where.stop) % period * harmonic) % period)[:, None]
-    turned = np.sqrt(2) * np.exp(1j * angle) * drive.made_good(np.array(drive.carrier_hz))
+    turned = np.sqrt(2) * np.exp(1j * angle) * drive.high_pass_correction(np.array(drive.carrier_hz))
     cosine, sine = turned.real, turned.imag
     turn: np.ndarray = cosine - 2 * np.pi * drive.carrier_hz * group.tau_s * sine
     return root * turn + slope * cosine, square
@@ -751,7 +757,7 @@ def _blends(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]]:
     """Yield blends in which no level (m, n) changes sign: levels before and after, and the ramp between them.
 
-    Those that turn over go to 0 in the first half of the transition, and from there in the second.
+    Levels that change sign go to 0 in the first half of the transition, and from there in the second.
     """
     turns = before * after < 0
     ramp = _ramp(drive, timeline, where)

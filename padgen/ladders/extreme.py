@@ -41,7 +41,7 @@ from padgen.physics.magnetics import (
 from padgen.physics.modes import RigidBody
 from padgen.physics.selectivity import Channels, Scheme, channels, off_energy
 from padgen.planner.make import BROKEN_DOWN
-from padgen.planner.plan import lost_figures
+from padgen.planner.plan import non_finite_figures
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.spec import Spec, catalogue, make_spec
@@ -70,10 +70,10 @@ __all__ = [
     "dynamics_cases",
     "exact_displacement",
     "exact_frequencies",
+    "fault_of",
     "force_cases",
     "frame_answer",
     "odd_table",
-    "outcome",
     "random_pull",
     "random_table",
     "selectivity_cases",
@@ -166,8 +166,8 @@ def frame_answer(beam: Cantilever) -> Solved:
 def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> np.ndarray:
     """Return the roots in Hz of Timoshenko's frequency equation nearest to `guess_hz` (default: the frame's).
 
-    The state (deflection, rotation, moment, shear) is carried along the beam by the exponential of
-    its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
+    They are computed with `DIGITS` digits. The state (deflection, rotation, moment, shear) is carried along the beam by
+    the exponential of its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
     """
     roots = []
     equation = partial(_frequency_equation, beam)
@@ -180,7 +180,10 @@ def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> n
 
 
 def _frequency_equation(beam: Cantilever, angular: Any) -> Any:
-    """Return the determinant of the tip's boundary conditions at an angular frequency; it is zero at a mode."""
+    """Return the determinant of the tip's boundary conditions at an angular frequency; it is zero at a mode.
+
+    The determinant has no unit.
+    """
     width, thickness, length, _, offset, _, modulus, poisson, density = map(mpmath.mpf, beam)
     mass = mpmath.mpf(beam.tip_mass)
     gyration = mpmath.mpf(beam.tip_inertia)
@@ -630,7 +633,10 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -> Solved:
-    """Return displacements of a coupled run, with ten times their difference from a finer run as stated error."""
+    """Return displacements of a coupled run, with ten times their difference from a finer run as stated error.
+
+    Both are over each resonator's largest displacement in the finer run.
+    """
     source = from_tones("voltage", voltage)
     run = simulate(system, source, times, tolerance=COUPLED_TOLERANCE)
     fine = simulate(system, source, times, tolerance=COUPLED_TOLERANCE / 100, stages=14).displacement_m
@@ -757,7 +763,7 @@ def spec_cases() -> Iterator[ExtremeCase]:
     for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
         name = f"random {first} … {first + IN_GROUP - 1}"
         source = "a plan of finite figures, or one sentence"
-        yield ExtremeCase(name, "specs", "plan", partial(_group, first), partial(np.array, [0.0]), source)
+        yield ExtremeCase(name, "specs", "plan", partial(_group_answer, first), partial(np.array, [0.0]), source)
     for place in SOLIDS:
         quick = partial(_solid, place, QUICK, QUICK_ERROR)
         source = f"elements of order {QUICK[0]}, {QUICK_ERROR:.1%}"
@@ -770,19 +776,19 @@ def spec_cases() -> Iterator[ExtremeCase]:
         table = {"name": "impossible", "resolution": 4, "band_hz": [50, 200], "q_min": 15, **fields_}
         outcome_of = partial(np.array, [1.0])
         source = "an error or a refusal, since no pad can be so"
-        yield ExtremeCase(name, "specs", "plan", partial(_refused, table), outcome_of, source)
+        yield ExtremeCase(name, "specs", "plan", partial(_has_error, table), outcome_of, source)
 
 
-def _group(first: int) -> Solved:
+def _group_answer(first: int) -> Solved:
     """Return 0 if `IN_GROUP` random specs from `first` on are answered rightly, else raise `ValueError`."""
-    outcomes = {number: outcome(random_table(number)) for number in range(first, first + IN_GROUP)}
+    outcomes = {number: fault_of(random_table(number)) for number in range(first, first + IN_GROUP)}
     wrong = [f"random {number}: {fault}" for number, fault in outcomes.items() if fault]
     if wrong:
         raise ValueError(f"{len(wrong)} of {IN_GROUP} are wrong: {'; '.join(wrong[:3])}")
     return Solved(np.array([0.0]), 0.0)
 
 
-def _refused(table: dict[str, Any]) -> Solved:
+def _has_error(table: dict[str, Any]) -> Solved:
     """Return 1 if the plan of a spec has an error among its findings, else 0; a refusal is raised."""
     plan = plan_for(make_spec(table))
     return Solved(np.array([float(any(finding.level == "error" for finding in plan.findings))]), 0.0)
@@ -879,7 +885,8 @@ AT_CORNERS = 0.4
 def odd_table(number: int) -> dict[str, Any]:
     """Draw the odd spec of this `number`: four lines or a template, with some fields anywhere in their bounds.
 
-    The first specs have one field each, at its lowest, at its highest, or one of its words.
+    At most `MOST_TOGETHER` fields are drawn. The first specs have one field each, at its lowest, at its highest, or one
+    of its words.
     """
     if number < len(corners := _corners()):
         name, item, value = corners[number]
@@ -939,7 +946,7 @@ def _with_field(table: dict[str, Any], name: str, item: "Field[Any]", value: Any
     return laid_over(table, {f"{name}.{item.name}" if name else item.name: value})
 
 
-def outcome(table: dict[str, Any]) -> str:
+def fault_of(table: dict[str, Any]) -> str:
     """Return what is wrong with the answer to a spec; empty for a plan of finite figures or one sentence.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures, but no
@@ -957,7 +964,7 @@ def outcome(table: dict[str, Any]) -> str:
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     honest = any(finding.level == "error" for finding in plan.findings)
-    lost = (at for at, value in lost_figures(plan) if isnan(value) or not honest)
+    lost = (at for at, value in non_finite_figures(plan) if isnan(value) or not honest)
     return next((f"{at} is no number" for at in lost), "")
 
 

@@ -453,7 +453,7 @@ def timed(
 ) -> Answer:
     """Time `work` in a new process, repeated until `budget_s` is spent; the answer's value is a `Timed`.
 
-    With `prepare` it is called with its result, which is made once, off the clock.
+    With `prepare`, `work` is called with the result of `prepare`, which is made once, off the clock.
     """
     return apart(run_timed, pickle.dumps((prepare, work)), budget_s, most_runs, imports=imports, limit_s=limit_s)
 

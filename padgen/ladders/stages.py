@@ -129,13 +129,13 @@ class DynamicsQuestion:
 
 def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
     """Yield one ladder for each set of channels, in the plan's worst state; none where the coil pulls no washer."""
-    for kind in range(len(scene.plan.sets)):
+    for set_index in range(len(scene.plan.sets)):
         try:
-            question = dynamics_question(scene.plan, coil_set=kind)
+            question = dynamics_question(scene.plan, coil_set=set_index)
         except SolverError:
             continue
         first, last = (1e3 * float(question.time_s[place]) for place in (0, -1))
-        channels = ", ".join(str(channel.index) for channel in scene.plan.sets[kind])
+        channels = ", ".join(str(channel.index) for channel in scene.plan.sets[set_index])
         yield Ladder(
             "dynamics",
             f"channels {channels}, driven {question.scheme.name}",

@@ -22,7 +22,7 @@ from padgen import __version__
 from padgen.core.cache import version
 from padgen.core.display import plot_bytes, seconds_text, table
 from padgen.core.errors import percent
-from padgen.core.files import OutputFolder, csv_cell, file_hash, json_text
+from padgen.core.files import OutputFolder, csv_cell, json_text, sha256_hex
 from padgen.core.registry import names_in
 from padgen.core.runner import refuse_unshared, uninterrupted
 from padgen.ladders.extreme import (
@@ -281,7 +281,7 @@ def measured_study(
     about = {
         **_about(),
         "name": plan.name,
-        "spec": file_hash(json.dumps(asdict(plan.spec), sort_keys=True).encode()),
+        "spec": sha256_hex(json.dumps(asdict(plan.spec), sort_keys=True).encode()),
         "tolerances": list(tolerances),
     }
     return Study(plan.name, tuple(results), picks(results, tolerances), tolerances, about)

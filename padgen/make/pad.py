@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.cache import code_hash, versions
 from padgen.core.errors import Finding, Verdict
-from padgen.core.files import OutputFolder, built_files, differs, file_hash, is_current, json_text, read_as_one, recover
+from padgen.core.files import (
+    OutputFolder,
+    built_files,
+    differs,
+    is_current,
+    json_text,
+    read_as_one,
+    recover,
+    sha256_hex,
+)
 from padgen.core.registry import PAD_FORMATS, SCHEMES, SUSPENSIONS, USUAL_FORMATS, names_in
 from padgen.make.planning import Progress, plan_for, with_found_layout
 from padgen.spec import Spec
@@ -25,7 +34,7 @@ if TYPE_CHECKING:
     from padgen.solid.mesh import Mesh
     from padgen.solid.pad_solid import PadSolid
 
-__all__ = ["PARTS", "Built", "Pad", "parse_formats", "parse_parts", "up_to_date"]
+__all__ = ["PARTS", "Built", "Pad", "current_build", "parse_formats", "parse_parts"]
 
 PARTS = ("coupon", "coupon-tray", "tray", "guard")
 """Names of the parts that can be made beside the pad, see `padgen.solid.parts`."""
@@ -54,7 +63,7 @@ def parse_parts(text: str) -> tuple[str, ...]:
     return names_in(text, PARTS, "--parts", optional=True)
 
 
-def up_to_date(
+def current_build(
     spec: Spec,
     folder: Path,
     formats: tuple[str, ...],
@@ -63,10 +72,10 @@ def up_to_date(
     report: bool = False,
 ) -> Built | None:
     """Return the build in `folder` if none of its inputs has changed, else None."""
-    return read_as_one(folder, lambda: _up_to_date(spec, folder, formats, instances, parts, report))
+    return read_as_one(folder, lambda: _current_build(spec, folder, formats, instances, parts, report))
 
 
-def _up_to_date(
+def _current_build(
     spec: Spec, folder: Path, formats: tuple[str, ...], instances: bool, parts: tuple[str, ...], report: bool
 ) -> Built | None:
     inputs = _inputs(with_found_layout(spec, folder), formats, instances, parts, report)
@@ -206,7 +215,7 @@ class Pad:
             from padgen.planner import plan_to_json
 
             force = differs(folder, "plan.json", plan_to_json(self.given))
-        built = None if force else up_to_date(spec, folder, formats, instances, self.parts, report)
+        built = None if force else current_build(spec, folder, formats, instances, self.parts, report)
         return built or self._written(folder, formats, instances, report)
 
     def _written(self, folder: Path, formats: tuple[str, ...], instances: bool, page: bool) -> Built:
@@ -274,7 +283,7 @@ def _inputs(
 ) -> dict[str, Any]:
     """Return all inputs on which the bytes of a build depend."""
     return {
-        "spec": file_hash(json.dumps(asdict(spec), sort_keys=True).encode()),
+        "spec": sha256_hex(json.dumps(asdict(spec), sort_keys=True).encode()),
         "formats": list(formats),
         "instances": instances,
         "parts": list(parts),

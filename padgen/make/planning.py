@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core import cache
 from padgen.core.errors import FileError, OlderPlanError, PadgenError, SolverError, SpecError, number
-from padgen.core.files import read_as_one, settle
+from padgen.core.files import read_as_one, wait_for_commit
 from padgen.core.registry import is_extended
 from padgen.spec import Spec, find_spec, load_spec, make_spec
-from padgen.spec.load import answers, laid_over, read_table, without_none
+from padgen.spec.load import is_of_spec, laid_over, read_table, without_none
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -27,7 +27,7 @@ __all__ = [
     "plan_for",
     "plan_to_compare",
     "recorded_plan",
-    "recorded_spec",
+    "spec_as_recorded",
     "spec_of",
     "with_found_layout",
 ]
@@ -88,7 +88,7 @@ def parse_tolerance(text: str) -> float:
     return value
 
 
-def recorded_spec(spec: Spec, folder: Path) -> Spec:
+def spec_as_recorded(spec: Spec, folder: Path) -> Spec:
     """Return `spec` with the model, and the layout that a search chose, as the plan in `folder` records them.
 
     The spec stays as it is where it names a model itself, or where the plan is of another spec.
@@ -104,12 +104,12 @@ def with_found_layout(spec: Spec, folder: Path) -> Spec:
 
 def _as_recorded(spec: Spec, folder: Path) -> Spec:
     """Return the spec that the plan in `folder` records where it answers `spec`, else `spec`."""
-    settle(folder, PLAN)  # else a plan that is half-written would count as none
+    wait_for_commit(folder, PLAN)  # else a plan that is half-written would count as none
     try:
         recorded = load_spec(str(folder / PLAN))
     except PadgenError:  # there is no plan
         return spec
-    return recorded if answers(recorded, spec) else spec
+    return recorded if is_of_spec(recorded, spec) else spec
 
 
 def plan_for(
@@ -229,7 +229,7 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
         asked = load_spec(spec)
         is_there = read_as_one(mesh.parent, beside.is_file, PLAN)
         recorded = recorded_plan(beside, progress) if is_there else None
-        if recorded and answers(recorded.spec, asked):
+        if recorded and is_of_spec(recorded.spec, asked):
             plan = recorded
             source = str(beside)
         else:

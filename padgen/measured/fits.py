@@ -14,7 +14,7 @@ from padgen.core.errors import FileError, SolverError, number
 from padgen.core.rules import Rule, RuleBook
 from padgen.core.units import MS
 from padgen.measured.read import Measured, Spectrum, TaxelRecord, TaxelRow
-from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, looked_at, rough_hz
+from padgen.physics.resonance_fit import SENSORS, fit_decay, fit_driven, fit_spectrum, rough_hz, unfitted_response
 from padgen.physics.resonance_judge import ResonanceFit, Seen
 from padgen.planner.plan import Channel, Plan
 
@@ -123,7 +123,7 @@ def fitted(
     for part in sorted(measured.taxels, key=lambda part: isinstance(part, TaxelRecord) and bool(part.shared)):
         try:
             alone_hz = {taxel: fit.resonance_hz for taxel, fit in fits.items()}
-            for taxel, near_hz in _heard(part, plan, nearest, alone_hz):
+            for taxel, near_hz in _taxels_in(part, plan, nearest, alone_hz):
                 if isinstance(part, TaxelRow):
                     fits[taxel] = _from_row(part, channels[taxel])
                 elif taxel not in alone_hz:
@@ -136,7 +136,7 @@ def fitted(
             if isinstance(part, Spectrum):
                 seen = Seen(part.frequency_hz, part.response, None)
             else:
-                seen = looked_at(part.rate_hz, part.displacement, part.squared_current_a2)
+                seen = unfitted_response(part.rate_hz, part.displacement, part.squared_current_a2)
             curves.append(Curve(part.id, seen, error.message))
     ordered = tuple(fits[taxel.id] for taxel in plan.taxels if taxel.id in fits)
     if not refused:
@@ -169,7 +169,7 @@ def _fit(part: Spectrum | TaxelRecord, channel: Channel, near_hz: float | None) 
     )
 
 
-def _heard(
+def _taxels_in(
     part: TaxelRow | Spectrum | TaxelRecord, plan: Plan, nearest: bool, alone_hz: dict[str, float]
 ) -> list[tuple[str, float | None]]:
     """Return the taxels that a part of a measurement holds, each with the frequency in Hz to fit near (or None).

@@ -231,7 +231,7 @@ FEWEST_LEFT = 64
 """Samples per period of the highest planned resonance that are kept, and the fewest of a record."""
 
 
-def _lowering(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> int:
+def _averaging_factor(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> int:
     """Return the factor by which a record of `count` samples may be averaged down for the taxels `ids`."""
     highest = max(plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels if taxel.id in ids)
     return max(min(int(rate_hz / (SAMPLES_OF_PLANNED * highest)), count // FEWEST_LEFT), 1)
@@ -292,7 +292,7 @@ def _records(
             f" heard {ids[0].partition('k')[0]}.wav",
             where,
         )
-    factor = _lowering(wave.rate_hz, wave.count, ids, plan)
+    factor = _averaging_factor(wave.rate_hz, wave.count, ids, plan)
     rate = wave.rate_hz / factor
     if wave.count // factor > MOST_SAMPLES:
         raise FileError(
@@ -396,7 +396,10 @@ LONGEST_LINE = 1 << 22
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sheet:
-    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered lines of its body."""
+    """A CSV file: its notes (from lines with ``#``), its headings, and the numbered lines of its body.
+
+    Each of `lines` is its number and its raw text.
+    """
 
     where: str
     notes: dict[str, str]
@@ -705,7 +708,7 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
             sheet.where,
         )
     rate = float((len(time) - 1) / (time[-1] - time[0]))
-    factor = _lowering(rate, len(values), tuple(columns), plan)
+    factor = _averaging_factor(rate, len(values), tuple(columns), plan)
     values = values[: len(values) // factor * factor].reshape(-1, factor, values.shape[1]).mean(1)
     rate = rate / factor
     for name in drives:

@@ -366,7 +366,7 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
     hz = np.array([taxel.resonance_hz for taxel in tuning.taxels])
     for place, index in sorted(coils_of(plan).items()):
         if place in short and all(tuning.taxels[i].response_um_per_a2 > 0 for i in index):
-            lowered[place] = _lowering(plan, tuning, index, short[place], need)
+            lowered[place] = _lowered_shares(plan, tuning, index, short[place], need)
             hz[index] *= 1 - lowered[place]
     # Added weight leaves stiffness and response alone.
     taxels = (replace(taxel, resonance_hz=float(f)) for taxel, f in zip(tuning.taxels, hz, strict=True))
@@ -384,7 +384,7 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
     return tuple(trim_rows)
 
 
-def _lowering(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
+def _lowered_shares(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
     """Search the shares (n,) by which to lower the resonances of a coil's taxels, so that it keeps `need` dB."""
     known = (tuning.taxels[i] for i in index)
     hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from padgen.core.errors import FileError, SpecError, at_least, at_most, number
-from padgen.core.files import file_hash, json_text, read_bounded
+from padgen.core.files import json_text, read_bounded, sha256_hex
 from padgen.core.units import COPPER_C, GRAM, MN, MS, UM
 from padgen.measured.shaking import chirp_current_a, measuring_band_hz, ring_s, shaking_line_a2, sweep_s
 from padgen.physics.contact import loaded_resonance
@@ -49,7 +49,6 @@ __all__ = [
     "one_coil_spec",
     "planned_response_um_per_a2",
     "planned_tuning",
-    "played",
     "played_tuning",
     "predicted",
     "printed_channels",
@@ -57,6 +56,7 @@ __all__ = [
     "refuse_tuning",
     "simulate_print",
     "simulated_measurement",
+    "taxel_energies",
     "tones_at",
     "tuned_spec",
     "tuning_from_json",
@@ -225,7 +225,7 @@ def tuning_to_json(tuning: Tuning) -> str:
 
 def tuning_hash(tuning: Tuning) -> str:
     """Return the first 16 digits of the hash of a tuning's file."""
-    return file_hash(tuning_to_json(tuning).encode())[:16]
+    return sha256_hex(tuning_to_json(tuning).encode())[:16]
 
 
 def read_tuning(path: Path, plan: Plan) -> Tuning:
@@ -438,7 +438,7 @@ def _printed_channel(channel: Channel, tuned: TunedTaxel, level_um: float) -> Ch
     )
 
 
-def played(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> TaxelEnergies:
+def taxel_energies(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> TaxelEnergies:
     """Return the energies of the taxels `truth` of one coil under `tones`.
 
     ``truth.line`` is the amplitude of i² (A²) that moves a taxel by its wanted level at its own resonance;
@@ -472,7 +472,7 @@ def predicted(
         members = np.array(index)
         which = Channels(*(part[members] for part in truth))
         modes = coil_modes(spec, [channels[i] for i in index])
-        result = played(which, Channels(tones.hz[members], which.q, tones.line_a2[members]), scheme, modes)
+        result = taxel_energies(which, Channels(tones.hz[members], which.q, tones.line_a2[members]), scheme, modes)
         weakest = int(result.on.argmin())
         worst = int(result.off.argmax())
         lone = len(members) < 2

@@ -47,23 +47,23 @@ __all__ = [
     "columns",
     "curl",
     "curl_held",
-    "fitted",
+    "doubtful_energies",
     "flexibility",
     "largest_inverse_square",
     "largest_stress",
     "layered_edge",
     "matrices",
     "on_elastic_ends",
-    "on_pin",
     "piece_twist",
+    "pin_motion",
     "pushed_stress",
     "root_load",
-    "sharp_energies",
     "sliced",
     "tip_mass",
     "tip_matrices",
     "tip_stiffness",
     "torsion_constant",
+    "within_fitted_range",
     "within_side",
     "within_up",
 ]
@@ -422,11 +422,11 @@ def tip_stiffness(section: BeamSection, modulus: Array, poisson: Array) -> np.nd
     """Return the stiffness of the tip, shape (…, 6, 6), in N/m, N and N·m (per radian).
 
     A Timoshenko beam by the unit-load method: the flexibility is integrated along the flared width and inverted, so
-    that the flare is exact within beam theory. A pin takes its part of the flexibility away (`on_pin`).
+    that the flare is exact within beam theory. A pin takes its part of the flexibility away (`pin_motion`).
     """
     if section.pin:
         bare = np.linalg.inv(tip_stiffness(section._replace(pin=None), modulus, poisson))
-        return np.linalg.inv(bare - on_pin(section, modulus, poisson).held)
+        return np.linalg.inv(bare - pin_motion(section, modulus, poisson).held)
     if section.path:
         return _of_planes([np.linalg.inv(plane.flexibility) for plane in _planes(section, modulus, poisson)])
     length = np.asarray(section.length, float)
@@ -514,7 +514,7 @@ class PinMotion(NamedTuple):
     held: np.ndarray
 
 
-def on_pin(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
+def pin_motion(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
     """Return the motion of a beam at the foot of its pin, by the unit-load method along the path to the pin.
 
     The pin holds the beam over its diameter, but for what the beam turns at both ends of the foot, as it does at a
@@ -548,7 +548,10 @@ def on_pin(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
 
 
 def _yoke_at_tip(ends: EndCompliance) -> np.ndarray:
-    """Return what a yoke adds to a tip's flexibility (…, 3, 3) out of the beam's plane, times the beam's EI."""
+    """Return what a yoke adds to a tip's flexibility (…, 3, 3) out of the beam's plane, times the beam's EI.
+
+    The slices of the beam do not include the yoke.
+    """
     turn, both, lift = (np.asarray(part)[..., None, None] for part in (ends.yoke_turn, ends.yoke_both, ends.yoke_lift))
     bent = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     tilted = np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -628,7 +631,7 @@ def _cut_at(path: Sequence[tuple[Array, Array]], cuts: Sequence[Array]) -> tuple
 def largest_inverse_square(section: BeamSection, modulus: Array, poisson: Array, density: float) -> Array:
     """Return an upper bound in s² of 1/ω² for a bent beam held at both ends; ω is its lowest angular frequency.
 
-    The beam is held at both ends. The bound is Dunkerley's sum over slices.
+    The bound is Dunkerley's sum over slices.
     """
     slowness = []
     for plane in _planes(section, modulus, poisson):
@@ -837,12 +840,15 @@ def bend_stiffening(curved: Array) -> Array:
 
 
 def piece_twist(straight: Array, warping: Array) -> Array:
-    """Return the ratio of a straight piece's twist with ends kept from warping to its twist with free ends."""
+    """Return the ratio of a straight piece's twist with ends kept from warping to its twist with free ends.
+
+    `warping` is that of `EndCompliance`, in m.
+    """
     pieces = np.maximum(straight, SHORTEST_M) / np.maximum(warping, SHORTEST_M)
     return 1 - np.tanh(pieces) / pieces
 
 
-def sharp_energies(section: BeamSection, load: np.ndarray, modulus: Array, poisson: Array) -> tuple[Array, Array]:
+def doubtful_energies(section: BeamSection, load: np.ndarray, modulus: Array, poisson: Array) -> tuple[Array, Array]:
     """Return twice the energies (…) in J that two laws of bent beams leave in doubt, for a `load` (…, 6) on the tip.
 
     The first is what the rest of the series of `bend_stiffening` would take from bending and twist of the bends. The
@@ -1008,7 +1014,7 @@ def layered_edge(across: Array, poisson: Array) -> Array:
     return np.sqrt((1 / np.sqrt(across) - poisson + (1 + poisson) / across) / 2)
 
 
-def fitted(width: Array, thickness: Array, length: Array) -> Array:
+def within_fitted_range(width: Array, thickness: Array, length: Array) -> Array:
     """Return where beams are long enough, for width and thickness, for the range the laws were fitted to."""
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
@@ -1032,7 +1038,7 @@ def _wall_compliance(section: BeamSection, around: Surroundings) -> Array:
 def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, ...]:
     """Return lengths of beam in m as compliant as a yoke's crossbar: in lateral bending, twist and stretch.
 
-    Each is a length of beam of equal compliance in m: the beam's section constant over the bar's.
+    Each is the beam's section constant over the bar's.
     """
     width, thickness = (np.asarray(v, float) for v in section[:2])
     across = np.asarray(section.across, float)

@@ -96,8 +96,8 @@ class BoardCoil(NamedTuple):
 class BoardLayer(NamedTuple):
     """The spiral of one layer: radius and angle of its inner end, turns, sense, and angle of its outer end.
 
-    The track leaves `start_radius` in m at `start_angle` and widens by a pitch a turn over `turns`, counterclockwise
-    with `sense` 1, seen from above. `end_angle` is where it ends; angles in rad.
+    The middle of the track leaves `start_radius` in m at `start_angle` and widens by a pitch a turn over `turns`,
+    counterclockwise with `sense` 1, seen from above. `end_angle` is where it ends; angles in rad.
     """
 
     start_radius: float
@@ -174,7 +174,10 @@ def resistance(coil: BoardCoil) -> float:
 
 
 class Rings(NamedTuple):
-    """Circles that stand for turns: radius, depth and thickness in m, part of a turn, share of the current."""
+    """Circles that stand for turns: radius, depth and thickness in m, part of a turn, share of the current.
+
+    `depth` is that of the track's middle.
+    """
 
     radius: np.ndarray
     depth: np.ndarray

@@ -21,8 +21,8 @@ __all__ = [
     "core_polarisation",
     "motional_voltage",
     "mutual_shielding",
+    "ring_down_error",
     "saturation_loss",
-    "switching_delay",
     "washer_eddies",
     "washer_magnetised",
 ]
@@ -90,8 +90,7 @@ def _missed_energy(
 ) -> tuple[Any, Any, Any]:
     """Return the share of a mode's kinetic energy that `tip_mass` misses of a beam: value, doubt, possible excess.
 
-    The first is known, the second its uncertainty either way, the third what may come on top. `tip` (…, 6) is the
-    motion of the beam's tip.
+    The second counts either way, the third only upwards. `tip` (…, 6) is the motion of the beam's tip.
     """
     if section.path:
         # The mass of a bent beam includes rotary inertia, compliance of its ends and shear already.
@@ -296,7 +295,7 @@ def motional_voltage(
     return np.where(error < 1, error / np.maximum(1 - error, 1e-300), inf)
 
 
-def switching_delay(
+def ring_down_error(
     static: np.ndarray, pulse: np.ndarray, resonance: np.ndarray, q: np.ndarray, quiet: np.ndarray, lag: float
 ) -> np.ndarray:
     """Bound the relative error (n,) of the ring-down time from the mean pull's release and the current's decay.
@@ -319,8 +318,8 @@ def switching_delay(
 def core_echo(coil: CoilSource, gap: float, place: np.ndarray) -> np.ndarray:
     """Return factors (n,) in m^-3/2; the product of two is what the core adds to one washer's field at the other.
 
-    A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field of washer k at washer n grows by the
-    product of both figures, in units of ``μ0 m/2π``.
+    The washers are at `place` (n, 2). A core answers a field as a dipole of ``V χ/(1 + χN)`` in its middle. The field
+    of washer k at washer n grows by the product of both figures, in units of ``μ0 m/2π``.
     """
     volume = pi / 4 * coil.core_diameter**2 * coil.core_length
     _, chi_n = core_polarisation(coil)

@@ -102,8 +102,9 @@ def low_crest_phases(harmonic: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
 def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> np.ndarray:
     """Return the least F₀ (s,) that keeps ``F₀ + Σ_j A_sj cos(k_j x + φ_j)`` from being negative, A = `amplitude`.
 
-    It is 0 for a silent state; otherwise at most rounding above the true value and at most `EXACT` Σ A below it. A grid
-    comes first; then each of its pieces in which a Taylor bound allows a deeper dip is divided, until no piece is left.
+    Amplitudes have any signs. F₀ is 0 for a silent state; otherwise at most rounding above the true value and at most
+    `EXACT` Σ A below it. A grid comes first; then each of its pieces in which a Taylor bound allows a deeper dip is
+    divided, until no piece is left.
     """
     k = np.asarray(harmonic, int)
     a = np.atleast_2d(np.asarray(amplitude, float))
@@ -112,7 +113,7 @@ def least_constant(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarra
     if heard.size == 0:
         return result
     k = k // np.gcd.reduce(k)
-    points = _points(k)
+    points = _grid_size(k)
     rows = max(BLOCK // points, 1)
     for start in range(0, len(heard), rows):
         part = heard[start : start + rows]
@@ -132,7 +133,7 @@ def waveform(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, poi
     return np.fft.irfft(spectrum, points, axis=1, norm="forward")
 
 
-def _points(harmonic: np.ndarray, per_cycle: int = PER_CYCLE) -> int:
+def _grid_size(harmonic: np.ndarray, per_cycle: int = PER_CYCLE) -> int:
     """Return the number of grid points, a power of two: at least `per_cycle` in a cycle of the highest line."""
     return 1 << (per_cycle * int(harmonic.max()) - 1).bit_length()
 
@@ -195,7 +196,7 @@ def _phases(harmonic: tuple[int, ...], amplitude: tuple[float, ...]) -> tuple[fl
         return _descend(lambda phase: _dips(k, a, phase), at, -free, free, steps, SETTLED)
 
     # The starts are Schroeder's phases and the best random ones.
-    points = _points(k)
+    points = _grid_size(k)
     random = np.random.default_rng(0)
     draws = np.concatenate([schroeder_phases(a)[None], random.uniform(0, 2 * np.pi, (DRAWS, len(k)))])
     draws[:, 0] = 0.0
@@ -269,7 +270,7 @@ def _descend(
 
 def _dips(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return depths (m,) of the sum's deep dips, deepest on the grid first, and their slopes (m, n) by the phases."""
-    points = _points(harmonic)
+    points = _grid_size(harmonic)
     wave = waveform(harmonic, amplitude[None], phase, points)[0]
     near = np.flatnonzero(wave < wave.min() + WITHIN)
     low = near[(wave[near] <= wave[near - 1]) & (wave[near] < wave[(near + 1) % points])]
@@ -438,7 +439,7 @@ def root_margin(
         return RootMargin(np.full(len(k), LEAST_SHARE), -np.inf, 0.0, 0.0)
     finer = round(FINER * rate_hz * period_s)
     whole = finer <= MOST_SAMPLES
-    points = finer if whole else _points(k, PEAK_PER_CYCLE)
+    points = finer if whole else _grid_size(k, PEAK_PER_CYCLE)
     omega = 2 * np.pi * k / period_s
     force, slope = (
         waveform(k, size[None], start, points)[0] for size, start in ((line, phase), (omega * line, phase + np.pi / 2))

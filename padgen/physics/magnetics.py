@@ -54,6 +54,7 @@ __all__ = [
     "coil_rings",
     "crowded",
     "cylinder",
+    "deflection_without_growth",
     "eights",
     "fine_rings",
     "flux_density",
@@ -67,7 +68,6 @@ __all__ = [
     "ring_potential",
     "rings_potential",
     "saturating",
-    "slack_at",
     "solenoid",
     "steel_body",
     "toroidal",
@@ -197,7 +197,7 @@ def paper_force_constant(coil: CoilSource, area: float) -> float:
     return float(MU_0 * permeability**2 * coil.turns**2 * area * np.log(permeability) / (2 * coil.length**2))
 
 
-def slack_at(deflection: float, gap: float, exponent: float) -> float:
+def deflection_without_growth(deflection: float, gap: float, exponent: float) -> float:
     """Return the deflection that a pull balanced at `deflection` would cause if it did not grow with deflection.
 
     For a pull ``c I² (g/(g − z))^m`` against a spring this is ``z (1 − z/g)^m``. All in the unit of `gap`.
@@ -206,9 +206,12 @@ def slack_at(deflection: float, gap: float, exponent: float) -> float:
 
 
 def pull_in_deflection(gap: float, exponent: float) -> tuple[float, float]:
-    """Return the deflection at pull-in, the largest in equilibrium, ``z = g/(m + 1)``, and its `slack_at`."""
+    """Return the deflection at pull-in, the largest in equilibrium, and `deflection_without_growth` there.
+
+    It is ``z = g/(m + 1)``.
+    """
     end = gap / (exponent + 1)
-    return end, slack_at(end, gap, exponent)
+    return end, deflection_without_growth(end, gap, exponent)
 
 
 def balanced_deflection(slack: float, gap: float, exponent: float) -> float | None:
@@ -219,7 +222,7 @@ def balanced_deflection(slack: float, gap: float, exponent: float) -> float | No
         return None
     for _ in range(60):
         middle = (low + high) / 2
-        low, high = (low, middle) if slack_at(middle, gap, exponent) > slack else (middle, high)
+        low, high = (low, middle) if deflection_without_growth(middle, gap, exponent) > slack else (middle, high)
     return (low + high) / 2
 
 
@@ -561,7 +564,10 @@ def _layers(
 
 
 def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return quadrature points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,), and their weights."""
+    """Return quadrature points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,), and their weights.
+
+    Distances from `nearest` are cubes of Gauss points.
+    """
     at, weight = gauss(count)
     cube = at**3
     weight = 3 * at**2 * weight
@@ -715,7 +721,7 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
     """
     poles = []
     for winding in coil.windings:
-        charge = winding.turns * (np.pi * _radius_square(winding) / 3) / winding.length
+        charge = winding.turns * np.pi * _mean_square_radius(winding) / winding.length
         poles += [(charge, winding.top), (-charge, winding.bottom)]
     if (core := charged_core(coil)) is not None:
         height = core[0].height
@@ -745,12 +751,12 @@ def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.n
 
 def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
     """Return the relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
-    square = max((coil.core_diameter / 2) ** 2, *(_radius_square(winding) / 3 for winding in coil.windings))
+    square = max((coil.core_diameter / 2) ** 2, *(_mean_square_radius(winding) for winding in coil.windings))
     return np.asarray(0.75 * square / distance**2)
 
 
-def _radius_square(winding: Winding) -> float:
-    """Return three times the mean of the squared radius of a winding's turns, in m²."""
+def _mean_square_radius(winding: Winding) -> float:
+    """Return the mean of the squared radius of a winding's turns, in m²."""
     outer = winding.outer_diameter / 2
     inner = winding.inner_diameter / 2
-    return outer**2 + outer * inner + inner**2
+    return (outer**2 + outer * inner + inner**2) / 3

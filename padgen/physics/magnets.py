@@ -214,8 +214,8 @@ KNOWN = 20
 def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing | None = None) -> np.ndarray:
     """Return second derivatives (…) over height in N/m of the energy of two equal magnets, `apart` (…) in m.
 
-    They are of one polarity, their axes at distances (…) in m; `steel` is that on top of each. Over `dipole_stiffness`
-    it is a smooth function of the inverse square of the distance.
+    They are of one polarity, `apart` is between their axes; `steel` is that on top of each. Over `dipole_stiffness` it
+    is a smooth function of the inverse square of the distance.
     """
     apart = np.asarray(apart, float)
     wide = max(magnet.outer_diameter, steel.outer_diameter if steel else 0.0)

@@ -26,11 +26,11 @@ from padgen.physics.beams import (
     BeamSection,
     EndCompliance,
     curl_held,
+    doubtful_energies,
     flexibility,
     largest_stress,
-    on_pin,
+    pin_motion,
     root_load,
-    sharp_energies,
     tip_matrices,
     tip_stiffness,
 )
@@ -189,7 +189,7 @@ def suspended_modes(
         stiffness = stiffness + carried @ at_tip @ carry
         mass = mass + carried @ tip_masses @ carry
         if beam.pin:
-            ridden = _at_centroid(beam.pin) @ on_pin(beam.section, modulus, poisson).shape @ carry
+            ridden = _at_centroid(beam.pin) @ pin_motion(beam.section, modulus, poisson).shape @ carry
             mass = mass + np.swapaxes(ridden, -1, -2) @ _inertia(beam.pin) @ ridden
     # Of the flexibility form M φ = (1/ω²) K φ the largest values are the lowest modes, which are exact to rounding
     # however far above them the stiffest mode is.
@@ -357,7 +357,7 @@ UNCERTAINTY = {
     "bends": 0.6,
     "warping": 0.32,
 }
-"""Relative uncertainty of each flexibility, in the order of `uncertain_energies`; the last two are `sharp_energies`.
+"""Relative uncertainty of each flexibility, in the order of `uncertain_energies`; the last two are `doubtful_energies`.
 
 'mount' is the wall between the plate's edge and the recess, 'crossbar' the twist and 'yoke' the bending of what takes
 its place. Root and wall are less certain by thickness over width, since their laws are those of wide strips.
@@ -440,7 +440,7 @@ def uncertain_energies(
         ends.stretch / (width * thickness * modulus) * along**2,
         np.where(ends.stretch > 0, np.minimum(YOKE_SIDE * width / length, 1), 0.0) * bent_sideways,
         np.maximum(1 - section.across, 0) * weak,
-        *(sharp_energies(section, load, modulus, poisson) if path else (0.0 * up, 0.0 * up)),
+        *(doubtful_energies(section, load, modulus, poisson) if path else (0.0 * up, 0.0 * up)),
     ]
     return np.stack(np.broadcast_arrays(*energies), -1)
 

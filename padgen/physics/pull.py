@@ -45,7 +45,6 @@ __all__ = [
     "Pull",
     "PullAt",
     "PullTable",
-    "brought_table",
     "leakage",
     "make_table",
     "of_one_turn",
@@ -53,6 +52,7 @@ __all__ = [
     "pull",
     "pull_range",
     "solved_pulls",
+    "supplied_table",
 ]
 
 STEP = 0.8
@@ -299,7 +299,7 @@ class PullTable(NamedTuple):
     scale: np.ndarray
     shape: np.ndarray
 
-    def wound(self, share: float) -> "PullTable":
+    def with_turns(self, share: float) -> "PullTable":
         """Return the table of the coil with `share` times the turns: forces go as share², the dipole as share."""
         scale = self.scale.copy()
         shape = self.shape.copy()
@@ -307,7 +307,7 @@ class PullTable(NamedTuple):
         shape[..., DIPOLE] /= share
         return self._replace(scale=scale, shape=shape)
 
-    def beside(self, offset: float) -> "PullTable":
+    def at_single_offset(self, offset: float) -> "PullTable":
         """Return the table for the single `offset` in m, interpolated from the offsets of this table."""
         nodes = _at_nodes(len(self.scale))[0]
         across = chebyshev.chebvander(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1] - 1)[0]
@@ -368,10 +368,9 @@ def pull_range(gap_m: np.ndarray) -> np.ndarray:
 def make_table(coil: CoilSource, washer: SteelRing, part: int, reach: float, offsets: int) -> PullTable:
     """Return a table of the pull over range `part` of gaps, at `offsets` offsets up to `reach` in m.
 
-    A single offset is `reach`/√2.
-
-    At one offset and gaps below all tables that come with padgen it is solved with the nodes that this offset needs, in
-    down to a twentieth of the time; elsewhere with those of the worst, so that it is what such a table says.
+    A single offset is `reach`/√2. At one offset and gaps below all tables that come with padgen it is solved with the
+    nodes that this offset needs, in down to a twentieth of the time; elsewhere with those of the worst, so that it is
+    what such a table says.
     """
     low = LOW * RANGE**part
     high = LOW * RANGE ** (part + 1)
@@ -395,7 +394,7 @@ def _table(low: float, high: float, reach: float, columns: np.ndarray) -> PullTa
 
 
 def of_one_turn(coil: CoilSource) -> CoilSource:
-    """Return the coil scaled to one turn in all: coils that differ in turns alone share a table (see `wound`)."""
+    """Return the coil scaled to one turn in all: coils that differ in turns alone share a table (see `with_turns`)."""
     return coil._replace(windings=tuple(w._replace(turns=w.turns / coil.turns) for w in coil.windings))
 
 
@@ -405,7 +404,7 @@ def parts_key(coil: CoilSource, washer: SteelRing) -> str:
     return " ".join(f"{v:.9g}" for part in (*of_one_turn(coil).windings, coil[1:], ring) for v in part)
 
 
-def brought_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable | None:
+def supplied_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable | None:
     """Return the table that comes with padgen for a coil, a washer and range `part` of gaps; None without one.
 
     The coil may have any number of turns.
@@ -419,7 +418,8 @@ def brought_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable |
     shape = numbers[end : end + COLUMNS * GAPS * offsets].reshape(GAPS, offsets, COLUMNS)
     low = LOW * RANGE**part
     scale = numbers[begin:end].astype(float)
-    return PullTable(low, low * RANGE, place["reach_m"], scale, shape.astype(float)).wound(coil.turns / place["turns"])
+    table = PullTable(low, low * RANGE, place["reach_m"], scale, shape.astype(float))
+    return table.with_turns(coil.turns / place["turns"])
 
 
 @cache

@@ -110,7 +110,7 @@ class MovingPad:
         shaken = self.square * self.base_motion(force) @ self.momentum.T
         return np.asarray((force + shaken) / self.dynamic)
 
-    def heard(self, listeners: np.ndarray) -> np.ndarray:
+    def listening_matrix(self, listeners: np.ndarray) -> np.ndarray:
         """Return a matrix R (6, 6): ``|R p|²`` is the mean square motion of `listeners` (indices) for p (6,).
 
         p (6,) is ``Σ g F/D``, the momentum of the driven taxels over jω.

@@ -11,7 +11,7 @@ import numpy as np
 
 from padgen.physics.recoil import Base, MovingTaxels
 
-__all__ = ["MOST_UNKNOWNS", "THROUGH", "WEIGHT", "WITHIN", "PadMotion", "unknowns"]
+__all__ = ["MOST_UNKNOWNS", "THROUGH", "WEIGHT", "WITHIN", "PadMotion", "most_unknowns"]
 
 MOST_UNKNOWNS = 700
 """Unknowns whose poles take about half a minute to find."""
@@ -75,7 +75,7 @@ class PadMotion:
         return np.asarray(felt)
 
 
-def unknowns(taxels: MovingTaxels) -> int:
+def most_unknowns(taxels: MovingTaxels) -> int:
     """Return an upper bound on the number of independent combinations of taxel motions that shake the pad."""
     _, count = np.unique(np.stack([taxels.mass, taxels.resonance_hz, taxels.q]), axis=1, return_counts=True)
     return int(np.minimum(count, taxels.momentum.shape[1]).sum())

@@ -36,9 +36,9 @@ from padgen.physics.resonance_judge import (
     CircleFit,
     ResonanceFit,
     Seen,
-    agree,
     circle_resonance,
     detuning,
+    judge_agreement,
     point_noise,
     refuse_bad_record,
     refuse_bad_spectrum,
@@ -57,8 +57,8 @@ __all__ = [
     "fit_decay",
     "fit_driven",
     "fit_spectrum",
-    "looked_at",
     "rough_hz",
+    "unfitted_response",
 ]
 
 REACH = 10.0
@@ -445,7 +445,7 @@ def _taps(size: np.ndarray, period: int) -> list[int]:
     return [int(k + size[k : k + 2 * period].argmax()) for k in begin[:MOST_TAPS]]
 
 
-def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
+def unfitted_response(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> Seen:
     """Return a record's response over frequency without a fit; of a free decay, its Fourier transform."""
     if squared_current is None or np.ptp(squared_current) == 0:
         first = int(np.abs(response - response.mean(dtype=float)).argmax())
@@ -457,7 +457,7 @@ def looked_at(rate_hz: float, response: np.ndarray, squared_current: np.ndarray 
 
 def rough_hz(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> float:
     """Estimate the resonance in Hz: the largest velocity, per excitation where there is one."""
-    seen = looked_at(rate_hz, response, squared_current)
+    seen = unfitted_response(rate_hz, response, squared_current)
     return float(seen.frequency_hz[(np.abs(seen.data) * seen.frequency_hz).argmax()])
 
 
@@ -881,16 +881,16 @@ def _fit_peaks(
         drifts = local.slow[2] * _mode(local.frequency, fit.modes[0, 0], fit.modes[0, 1], power)
         left = _projected(np.concatenate([fit.basis, _slopes(fit, power)], 1), drifts)
         if np.linalg.norm(left) > 0.5 * np.linalg.norm(drifts):
-            fit = _without_hum(fit, power)
+            fit = _with_mains_lines(fit, power)
             slow = np.array([*local.slow[:2], local.slow[0] * local.frequency / local.frequency[0]]).T
             fit = _solve(local, fit.theta, power, np.concatenate([fit.extra, slow], 1))
     for peak in close:
-        fit = _without_hum(fit, power)
+        fit = _with_mains_lines(fit, power)
         fit = _better(fit, np.append(fit.theta, np.log([peak.hz, peak.q])), power, fit.extra) or fit
     if alone:
-        return _without_hum(fit, power)
+        return _with_mains_lines(fit, power)
     for _ in range(MOST_MODES):
-        fit = _without_hum(fit, power)
+        fit = _with_mains_lines(fit, power)
         size = np.abs(fit.residual)
         noise = float(np.median(size)) / np.sqrt(np.log(2))
         shown = size.max() >= noise * np.sqrt(np.log(len(size)) + 4) or _correlation(fit.residual) > 1
@@ -901,7 +901,7 @@ def _fit_peaks(
         if more is None:
             break
         fit = more
-    fit = _without_hum(fit, power)
+    fit = _with_mains_lines(fit, power)
     first = int(np.abs(np.log(fit.modes[:, 0] / near_hz)).argmin()) if exact and near_hz else 0
     if first:
         order = [first, *(k for k in range(len(fit.modes)) if k != first)]
@@ -925,7 +925,7 @@ def _is_worth(fit: _Solved, more: _Solved) -> bool:
     return bool(fit.cost - more.cost > WORTH * more.noise**2 / 2)
 
 
-def _without_hum(fit: _Solved, power: int) -> _Solved:
+def _with_mains_lines(fit: _Solved, power: int) -> _Solved:
     """Return the fit with columns added for the mains lines that stand out of the residual."""
     lines = fit.lines
     for _ in range(MOST_HUM):
@@ -1044,7 +1044,7 @@ def _result(
     data = lines.data[strong] / drive[strong]
     left = fit.residual[strong] / drive[strong]
     needed = NEEDED if fit.lines.seconds else NEEDED_OF_SPECTRA
-    agreed = agree(CircleFit(float(hz), errors[0][0], float(q), errors[0][1]), circle, needed)
+    agreed = judge_agreement(CircleFit(float(hz), errors[0][0], float(q), errors[0][1]), circle, needed)
     return ResonanceFit(
         resonance_hz=float(hz),
         resonance_error_hz=errors[1][0],

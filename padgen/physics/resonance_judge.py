@@ -24,9 +24,9 @@ __all__ = [
     "CircleFit",
     "ResonanceFit",
     "Seen",
-    "agree",
     "circle_resonance",
     "detuning",
+    "judge_agreement",
     "point_noise",
     "refuse_bad_record",
     "refuse_bad_spectrum",
@@ -213,10 +213,11 @@ class ResonanceFit(NamedTuple):
     power: int | None
 
 
-def agree(fit: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
+def judge_agreement(fit: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
     """Return whether a fit agrees with the second method's; true where that has none.
 
-    Refuses a resonance that noise leaves less known than `needed`, and one that the second method finds elsewhere.
+    The sigmas of `fit` are of noise alone. Refuses a resonance that noise leaves less known than `needed`, and one that
+    the second method finds elsewhere.
     """
     hz, hz_error, q, q_error = fit
     needs = [

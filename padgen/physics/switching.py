@@ -79,8 +79,8 @@ def brake_for(tau_s: np.ndarray, blend_s: float, through_zero: bool) -> Brake:
 def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
     """Return forms for energy and final amplitude of taxels (n,) in a blend, by start amplitude and two levels.
 
-    `energy` (n, 3, 3) is the form of these three that gives ∫ a² dt in s, `after` (n, 3) that of the amplitude at the
-    end.
+    `energy` (n, 3, 3) is the quadratic form of start amplitude, level before and level after that gives ∫ a² dt in s,
+    `after` (n, 3) the linear form of the amplitude at the end.
     """
     return _passage(tuple(np.asarray(tau_s, float).tolist()), float(f"{seconds:.9g}"))
 

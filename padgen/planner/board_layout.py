@@ -287,7 +287,7 @@ def _lane_widths_mm(
 ) -> dict[float, float]:
     """Return the width in mm of the tracks beside each column of coils, by the column's x; raise without room.
 
-    The last column's pass between its coils and the screws' heads.
+    The tracks of the last column pass between its coils and the screws' heads; none is wider than `WIDEST_LANE_MM`.
     """
     spec = plan.spec
     space = coil.space / MM

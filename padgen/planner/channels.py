@@ -27,7 +27,7 @@ from padgen.physics.resonator import (
 )
 from padgen.physics.schemes import mean_pull_line
 from padgen.physics.selectivity import Scheme
-from padgen.planner.core_pull import CoreRest, as_if_held, core_rest
+from padgen.planner.core_pull import CoreRest, core_rest, finite_rest
 from padgen.planner.movers import mover_of
 from padgen.planner.pins import pin_of
 from padgen.planner.plan import TURNS, Beam, Channel, Site, channel_sets, level_law
@@ -228,7 +228,7 @@ def _plan_channels(
     sag_um = sag_m / UM
     rest = resting(spec, sized, sites)
     hanging_um = hanging_gap_um(spec, sag_um)
-    gap_um, soft = (hanging_um, np.ones(len(sized))) if rest is None else as_if_held(rest, hanging_um)
+    gap_um, soft = (hanging_um, np.ones(len(sized))) if rest is None else finite_rest(rest, hanging_um)
     core_um = hanging_um - gap_um
     resonance = np.array([float(s.model.resonance_hz) for s in sized]) * np.sqrt(soft)
     level = law(resonance)
@@ -318,7 +318,7 @@ def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[S
     sag_um = np.array([float(s.model.sag_m) for s in sized]) / UM
     rest = resting(spec, sized, sites)
     hanging_um = hanging_gap_um(spec, sag_um)
-    pulled = site_pulls(spec, sites, hanging_um if rest is None else as_if_held(rest, hanging_um)[0])
+    pulled = site_pulls(spec, sites, hanging_um if rest is None else finite_rest(rest, hanging_um)[0])
     share = pulled_shares([taxel_modes(s.model) for s in sized], site_wrenches(spec, pulled, sites))
     return np.asarray(pulled.pull * share)
 
@@ -326,7 +326,11 @@ def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[S
 def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:
     """Return the pulls (n,) on the movers of `sites`, each over its own gap (n,) in µm."""
     return mover_of(spec).pulls(
-        spec.coil, spec.moved, gap_um * UM, np.array([site.coil_distance_mm for site in sites]) * MM, *spec.hung
+        spec.coil,
+        spec.moved,
+        gap_um * UM,
+        np.array([site.coil_distance_mm for site in sites]) * MM,
+        *spec.ballast_argument,
     )
 
 

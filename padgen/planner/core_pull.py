@@ -15,7 +15,7 @@ from padgen.planner.movers import mover_of
 from padgen.planner.plan import Channel, Plan, Site
 from padgen.spec import Spec
 
-__all__ = ["CoreRest", "as_if_held", "core_findings", "core_rest", "on_snapping", "snaps"]
+__all__ = ["CoreRest", "core_findings", "core_rest", "finite_rest", "on_snapping", "snaps"]
 
 FARTHEST = 4.0
 """Largest gap over the spec's at which a magnet that snaps is tried to rest."""
@@ -28,8 +28,8 @@ SNAPPED_SHARE = 0.01
 class CoreRest(NamedTuple):
     """Rest positions of n taxels that cores draw in: the gap in µm and the share of stiffness left there.
 
-    `snap_um` is the gap below which they would snap to the core, `least_n_per_m` the least stiffness of a spring that
-    holds. The first three are nan for those that snap at once.
+    `gap_um` and `stiffness_share` are at rest; `snap_um` is the gap below which they would snap to the core,
+    `least_n_per_m` the least stiffness of a spring that holds. The first three are nan for taxels that snap at once.
     """
 
     gap_um: np.ndarray
@@ -52,7 +52,7 @@ def snaps(rest: CoreRest | None) -> bool:
     return rest is not None and bool(np.isnan(rest.gap_um).any())
 
 
-def as_if_held(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return gaps in µm and stiffness shares (n,) at rest, with small finite stand-ins for taxels that snap."""
     lost = np.isnan(rest.gap_um)
     gap_um = np.where(lost, SNAPPED_GAP * hanging_um, rest.gap_um)

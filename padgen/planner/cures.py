@@ -18,11 +18,11 @@ from padgen.planner.layout import (
     channel_counts,
     coil_reach_mm,
     explain,
+    full_smaller_layouts,
     most_coils,
     most_outputs,
     room,
     roomy_layouts,
-    whole_grids,
 )
 from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts, snapping
@@ -64,9 +64,9 @@ def varied(spec: Spec, cure: Cure) -> Spec:
 def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
     """Return `plan` with each finding's first proposed cure that works when planned, and no other cures.
 
-    `planned` makes the plan of the spec with a cure. A cure holds where no finding of that kind is left and there are
-    no more errors; where there are fewer kinds of findings, or no more of those that are not `COUNTED`; and where as
-    much is kept of the selectivity that is asked.
+    `planned` makes the plan of the spec with a cure, for at most `MOST_TRIED` cures. A cure holds where no finding of
+    that kind is left and there are no more errors; where there are fewer kinds of findings, or no more of those that
+    are not `COUNTED`; and where as much is kept of the selectivity that is asked.
     """
     proposed: dict[str, list[Cure]] = {}
     for finding in plan.findings:
@@ -160,7 +160,7 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
             continue
         try:
             plan = planned(cure)
-            if cooler := _cooler(plan):
+            if cooler := _cooling_cure(plan):
                 cure = {**cure, **cooler}
                 plan = planned(cure)
         except PadgenError:
@@ -201,7 +201,7 @@ def _holding(cures: Sequence[Cure], planned: Callable[[Cure], Any]) -> Iterator[
             yield cure
 
 
-def _cooler(plan: Any) -> Cure:
+def _cooling_cure(plan: Any) -> Cure:
     """Return the cure by a lower level if overheating is a plan's only error, else an empty cure.
 
     Where taxels have room does not change how much they heat the pad.
@@ -287,7 +287,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     for way in ways:
         yield from islice((cure for cure in way if _best_layout(spec, limit, cure)), 1)
     # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
-    whole = () if spec.coil.grid else sized_layouts(spec, whole_grids(spec, limit))
+    whole = () if spec.coil.grid else sized_layouts(spec, full_smaller_layouts(spec, limit))
     fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.feeds else 1))
     yield from ({"resolution": count} for count in islice(fewer, FEWER))
 

@@ -16,7 +16,7 @@ import numpy as np
 from padgen.core.errors import number
 from padgen.core.registry import MOVERS
 from padgen.core.units import MA, MH, MM, MS, UM, decibel
-from padgen.physics.magnetics import pole_error, pull_in_deflection, slack_at
+from padgen.physics.magnetics import deflection_without_growth, pole_error, pull_in_deflection
 from padgen.physics.modes import jump_amplitude
 from padgen.physics.resonator import ModalTaxels, relative_energy
 from padgen.physics.schemes import (
@@ -42,7 +42,7 @@ from padgen.physics.switching import Brake, brake_for, follow, keyframes
 from padgen.planner.channels import hanging_gap_um, heard_modes, with_any_drive
 from padgen.planner.coils import coil_source
 from padgen.planner.layout import Layout
-from padgen.planner.limits import Demand, Moved, exceeded, limits, most_asked, pull_in_share, slack_um
+from padgen.planner.limits import Demand, Moved, exceeded, limits, linear_deflection_um, most_asked, pull_in_share
 from padgen.planner.movers import Leakage, Mover, mover_of
 from padgen.planner.plan import (
     Channel,
@@ -73,8 +73,8 @@ __all__ = [
     "cell_is_turned",
     "chosen_drive",
     "coil_demand",
+    "coil_leakage",
     "coil_load",
-    "coil_reuse",
     "coils_around",
     "fitting_parts",
     "frame_contrasts",
@@ -145,7 +145,10 @@ def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
 
 
 class _Switched(NamedTuple):
-    """What sets the contrast of a coil's frames: time constants, transition time, steady OFF energy, and brake."""
+    """What sets the contrast of a coil's frames: time constants, transition time, steady OFF energy, and brake.
+
+    `steady` is the energy of an OFF taxel by steady tones, over that of an ON one.
+    """
 
     tau_s: np.ndarray
     ramp_s: float
@@ -188,7 +191,7 @@ class _Switched(NamedTuple):
             ratio[np.diag_indices(len(on))] = inf
         return decibel(float(ratio.min()) ** 0.5)
 
-    def longest_rate(self, kept_db: float, least_s: float) -> float | None:
+    def highest_rate(self, kept_db: float, least_s: float) -> float | None:
         """Return the highest frame rate in 1/s at which frames of `least_s` or more keep `kept_db`, or None."""
         low = high = least_s
         while self.contrasts_db(high)[0] < kept_db:
@@ -233,12 +236,12 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
         }
         is_chosen = rate.scheme == selectivity.drive
         if is_chosen:
-            figures["kept_frames_per_s"] = _slowest([coil.longest_rate(kept_db, least_s) for coil in coils])
+            figures["kept_frames_per_s"] = _lowest_or_none([coil.highest_rate(kept_db, least_s) for coil in coils])
         if is_chosen and not scheme.takes_turns:
             brake = switch_brake(np.concatenate(channel_set), ramp_s, scheme)
             braked = [coil._replace(brake=brake) for coil in coils]
             least_s = ramp_s + brake.blend_s + brake.seconds
-            figures["braked_frames_per_s"] = _slowest([coil.longest_rate(kept_db, least_s) for coil in braked])
+            figures["braked_frames_per_s"] = _lowest_or_none([coil.highest_rate(kept_db, least_s) for coil in braked])
             if figures["braked_frames_per_s"] and not alone:
                 seconds = 1 / figures["braked_frames_per_s"]
                 figures["braked_db"] = min(coil.contrasts_db(seconds)[0] for coil in braked)
@@ -246,7 +249,7 @@ def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selecti
     return tuple(contrasts)
 
 
-def _slowest(rates: Sequence[float | None]) -> float | None:
+def _lowest_or_none(rates: Sequence[float | None]) -> float | None:
     """Return the lowest of the rates; None if any of them is None."""
     return None if None in rates else min(rate for rate in rates if rate is not None)
 
@@ -345,16 +348,16 @@ def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     exponent = max(channel.pull_exponent, 0.0)
     free_um = spec.coil.gap_mm * MM / UM / 3 - channel.sag_um
-    resting_um = slack_um(channel, square_a2)
+    resting_um = linear_deflection_um(channel, square_a2)
     if free_um <= 0 or resting_um <= 0:
         return max(free_um, 0.0) / channel.level_um
     low = 0.0
     high = min(free_um, pull_in_deflection(gap_um, exponent)[0])
     for _ in range(60):
         static_um = (low + high) / 2
-        grown = slack_at(static_um, gap_um, exponent) / resting_um
+        grown = deflection_without_growth(static_um, gap_um, exponent) / resting_um
         low, high = (static_um, high) if grown * channel.level_um + static_um < free_um else (low, static_um)
-    return slack_at(low, gap_um, exponent) / resting_um
+    return deflection_without_growth(low, gap_um, exponent) / resting_um
 
 
 MOST_SPELLED_OUT = 16
@@ -530,7 +533,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     reached = {name: figures[name].reached_db for name in names}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets, spec.force_order)}
 
-    def told(others: Sequence[str]) -> str:
+    def reached_text(others: Sequence[str]) -> str:
         """Return a phrase in brackets on the selectivity in dB of other schemes; empty if none is known."""
         words = [
             f"{name} {reached[name]:.1f} dB" + (f" at {rates[name]:.2g} frames/s" if Scheme(name).takes_turns else "")
@@ -543,7 +546,8 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     # A scheme that takes turns is slow, so its frame rate must suffice, too; all other schemes share one frame rate.
     holds = [name for name in keeps if rates[name] >= least or not Scheme(name).takes_turns]
     if holds:
-        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{told(names[: names.index(holds[0])])}"
+        simpler = reached_text(names[: names.index(holds[0])])
+        return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{simpler}"
     if keeps and spec.feeds:
         feeding = " and ".join(word for word, _ in spec.feeds)
         plays = "plays" if len(spec.feeds) == 1 else "play"
@@ -552,7 +556,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     together = [name for name in names if not Scheme(name).takes_turns]
     best = max(together or names, key=lambda name: reached[name])
     none = f"no drive keeps {asked:.1f} dB in all states at {number(least)} frames/s or more"
-    others = told([name for name in names if name != best])
+    others = reached_text([name for name in names if name != best])
     return best, f"{none}; of those that drive all at once it comes nearest{others}"
 
 
@@ -573,7 +577,7 @@ LEAK_ERROR = 0.25
 """Relative error of leakage from the nearest coils if cores are no longer than the pitch (docs/accuracy.md)."""
 
 
-def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
+def coil_leakage(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
     """Choose which cells to turn, and bound the leakage of the coils around, in their worst state, onto OFF taxels.
 
     With the driver table neighbours play in step, so that their fields add. Where the taxel's own coil plays its other
@@ -588,7 +592,7 @@ def coil_reuse(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: 
     steps_to = coils_around(layout.rows, layout.columns)
     at = steps_to * pitch * MM
     grid = layout.rows, layout.columns
-    leak = _leakage(spec.mover.kind, spec.coil, spec.moved, washers_mm, grid, tuple(pitch), spec.hung)
+    leak = _leakage(spec.mover.kind, spec.coil, spec.moved, washers_mm, grid, tuple(pitch), spec.ballast_argument)
     away = np.abs(steps_to).sum(1) % spec.coil.sets
     heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
     energy, apart = np.zeros((2, len(channels)))
@@ -624,7 +628,8 @@ COUPLED_STEPS = 3
 class PushedEnergies(NamedTuple):
     """Energies (n,) of OFF taxels by forces between movers, all neighbours ON, over their energies when ON.
 
-    `in_step`: neighbours of one channel move in step, as by the driver table; `apart`: each at a frequency of its own.
+    The forces act without any current. `in_step`: neighbours of one channel move in step, as by the driver table;
+    `apart`: each at a frequency of its own.
     """
 
     in_step: np.ndarray
@@ -662,10 +667,10 @@ def neighbour_energies(
         kind = np.array(kinds)
         distance = np.linalg.norm(np.array(places)[:, None] - np.array(places), axis=-1)
         spring = np.zeros(distance.shape)
-        spring[distance > 0] = mover.coupling(spec.moved, distance[distance > 0] * MM, *spec.hung)
+        spring[distance > 0] = mover.coupling(spec.moved, distance[distance > 0] * MM, *spec.ballast_argument)
         spring *= np.multiply.outer(poles, poles)
-        if shared := getattr(mover, "shared", None) if spec.coil.core_diameter_mm else None:
-            _add_by_cores(spring, spec, steps, channels, own_set, shared)
+        if core_coupling := getattr(mover, "core_coupling", None) if spec.coil.core_diameter_mm else None:
+            _add_core_coupling(spring, spec, steps, channels, own_set, core_coupling)
         if not spring.any():
             continue
         middle = steps.index((0, 0)) * len(channels[own_set :: spec.coil.sets])
@@ -688,13 +693,13 @@ def neighbour_energies(
     return PushedEnergies(in_step, apart)
 
 
-def _add_by_cores(
+def _add_core_coupling(
     spring: np.ndarray,
     spec: Spec,
     steps: Sequence[tuple[int, ...]],
     channels: Sequence[Channel],
     own_set: int,
-    shared: Callable[[Coil, Any, np.ndarray], np.ndarray],
+    core_coupling: Callable[[Coil, Any, np.ndarray], np.ndarray],
 ) -> None:
     """Add to `spring` in N/m the coupling of movers over one coil through its core (`neighbour_energies`)."""
     at = 0
@@ -702,7 +707,7 @@ def _add_by_cores(
         over_one = channels[(own_set + sum(map(abs, step))) % spec.coil.sets :: spec.coil.sets]
         place_m = np.array([channel.site.washer_mm for channel in over_one]) * MM
         cell = slice(at, at + len(over_one))
-        spring[cell, cell] += shared(spec.coil, spec.moved, place_m)
+        spring[cell, cell] += core_coupling(spec.coil, spec.moved, place_m)
         at = cell.stop
 
 

@@ -88,8 +88,8 @@ class Change:
 class MoverRow:
     """Figures of the pad planned anew with one mover and its catalogue coil: coils, heat, what prints keep.
 
-    `heat_w` and `peak_v` are with all taxels on, `outputs` what feeds the coils. Where no pad can be planned `why` says
-    so and all figures are None.
+    The layout is searched anew. `heat_w` and `peak_v` are with all taxels on, `outputs` what feeds the coils. Where no
+    pad can be planned `why` says so and all figures are None.
     """
 
     mover: str
@@ -138,7 +138,10 @@ MOVERS_COMPARED: tuple[tuple[str, str, str], ...] = (
 
 
 def _movers(spec: Spec) -> list[MoverRow]:
-    """Return a row for each of `MOVERS_COMPARED`: first those with enough good prints, each group by rising heat."""
+    """Return a row for each of `MOVERS_COMPARED`: first those with enough good prints, each group by rising heat.
+
+    Movers with which no pad can be planned come last.
+    """
     rows = [_with_mover(spec, *each) for each in MOVERS_COMPARED]
     works = spec.print_share
     return sorted(rows, key=lambda row: (row.heat_w is None, (row.good_share or 0.0) < works, row.heat_w or 0.0))

@@ -217,6 +217,8 @@ def _lifted(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
 def _pressed(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
     """Yield a warning where a finger's push of 10 N bends the plate over a pocket beyond its allowed stress or sag.
 
+    The allowed stress is `STRENGTH_SHARE` of the strength, the allowed sag half the clearance.
+
     Notes
     -----
     A rectangle supported at its edges under a load over a small disc at its middle (Roark, Formulas for Stress and

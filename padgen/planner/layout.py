@@ -32,6 +32,7 @@ __all__ = [
     "coil_reach_mm",
     "corner_groove",
     "explain",
+    "full_smaller_layouts",
     "groove",
     "hexagon",
     "most_coils",
@@ -45,7 +46,6 @@ __all__ = [
     "slots",
     "taxel_places",
     "to_cell",
-    "whole_grids",
 ]
 
 
@@ -128,7 +128,7 @@ NEAR_MISSES = 200
 
 
 def _without_slacks(spec: Spec, channel_limit: int) -> list[Layout]:
-    """Return all layouts for the spec's taxels with at most one empty place a coil, their slacks not yet computed."""
+    """Return all layouts for the spec's taxels with fewer empty places than coils, their slacks not yet computed."""
     wanted = spec.resolution
     return [
         layout
@@ -163,7 +163,7 @@ def _with_room(spec: Spec, channel_limit: int, suspensions_version: int, group: 
     return tuple(sorted((one for one in sized if one.margin_mm >= -SLACK_MM), key=lambda layout: layout.rank))
 
 
-def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
+def full_smaller_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
     """Yield layouts without empty places for fewer taxels than asked that have room, most taxels first."""
     rows_, columns_ = most_coils(spec)
     plate = plate_shape(spec)
@@ -194,7 +194,7 @@ def whole_grids(spec: Spec, channel_limit: int) -> Iterator[Layout]:
 
 
 MOST_WORK = 100_000
-"""Largest number of layouts and of their places that `whole_grids` looks at: some seconds of work."""
+"""Largest number of layouts and of their places that `full_smaller_layouts` looks at: some seconds of work."""
 
 
 def channel_counts(spec: Spec, channel_limit: int) -> Sequence[int]:

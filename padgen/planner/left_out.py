@@ -24,8 +24,8 @@ from padgen.physics.bounds import (
     core_polarisation,
     motional_voltage,
     mutual_shielding,
+    ring_down_error,
     saturation_loss,
-    switching_delay,
     washer_eddies,
     washer_magnetised,
 )
@@ -417,8 +417,8 @@ def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.nd
 def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
     """Return the area of a taxel's moving parts and measures of their motion, relative to the washer's motion.
 
-    They are the area of blocks and beams and that of the blocks alone in m², the mean square and the largest motion,
-    and the diagonal of the window in m.
+    The figures are the area of blocks and beams and that of the blocks alone in m², the mean square and the largest
+    motion, and the diagonal of the window in m.
     """
     motion = channel.mode_motions[int(np.argmax(channel.mode_shares))]
 
@@ -448,7 +448,7 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
     """Bound the error of OFF amplitudes by the modes that `heard_modes` drops, with all other channels on.
 
-    The bound is the relative error of OFF amplitudes, by Cauchy's inequality for each component.
+    The error is relative; by Cauchy's inequality for each component.
     """
     if not plan.selectivity.modes_left_out:
         return
@@ -577,7 +577,7 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
     yield _worst_channel("motion", "current", channels, moved)
     if not scheme.takes_turns and (ring_down > 0).any():
         pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
-        delay = switching_delay(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), henry / ohm)
+        delay = ring_down_error(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), henry / ohm)
         yield _worst_channel("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
 
 

@@ -33,11 +33,11 @@ __all__ = [
     "Moved",
     "exceeded",
     "limits",
+    "linear_deflection_um",
     "lower_level",
     "most_asked",
     "pull_in_share",
     "register",
-    "slack_um",
     "unregister",
 ]
 
@@ -82,7 +82,7 @@ class Demand(NamedTuple):
     beam_rise_k: float = 0.0
 
 
-def slack_um(channel: Channel, square_a2: float) -> float:
+def linear_deflection_um(channel: Channel, square_a2: float) -> float:
     """Return the static deflection in µm under the mean pull, as if the pull did not grow while the gap closes."""
     return max(square_a2 * channel.force_constant_n_per_a2, 0.0) / channel.stiffness_n_per_m / UM
 
@@ -91,14 +91,18 @@ def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
     """Return the mean pull on a washer for a mean square current, over the pull at which it snaps to the coil."""
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
     _, largest_um = pull_in_deflection(gap_um, max(channel.pull_exponent, 0.0))
-    return slack_um(channel, square_a2) / largest_um
+    return linear_deflection_um(channel, square_a2) / largest_um
 
 
 def _resting_um(spec: Spec, one: Moved) -> float:
-    """Return a washer's static deflection in µm: by weight and mean pull, or weight and the gap if it snaps."""
+    """Return a mover's static deflection in µm: by weight and mean pull, or weight and the gap if it snaps.
+
+    A magnet's includes the deflection by the core's pull at rest.
+    """
     channel = one.channel
     gap_um = float(hanging_gap_um(spec, channel.sag_um))
-    static_um = balanced_deflection(slack_um(channel, one.square_a2), gap_um, max(channel.pull_exponent, 0.0))
+    linear_um = linear_deflection_um(channel, one.square_a2)
+    static_um = balanced_deflection(linear_um, gap_um, max(channel.pull_exponent, 0.0))
     at_rest_um = channel.static_um if spec.force_order == 1 else 0.0
     return channel.sag_um + at_rest_um + (gap_um if static_um is None else static_um)
 

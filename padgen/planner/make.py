@@ -28,8 +28,8 @@ from padgen.planner.drive_scheme import (
     cell_is_turned,
     chosen_drive,
     coil_demand,
+    coil_leakage,
     coil_load,
-    coil_reuse,
     fitting_parts,
     frame_contrasts,
     is_fed,
@@ -58,7 +58,7 @@ from padgen.planner.plan import (
     Taxel,
     channel_sets,
     level_law,
-    lost_figures,
+    non_finite_figures,
     passes,
     scheme_named,
     sets_db,
@@ -79,7 +79,7 @@ from padgen.planner.search import (
 from padgen.planner.shaken_pad import planned_recoil
 from padgen.planner.sizing import SizedChannel
 from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
-from padgen.planner.touch import felt_levels, touched_pads
+from padgen.planner.touch import felt_levels, skin_figures
 from padgen.planner.touch_search import TouchTrial, decided_under_touch
 from padgen.planner.touched_prints import planned_touch, played_channels, touched_felt, touched_figures
 from padgen.planner.verdict import judged
@@ -232,7 +232,7 @@ def choose(spec: Spec) -> Choice:
 def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
     """Return the best layout with sized beams, or with `quick` the first; None where there is none.
 
-    Where at most so many are tried, it is returned without its runners-up.
+    Where at most `most` are tried, the choice is returned without its runners-up.
     """
     ranked: list[Iterator[_Unsized]] = []
     known: dict[tuple[str, ...], Iterator[tuple[Layout, Callable[[], SizedLayout | None]]]] = {}
@@ -453,7 +453,7 @@ def _tried(
         return Tried(at_most)
     bare = _assemble(choice, channels, _selectivity_of(choice))
     if not spec.touch.is_none:
-        return _tried_under_touch(bare, overloaded)
+        return _plan_tried_under_touch(bare, overloaded)
     paper_db, prints = compared_prints(bare, least_db, least_share, for_cure)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
@@ -494,7 +494,7 @@ UNSURE_HEAT = 1.4
 """Heat by many simulated pads over that by few, which may leave 1.4 dB too little in hand."""
 
 
-def _tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
+def _plan_tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
     """Judge a plan by simulated prints under touch, and its coils by the levels that touch needs."""
     spec = bare.spec
     touch = planned_touch(bare, quick=True)
@@ -522,7 +522,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     channels = tuple(replace(channel, pin=pin) for channel, pin in zip(channels, pins, strict=True))
     bare = _assemble(choice, channels, selectivity)
     spec = bare.spec
-    touched = tuple(touched_pads(spec, channels, bare.scheme))
+    touched = tuple(skin_figures(spec, channels, bare.scheme))
     bare = replace(bare, touched=touched)
     design = design_of(bare, None)
     prints = what_prints_keep(bare, design, quick)
@@ -555,7 +555,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
 def _finite(plan: Plan) -> Plan:
     """Return `plan`; raise `SolverError` if a figure is NaN, or infinite although the plan has no error."""
     broken = any(finding.level == "error" for finding in plan.findings)  # as where a coil does not pull its washer
-    if lost := next(((at, value) for at, value in lost_figures(plan) if isnan(value) or not broken), None):
+    if lost := next(((at, value) for at, value in non_finite_figures(plan) if isnan(value) or not broken), None):
         raise SolverError(f"has no finite value ({lost[1]}), so that the pad cannot be judged", lost[0])
     return plan
 
@@ -583,7 +583,7 @@ def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Select
     spec = choice.spec
     layout = choice.layout
     scheme = scheme_named(choice.spec, selectivity.drive, channels)
-    reuse = coil_reuse(spec, layout, channels, scheme)
+    reuse = coil_leakage(spec, layout, channels, scheme)
     pitch_x = spec.pad.width_mm / layout.columns
     pitch_y = spec.pad.depth_mm / layout.rows
     coils = CoilGrid(layout.rows, layout.columns, min(pitch_x, pitch_y), pitch_x, pitch_y, spec.coil.sets)

@@ -142,7 +142,10 @@ class PadMass:
         return combine(*(part for part in parts if part is not None))
 
     def momenta(self, centre: np.ndarray) -> np.ndarray:
-        """Return linear and angular momentum (n, 6) about `centre` (3,) in m of each taxel's mode at unit motion."""
+        """Return linear and angular momentum (n, 6) about `centre` (3,) in m of each taxel's mode at unit motion.
+
+        Its washer moves up by 1 m/s.
+        """
         force, moment = self._taxel_momenta
         arm = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in self.plan.taxels]) - centre
         return np.concatenate([force, moment + np.cross(arm, force)], axis=1)

@@ -61,7 +61,7 @@ __all__ = [
     "carrier_hz",
     "channel_sets",
     "level_law",
-    "lost_figures",
+    "non_finite_figures",
     "passes",
     "plan_from_json",
     "plan_from_table",
@@ -566,6 +566,8 @@ class Felt:
     where it hears nothing), its lines' energies over their thresholds added. A person tells from `least_levels` to
     `most_levels` levels apart up to the ON level, by the least and the most favourable published figures, and as many
     of the felt channels' frequencies as `least_frequencies` to `most_frequencies`.
+
+    Taxels are untouched or, in a plan under a contact, touched and driven for it (`touched_felt`).
     """
 
     threshold_um: tuple[float, ...]
@@ -882,17 +884,17 @@ NO_FIGURES = (Spec, Taxel, Finding)
 """Parts of a plan whose numbers are bounded already, copied from its channels and cells, or words."""
 
 
-def lost_figures(value: Any, where: str = "") -> Iterator[tuple[str, float]]:
+def non_finite_figures(value: Any, where: str = "") -> Iterator[tuple[str, float]]:
     """Yield place and value of every figure of a plan, or of a part of it, that is not finite."""
     if isinstance(value, float):
         if not isfinite(value):
             yield where, value
     elif isinstance(value, tuple):
         for i, entry in enumerate(value):
-            yield from lost_figures(entry, f"{where}[{i}]")
+            yield from non_finite_figures(entry, f"{where}[{i}]")
     elif is_dataclass(value) and not isinstance(value, NO_FIGURES):
         for item in fields(value):
-            yield from lost_figures(getattr(value, item.name), f"{where}.{item.name}" if where else item.name)
+            yield from non_finite_figures(getattr(value, item.name), f"{where}.{item.name}" if where else item.name)
 
 
 def plan_to_json(plan: Plan) -> str:

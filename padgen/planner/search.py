@@ -343,7 +343,10 @@ MOST_SNAPPING = 4
 
 
 def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str, Any]]] | None:
-    """Return why movers snap to the coils' cores, with cures, for the first layout where they do, if any does."""
+    """Return why movers snap to the coils' cores, with cures, for the first layout where they do, if any does.
+
+    At most `MOST_SNAPPING` layouts are tried.
+    """
     for layout in islice(options, MOST_SNAPPING):
         channels = _beams(spec, layout)
         if not channels:

@@ -163,16 +163,16 @@ class ShakenPad:
 
     @cached_property
     def heard(self) -> list[np.ndarray]:
-        """For each tone, the matrix by which its taxels hear the pad (`padgen.physics.recoil.MovingPad.heard`)."""
+        """For each tone, the matrix by which its taxels hear the pad (`MovingPad.listening_matrix`)."""
         channels = [self.channel_of[np.argmax(self.tone_of == tone)] for tone in range(len(self.hz))]
         heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
-        return [shaken.heard(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
+        return [shaken.listening_matrix(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
 
     def listen_apart(self, shown: np.ndarray) -> HeardImages:
         """Return ON and OFF amplitudes of images of levels (k, n), each taxel driven at a separate frequency.
 
-        These lie so near the channel's that the pad answers alike; what they move adds as energies. All taxels hear the
-        pad; those of the same coil are pulled as well.
+        The frequencies lie so near the channel's that the pad answers alike; what they move adds as energies. All
+        taxels hear the pad; those of the same coil are pulled as well.
         """
         energy = np.broadcast_to(self.leak, shown.shape).copy()
         on = np.full(shown.shape, np.inf)
@@ -237,7 +237,7 @@ def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES
     """
     masses = PadMass(plan)
     pad = ShakenPad(plan, mount, masses)
-    known = _unsigned(pad, images)
+    known = _recoil_without_signs(pad, images)
     if known.images == 0:
         return known
     shown = chance_images(len(plan.taxels), images)
@@ -252,13 +252,13 @@ def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES
 def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
     """Return the recoil of a plan's pad, driven in step by the planned table, or with every taxel re-tuned."""
     pad = ShakenPad(plan)
-    known = _unsigned(pad, IMAGES)
+    known = _recoil_without_signs(pad, IMAGES)
     planned = replace(plan, prints=prints, recoil=known)
     if known.images == 0 or moving_pad_db(planned) is None:
         return known
 
     def heard_db(heavier: ShakenPad) -> float | None:
-        return recoil_db(replace(planned, recoil=_unsigned(heavier, IMAGES)))
+        return recoil_db(replace(planned, recoil=_recoil_without_signs(heavier, IMAGES)))
 
     def keeps(moving_db: float | None) -> bool:
         kept_db = left_by_recoil_db(planned, moving_db)
@@ -269,7 +269,7 @@ def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
 
 def recoil_energy(plan: Plan) -> float:
     """Return the energy that recoil adds to an OFF taxel, over that of ON taxels, in the worst of random images."""
-    heard = _unsigned(ShakenPad(plan), IMAGES)
+    heard = _recoil_without_signs(ShakenPad(plan), IMAGES)
     if heard.apart_db is None:
         return 0.0
     still = 0.0 if heard.clamped_db is None else 10 ** (-heard.clamped_db / 10)
@@ -297,7 +297,7 @@ def recoil_findings(plan: Plan) -> Iterator[Finding]:
     )
 
 
-def _unsigned(pad: ShakenPad, images: int) -> Recoil:
+def _recoil_without_signs(pad: ShakenPad, images: int) -> Recoil:
     """Return the recoil of a pad in random images, without balancing signs or a search for a base plate."""
     plan = pad.plan
     momenta = np.array([channel.momentum for channel in pad.masses.channels])

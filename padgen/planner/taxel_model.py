@@ -19,10 +19,10 @@ from padgen.physics.beams import (
     PinFoot,
     Surroundings,
     YokeSize,
-    fitted,
     on_elastic_ends,
-    on_pin,
+    pin_motion,
     pushed_stress,
+    within_fitted_range,
 )
 from padgen.physics.modes import (
     BENT,
@@ -57,9 +57,9 @@ __all__ = [
     "asked_error",
     "fillet_mm",
     "foot_fillet_mm",
-    "hollow_mm",
     "hollows_mm",
     "narrowest_mm",
+    "open_recess_mm",
     "pin_place_mm",
     "plate_shape",
     "post_diameter_mm",
@@ -132,7 +132,7 @@ def recess_mm(spec: Spec) -> tuple[float, float]:
     return spec.moved.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
 
 
-def hollow_mm(spec: Spec) -> tuple[float, float]:
+def open_recess_mm(spec: Spec) -> tuple[float, float]:
     """Return diameter and depth in mm of the hollow in the plate's underside, with ballast but without mover.
 
     It is the recess; ballast that is wider than the recess leaves its pocket open below it.
@@ -195,7 +195,10 @@ def foot_fillet_mm(spec: Spec, beam_width_mm: float) -> float:
 
 
 def _rigid_top_mm(spec: Spec) -> float:
-    """Return the top in mm from the bed of a cylinder with the contactor's mass: below the top of a dome."""
+    """Return the top in mm from the bed of a cylinder with the contactor's mass: below the top of a dome.
+
+    The top of a dome lies d/6 above that of the cylinder.
+    """
     round_off = spec.contact_diameter_mm / 6 if spec.contactor.shape == "dome" else 0.0
     return spec.contact_top_mm - round_off
 
@@ -399,7 +402,7 @@ class TaxelModel:
         if self.spec.pin_share is None:
             return np.concatenate([modes.at_point(self.washer_point_m), modes.shape[3:]]), np.zeros((6, 6))
         beam = self.placements[0]
-        pinned = on_pin(beam.section, *self.elastic[:2])
+        pinned = pin_motion(beam.section, *self.elastic[:2])
         return pinned.shape @ to_tip(beam, modes.reference) @ modes.shape, pinned.local
 
     @cached_property
@@ -426,7 +429,7 @@ class TaxelModel:
     @cached_property
     def _surroundings(self) -> Surroundings:
         """Sizes in m of the parts that hold the beams' ends."""
-        diameter, depth = hollow_mm(self.spec)
+        diameter, depth = open_recess_mm(self.spec)
         frame = self.spec.pad.rib_mm / 2 if self.frame_depth_mm is None else self.frame_depth_mm
         wall = max((self.plate.length_mm - diameter) / 2, THINNEST_WALL_MM)
         yoke = self.arrangement.yoke
@@ -551,7 +554,7 @@ class TaxelModel:
     @property
     def in_range(self) -> np.ndarray:
         """True (…,) where the beams are within the range that the model was fitted to; elsewhere solve the solid."""
-        return np.asarray(self.is_straight & fitted(*(np.asarray(side, float) for side in self.beam)))
+        return np.asarray(self.is_straight & within_fitted_range(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property
     @_from_array
@@ -559,7 +562,7 @@ class TaxelModel:
         """Relative error (…, 6) within which each mode's frequency most likely lies (`padgen.physics.modes`)."""
         modulus, poisson, _ = self.elastic
         length, width, thickness = (side * MM for side in self.plate)
-        roof = max(thickness - hollow_mm(self.spec)[1] * MM, thickness / 10)
+        roof = max(thickness - open_recess_mm(self.spec)[1] * MM, thickness / 10)
         yoke = self.arrangement.yoke
         plate = RigidPlate(length, width, roof, yoke.neck_length_mm * MM if yoke else None)
         energies = sum(uncertain_energies(beam, self.modes, modulus, poisson, plate) for beam in self.placements)

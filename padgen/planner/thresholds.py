@@ -23,7 +23,10 @@ FARTHEST_HZ = (1e-3, 1e7)
 
 @lru_cache(maxsize=64)
 def threshold_at(site: str, surround: str, area_mm2: float) -> Threshold:
-    """Return the threshold of feeling at a body site through a contactor of an area, by the catalogue's rows."""
+    """Return the threshold of feeling at a body site through a contactor of an area, by the catalogue's rows.
+
+    Only rows with this `surround` count.
+    """
     rows = [row for row in catalogue("threshold").values() if (row["site"], row["surround"]) == (site, surround)]
     if not rows:
         raise ValueError(f"no threshold is known of site {site!r} with surround {surround!r}")

@@ -33,8 +33,8 @@ __all__ = [
     "judge_touch",
     "lever_of",
     "skin_contact",
+    "skin_figures",
     "skin_spreads",
-    "touched_pads",
 ]
 
 SKINS = ("low", "typical", "high")
@@ -106,7 +106,10 @@ def contactor_of(spec: Spec) -> Contactor:
 
 
 def indentation_mm(spec: Spec) -> float:
-    """Return the skin's indentation in mm by a contactor at rest: the spec's, else the height above the guard."""
+    """Return the skin's indentation in mm by a contactor at rest: the spec's, else the height above the guard.
+
+    The height counts up to `MOST_PRESSED_MM`. The indentation is 0 without a touch, or with neither of them.
+    """
     if spec.touch.is_none:
         return 0.0
     if spec.touch.indentation_mm is not None:
@@ -132,7 +135,7 @@ MOST_CHANNELS = 32
 """Most channels of a coil for which the selectivity under a finger is computed."""
 
 
-def touched_pads(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
+def skin_figures(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
     """Yield the figures of the pad with every taxel under low, typical and high skin, driven as planned.
 
     Only the taxels' own modes and one coil are counted.

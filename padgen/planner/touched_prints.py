@@ -167,7 +167,7 @@ class _Beside(NamedTuple):
     """Energies (n,) that leakage, other modes and recoil add to OFF taxels, over that of their ON state.
 
     `leaks` (2, n) are of the coils around, driven by the table and re-tuned; `modes` is by their other modes, and
-    `recoil` by that of the pad.
+    `recoil`, one number for all channels, by the motion of the pad.
     """
 
     leaks: np.ndarray
@@ -175,7 +175,7 @@ class _Beside(NamedTuple):
     recoil: float
 
 
-def _beside(plan: Plan, tones: str) -> _Beside:
+def _added_energies(plan: Plan, tones: str) -> _Beside:
     """Return the energies that leakage, other modes and recoil add to OFF taxels, with `tones` of one of `TONES`."""
     played = touched_plan(plan).channels if tones == TONES[0] else plan.channels
     modes = np.zeros(len(plan.channels))
@@ -217,7 +217,7 @@ def touched_pads(
     spreads = spreads_of(spec)
     if as_drawn:
         spreads = spreads.none()
-    beside = _beside(plan, tones)
+    beside = _added_energies(plan, tones)
     taxels = len(design.channel)
     ratio = np.full(pads, inf)
     weakest = np.full(pads, inf)

@@ -32,7 +32,10 @@ def based_pad_db(plan: Plan) -> float | None:
 
 
 def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
-    """Return the selectivity in dB that prints keep if the moving pad has an ON over OFF of `moving_db`."""
+    """Return the selectivity in dB that prints keep if the moving pad has an ON over OFF of `moving_db`.
+
+    It is None where prints keep too little even on a pad held still.
+    """
     prints = plan.prints
     held_db: float | None = inf
     if prints.print_db is not None:

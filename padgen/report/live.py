@@ -393,7 +393,7 @@ def application(work: Work, token: str, port: int) -> Any:
             raise answer.error
         return str(answer.value)
 
-    def told(function: Callable[[Request], Coroutine[Any, Any, Response | str]]) -> Any:
+    def answering(function: Callable[[Request], Coroutine[Any, Any, Response | str]]) -> Any:
         """Wrap a handler: check each request, and answer errors as JSON with status 200, as browsers log others."""
 
         async def answer(request: Request) -> Response:
@@ -412,9 +412,9 @@ def application(work: Work, token: str, port: int) -> Any:
 
         return answer
 
-    routes = [Route("/", told(index)), Route("/report", told(report))]
+    routes = [Route("/", answering(index)), Route("/report", answering(report))]
     calls = {"plan": planned, "scene": planned, "save": save, "build": build, "progress": progress}
-    routes += [Route(f"/{name}", told(function), methods=["POST"]) for name, function in calls.items()]
+    routes += [Route(f"/{name}", answering(function), methods=["POST"]) for name, function in calls.items()]
     return Starlette(routes=routes)
 
 

@@ -156,8 +156,7 @@ def page_data(
 def scene_data(plan: Plan, pad: Pad | None = None, bill: str = "", *, live: bool = True) -> dict[str, Any]:
     """Return the part of the page's data that the live page loads later: shapes, masses, bill and most figures.
 
-    It is what needs the meshes of a plan's parts, their shapes and what is weighed, and most figures; the histogram of
-    prints only if it is not `live`.
+    Shapes and masses need the meshes of a plan's parts; the histogram of prints is there only if it is not `live`.
     """
     parts = scene_parts(plan, pad.solid if pad else None)
     volumes_mm3 = {

@@ -19,7 +19,7 @@ __all__ = [
     "explanation_text",
     "figures_text",
     "findings_text",
-    "held_line",
+    "outcome_line",
     "output_coupling",
     "pad_line",
     "plan_html",
@@ -505,7 +505,7 @@ def _finding_line(f: Finding) -> str:
     return f"{f.level}: {f.where}: {f.message} [{f.code}]"
 
 
-def held_line(done: str, findings: Iterable[Finding]) -> str:
+def outcome_line(done: str, findings: Iterable[Finding]) -> str:
     """Return a sentence that begins with `done` and ends with how the checks came out."""
     levels = [f.level for f in findings]
     errors, warnings = (levels.count(level) for level in ("error", "warning"))
@@ -683,7 +683,7 @@ def built_text(built: "Built", verbose: bool = False) -> str:
     state = "is up to date" if built.up_to_date else "is built"
     lines = [
         verdict_text(built.verdict),
-        held_line(f"The pad {state}", built.findings),
+        outcome_line(f"The pad {state}", built.findings),
         serious_text(built.findings, verbose),
         f"the pad: {figures_text(built.figures)}",
         *(f"{name}: {figures_text(figures)}" for name, figures in built.figures.get("parts", {}).items()),

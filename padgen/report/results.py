@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import seconds_text, span_text, table
 from padgen.core.errors import Finding, about, number, plain, plural
-from padgen.report.plans import findings_text, held_line, serious_text, verdict_text
+from padgen.report.plans import findings_text, outcome_line, serious_text, verdict_text
 
 if TYPE_CHECKING:
     import numpy as np
@@ -79,7 +79,7 @@ def driven_text(
         picture = f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
     errors = [finding for finding in plan.findings if finding.level == "error"]
     lines = [
-        held_line(done, [*errors, *driven.findings]),
+        outcome_line(done, [*errors, *driven.findings]),
         verdict_text(plan.verdict),
         serious_text(driven.findings, verbose),
         picture,
@@ -340,7 +340,7 @@ def retuned_text(plan: "Plan", result: "Retuned", verbose: bool = False) -> str:
             f" asked {result.asked_db:.1f} dB)"
         )
     lines = [
-        held_line(done, result.findings),
+        outcome_line(done, result.findings),
         serious_text(result.findings, verbose),
         table(head, rows),
         f"… and {len(measured) - len(rows)} more, in retune.json" if len(measured) > len(rows) else "",

@@ -94,7 +94,7 @@ class _LaidModel(TaxelModel):
         return self.plastic
 
 
-class _Beams(NamedTuple):
+class _LaidBeam(NamedTuple):
     """One beam of all taxels (n,) of a channel, as laid.
 
     `width_mm` and `is_laid` are (layers, n). `section_mm` is the width and thickness (n,) of a rectangle with the same
@@ -168,7 +168,10 @@ def _needed(plan: Plan) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
 def _judged(
     plan: Plan, laid: LaidPad, wrong: Wrong, drawn: tuple[float, float] | None
 ) -> tuple[dict[str, Any], list[Finding]]:
-    """Return figures and findings of one laid pad; `drawn` are its selectivities in dB if laid as drawn."""
+    """Return figures and findings of one laid pad; `drawn` are its selectivities in dB if laid as drawn.
+
+    They are with the planned tones and re-tuned, as `known_print_db` returns them.
+    """
     beams = [[_beam(plan, c, laid, k) for k in range(len(laid.beams[c.index]))] for c in plan.channels]
     plastic = laid.plate_mm3 / np.array([_plate_mm3(plan, c) for c in plan.channels])[_channels(plan)]
     laid_hz = _resonances(plan, beams, plastic)
@@ -223,7 +226,7 @@ def _of(plan: Plan, channel: Channel) -> np.ndarray:
     return np.flatnonzero(_channels(plan) == channel.index)
 
 
-def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
+def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _LaidBeam:
     laid_beam = laid.beams[channel.index][index]
     beam = channel.beam
     steps = laid.steps_mm
@@ -245,7 +248,7 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _Beams:
     inertia = 1 / (1 / inertia).mean(1)
     thickness = np.sqrt(12 * inertia / stack)
     first = [np.where(where.any(-1), at[where.argmax(-1)], np.nan) for where in (broken, thin.any(0))]
-    return _Beams(width, is_laid, (is_laid * steps[:, None]).sum(0), (stack / thickness, thickness), *first)
+    return _LaidBeam(width, is_laid, (is_laid * steps[:, None]).sum(0), (stack / thickness, thickness), *first)
 
 
 def _plate_mm3(plan: Plan, channel: Channel) -> float:
@@ -262,7 +265,7 @@ def _plate_mm3(plan: Plan, channel: Channel) -> float:
     return volume + pi / 4 * (max(boss, 0.0) - hollow)
 
 
-def _resonances(plan: Plan, beams: list[list[_Beams]], plastic: np.ndarray) -> np.ndarray:
+def _resonances(plan: Plan, beams: list[list[_LaidBeam]], plastic: np.ndarray) -> np.ndarray:
     """Return the resonance in Hz of each taxel as laid, nan where a beam is broken."""
     result = np.full(len(plan.taxels), np.nan)
     plate = plate_shape(plan.spec)
@@ -330,7 +333,7 @@ def _range(values: np.ndarray) -> str:
     return " … ".join(dict.fromkeys(ends))
 
 
-def _of_beams(plan: Plan, beams: list[list[_Beams]], wrong: Wrong) -> Iterator[Finding]:
+def _of_beams(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> Iterator[Finding]:
     """Find faults of beams: missing beams, pieces and layers, wrong thickness and widths."""
     each = [
         (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' if len(channel_beams) > 1 else ''}", beam, at)
@@ -456,7 +459,7 @@ def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
 
 
 def _taxel_figures(
-    plan: Plan, laid: LaidPad, beams: list[list[_Beams]], plastic: np.ndarray, laid_hz: np.ndarray
+    plan: Plan, laid: LaidPad, beams: list[list[_LaidBeam]], plastic: np.ndarray, laid_hz: np.ndarray
 ) -> list[dict[str, Any]]:
     """Return what was measured of each taxel as plain data."""
     gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / MG

@@ -442,10 +442,10 @@ class PadMaps:
         row = np.floor((points[..., 1] + pad.depth_mm / 2) / cell.depth_mm).astype(np.int32)
         return column, row, (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
 
-    def found(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def looked_up(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the plan's taxel, the place in its axes and the map pixel at points (n, 2) in mm on the pad.
 
-        Return each one's taxel (−1: none), its place (n, 2) from the washer in the taxel's own axes, and its pixel.
+        The taxel is −1 where there is none; the place (n, 2) is measured from the washer.
         """
         column, row, inside = self.cells(points)
         rows, columns = self.places.shape
@@ -461,7 +461,7 @@ class PadMaps:
         return taxel, along, self.first[channel] + at[0] * shape[1] + at[1]
 
     def from_gap_mm(self, taxel: np.ndarray, along: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-        """Return the distances (n,) of points from the middle of the nearest gap; arguments as `found` returns them."""
+        """Return the distances (n,) of points from the middle of the nearest gap, with what `looked_up` returns."""
         pixel_mm = self.pixel_mm[self.channel[taxel]][:, None]
         x, y = ((along - self.corner[taxel]) % pixel_mm - pixel_mm / 2).T
         outward = self.outward[pixel]
@@ -470,7 +470,7 @@ class PadMaps:
     def solid_at(self, points: np.ndarray) -> np.ndarray:
         """Return a mask of the points (n, 2) in mm at which the plan has plastic in its lowest layer."""
         spec = self.plan.spec
-        taxel, _, pixel = self.found(points)
+        taxel, _, pixel = self.looked_up(points)
         half = np.array([spec.pad.width_mm, spec.pad.depth_mm]) / 2
         outside = (np.abs(points) > half + spec.pad.border_mm).any(1)
         off = np.abs(points) - half - spec.pad.border_mm / 2
@@ -765,7 +765,7 @@ def _scale(maps: PadMaps, placing: Placing, layer: Layer) -> float:
     half = np.array([pad.width_mm, pad.depth_mm]) / 2 + pad.border_mm
     beyond = (np.abs(points) - half).max(1)
     # Cells, and the beads along the outer edge; the border between them has screw holes and marks.
-    on = (maps.found(points)[0] >= 0) | ((beyond > -LONG_MM) & (beyond < (SCALES[-1] - 1) * half.max()))
+    on = (maps.looked_up(points)[0] >= 0) | ((beyond > -LONG_MM) & (beyond < (SCALES[-1] - 1) * half.max()))
     points = points[on]
     volume = (layer.volume_mm3 / np.bincount(line, minlength=len(layer.start)))[line][on]
     every = len(points) // MOST_SCALED + 1
@@ -782,7 +782,7 @@ def _fullness(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) -> 
     points, line = cut(layer, COARSE_MM)
     points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
     pieces = np.bincount(line, minlength=len(layer.start))
-    laid = (layer.volume_mm3 / pieces)[line][maps.found(points)[0] >= 0].sum() / step_mm
+    laid = (layer.volume_mm3 / pieces)[line][maps.looked_up(points)[0] >= 0].sum() / step_mm
     planned = sum(float(m.solid.sum()) * m.pixel_mm**2 for m in (maps.maps[c] for c in maps.channel))
     return float(laid / planned)
 
@@ -932,7 +932,7 @@ def _laid_layer(maps: PadMaps, placing: Placing, layer: Layer, below_mm: float, 
     supported = np.zeros(count, bool)
     if len(layer.supports):
         steps = np.linspace(layer.supports[:, 0], layer.supports[:, 1], SUPPORT_STEPS).reshape(-1, 2)
-        beneath = maps.found(turned(steps - (placing.x_mm, placing.y_mm), -placing.quarters))[0]
+        beneath = maps.looked_up(turned(steps - (placing.x_mm, placing.y_mm), -placing.quarters))[0]
         supported[beneath[beneath >= 0]] = True
     return step_mm, areas, plate, roof, strands, room, gap, supported
 
@@ -958,7 +958,7 @@ def _pieces(
         points, line = cut(part, piece_mm)
         points = turned(points - (placing.x_mm, placing.y_mm), -placing.quarters)
         volume = layer.volume_mm3[first:last] / np.bincount(line, minlength=last - first)
-        taxel, along, pixel = maps.found(points)
+        taxel, along, pixel = maps.looked_up(points)
         on = taxel >= 0
         yield (
             volume[line[on]],

@@ -13,13 +13,13 @@ import numpy as np
 
 from padgen.core import cache
 from padgen.core.errors import Finding, GeometryError, at_least, number
-from padgen.core.files import file_hash
+from padgen.core.files import sha256_hex
 from padgen.core.rules import Rule, RuleBook, broken_rules
 from padgen.planner.plan import Plan
-from padgen.solid.compare import SMALLEST_MM, Cells, Difference, cut_anew, differences, loose_triangles
+from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles, same_faces
 from padgen.solid.measure import (
     Dimension,
-    Narrow,
+    NarrowSpot,
     measured,
     narrow,
     sections,
@@ -41,8 +41,8 @@ __all__ = [
     "check_against",
     "check_mesh",
     "check_pad",
+    "difference_findings",
     "few",
-    "told",
     "volume_findings",
 ]
 
@@ -60,7 +60,7 @@ CODE = ("solid/checks.py", "solid/measure.py", "solid/mesh.py", "core/errors.py"
 """The cache's name for measured walls, gaps and spans, and the code that they depend on."""
 MOST_BODIES = 100
 """Most bodies of a mesh whose walls are measured; a mesh with more is no pad."""
-Wrong = tuple[str, Narrow, str]
+Wrong = tuple[str, NarrowSpot, str]
 """The code of a finding, its place, and what is told of it."""
 APART_MM = 1.0
 """Side of a square in the plane within which one narrow place is reported, whatever the heights."""
@@ -213,16 +213,16 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     return figures, [
         *findings,
         *printable_findings,
-        *few(told(off, [], None)),
+        *few(difference_findings(off, [], None)),
         *few(_washers_enter(plan.spec, washer_rooms(sample.plan, solid, taxels))),
-        *few(broken_rules(_print_rules(plan.spec, dimensions))),
+        *few(broken_rules(_dimension_rules(plan.spec, dimensions))),
     ]
 
 
 def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
     """Return whether all faces are those planned, and findings about where they differ."""
     loose, lost, snapped = loose_triangles(mesh, planned)
-    if cut_anew(snapped.corners_mm[loose], planned.corners_mm[lost]):
+    if same_faces(snapped.corners_mm[loose], planned.corners_mm[lost]):
         return True, []
     cells = Cells.of(plan)
     reached = cells.within(np.concatenate([snapped.corners_mm[loose], planned.corners_mm[lost]]))
@@ -240,7 +240,8 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     off = [d for d in measured(plan, one, taxels) if not abs(d.built_mm - d.planned_mm) <= within_mm[d.facets_mm > 0]]
     differing = differences(one, other)
     rooms = washer_rooms(plan, one, taxels)
-    return False, [*few(told(off, differing, cells)), *few(_washers_enter(plan.spec, rooms, SMALLEST_MM))]
+    entering = _washers_enter(plan.spec, rooms, SMALLEST_MM)
+    return False, [*few(difference_findings(off, differing, cells)), *few(entering)]
 
 
 def as_built(size_mm: float) -> str:
@@ -252,7 +253,7 @@ def as_built(size_mm: float) -> str:
     return f"{number(size_mm)} mm" if isfinite(size_mm) else "missing"
 
 
-def told(off: list[Dimension], differing: list[Difference], cells: Cells | None) -> Iterator[Finding]:
+def difference_findings(off: list[Dimension], differing: list[Difference], cells: Cells | None) -> Iterator[Finding]:
     """Yield one finding per group of taxels (or other parts) that differ from the plan in the same way."""
     dimensions: dict[str, list[str]] = {}
     for d in off:
@@ -260,7 +261,7 @@ def told(off: list[Dimension], differing: list[Difference], cells: Cells | None)
         dimensions.setdefault(d.where, []).append(text)
     largest: dict[str, Difference] = {}
     for each in differing:
-        largest.setdefault(cells.named(*each.place_mm[:2]) if cells else "mesh", each)
+        largest.setdefault(cells.name_at(*each.place_mm[:2]) if cells else "mesh", each)
     alike: dict[str, list[str]] = {}
     for where in dict.fromkeys([*largest, *dimensions]):
         piece = largest.get(where)
@@ -304,7 +305,7 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
             )
 
 
-def _print_rules(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Rule]:
+def _dimension_rules(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Rule]:
     """Yield the rules of measured dimensions: recesses deep enough, beams wide enough, heights in whole layers."""
     printer = spec.printer
     washer = spec.moved
@@ -377,7 +378,7 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
 def _kept_printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
     """Return the result of `_printable` from the cache, or compute and store it: many variants share one sample."""
     inputs = {
-        "mesh": [file_hash(part.tobytes()) for part in mesh],
+        "mesh": [sha256_hex(part.tobytes()) for part in mesh],
         "printer": asdict(printer),
         "places": places,
         "code": cache.code_hash(*CODE),
@@ -458,7 +459,7 @@ def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Wrong]:
         leans = f"{number(area)} mm² lean out by up to {number(float(angle[worst]))}°"
         sentence = f"{leans}, {printer.name} prints {number(printer.steepest_overhang_deg)}° without supports"
         x, y, z = corners[worst].mean(0).tolist()
-        yield "print.overhang", Narrow(x, y, z, area), sentence
+        yield "print.overhang", NarrowSpot(x, y, z, area), sentence
 
 
 def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:

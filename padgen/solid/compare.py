@@ -21,10 +21,10 @@ __all__ = [
     "Cells",
     "Difference",
     "Pose",
-    "cut_anew",
     "differences",
     "loose_triangles",
     "pose_of",
+    "same_faces",
 ]
 
 SMALLEST_MM = 0.06
@@ -138,7 +138,7 @@ class Cells(NamedTuple):
             boxes.append(manifold3d.Manifold.cube(tuple(high - low)).translate(tuple(low)))
         return manifold3d.Manifold.batch_boolean(boxes, manifold3d.OpType.Add)
 
-    def named(self, x_mm: float, y_mm: float) -> str:
+    def name_at(self, x_mm: float, y_mm: float) -> str:
         """Return the name of the part at a place."""
         return self.names[np.searchsorted(self.y_mm, y_mm)][np.searchsorted(self.x_mm, x_mm)]
 
@@ -234,11 +234,12 @@ def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, 
     return ~known[mesh.triangles].all(1) | ~np.isin(*keys), lost, Mesh(vertices, mesh.triangles)
 
 
-def cut_anew(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
+def same_faces(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
     """Return whether two sets of triangles (n, 3, 3) cover the same faces, however the faces are triangulated.
 
-    Along a vertical line two such solids can part only at faces that are seen from above or below, and cannot where
-    the triangles in every plane cover the same places. Strips narrower than `STRIP_MM` are left out.
+    Along a vertical line two solids that differ by these triangles can part only at faces that are seen from above or
+    below, and cannot where the triangles in every plane cover the same places. Strips narrower than `STRIP_MM` are left
+    out.
     """
     from manifold3d import CrossSection, FillRule, JoinType
 

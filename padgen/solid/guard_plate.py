@@ -14,7 +14,7 @@ import numpy as np
 from padgen.core.errors import Finding, GeometryError, number
 from padgen.planner.guard import GuardPlate, plan_guard
 from padgen.planner.plan import Plan
-from padgen.solid.checks import BUILT_MM, Report, as_built, check_mesh, few, told, volume_findings
+from padgen.solid.checks import BUILT_MM, Report, as_built, check_mesh, difference_findings, few, volume_findings
 from padgen.solid.compare import differences
 from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
@@ -85,7 +85,8 @@ def check_guard(built: GuardSolid, plan: Plan, mesh: Mesh | None = None) -> Repo
         # check_mesh has reported it.
         return Report(figures, tuple(findings))
     if mesh is not built.mesh:
-        findings += few(told([], differences(solid, as_manifold(built.mesh, "the guard plate as planned")), None))
+        differing = differences(solid, as_manifold(built.mesh, "the guard plate as planned"))
+        findings += few(difference_findings([], differing, None))
     gauges = list(measured_guard(built.guard, solid))
     findings += few(_off(gauges))
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]

@@ -18,7 +18,7 @@ from padgen.solid.mesh import CHORD_MM, Mesh
 
 __all__ = [
     "Dimension",
-    "Narrow",
+    "NarrowSpot",
     "distance_to_sides",
     "holes_of",
     "measured",
@@ -265,7 +265,7 @@ ROOM_MM = 5.0
 SPLINTER_SHARE = 0.05
 
 
-class Narrow(NamedTuple):
+class NarrowSpot(NamedTuple):
     """A place that breaks a limit: its middle in mm, and its area in mm²."""
 
     x_mm: float
@@ -277,7 +277,8 @@ class Narrow(NamedTuple):
 def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
     """Return cross-sections halfway between neighbouring heights of the vertices, at most `LEVELS` of them.
 
-    Each cut is its height in mm and a manifold3d cross-section.
+    Each is its height in mm and a manifold3d cross-section; empty ones are left out. Where there are more heights, the
+    cuts lie halfway between quantiles of the heights.
     """
     heights = np.unique(np.round(mesh.vertices_mm[:, 2] / STEP_MM) * STEP_MM)
     if len(heights) > LEVELS + 1:
@@ -287,7 +288,7 @@ def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
     return [(z, shape) for z, shape in cuts if not shape.is_empty()]
 
 
-def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> list[Narrow]:
+def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> list[NarrowSpot]:
     """Return the places where the material, or with `gaps` the space around and in it, is below `limit_mm` wide."""
     from manifold3d import JoinType
 
@@ -328,7 +329,7 @@ def smallest(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> 
     return bound_mm if least > WIDTH_STEPS else (least - 0.5) * step_mm
 
 
-def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, Narrow | None]:
+def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, NarrowSpot | None]:
     """Return the longest span in mm that is printed over air, up to `bound_mm`, and its place.
 
     A horizontal face that looks down is bridged from the material beneath its rim. Its span is twice the largest
@@ -354,7 +355,7 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
     return worst, where
 
 
-def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[Narrow]:
+def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[NarrowSpot]:
     """Return the parts of horizontal faces that look up and have less than `limit_mm` of material beneath them."""
     skins = []
     for z in _flat_heights_mm(mesh, up=True):
@@ -374,9 +375,9 @@ def _flat_heights_mm(mesh: Mesh, up: bool) -> np.ndarray:
     return np.asarray(heights[chosen] if len(heights) > MOST_HEIGHTS else heights)
 
 
-def _where(shape: Any, z_mm: float) -> Narrow:
+def _where(shape: Any, z_mm: float) -> NarrowSpot:
     x0, y0, x1, y1 = shape.bounds()
-    return Narrow((x0 + x1) / 2, (y0 + y1) / 2, z_mm, float(shape.area()))
+    return NarrowSpot((x0 + x1) / 2, (y0 + y1) / 2, z_mm, float(shape.area()))
 
 
 def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:

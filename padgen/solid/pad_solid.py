@@ -19,7 +19,7 @@ from padgen.core.errors import GeometryError
 from padgen.planner.layout import Outline, corner_groove, hexagon, outline, taxel_places, to_cell
 from padgen.planner.plan import Channel, Plan
 from padgen.solid.mesh import ANGLE_RAD, CHORD_MM, Mesh
-from padgen.solid.taxel import Tile, kept_solid
+from padgen.solid.taxel import Tile, cached_tile
 
 __all__ = [
     "PadSample",
@@ -231,7 +231,7 @@ def build_pad(
     height = plan.spec.pad.frame_thickness_mm
     tiles = []
     for channel in plan.channels:
-        known = kept_solid(plan, channel, chord_mm, angle_rad)
+        known = cached_tile(plan, channel, chord_mm, angle_rad)
         sides = outline(plan, channel)
         vertices = known.mesh.vertices_mm.copy()
         # What is off the outline by rounding only is moved onto it.

@@ -39,8 +39,8 @@ from padgen.solid.checks import (
     check_against,
     check_mesh,
     check_pad,
+    difference_findings,
     few,
-    told,
     volume_findings,
 )
 from padgen.solid.compare import Pose, differences, pose_of
@@ -171,7 +171,8 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
         # check_mesh has reported it.
         return Report(figures, tuple(findings))
     if mesh is not built.mesh:
-        findings += few(told([], differences(solid, as_manifold(built.mesh, "the tray as planned")), None))
+        differing = differences(solid, as_manifold(built.mesh, "the tray as planned"))
+        findings += few(difference_findings([], differing, None))
     gauges = list(measured_tray(tray, spec, solid))
     findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
@@ -474,14 +475,14 @@ def check_foreign(mesh: Mesh, spec: Spec, plan: Plan | None) -> Report:
             " it was built by",
         )
         return Report(report.figures | limits, (*report.findings, *([] if plan is None else [unknown])))
-    name, part_solid, planned, pose = recognised
+    name, part_plan, solid, pose = recognised
     laid = pose.laid(mesh)
-    if isinstance(planned, TraySolid):
-        report = check_tray(planned, part_solid, laid)
-    elif isinstance(planned, GuardSolid):
-        report = check_guard(planned, part_solid, laid)
+    if isinstance(solid, TraySolid):
+        report = check_tray(solid, part_plan, laid)
+    elif isinstance(solid, GuardSolid):
+        report = check_guard(solid, part_plan, laid)
     else:
-        report = check_against(laid, planned, part_solid)
+        report = check_against(laid, solid, part_plan)
     return Report(report.figures | limits | {"part": name}, (*pose.findings(), *report.findings))
 
 
@@ -489,13 +490,13 @@ def _recognised(mesh: Mesh, plan: Plan) -> tuple[str, Plan, PadSolid | TraySolid
     """Recognise the part that a mesh shows; return its name, plan, solid and the mesh's pose, or None."""
     best = None
     most = LEAST_LIKENESS
-    for name, part_solid, planned in _parts(plan):
-        pose = pose_of(mesh, planned.mesh)
+    for name, part_plan, solid in _parts(plan):
+        pose = pose_of(mesh, solid.mesh)
         # All corners of a coupon are found in a pad of one coil: only the size tells the two apart.
-        sizes = [np.sort(np.ptp(each.vertices_mm, axis=0)) for each in (pose.laid(mesh), planned.mesh)]
+        sizes = [np.sort(np.ptp(each.vertices_mm, axis=0)) for each in (pose.laid(mesh), solid.mesh)]
         likeness = pose.share - min(float(np.abs(sizes[0] / sizes[1] - 1).max()), 0.5)
         if likeness > most:
-            best = (name, part_solid, planned, pose)
+            best = (name, part_plan, solid, pose)
             most = likeness
         if most > SURE_LIKENESS[name]:
             break

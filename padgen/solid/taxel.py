@@ -32,7 +32,7 @@ from padgen.solid.kernel import build123d, kernel_errors
 from padgen.solid.mesh import Mesh, tessellated
 from padgen.spec import Ballast
 
-__all__ = ["Tile", "ballast_solid", "box", "kept_solid", "only_solid", "taxel_key", "taxel_solid", "washer_solid"]
+__all__ = ["Tile", "ballast_solid", "box", "cached_tile", "only_solid", "taxel_key", "taxel_solid", "washer_solid"]
 
 LEAST_MM = 1e-6
 """Edges and fillets that are shorter are left out."""
@@ -153,7 +153,8 @@ def _side(path: BeamPath, side: float, start: float) -> list[Any]:
 def _contactor(pin: Pin, edge_mm: float, ground_mm: float) -> Any:
     """Return the solid of a boss or pin, turned about its axis, with its foot's fillet and its dome or chamfer.
 
-    What ends on the top of a plate stands on it; on a beam it begins at the bed.
+    `ground_mm` is the height of the plate or beam on which the fillet stands. What ends on the top of a plate stands on
+    it; on a beam it begins at the bed.
     """
     b = build123d()
     half = pin.diameter_mm / 2
@@ -256,7 +257,7 @@ def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
     )
 
 
-def kept_solid(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> Tile:
+def cached_tile(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float) -> Tile:
     """Return the triangles (in the taxel's axes) and volume of a channel's taxel, from the cache if it has them."""
     key = taxel_key(plan, channel, chord_mm=chord_mm, angle_rad=angle_rad)
 

@@ -55,9 +55,9 @@ __all__ = [
     "SEARCHED",
     "SHORTHANDS",
     "SPEC_RULES",
-    "answers",
     "catalogue",
     "find_spec",
+    "is_of_spec",
     "laid_over",
     "load_spec",
     "make_spec",
@@ -647,7 +647,7 @@ SEARCHED = ("mover", "magnet", "washer", "coil", "ballast", "suspension", "conta
 """Parts that are searched for under touch; mover: magnet or washer. The grid of coils belongs to the resonances."""
 
 
-def _searched(touch: TouchTable, given: set[str], kind: str) -> TouchTable:
+def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTable:
     """Return `touch` with an automatic search spelt out: the parts that the spec leaves open.
 
     `given` are the names that the spec has, `kind` is the mover's.
@@ -1009,7 +1009,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     if (card := table.pop("sound_card", None)) is not None:
         parts["sound_card"] = _sound_card(card)
     parts["drive"] = with_threshold(parts["drive"], folder)
-    parts["touch"] = _searched(parts["touch"], given, kind)
+    parts["touch"] = _with_search_parts(parts["touch"], given, kind)
     spec: Spec = build(Spec, table, "", parts)
     if spec.blocked_by:
         headroom = max(spec.drive.headroom, CARRIED_HEADROOM)
@@ -1063,7 +1063,7 @@ def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {**table, **from_file}
 
 
-def answers(recorded: Spec, asked: Spec) -> bool:
+def is_of_spec(recorded: Spec, asked: Spec) -> bool:
     """Return whether the spec recorded in a plan is the `asked` one.
 
     The model may differ, and values that `asked` leaves to the search are taken from the plan.

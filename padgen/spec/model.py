@@ -868,7 +868,7 @@ class Spec:
         return part
 
     @property
-    def hung(self) -> tuple[Ballast, ...]:
+    def ballast_argument(self) -> tuple[Ballast, ...]:
         """The ballast as the last argument of a mover's functions: a tuple of it, empty without ballast."""
         return () if self.ballast is None else (self.ballast,)
 

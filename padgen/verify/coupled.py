@@ -110,7 +110,10 @@ class CoupledMotion(NamedTuple):
 
 
 class Collocation(NamedTuple):
-    """A collocation rule on [0, 1]: points (s,), integrals (s, s), weights (s,), map to Legendre coefficients."""
+    """A collocation rule on [0, 1]: points (s,), integrals (s, s), weights (s,), map to Legendre coefficients.
+
+    Integrals are from 0 to the points; `to_legendre` takes stage values to Legendre coefficients.
+    """
 
     points: np.ndarray
     integrals: np.ndarray
@@ -170,7 +173,8 @@ def simulate(
 ) -> CoupledMotion:
     """Simulate a coupled system from rest, with `current_a` at t = 0, and sample it at rising times (k,).
 
-    `tolerance` is the share of a step's solution that its polynomials may leave out; ends of steps are far better.
+    `current_a` counts with a voltage source only: a current source gives the current. `tolerance` is the share of a
+    step's solution that its polynomials may leave out; ends of steps are far better.
 
     Raises
     ------

@@ -169,7 +169,13 @@ def _printed_bounds(shape: Any) -> np.ndarray:
 
 
 def _hold(shape: Any, clamp: str, bounds: np.ndarray) -> None:
-    """Name ``clamped`` the printed part's faces that `clamp` holds; `bounds` (2, 3) in mm are the whole part's."""
+    """Name ``clamped`` the printed part's faces that `clamp` holds; `bounds` (2, 3) in mm are the whole part's.
+
+    Raises
+    ------
+    SolverError
+        No face of the printed part lies there.
+    """
     near = 1e-5 * float(np.ptp(bounds, axis=0).max())
     printed = [face for solid in shape.solids if solid.name == PRINTED for face in solid.faces]
     for face in printed:

@@ -36,7 +36,7 @@ __all__ = [
     "solid_force",
     "solid_pull",
     "solve_scalar",
-    "wound",
+    "winding_source",
 ]
 
 RESIDUAL = 1e-8
@@ -266,7 +266,7 @@ def axisymmetric_force(
         "core": core_steel or coil.core_permeability,
         "washer": washer_steel or washer.permeability,
     }
-    source = ng.CF((0, wound(coil, current_a, ng.x, ng.y)[0]))
+    source = ng.CF((0, winding_source(coil, current_a, ng.x, ng.y)[0]))
     scalar = solve_scalar(mesh, source, steels, far_mm, order, weight=2 * np.pi * ng.x)
     vector = _by_vector(mesh, coil, current_a, steels, far_mm, order)
     methods = zip(*(body_wrench(field, "washer", (0, 0, 0)) for field in (scalar, vector)), strict=True)
@@ -364,7 +364,7 @@ def _edges(*places: float) -> list[float]:
     return [ordered[0], *(v for u, v in pairwise(ordered) if v - u > close)]
 
 
-def wound(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
+def winding_source(coil: CoilSource, current_a: float, radius: Any, height: Any) -> tuple[Any, Any]:
     """Return the current vector potential T_z in A/m and the current density in A/(m·mm), for positions in mm."""
     potential = ng.CF(0)
     density = ng.CF(0)
@@ -383,7 +383,7 @@ def _by_vector(
     mesh: Any, coil: CoilSource, current_a: float, steels: dict[str, Steel], far_mm: float, order: int
 ) -> ScalarField:
     """Solve the axisymmetric field by its vector potential ``r w`` (T, mm): ``B = (−r ∂w/∂z, 2w + r ∂w/∂r)``."""
-    _, density = wound(coil, current_a, ng.x, ng.y)
+    _, density = winding_source(coil, current_a, ng.x, ng.y)
     space = ng.H1(mesh, order=order)
     trial = space.TrialFunction()
     weight = 2 * np.pi * ng.x
@@ -459,7 +459,7 @@ def solid_force(
     mesh, far_mm = _mesh(coil, washers, half, levels, size)
     steels: dict[str, Steel] = {f"washer{i}": w.steel or w.ring.permeability for i, w in enumerate(washers)}
     steels["core"] = core_steel or coil.core_permeability
-    source = ng.CF((0, 0, wound(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
+    source = ng.CF((0, 0, winding_source(coil, current_a, ng.sqrt(ng.x**2 + ng.y**2), ng.z)[0]))
     weight = 2.0 if half else 1.0
     kept = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0]) if half else np.ones(6)
 

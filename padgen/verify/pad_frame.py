@@ -24,7 +24,7 @@ from padgen.verify.elasticity import Elastic, Fineness, System, assembled, facto
 
 __all__ = [
     "CLAMPINGS",
-    "Hung",
+    "MountedTaxel",
     "PadModes",
     "central_taxels",
     "coupled_modes",
@@ -43,7 +43,7 @@ MESH = Fineness(levels=0, largest_mm=4.0, grading=0.8, per_face=10.0)
 """Coarse: the order of the elements is what is refined."""
 
 
-class Hung(NamedTuple):
+class MountedTaxel(NamedTuple):
     """A taxel on a frame: the mass of its body, the stiffness of its beams, and how the frame moves their roots.
 
     `mass` (6, 6) is that of the body at the centroid. `beams` has for each beam its stiffness (6, 6) there, and what
@@ -187,12 +187,12 @@ def _on_frame(plan: Plan, system: System) -> PadModes:
         model = models[taxel.channel]
         inverse = np.linalg.inv(model.modes.shape)
         joints = [(stiffness, load.T @ ritz) for of, stiffness, load in loads if of == index]
-        hung.append(Hung(inverse.T @ inverse, joints, model.modes.at_point(model.washer_point_m)[2] @ inverse))
+        hung.append(MountedTaxel(inverse.T @ inverse, joints, model.modes.at_point(model.washer_point_m)[2] @ inverse))
     modes = coupled_modes(ritz.T @ system.stiffness_times(ritz), ritz.T @ system.mass_times(ritz), hung)
     return modes._replace(unknowns=int(system.free.sum()))
 
 
-def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[Hung]) -> PadModes:
+def coupled_modes(stiffness: np.ndarray, mass: np.ndarray, taxels: Sequence[MountedTaxel]) -> PadModes:
     """Return modes of `taxels` on a frame of `stiffness` and `mass` (n, n)."""
     from scipy.linalg import eigh
 

@@ -22,11 +22,11 @@ from padgen.core.units import COPPER_C
 from padgen.driver.excitation import FirmwareSweep, sweep_table
 from padgen.driver.formats import DriveJob
 from padgen.driver.loads import (
-    group_channels,
+    channels_per_group,
+    channels_per_signed_group,
     heat_s,
     judge_limits,
     least_constants,
-    signed_channels,
     signed_constants,
 )
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
@@ -227,7 +227,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: int, channels: int) -> str:
         "PADGEN_HAS_CARRIER": int(drive.carrier_hz is not None),
         "PADGEN_CARRIER_HZ": _float(drive.carrier_hz or 0.0),
         "PADGEN_CARRIER_INCREMENT": f"{_turns((drive.carrier_hz or 0.0) / rate)}u",
-        "PADGEN_GROUP_CHANNELS": group_channels(channels),
+        "PADGEN_GROUP_CHANNELS": channels_per_group(channels),
     }
     return "".join(f"#define {key} {value}\n" for key, value in lines.items())
 
@@ -315,13 +315,13 @@ def _by_kind(declared: str, channels: int, entries: Iterable[list[str]], empty: 
 
 def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
     """Yield C tables of spur-free drives: margins, and the least constants with all on and in each group's states."""
-    size = group_channels(channels)
+    size = channels_per_group(channels)
     groups = ceil(channels / size)
     margins = ([_float_above(a2) for a2 in (kind.margin * kind.line_a2).tolist()] for kind in kinds)
     yield _by_kind("float padgen_margin_a2", channels, margins, "0.0f")
     tables = [least_constants(kind, size) for kind in kinds]
     yield _table("float padgen_all_on_a2[PADGEN_KINDS]", [_float_above(all_on) for all_on, _ in tables])
-    few = signed_channels(channels)
+    few = channels_per_signed_group(channels)
     yield f"#define PADGEN_SIGNED_CHANNELS {few}\n"
     signed = [signed_constants(kind, few) for kind in kinds]
     yield _states_table("padgen_signed_a2", ceil(channels / few), 3**few, signed)

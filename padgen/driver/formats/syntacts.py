@@ -324,8 +324,8 @@ def _tones_text(
             shapes[before, after, half] = level, rise
         level, rise = shapes[before, after, half]
         # The constant current of the biased scheme has no line to be made good.
-        made_good = complex(drive.made_good(np.array(rate / (2 * np.pi)))) if rate else 1.0
-        line_v = (drive.resistance_ohm + 1j * rate * drive.inductance_h) * line * made_good
+        correction = complex(drive.high_pass_correction(np.array(rate / (2 * np.pi)))) if rate else 1.0
+        line_v = (drive.resistance_ohm + 1j * rate * drive.inductance_h) * line * correction
         terms.append(f"{level} * {_wave(line_v, rate)}")
         if rise:
             terms.append(f"{rise} * {_wave(drive.inductance_h * line, rate)}")
@@ -381,5 +381,6 @@ def _root_text(
     if drive.carrier_hz is None:
         return text + volts
     harmonic = np.array([round(drive.carrier_hz * drive.period_s)])
-    ((begin, rate),) = _lines(drive, stretch, harmonic, np.sqrt(2) * drive.made_good(harmonic / drive.period_s))
+    correction = drive.high_pass_correction(harmonic / drive.period_s)
+    ((begin, rate),) = _lines(drive, stretch, harmonic, np.sqrt(2) * correction)
     return f"{text}({volts}) * {_wave(begin, rate)} + {_n(2 * half_l)} * r * {_wave(1j * rate * begin, rate)}"

@@ -36,7 +36,10 @@ wide: the layer bends and shears across it, which the factor of a homogeneous ha
 
 
 class HalfSpace(NamedTuple):
-    """Skin: reduced modulus E* in Pa, radius a0 in m that the outer layer adds, and time constant τ in s."""
+    """Skin: reduced modulus E* in Pa, radius a0 in m that the outer layer adds, and time constant τ in s.
+
+    Each is a number or an array.
+    """
 
     modulus: Array
     layer: Array

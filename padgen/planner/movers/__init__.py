@@ -22,7 +22,8 @@ class Mover(Protocol):
     `coil` and `part` are a spec's coil, whose gap is known, and its washer or magnet. Where the spec has ballast, that
     is a further argument of `pulls`, `leakage` and `coupling`: its steel lies on top of the mover. A mover that coils
     pull less far than they reach over it may have a ``reach_m(coil, part)``; one that cores draw at rest, a ``rest``
-    and a ``shared`` as in `magnet`. What is to be heeded where it is put in, its ``assembly(part)`` says (`Assembly`).
+    and a ``core_coupling`` as in `magnet`. What is to be heeded where it is put in, its ``assembly(part)`` says
+    (`Assembly`).
     """
 
     FORCE_ORDER: int
@@ -36,7 +37,10 @@ class Mover(Protocol):
     def leakage(
         self, coil: Coil, part: Any, place_m: np.ndarray, next_m: np.ndarray, far_m: np.ndarray, *hung: Ballast
     ) -> Leakage:
-        """Return leakage of coils at `next_m` and `far_m` (k, 2) onto movers at `place_m` (n, 2) off their coil."""
+        """Return leakage of coils at `next_m` and `far_m` (k, 2) onto movers at `place_m` (n, 2) off their coil.
+
+        `next_m` and `far_m` each have a k of their own.
+        """
 
     def remanent_currents(self, coil: Coil, part: Any, share: float, offset_m: np.ndarray) -> np.ndarray:
         """Return ρ (n,) in A of pulls in proportion to i² + ρ i, where steel keeps a `share` of its coercivity."""
@@ -44,7 +48,7 @@ class Mover(Protocol):
     def coupling(self, part: Any, apart_m: np.ndarray, *hung: Ballast) -> np.ndarray:
         """Return the vertical stiffness in N/m (second derivative of energy) between two movers at distances in m.
 
-        It is that of movers of one polarity; between others it has the other sign.
+        It is for movers of one polarity; opposite polarity changes the sign.
         """
 
 

@@ -26,6 +26,7 @@ __all__ = [
     "FORCE_ORDER",
     "PART",
     "assembly",
+    "core_coupling",
     "coupling",
     "leakage",
     "limit_c",
@@ -34,7 +35,6 @@ __all__ = [
     "reach_m",
     "remanent_currents",
     "rest",
-    "shared",
 ]
 
 FORCE_ORDER = 1
@@ -122,7 +122,7 @@ def rest(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, stif
     return rest_on_spring(coil_source(coil), magnet_of(part), gap_m, offset_m, stiffness)
 
 
-def shared(coil: Coil, part: Magnet, place_m: np.ndarray) -> np.ndarray:
+def core_coupling(coil: Coil, part: Magnet, place_m: np.ndarray) -> np.ndarray:
     """Return the stiffness (n, n) in N/m by which one core couples magnets at `place_m` (n, 2); 0 on the diagonal."""
     gap_m = np.full(len(place_m), coil.gap_mm * MM)
     stiffness = shared_core(coil_source(coil), magnet_of(part), gap_m, place_m, np.ones(len(place_m))).stiffness

@@ -18,11 +18,11 @@ from padgen.physics.pull import (
     Leakage,
     PullAt,
     PullTable,
-    brought_table,
     make_table,
     of_one_turn,
     parts_key,
     pull_range,
+    supplied_table,
 )
 from padgen.physics.pull import leakage as steel_leakage
 from padgen.physics.remanence import remanent_current
@@ -76,17 +76,18 @@ def pulls(coil: Coil, part: Washer, gap_m: np.ndarray, offset_m: np.ndarray, bal
     ranges = pull_range(gap_m)
     for offset, k in sorted(set(zip(offset_m.tolist(), ranges.tolist(), strict=True))):
         alike = (offset_m == offset) & (ranges == k)
-        result[:, alike] = _table_beside(one, washer, k, offset).wound(source.turns).at(gap_m[alike], offset_m[alike])
+        table = _table_beside(one, washer, k, offset).with_turns(source.turns)
+        result[:, alike] = table.at(gap_m[alike], offset_m[alike])
     return PullAt(*result)
 
 
 @lru_cache(maxsize=1024)
 def _table_beside(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
     """Return the pull table of a one-turn coil at one offset for one range of gaps, from padgen's files or solved."""
-    brought = brought_table(coil, washer, part)
+    brought = supplied_table(coil, washer, part)
     if brought is None or offset_m > brought.reach:
-        return _own(coil, washer, part, round(offset_m, ALIKE_DIGITS))
-    return brought.beside(offset_m)
+        return _solved_table(coil, washer, part, round(offset_m, ALIKE_DIGITS))
+    return brought.at_single_offset(offset_m)
 
 
 ALIKE_DIGITS = 9
@@ -94,7 +95,7 @@ ALIKE_DIGITS = 9
 
 
 @lru_cache(maxsize=1024)
-def _own(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
+def _solved_table(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
     """Return the pulls at one offset over one range of gaps; cached on disk, since solving takes some ten ms."""
     from padgen.core import cache
 

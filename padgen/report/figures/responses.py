@@ -135,7 +135,7 @@ def _of_set(plan: "Plan", which: int) -> Figure:
         channels=len(plan.channels),
         label=f"set {which}: channels {listed[:60]}",
         choice="Coils of",
-        facts=_told(channel_set, lines, energy, spurs) if spurs else None,
+        facts=_spur_table(channel_set, lines, energy, spurs) if spurs else None,
         notes=() if spurs else _why_none(plan, len(channel_set)),
     )
 
@@ -146,7 +146,7 @@ def _spurs(lines: CoilLines) -> list[int]:
     return sorted(spurs, key=lambda line: (lines.kinds[line] != "harmonic", lines.makers[line]))[:MOST_LISTED]
 
 
-def _told(channel_set: "Sequence[Channel]", lines: CoilLines, energy: np.ndarray, spurs: Sequence[int]) -> Facts:
+def _spur_table(channel_set: "Sequence[Channel]", lines: CoilLines, energy: np.ndarray, spurs: Sequence[int]) -> Facts:
     """Return the table of spurs: what makes each, where it is, and which taxel hears it loudest."""
     rows = []
     for line in spurs:

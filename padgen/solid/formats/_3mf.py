@@ -23,7 +23,7 @@ from padgen.core.errors import FileError, GeometryError, MeshFileError
 from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.plan import Plan
 from padgen.planner.printing import prusa_profile
-from padgen.solid.formats import REREAD_MM, ExportJob, verified_volume
+from padgen.solid.formats import REREAD_MM, ExportJob, verify_volume
 from padgen.solid.mesh import AT_ONCE, Mesh, expanded, sound_mesh
 from padgen.solid.pad_solid import PadSolid, turned_grid
 
@@ -34,7 +34,7 @@ __all__ = [
     "picture_png",
     "plain_rows",
     "read_3mf",
-    "verified_rows",
+    "verify_rows",
     "write",
 ]
 
@@ -88,12 +88,12 @@ def write(out: OutputFolder, job: ExportJob) -> None:
     name = f"{job.part.name}.3mf"
     path = out.write_by(name, partial(pack_3mf, job))
     if job.instances and job.pad is not None:
-        verified_volume(name, job.part.mesh, read_3mf(path, weld=False))
+        verify_volume(name, job.part.mesh, read_3mf(path, weld=False))
     else:
-        verified_rows(name, job.part.mesh, path)
+        verify_rows(name, job.part.mesh, path)
 
 
-def verified_rows(name: str, mesh: Mesh, path: Path) -> None:
+def verify_rows(name: str, mesh: Mesh, path: Path) -> None:
     """Raise GeometryError if a one-object 3MF file that this module wrote differs from its mesh."""
     rows = 0
     corners = 0

@@ -26,8 +26,8 @@ __all__ = [
     "Part",
     "register",
     "unregister",
-    "verified",
-    "verified_volume",
+    "verify_volume",
+    "verify_written",
 ]
 
 REREAD_SHARE = 1e-4
@@ -83,7 +83,7 @@ register = PAD_FORMATS.register
 unregister = PAD_FORMATS.unregister
 
 
-def verified(name: str, mesh: Mesh, written: Mesh) -> None:
+def verify_written(name: str, mesh: Mesh, written: Mesh) -> None:
     """Raise GeometryError if the mesh `written` in file `name` differs from `mesh` beyond single precision.
 
     Raises
@@ -103,7 +103,7 @@ def verified(name: str, mesh: Mesh, written: Mesh) -> None:
         raise GeometryError(f"read back, a corner has moved by {number(moved)} mm", name)
 
 
-def verified_volume(name: str, mesh: Mesh, written: Mesh) -> None:
+def verify_volume(name: str, mesh: Mesh, written: Mesh) -> None:
     """Raise GeometryError if the mesh `written` in parts to file `name` has another volume than `mesh`.
 
     Raises

@@ -7,7 +7,7 @@ import numpy as np
 
 from padgen import __version__
 from padgen.core.files import OutputFolder
-from padgen.solid.formats import ExportJob, verified
+from padgen.solid.formats import ExportJob, verify_written
 from padgen.solid.mesh import AT_ONCE, Mesh, unit_normals
 
 __all__ = ["stl_blocks", "write"]
@@ -33,7 +33,7 @@ def write(out: OutputFolder, job: ExportJob) -> None:
         some = np.fromfile(path, _STL_TRIANGLE, count, offset=84 + k * _STL_TRIANGLE.itemsize)
         corners = some["corners"].reshape(-1, 3)
         read = Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
-        verified(name, Mesh(vertices, triangles[k : k + AT_ONCE]), read)
+        verify_written(name, Mesh(vertices, triangles[k : k + AT_ONCE]), read)
 
 
 def stl_blocks(mesh: Mesh, title: str) -> Iterator[bytes]:
