@@ -312,7 +312,10 @@ class TaxelModel:
                 for x0, x1, y0, y1, height in blocks
             ),
             ring(washer_at, top, boss_top, spec.contact_diameter_mm * MM, 0, density),
-            *(ring(washer_at, *(mm * MM for mm in sizes), -density) for sizes in hollows_mm(spec)),
+            *(
+                ring(washer_at, low_mm * MM, high_mm * MM, outer_mm * MM, inner_mm * MM, -density)
+                for low_mm, high_mm, outer_mm, inner_mm in hollows_mm(spec)
+            ),
             ring(washer_at, low, high, outer, bore, spec.moved.density_g_per_cm3 * G_PER_CM3),
         ]
         if ballast := spec.ballast:
