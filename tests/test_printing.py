@@ -57,6 +57,21 @@ def test_the_profile_says_what_the_plan_counts_on(name):
     ]  # fmt: skip
 
 
+def test_filament_and_depth_of_recesses_are_in_the_profile():
+    """Temperatures are those of the material, else PLA's; walls round deep recesses are laid in one line where it fits.
+
+    The recess of pad-32 is 0.4 mm deep, that of magnet-32 1.1 mm, and fingertip-24 has 4.1 mm with its ballast.
+    """
+    flat = load_spec("pad-32")
+    assert [prusa_profile(flat)[key] for key in ("temperature", "bed_temperature")] == ["215", "60"]
+    soft = prusa_profile(parse_spec('material = "tpu-95a"\n' + SMALL))
+    assert [soft[key] for key in ("first_layer_temperature", "first_layer_bed_temperature")] == ["230", "50"]
+    mine = prusa_profile(parse_spec('material = { name = "pla", nozzle_c = 205.5 }\n' + SMALL))
+    assert [mine[key] for key in ("temperature", "bed_temperature")] == ["205.5", "60"]
+    angles = [prusa_profile(load_spec(name))["wall_transition_angle"] for name in ("pad-32", "magnet-32", "fingertip-24")]
+    assert angles == ["10", "59", "59"]
+
+
 def test_other_slicers_have_it_by_their_names():
     text = other_slicers_text(pg.plan("paper-32"))
     cura, orca = text.split("Cura:\n")[1].split("OrcaSlicer, Bambu Studio:\n")

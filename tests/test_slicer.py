@@ -224,7 +224,7 @@ def test_beams_plates_gaps_and_recesses_are_laid_as_planned(sliced, capsys):
         one = replace(plan, taxels=(taxel,))
         near = around(lines, np.array([taxel.x_mm, taxel.y_mm]) + middle, reach)
         off, above = laid_widths(plan, taxel, near, middle)
-        assert above == 0.0, taxel
+        assert above == 0.0 or plan.channels[taxel.channel].pin.on_beam, taxel
         widths += off
         plates.append(plate_share(plan, taxel, near, middle))
         gaps.append(laid_gap(plan, taxel, near, middle) / spec.printer.smallest_gap_mm)
@@ -317,7 +317,7 @@ def test_a_slicer_without_variable_line_width(folder):
     widths = []
     for taxel in plan.taxels:
         off, above = laid_widths(plan, taxel, lines, middle)
-        assert above == 0.0, taxel
+        assert above == 0.0 or plan.channels[taxel.channel].pin.on_beam, taxel
         widths += off
     assert 0.04 < np.abs(widths).max() < 0.14
 

@@ -4,8 +4,9 @@ import cmath
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from math import degrees, inf, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -16,9 +17,14 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner.plan import Channel
 from padgen.spec import Spec
 
-__all__ = ["BIAS", "COLUMNS", "DriveRow", "bias_row", "coil_rows", "table_csv"]
+__all__ = ["BIAS", "COLUMNS", "HEADINGS", "DriveRow", "bias_row", "coil_rows", "table_csv"]
 
 BIAS = "bias"
+
+
+def _headed(heading: str, unit: str = "") -> Any:
+    """Return a column with its heading where people read the table, and its unit."""
+    return field(metadata={"heading": heading, "unit": unit})
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +36,20 @@ class DriveRow:
     force is the mean pull on the washer of the coil's lowest channel.
     """
 
-    channel: int | str
-    resonance_hz: float
-    drive_hz: float
-    force_mn: float
-    current_ma_peak: float
-    voltage_v_peak: float
-    impedance_ohm: float
-    phase_deg: float
-    ring_up_ms: float
+    channel: int | str = _headed("channel")
+    resonance_hz: float = _headed("resonance", "Hz")
+    drive_hz: float = _headed("line of i", "Hz")
+    force_mn: float = _headed("force", "mN")
+    current_ma_peak: float = _headed("current", "mA peak")
+    voltage_v_peak: float = _headed("voltage", "V peak")
+    impedance_ohm: float = _headed("impedance", "Ω")
+    phase_deg: float = _headed("phase", "°")
+    ring_up_ms: float = _headed("ring-up", "ms")
 
 
 COLUMNS = tuple(f.name for f in fields(DriveRow))
+HEADINGS = tuple((f.metadata["heading"], f.metadata["unit"]) for f in fields(DriveRow))
+"""The heading of each of `COLUMNS` where people read the table, and its unit."""
 
 
 def coil_rows(

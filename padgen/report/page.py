@@ -32,7 +32,7 @@ from padgen.driver.formats.csv import drive_rows
 from padgen.driver.frames import taxel_grid
 from padgen.make.pad import Pad
 from padgen.planner.ballast import ballast_size, ballast_step
-from padgen.planner.drive_rows import COLUMNS
+from padgen.planner.drive_rows import COLUMNS, HEADINGS
 from padgen.planner.fixtures import plan_tray, spacer_mm, washer_underside_mm
 from padgen.planner.guard import plan_guard
 from padgen.planner.layout import coil_axis_mm
@@ -138,7 +138,7 @@ def page_data(
         "roles": ROLES,
         "motion": motion_data(plan),
         "charts": page_figures(plan, figure_names("move"), quick=live),
-        "drive": {"columns": COLUMNS, "rows": [astuple(row) for row in drive_rows(plan)]},
+        "drive": {"columns": COLUMNS, "headings": HEADINGS, "rows": [astuple(row) for row in drive_rows(plan)]},
         "findings": [
             {name: getattr(finding, name) for name in ("level", "code", "where", "message")}
             for finding in (*plan.findings, *(report.findings if report else ()))

@@ -309,11 +309,9 @@ function first() {
   document.title = `${data.name.slice(0, 120)}: ${num(pad.width_mm)} × ${num(pad.depth_mm)} mm, ${data.taxels.id.length} taxels`;
 }
 
-const DRIVE = { channel: ["channel"], resonance_hz: ["resonance", "Hz"], drive_hz: ["line of i", "Hz"], force_mn: ["force", "mN"], current_ma_peak: ["current", "mA peak"], voltage_v_peak: ["voltage", "V peak"], impedance_ohm: ["impedance", "Ω"], phase_deg: ["phase", "°"], ring_up_ms: ["ring-up", "ms"] };
-
 function driverTable() {
   const { drive } = data;
-  const columns = drive.columns.map((key) => ({ key, name: (DRIVE[key] || [key])[0], unit: (DRIVE[key] || [])[1] }));
+  const columns = drive.columns.map((key, index) => ({ key, name: drive.headings[index][0], unit: drive.headings[index][1] }));
   put("drive-body", table("Driver table", columns, drive.rows.map((row) => row.map((value) => (typeof value === "number" && !Number.isInteger(value) ? { text: num(value, 5), value } : { text: value === null ? "∞" : String(value), value }))), { copy: true, file: "drive.csv" }));
 }
 
