@@ -346,6 +346,12 @@ def test_what_lacks_something_is_refused():
         Panel(MASS, AGE, (*TOYS["curves"].marks, *TOYS["bars"].marks))
 
 
+def test_a_map_is_no_matrix():
+    """A matrix has a row and a column for each name, and its diagonal is ON; a map of 2 x 4 coils is made of discs."""
+    with pytest.raises(ValueError, match="for each of its 2 names"):
+        Matrix("heat", ("a", "b"), ((1.0,) * 4,) * 2, Scale("heat", "W", 0, 1), 0.0)
+
+
 def test_each_medium_gets_its_parts(paper_plan):
     """Points and the lines' strengths are for files; lines across the curves and the nearer range for the page."""
     drawn = figures_of(paper_plan, "responses", "draw")[0]

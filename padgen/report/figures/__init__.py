@@ -159,6 +159,12 @@ class Matrix:
     z: Scale
     asked: float
 
+    def __post_init__(self) -> None:
+        """Refuse a table that is not square, as a map of coils would be: that is `Discs`."""
+        count = len(self.names)
+        if len(self.values) != count or any(len(row) != count for row in self.values):
+            raise ValueError(f"a Matrix has a row and a column for each of its {count} names; a map is made of Discs")
+
 
 @dataclass(frozen=True)
 class Discs:
