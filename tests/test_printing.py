@@ -68,8 +68,8 @@ def test_filament_and_depth_of_recesses_are_in_the_profile():
     assert [soft[key] for key in ("first_layer_temperature", "first_layer_bed_temperature")] == ["230", "50"]
     mine = prusa_profile(parse_spec('material = { name = "pla", nozzle_c = 205.5 }\n' + SMALL))
     assert [mine[key] for key in ("temperature", "bed_temperature")] == ["205.5", "60"]
-    angles = [prusa_profile(load_spec(name))["wall_transition_angle"] for name in ("pad-32", "magnet-32", "fingertip-24")]
-    assert angles == ["10", "59", "59"]
+    for name, angle in {"pad-32": "10", "magnet-32": "59", "fingertip-24": "59"}.items():
+        assert prusa_profile(load_spec(name))["wall_transition_angle"] == angle
 
 
 def test_other_slicers_have_it_by_their_names():
