@@ -174,7 +174,8 @@ def shaping_profile(spec: Spec) -> dict[str, str]:
         "external_perimeters_first": "0", "overhangs": "1", "bridge_flow_ratio": "1",
         "extrusion_multiplier": "1", "gap_fill_enabled": "1", "min_feature_size": "25%", "min_bead_width": "85%",
         "wall_distribution_count": "1", "wall_transition_length": "100%",
-        "wall_transition_angle": _wall_transition_angle(spec), "wall_transition_filter_deviation": "25%", "slice_closing_radius": "0.049", "slicing_mode": "regular",
+        "wall_transition_angle": _wall_transition_angle(spec), "wall_transition_filter_deviation": "25%",
+        "slice_closing_radius": "0.049", "slicing_mode": "regular",
         "resolution": "0", "gcode_resolution": "0.005", "fuzzy_skin": "none", "ironing": "0", "spiral_vase": "0",
     }  # fmt: skip
 
