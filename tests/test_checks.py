@@ -214,7 +214,7 @@ def test_a_tight_recess_of_a_foreign_mesh(small_pad, small_plan):
         # 3.75 cos(π/12)
         assert "the recess diameter between the sides of its polygon is 3.6222 mm" in tight.message
         # The plan's clearance would do.
-        assert tight.message.endswith("lays 0.198 mm into it")
+        assert tight.message.endswith("lays 0.208 mm into it")
 
 
 def test_a_recess_of_half_a_layer(small_plan):
