@@ -241,7 +241,7 @@ def test_beams_plates_gaps_and_recesses_are_laid_as_planned(sliced, capsys):
         )
     assert np.abs(widths).max() <= 0.02
     deepest_mm = spec.pocket_top_mm or plan.plate.recess_depth_mm
-    # Walls round deep recesses are laid heavy where one line becomes two.
+    # Walls round deep recesses are laid heavy where one line becomes two, or light.
     assert np.abs(np.array(plates) - 1).max() <= (0.01 if deepest_mm < 0.6 else 0.07)
     assert whole == pytest.approx(1, abs=0.01 if deepest_mm < 0.6 else 0.015)
     assert min(gaps) >= 0.7
