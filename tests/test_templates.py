@@ -326,3 +326,26 @@ def test_the_first_table_says_how_far_nearest_taxels_are_apart():
     assert "(even; staggered like a chessboard, nearest taxels 8.8 mm apart)" in pad_line(pg.plan("paper-32"))
     uneven = pad_line(pg.plan("wide-11"))
     assert ", unevenly spaced, nearest taxels 8.8-16.2 mm apart;" in uneven
+
+
+@pytest.mark.parametrize("name", sorted(template_paths()))
+def test_cells_are_turned_so_that_taxels_of_a_channel_are_far_apart(name):
+    """The nearest two taxels of one channel, of all on the pad, are as far apart as the best of the three turnings."""
+    plan = made(name)
+    coils = plan.coils
+    if coils.rows * coils.columns < 2:
+        return
+    nearest = []
+    for turned in ("none", "odd rows", "odd columns"):
+        places = {}
+        for taxel in plan.taxels:
+            row, column = taxel.coil
+            is_turned = {"none": 0, "odd rows": row % 2, "odd columns": column % 2}[turned]
+            x, y = plan.channels[taxel.channel].site.washer_mm
+            sign = 1 - 2 * is_turned
+            at = (column * coils.pitch_x_mm + sign * x, row * coils.pitch_y_mm + sign * y)
+            places.setdefault(taxel.channel, []).append(at)
+        apart = [np.hypot(*(np.array(some)[:, None] - some).T) for some in places.values()]
+        nearest.append(min(one[np.triu_indices(len(one), 1)].min(initial=np.inf) for one in apart))
+    chosen = ("none", "odd rows", "odd columns").index(plan.reuse.turned)
+    assert nearest[chosen] == pytest.approx(max(nearest), abs=1e-6)

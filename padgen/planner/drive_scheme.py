@@ -837,10 +837,13 @@ def cell_is_turned(turned: str, row: int, column: int) -> bool:
 
 
 def _distances_mm(spec: Spec, layout: Layout, channels: Sequence[Channel], turned: str) -> list[float]:
-    """Return all distances in mm between taxels of the same channel in neighbouring cells, the shortest first."""
+    """Return all distances in mm between taxels of one channel in the nearest cells with it, the shortest first."""
+    sets = spec.coil.sets
     distances = []
-    for row, column in ((0, 1), (1, 0), (1, 1), (1, -1)):
-        if row < layout.rows and column < layout.columns:
+    for row, column in product(range(sets + 1), range(-sets, sets + 1)):
+        is_ahead = (row, column) > (0, 0)
+        has_same_channels = (row + column) % sets == 0
+        if is_ahead and has_same_channels and row < layout.rows and abs(column) < layout.columns:
             # Measured from a cell that is not turned; from a turned one the distances are the same.
             shift = -2 if cell_is_turned(turned, row, column % 2) else 0
             x = column * (spec.pad.width_mm / layout.columns)
