@@ -104,10 +104,10 @@ def test_what_is_told_fits_a_hundred_columns_and_begins_with_the_verdict(work, c
     verdicts = {
         "plan": pad,
         "build": pad,
-        "drive": "The drive of tiny is written for 1 DC-coupled output (an AC-coupled card leaves ",
+        "drive": "The drive of tiny is written, ",
         "report": pad,
         "check": "out/tiny/pad.stl is read, and every check holds.",
-        "retune": "4 of 4 taxels are re-tuned: the worst coil then keeps ",
+        "retune": "4 of 4 taxels are re-tuned: the worst coil keeps ",
     }
     more = {"drive": ["--state", "all"], "retune": ["--simulate", "1"]}
     for command, verdict in verdicts.items():

@@ -118,7 +118,7 @@ def test_the_loop_from_a_simulated_print_to_a_tuned_file(work, capsys):
     # The ear hears the print as it was fitted: what was predicted for it.
     assert heard == pytest.approx(told["after_db"], abs=0.3)
     assert cli.run(["drive", "tiny.toml", "--state", "1000", "-o", "o"]) == 0
-    assert "o/tuning.json has a print's" in capsys.readouterr().out.replace("\n  ", " ")
+    assert "for the measured print add --tuning o/tuning.json" in capsys.readouterr().out.replace("\n  ", " ")
 
 
 def test_what_was_measured_is_never_simulated_over(work, capsys):
@@ -177,10 +177,37 @@ def test_a_bad_tuning_ends_every_command_alike(work, capsys, command):
     assert names(work) == ["bad.json", "o", "tiny.toml"]
 
 
+def test_a_simulated_print_that_noise_hides_names_the_ratio_that_would_do(work, capsys):
+    command = ["retune", "tiny.toml", "--simulate", "1", "--kind", "pluck", "-o", "o"]
+    assert cli.run([*command, "--snr", "10"]) == 2
+    said = capsys.readouterr().err
+    cure = re.search(r"of this simulated print, --snr (\d+) would do$", said.strip())
+    assert cure, said
+    assert cli.run([*command, "--snr", cure[1]]) in (0, 1)
+
+
+def test_a_finger_needs_the_same_taxels_untouched(work, capsys):
+    assert cli.run(["retune", "tiny.toml", "--touched", "bad.csv"]) == 2
+    assert capsys.readouterr().err.startswith("padgen: --touched: needs MEASURED, too, the same taxels untouched")
+
+
+def test_only_a_wav_is_played_over_a_sound_card(work, capsys):
+    assert cli.run(["play", "pad-32", "--audio"]) == 2
+    sentence = (
+        "padgen: pad-32: there is no such file; --audio plays a WAV that padgen drive wrote, as out/pad-32/drive.wav"
+    )
+    assert capsys.readouterr().err.strip() == sentence
+
+
 def test_a_measured_table_is_enough(work, capsys):
     (work / "m.csv").write_text("taxel,resonance_hz,q\nr0c0k0,57.5,14\nr0c0k1,74.2,16\n")
     assert cli.run(["retune", "paper-32", "m.csv", "-o", "o"]) in (0, 1)
-    assert "2 of 32 taxels are re-tuned" in capsys.readouterr().out
+    out = " ".join(capsys.readouterr().out.split())
+    figures = json.loads((work / "o/retune.json").read_text())
+    # The coils that nobody measured are no perfect prints: what such prints keep comes first.
+    low = f"2 of 32 taxels are re-tuned: the worst coil keeps at least {figures['after_low_db']:.1f} dB of ON over OFF"
+    assert low in out
+    assert f"If the 30 others came out as their tones assume: {figures['after_db']:.1f} dB (" in out
     tuned = json.loads((work / "o/tuning.json").read_text())["taxels"]
     assert (tuned[0]["resonance_hz"], tuned[0]["q"], tuned[0]["measured"]) == (57.5, 14, True)
     assert not tuned[2]["measured"]
@@ -202,7 +229,7 @@ def test_a_measured_table_is_enough(work, capsys):
         (["drive", "paper-32", "--hear"], "wav"),
         (["drive", "paper-32", "--state", "10", "--gap"], "--hear"),
         (["drive", "paper-32", "--state", "10", "--frames", "x.csv"], "not allowed with"),
-        (["drive", "paper-32", "--frames", "small.csv"], "is 2 x 2; the pad"),
+        (["drive", "paper-32", "--frames", "small.csv"], "has 2 rows of 2; the pad"),
         (["drive", "paper-32", "--frames", "nan.csv"], "nan"),
         (["drive", "paper-32", "--tuning", "none.json"], "cannot be read"),
         (["drive", "paper-32", "--tuning", "small.csv"], "is not a tuning"),

@@ -432,10 +432,14 @@ def test_findings_name_what_was_missed(pair, tmp_path):
     # The amplifier is set 10 % too low: i² falls by 19 %, 1.8 dB.
     (found,) = found_in(hear(plan, wave, sidecar | {"full_scale": 0.9 * sidecar["full_scale"]}))
     assert (found.level, found.code) == ("warning", "ear.level")
-    assert "(-1.8 dB; " in found.message and "4 of 4 ON levels miss" in found.message
+    assert "(-1.8 dB; " in found.message and "off by more than that 4 of 4 times" in found.message
     strict = replace(plan, selectivity=replace(plan.selectivity, asked_db=30.0))
     (found,) = found_in(hear(strict, wave, sidecar))
-    assert found.code == "ear.selectivity" and "keeps 20.6 dB" in found.message and "asked: 30.0 dB" in found.message
+    assert (
+        found.code == "ear.selectivity"
+        and "has 20.6 dB of ON over OFF" in found.message
+        and "asked: 30.0 dB" in found.message
+    )
 
 
 def test_short_holds_are_told(quad, tmp_path):

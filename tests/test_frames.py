@@ -188,7 +188,7 @@ def test_light_without_a_taxel_is_counted(plan, tmp_path):
 ROWS = "0,0\n" * 5
 BAD = {
     "a.csv": [
-        (b"0,0,0\n0,0,0\n", r"frame 1 is 2 x 3; the pad shows 6 x 2: 2 x 2 coils of 3 x 1 taxels"),
+        (b"0,0,0\n0,0,0\n", r"frame 1 has 2 rows of 3; the pad shows 6 rows of 2 pixels: 2 x 2 coils of 3 x 1 taxels"),
         (ROWS.encode() + b"0,nan\n", r"frame 1, row 6, column 2 must be a level in 0 … 1, got nan$"),
         (ROWS.encode() + b"0,1.5\n", r"frame 1, row 6, column 2 must be a level in 0 … 1, got 1.5; 1 would do"),
         (ROWS.encode() + b"-1,0\n", r"frame 1, row 6, column 1 must be a level in 0 … 1, got -1; 0 would do"),
@@ -196,7 +196,10 @@ BAD = {
             ROWS.encode() + b"0,0\n\n" + ROWS.encode() + b"0,x\n",
             r"frame 2, row 6, column 2 must be a number in 0 … 1, got 'x'",
         ),
-        (b"0;0,5\n", r"frame 1, row 1, column 2 must be a number in 0 … 1, got '0,5'; decimals take a point|is 1 x 2"),
+        (
+            b"0;0,5\n",
+            r"frame 1, row 1, column 2 must be a number in 0 … 1, got '0,5'; decimals take a point|has 1 row of 2",
+        ),
         (ROWS.replace(",", ";").encode() + b"0;0,5\n", r"row 6, column 2 .* got '0,5'; decimals take a point"),
         (ROWS.encode() + b"0,\n", r"frame 1, row 6, column 2 must be a number in 0 … 1, is empty"),
         (ROWS.encode() + b"0,1_0\n", r"got '1_0'"),
@@ -208,7 +211,7 @@ BAD = {
     "a.txt": [
         (b"01\n0x\n00\n00\n00\n00\n", r"frame 1, row 2, column 2 must be 1 or # for ON.* got 'x'; numbers go into a"),
         (b"01\n0\n", r"frame 1, row 2 has 1 signs, its row 1 has 2"),
-        (b"01\n", r"frame 1 is 1 x 2; the pad shows 6 x 2"),
+        (b"01\n", r"frame 1 has 1 row of 2; the pad shows 6 rows of 2"),
     ],
     "a.png": [
         (b"", r"is not a PNG or GIF picture"),
@@ -241,7 +244,7 @@ def test_bad_files_are_refused_in_a_sentence(plan, tmp_path, name, content, sent
         (np.zeros((6, 2), complex), r"must be an array of truth values or real numbers, holds complex128"),
         (np.full((6, 2), 2), r"row 1, column 1 must be 0 or 1 in an array of whole numbers .* got 2"),
         (np.full((6, 2), np.inf), r"frame 1, row 1, column 1 must be a level in 0 … 1, got inf; 1 would do"),
-        (np.zeros((2, 2, 6)), r"frame 1 is 2 x 6; the pad shows 6 x 2"),
+        (np.zeros((2, 2, 6)), r"frame 1 has 2 rows of 6; the pad shows 6 rows of 2"),
         (np.array([["a"]]), r"holds <U1"),
     ],
 )
@@ -289,7 +292,10 @@ def test_a_vast_picture_is_refused_before_it_is_decoded(plan, tmp_path):
     import struct
     import zlib
 
-    for side, sentence in ((12_000, "frame 1 is 12000 x 12000; the pad shows 6 x 2"), (30_000, "of more pixels")):
+    for side, sentence in (
+        (12_000, "frame 1 has 12000 rows of 12000; the pad shows 6 rows of 2"),
+        (30_000, "of more pixels"),
+    ):
         whole[16:24] = struct.pack(">II", side, side)
         whole[29:33] = struct.pack(">I", zlib.crc32(whole[12:29]))
         (tmp_path / "a.png").write_bytes(whole)
@@ -356,14 +362,14 @@ def test_all_states_are_those_of_the_drivers_table(paper_plan):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("01", r"must have 3 digits 0 or 1, or as many levels 0 … 1 between commas.*, got '01'"),
+        ("01", r"has 3 channels, so a state is 3 digits 0 or 1, or 3 levels 0 … 1 between commas; got '01'"),
         ("0 1 1", r"got '0'"),
         ("0,1,1.5", r"levels must be in 0 … 1, got 1.5 in '0,1,1.5'"),
         ("0,1,nan", r"levels must be in 0 … 1, got nan"),
-        ("0,1,", r"must have 3 digits"),
-        ("0,1,1_0", r"must have 3 digits"),
-        ("012", r"must have 3 digits"),
-        ("", r"must have 3 digits .*, got ''"),
+        ("0,1,", r"a state is 3 digits"),
+        ("0,1,1_0", r"a state is 3 digits"),
+        ("012", r"a state is 3 digits"),
+        ("", r"a state is 3 digits .*; got ''"),
     ],
 )
 def test_bad_states_are_refused_in_a_sentence(plan, text, sentence):

@@ -324,7 +324,7 @@ def test_a_lost_layer_lowers_the_resonance_as_thickness_does(plan, tmp_path):
     report = check_gcode(plan, hand.file(tmp_path))
     assert told(report) == {"laid.layers", "laid.resonance", "laid.selectivity"}
     finding = one(report, "laid.layers")
-    assert finding.where == "2 of 4 beams" and "0.2 mm thick in 1 layer, planned are 0.3 mm in 2" in finding.message
+    assert finding.where == "2 of 4 beams" and "0.2 mm thick in 1 layer, instead of 0.3 mm in 2" in finding.message
     assert report.figures["taxels"][0]["resonance_hz"] == pytest.approx(
         plan.channels[0].resonance_hz * (0.2 / 0.3) ** 1.5, rel=0.03
     )
@@ -429,6 +429,16 @@ def test_a_print_with_warnings_alone_is_nearly_as_planned(plan, usual, tmp_path)
     )
     assert first.startswith("pad.gcode would print nearly as planned (")
     assert planned == "pad.gcode would print as planned"
+
+
+def test_rows_of_channels_are_in_their_order(usual):
+    taxels = usual.figures["taxels"][::-1]
+    assert taxels[0]["channel"] > taxels[-1]["channel"]
+    lines = laid_text(
+        replace(usual, figures={**usual.figures, "compared_with": "the plan", "taxels": taxels}), "pad.gcode"
+    ).splitlines()
+    rows = [line.split()[0] for line in lines[lines.index("") + 3 :] if line]
+    assert rows == sorted({str(taxel["channel"]) for taxel in taxels})
 
 
 def test_moves_arcs_and_modes_by_hand(tmp_path):
@@ -616,9 +626,10 @@ def test_what_detuned_taxels_cost_is_told_in_db(tmp_path, monkeypatch, capsys):
     report = check_gcode(plan, hand.file(tmp_path))
     figures = report.figures
     lost = one(report, "laid.selectivity")
-    kept = f"keeps {figures['planned_db']:.1f} of the {figures['drawn_db']:.1f} dB that one as drawn keeps"
-    assert kept in lost.message
-    assert f"re-tuned, {figures['retuned_db']:.1f} of" in lost.message
+    # With the report's own figures, rounded twice as these are.
+    laid = f"has {figures['planned_db']:.1f} dB of ON over OFF with the planned tones"
+    assert f"{laid} (laid as planned: {figures['drawn_db']:.1f} dB)" in lost.message
+    assert f"and {figures['retuned_db']:.1f} dB re-tuned (" in lost.message
     assert figures["planned_db"] < figures["drawn_db"] - 1
     rows = [f"{t['id']},{t['resonance_hz']},{plan.channels[t['channel']].q}" for t in figures["taxels"]]
     Path("measured.csv").write_text("\n".join(["taxel,resonance_hz,q", *rows, ""]))

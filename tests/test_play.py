@@ -350,7 +350,7 @@ def test_a_port_that_another_program_plays_to(pad: Host):
     (np.ones((2, 15)), None, "frames: must be one or more rows of 16 levels, got 2 x 15"),
     (np.full((1, 16), np.nan), None, "frames: levels must be in 0 … 1, got nan"),
     (np.full((1, 16), 1.5), None, "frames: levels must be in 0 … 1, got 1.5"),
-    (np.ones((1, 16)), 0.001, "frames: must be at least "),
+    (np.ones((1, 16)), 0.001, "--seconds: a frame of "),
 ])  # fmt: skip
 def test_frames_that_cannot_be_shown_open_no_port(pad: Host, frames: np.ndarray, frame_s: float, sentence: str):
     with pytest.raises(SpecError) as refused:
@@ -360,7 +360,7 @@ def test_frames_that_cannot_be_shown_open_no_port(pad: Host, frames: np.ndarray,
 
 def test_frames_that_the_line_cannot_carry(pad: Host):
     with relayed(pad) as line:
-        with pytest.raises(SpecError, match=r"for a frame of 29 bytes at 300 baud, got 0\.2 s"):
+        with pytest.raises(SpecError, match=r"a frame of 29 bytes needs at least .* s at 300 baud, got 0\.2 s"):
             play_frames(line.port, pad.plan, np.full((1, 16), 0.5), 0.2, baud=300, reply_s=1.0)
         line.finish()
 
@@ -521,7 +521,7 @@ def test_what_a_device_cannot_play(card: Card, tmp_path: Path, channels: int, ra
 def test_files_and_loops_that_are_none(card: Card, tmp_path: Path):
     with pytest.raises(FileError, match="has no samples"):
         play_wave(wave(tmp_path / "a.wav", seconds=0))
-    with pytest.raises(FileError, match="cannot be read"):
+    with pytest.raises(FileError, match="there is no such file"):
         play_wave(tmp_path / "b.wav")
     with pytest.raises(SpecError, match="must be at least 1 time, got 0"):
         play_wave(wave(tmp_path / "a.wav"), loops=0)

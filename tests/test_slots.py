@@ -167,8 +167,9 @@ def test_the_warnings_cures_do(capsys, tmp_path):
     (finding,) = [f for f in driven.findings if f.code == "frames.slot"]
     cures = [part.strip().split() for part in finding.message.split(";")[-1].removesuffix(" would do").split(" or ")]
     assert len(cures) == 2
+    assert [words[0] for words in cures] == ["--seconds", "--brake"]
     for words in cures:
-        seconds = float(words[1])
+        seconds = float(words[words.index("--seconds") + 1]) if "--seconds" in words else None
         brake = "--brake" in words
         cured = pg.drive(plan, text="HI", seconds=seconds, brake=brake).save(tmp_path, formats=("wav",))
         assert cured.contrast.slot_db >= 10
@@ -182,7 +183,7 @@ def test_the_warnings_cures_do(capsys, tmp_path):
         (["--text", "HI", "--brake", "--formats", "c"], "--brake: is in a WAV only"),
         (["--brake"], "--brake: is of a WAV"),
         (["--state", "10", "--brake", "--loop"], "--brake: is for the end of a frame"),
-        (["--text", "HI", "--brake", "--seconds", "0.2"], "must be at least"),
+        (["--text", "HI", "--brake", "--seconds", "0.2"], "to be switched in, held and braked, got 0.2 s"),
         (["--excite", "chirp", "--brake"], "--brake does not go with it"),
     ],
 )

@@ -210,9 +210,9 @@ def test_broken_files_are_refused_with_a_sentence(tmp_path, raw, sentence):
     assert "a.wav" in str(caught.value)
 
 
-@pytest.mark.parametrize("where", ["nowhere.wav", "."])
-def test_what_is_no_file_is_refused(tmp_path, where):
-    with pytest.raises(FileError, match="cannot be read"):
+@pytest.mark.parametrize(("where", "sentence"), [("nowhere.wav", "there is no such file"), (".", "cannot be read")])
+def test_what_is_no_file_is_refused(tmp_path, where, sentence):
+    with pytest.raises(FileError, match=sentence):
         read_wav(tmp_path / where)
 
 

@@ -665,7 +665,7 @@ def test_turns_are_one_after_the_other(quads):
         (np.zeros((1, 7)), None, "rows of 8 levels, got 1 x 7"),
         (np.zeros((0, 8)), None, "one or more rows"),
         (np.zeros((1, 2, 8)), None, "got 1 x 2 x 8"),
-        (np.zeros((1, 8)), 0.05, "must be at least 0.16.* s for a frame"),
+        (np.zeros((1, 8)), 0.05, "--seconds: a frame of .* needs at least 0.16.* s to switch in, got 0.05 s"),
         (np.zeros((1, 8)), float("inf"), "got inf s"),
         (np.zeros((1, 8)), -1.0, "got -1 s"),
     ],
@@ -676,5 +676,5 @@ def test_frames_that_cannot_be(pair, frames, seconds, sentence):
 
 
 def test_slots_that_are_too_short(quads):
-    with pytest.raises(SpecError, match="for a frame of 4 slots"):
+    with pytest.raises(SpecError, match=r"needs at least .* s for 4 channels in turn"):
         timeline(quads["time-shared"], np.zeros((1, 64)), 0.1)

@@ -198,6 +198,8 @@ def test_what_was_felt_at_other_taxels_or_is_no_table(paper_plan, tmp_path):
     found = {f.code: f for f in wiring_findings(paper_plan, path)}
     assert set(found) == {"wiring.taxel", "wiring.silent", "wiring.mixed", "wiring.untried"}
     assert found["wiring.silent"].message.startswith("1 of its 2 taxels were not felt")
+    assert "were felt at coil " in found["wiring.mixed"].message
+    assert "play them again (--pattern each)" in found["wiring.mixed"].message
     assert "13 of them" in found["wiring.untried"].message
     for text, sentence in (
         ("r0c0k0,r0c0k9", "row 1: there is no taxel 'r0c0k9'"),

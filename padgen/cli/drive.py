@@ -1,6 +1,7 @@
 """The commands ``padgen drive`` and ``padgen play``."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from padgen.api.drives import check_wiring, drive, excite, play, play_wav, read_frames
@@ -17,7 +18,7 @@ from padgen.cli.common import (
     plan_of,
     progress_line,
 )
-from padgen.core.errors import number, plain
+from padgen.core.errors import FileError, number, plain
 from padgen.core.registry import FORMATS
 from padgen.core.rules import Rule, refuse
 
@@ -28,7 +29,10 @@ DEFAULT_WAVES = "csv,json,wav"
 DEPTHS = ("24", "float")
 SHOWN = ("state", "frames", "text", "pattern")
 """Options that say what is shown."""
-FELT = "what was felt instead goes to --wiring as played,felt"
+FELT = (
+    "write a CSV with the columns played,felt, a row for each (felt: the taxel that moved, empty if none did), and give"
+    " it to padgen drive --wiring FILE"
+)
 
 
 def add_drive(commands: Any) -> None:
@@ -94,7 +98,7 @@ def _shown_of(options: argparse.Namespace, plan: Any) -> tuple[dict[str, Any], t
         return {**asked, "frames": frames.levels}, frames.notes
     if options.pattern != "each":
         return asked, ()
-    then = "; then play --pattern crossed, and add its rows" if plan.coils.sets > 1 else ""
+    then = "; then play --pattern crossed, too, and add its rows to the CSV" if plan.coils.sets > 1 else ""
     return asked, (f"taxels are played in the plan's order, coil by coil; {FELT}{then}",)
 
 
@@ -139,12 +143,15 @@ def _drive(options: argparse.Namespace) -> int:
         )
         folder = folder_of(options, plan.name)
         if shown.frames is not None and options.tuning is None and (folder / "tuning.json").exists():
-            notes = (*notes, f"these are the plan's tones; {folder / 'tuning.json'} has a print's (--tuning)")
+            notes = (
+                *notes,
+                f"these are the planned tones; for the measured print add --tuning {folder / 'tuning.json'}",
+            )
         driven = shown.save_folder(folder, options.formats, options.depth, options.hear, options.gap)
     if shown.played:
         order = f"{', '.join(shown.played[:3])} … {shown.played[-1]}"
-        sense = "the resonances that each coil does not have, so that only one whose plug is elsewhere moves anything"
-        notes = (*notes, f"played are {order}, {sense}; {FELT}")
+        sense = "for each coil the tones that it has no taxels for; some move only where its plug is at another coil"
+        notes = (*notes, f"played are {order}: {sense}; {FELT}")
     from padgen.report.plans import warm_drive_line
     from padgen.report.results import driven_table, driven_text
 
@@ -263,6 +270,10 @@ def _audio(options: argparse.Namespace) -> int:
     for name in (*SHOWN, "seconds", "tuning", "warm"):
         reason_why = f"plays a WAV file of padgen drive as it is; --{name} goes with padgen drive"
         refuse(Rule(getattr(options, name) in (None, False), "--audio", reason_why))
+    if not Path(options.spec).exists():
+        where = Path("out") / Path(options.spec).stem / "drive.wav"
+        there = f"; --audio plays a WAV that padgen drive wrote, as {where}"
+        raise FileError(f"there is no such file{there}", options.spec)
     with progress_line() as progress:
         played = play_wav(options.spec, options.audio or None, repeat=options.repeat, progress=progress)
     late = f"; gaps are heard where the computer was too late: {played.missed}" if played.missed else ""

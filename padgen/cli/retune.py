@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+from math import floor
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +35,9 @@ from padgen.core.rules import Rule, refuse
 __all__ = ["add_bench", "add_calibrate", "add_retune"]
 
 MOST_TRIES = 20
+LOUDER_DB = (2, 4, 8, 16, 32)
+"""By how much a simulated measurement that shows too little is made louder."""
+MOST_SNR_DB = 200
 
 
 def add_retune(commands: Any) -> None:
@@ -67,30 +71,58 @@ def add_retune(commands: Any) -> None:
 
 def _retune(options: argparse.Namespace) -> int:
     simulated = None
+    needs = "needs MEASURED, too, the same taxels untouched; --simulate makes no fingers"
+    refuse(Rule(options.touched is None or bool(options.measured), "--touched", needs))
     is_one = bool(options.measured) != (options.simulate is not None)
     refuse(Rule(is_one, "padgen retune", "needs MEASURED, a file or a folder, or --simulate SEED, and not both"))
     if options.touched is not None:
-        needs = "needs MEASURED, the same taxels untouched; --simulate makes no fingers"
-        refuse(Rule(bool(options.measured), "--touched", needs))
         return _touched(options)
     with progress_line() as progress:
         plan = plan_of(options, progress)
         if options.simulate is not None:
             progress("printing and measuring a pad")
             simulated = simulate_print(plan, options.simulate, kind=options.kind, snr_db=options.snr)
-        written = save_retuned(
-            plan,
-            folder_of(options, plan.name),
-            options.measured,
-            simulated,
-            excitation=options.excitation,
-            sensor=options.sensor,
-            nearest=options.nearest,
-            estimate_rest=options.estimate_rest,
-            coupon=options.coupon,
-            progress=progress,
-        )
+        try:
+            written = save_retuned(
+                plan,
+                folder_of(options, plan.name),
+                options.measured,
+                simulated,
+                excitation=options.excitation,
+                sensor=options.sensor,
+                nearest=options.nearest,
+                estimate_rest=options.estimate_rest,
+                coupon=options.coupon,
+                progress=progress,
+            )
+        except FileError as error:
+            if options.simulate is None or not _is_unfitted(error):
+                raise
+            raise FileError(f"{error.message}; {_louder_text(options, plan, progress)}", error.where) from error
     return _tell(options, plan, written)
+
+
+def _is_unfitted(error: FileError) -> bool:
+    """Tell whether a taxel's data do not show its resonance."""
+    from padgen.measured.tune import UnfittedError
+
+    return isinstance(error, UnfittedError)
+
+
+def _louder_text(options: argparse.Namespace, plan: Any, progress: Any) -> str:
+    """Return the end of a refusal of a simulated print: the --snr that was tried and would do."""
+    from padgen.measured.fits import fitted
+    from padgen.measured.read import read_measured_text
+
+    for more_db in LOUDER_DB:
+        snr_db = floor(options.snr) + more_db
+        if snr_db > MOST_SNR_DB:
+            break
+        progress(f"measuring it with {snr_db} dB over the noise")
+        louder = simulate_print(plan, options.simulate, kind=options.kind, snr_db=snr_db)
+        if fitted(read_measured_text(louder.measurement_csv, plan), plan, options.nearest)[2] is None:
+            return f"of this simulated print, --snr {snr_db} would do"
+    return "of this simulated print, no higher --snr that was tried would do"
 
 
 def _touched(options: argparse.Namespace) -> int:

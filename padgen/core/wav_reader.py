@@ -91,6 +91,8 @@ def read_wav(path: Path, data: bytes | None = None) -> Wave:
             raise FileError("cannot be read (it is no ordinary file)", str(path))
         with path.open("rb") as file:
             return _read(path, file, path.stat().st_size, None)
+    except FileNotFoundError as error:
+        raise FileError("there is no such file", str(path)) from error
     except OSError as error:
         raise FileError(f"cannot be read ({reason(error)})", str(path)) from error
 

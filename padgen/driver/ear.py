@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import FileError, Finding, at_least, number
+from padgen.core.errors import FileError, Finding, about, at_least, number
 from padgen.core.units import GRAM, MA, MH, MM, UM
 from padgen.core.wav_reader import Wave
 from padgen.driver.signs import mount_text, printed_taxels
@@ -764,10 +764,11 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             "warning",
             "ear.level",
             heard.ids[i],
-            f"should move by {number(span.levels[i] * heard.wanted_um[i])} µm in the state that ends at"
-            f" {number(span.stop_s)} s, and moves by {number(heard.tone_um[h, i])} µm ({tone[h, i]:+.1f} dB; up to"
-            f" {MISSED_DB:g} dB is allowed); {int(missed.sum())} of {int((heard.shares > 0).sum())} ON levels"
-            f" miss; {'frames that last longer' if hurried else 'padgen retune, or a lower level,'} would do",
+            f"should move by {about(span.levels[i] * heard.wanted_um[i], 3)} µm in the state that ends at"
+            f" {about(span.stop_s, 4)} s, and moves by {about(heard.tone_um[h, i], 3)} µm ({tone[h, i]:+.1f} dB;"
+            f" allowed: {MISSED_DB:g} dB); ON taxels are off by more than that {int(missed.sum())} of"
+            f" {int((heard.shares > 0).sum())} times, counted over all states;"
+            f" {'longer frames' if hurried else 'padgen retune, or a lower level,'} would do",
         )
     asked = heard.asked_db
     kept = heard.selectivity_db
@@ -777,8 +778,8 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             "warning",
             "ear.selectivity",
             WHERE,
-            f"keeps {kept:.1f} dB between the smallest ON and the loudest OFF taxel, {heard.ids[i]} in the state that"
-            f" ends at {number(heard.spans[h].stop_s)} s; asked: {asked:.1f} dB (Δy)",
+            f"has {kept:.1f} dB of ON over OFF (asked: {asked:.1f} dB); the loudest OFF taxel is {heard.ids[i]} in the"
+            f" state that ends at {about(heard.spans[h].stop_s, 4)} s",
         )
     shaken_db = heard.shaken_db
     is_stated = heard.shaken is not None and heard.shaken.is_stated
@@ -787,8 +788,8 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             "warning",
             "ear.recoil",
             WHERE,
-            f"keeps {shaken_db:.1f} dB between the smallest ON and the loudest OFF taxel of the pad as it moves, asked"
-            f" are {asked:.1f} dB (Δy); held still it keeps {kept:.1f} dB",
+            f"has {shaken_db:.1f} dB of ON over OFF on the pad as it recoils (asked: {asked:.1f} dB), and {kept:.1f} dB"
+            " held still",
         )
     late = ~heard.settled.all(1)
     if late.any():
@@ -797,9 +798,10 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
             "warning",
             "ear.unsettled",
             WHERE,
-            f"holds the state that ends at {number(span.stop_s)} s for {number(span.stop_s - span.start_s)} s, too"
-            f" short for taxels to come within 0.1 dB of their levels ({int(late.sum())} of {len(heard.spans)} states"
-            f" are); {at_least(heard.needs_s)} s after each switch would do",
+            f"holds {int(late.sum())} of {len(heard.spans)} states too briefly for taxels to come within 0.1 dB of"
+            f" their levels (the first, which ends at {about(span.stop_s, 4)} s, for"
+            f" {about(span.stop_s - span.start_s, 3)} s);"
+            f" {at_least(heard.needs_s)} s after each switch would do",
         )
     if any(not span.whole and not span.in_turns for span in heard.spans):
         yield Finding(

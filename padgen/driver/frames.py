@@ -29,7 +29,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from padgen.core.errors import FileError, SpecError, number, shown
+from padgen.core.errors import FileError, SpecError, number, plural, shown
 from padgen.core.files import read_bounded, reason
 from padgen.core.registry import unknown_name
 from padgen.planner.layout import taxel_places
@@ -304,7 +304,8 @@ def _refuse_shape(
     """Refuse a frame of a wrong shape, and one more than can be held, before it is read."""
     if (rows, columns) != grid.shape:
         raise FileError(
-            f"frame {frame} is {rows} x {columns}; the pad shows {grid.shape[0]} x {grid.shape[1]}: {plan.coils.rows} x"
+            f"frame {frame} has {rows} row{plural(rows)} of {columns}; the pad shows {grid.shape[0]}"
+            f" row{plural(grid.shape[0])} of {grid.shape[1]} pixel{plural(grid.shape[1])}: {plan.coils.rows} x"
             f" {plan.coils.columns} coils of {plan.cell.rows} x {plan.cell.columns} taxels",
             str(path),
         )
@@ -392,8 +393,8 @@ def _state(word: str, count: int, where: str) -> list[float]:
         levels = []
     if len(levels) != count or "_" in word or not word.isascii():
         raise SpecError(
-            f"must have {count} digits 0 or 1, or as many levels 0 … 1 between commas, one for each channel of a coil,"
-            f" got {word_shown}",
+            f"a coil of this pad has {count} channel{plural(count)}, so a state is {count} digit{plural(count)} 0 or 1,"
+            f" or {count} level{plural(count)} 0 … 1{' between commas' if count > 1 else ''}; got {word_shown}",
             where,
         )
     for level in levels:

@@ -27,7 +27,7 @@ from padgen.core.errors import EngineMissingError, FileError, SpecError, at_leas
 from padgen.driver.excitation import sweep_table
 from padgen.driver.loads import refuse_frames
 from padgen.driver.signs import PlayedPad, choose_signs
-from padgen.driver.waveform import CONTROLLER_RATES_HZ, drive_at, ramp_s, timeline
+from padgen.driver.waveform import CONTROLLER_RATES_HZ, SECONDS, drive_at, ramp_s, timeline
 from padgen.driver.waveform import frame_s as planned_frame_s
 from padgen.measured.tuning import Tuning, tuning_to_json
 from padgen.planner.plan import Plan, plan_to_json
@@ -306,9 +306,9 @@ def play_frames(
         each = frame_s or link.device.frame_us * 1e-6
         if each < least_s:
             raise SpecError(
-                f"must be at least {at_least(least_s)} s for a frame of {bytes_each} bytes at {baud} baud,"
+                f"a frame of {bytes_each} bytes needs at least {at_least(least_s)} s at {baud} baud,"
                 f" got {number(each)} s",
-                "frames",
+                SECONDS,
             )
         began = time.monotonic()
         link.show_all(frames, each, on_shown)

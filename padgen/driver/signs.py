@@ -113,7 +113,7 @@ def mount_text(pad: ShakenPad) -> str:
     """Say how the pad is held."""
     mount = pad.mount
     if not mount.is_said:
-        return "lying loose, as no mount is stated"
+        return "lying loose (no mount is stated)"
     if mount.is_fast:
         return f"{mount.kind} to what does not move"
     plate = "" if mount.base_mass_g is None else f", with a base of {number(mount.base_mass_g)} g"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import Finding, at_least, number
+from padgen.core.errors import Finding, about, at_least
 from padgen.driver.waveform import CoilDrive, PadDrive, Timeline, braked_s, taus_s, timeline
 from padgen.measured.tuning import Tuning, planned_tuning
 from padgen.physics.selectivity import Channels, line_energy, own_lines, pair_lines
@@ -233,7 +233,7 @@ def slot_findings(
     if contrast is None or contrast.slot_db >= asked_db:
         return ()
 
-    def kept_db(seconds: float, braked: bool) -> float:
+    def kept_db(seconds: float | None, braked: bool) -> float:
         one = frame_contrast(plan, drive, timeline(plan, frames, seconds, braked, tuning, signs), tuning)
         assert one is not None
         return one.slot_db
@@ -248,17 +248,23 @@ def slot_findings(
         while seconds <= LONGEST_S:
             text = at_least(seconds)
             if kept_db(float(text), braked) >= asked_db:
-                added = " with --brake" if braked and not brake else ""
-                tried.append(f"--seconds {text}{added}")
+                way = f"--seconds {text}"
+                if braked and not brake:
+                    # As long as now, and as long as braked frames are where no length is asked for.
+                    suffices = float(text) <= float(at_least(contrast.frame_s)) and kept_db(None, True) >= asked_db
+                    way = "--brake" if suffices else f"--brake with {way}"
+                tried.append(way)
                 break
             seconds *= LONGER
     cure = f"; {' or '.join(tried)} would do" if tried else "; no longer frame that was tried would do"
+    row, column = contrast.coil
     return (
         Finding(
             "warning",
             "frames.slot",
             WHERE,
-            f"averaged over its {number(contrast.frame_s)} s, frame {contrast.frame + 1} keeps"
-            f" {contrast.slot_db:.1f} dB of ON over OFF on the coil {contrast.coil}; asked: {asked_db:.1f} dB{cure}",
+            f"on average over its {about(contrast.frame_s, 3)} s, frame {contrast.frame + 1} has"
+            f" {contrast.slot_db:.1f} dB of ON over OFF on coil r{row}c{column} (asked of a frame: {asked_db:.1f} dB),"
+            f" since vibration takes time to rise and to die away{cure}",
         ),
     )

@@ -43,7 +43,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import SpecError, at_least, number
+from padgen.core.errors import SpecError, at_least, number, plural
 from padgen.core.units import MH, MS
 from padgen.measured.tuning import Tuning, levels_um, played_tuning, tuned_spec
 from padgen.physics.crest import (
@@ -71,6 +71,7 @@ __all__ = [
     "HIGHEST_RATE_HZ",
     "RATES_HZ",
     "RATE_OVER_RESONANCE",
+    "SECONDS",
     "CoilDrive",
     "PadDrive",
     "Timeline",
@@ -438,23 +439,23 @@ def timeline(
             "frames",
         )
     if seconds_each is not None and not (np.isfinite(seconds_each) and seconds_each > 0):
-        raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", "frames")
+        raise SpecError(f"must be above 0 s for a frame, got {number(seconds_each)} s", SECONDS)
     if plan.scheme.takes_turns and not brake:
         return _in_turns(plan, frames, seconds_each, signs)
     ramp = ramp_s(plan)
     length = seconds_each or frame_s(plan, brake)
     stop = None
-    why = "which switches in so long"
+    why = "to switch in"
     least = ramp
     if brake:
         stop = brake_of(plan, tuning)
         least = braked_s(plan, tuning)
-        why = "which is switched in, held and braked"
+        why = "to be switched in, held and braked"
         length = length if seconds_each else max(length, least)
     if length < least * (1 - 1e-12):
         raise SpecError(
-            f"must be at least {at_least(least)} s for a frame, {why}, got {number(length)} s",
-            "frames",
+            f"a frame of {plan.name} needs at least {at_least(least)} s {why}, got {number(length)} s",
+            SECONDS,
         )
     taus = taus_s(plan, tuning) if stop else None
     return _signed(*keyframes(frames, length, ramp, stop, taus, signs), length, frames, signs)
@@ -476,9 +477,9 @@ def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None, signs:
     slot = (seconds_each or frame_s(plan)) / slots
     if slot < 2 * ramp_s(plan) * (1 - 1e-12):
         raise SpecError(
-            f"must be at least {at_least(2 * ramp_s(plan) * slots)} s for a frame of {slots} slots,"
-            f" got {number(slot * slots)} s",
-            "frames",
+            f"a frame of {plan.name} needs at least {at_least(2 * ramp_s(plan) * slots)} s for {slots}"
+            f" channel{plural(slots)} in turn, got {number(slot * slots)} s",
+            SECONDS,
         )
     times = np.arange(2 * slots * len(frames) + 1) * slot / 2
     levels = np.zeros((len(times), frames.shape[1]))
@@ -488,6 +489,8 @@ def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None, signs:
     return _signed(times, levels, slot * slots, frames, signs)
 
 
+SECONDS = "--seconds"
+"""Where a frame's length is asked for."""
 BLOCK = 1 << 17
 """Numbers in a block, samples times coils: what stays in a core's cache."""
 ROW = 256

@@ -132,7 +132,12 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
             silent.append(coil)
             continue
         if len(at) > 1:
-            sentence = f"was felt at {' and '.join(map(_coil, at))}: play its taxels again"
+            tables = {"each": played_own, CROSSED: played_crossed}
+            patterns = [pattern for pattern, tones in tables.items() if any(tones.get(coil, []))]
+            sentence = (
+                f"its taxels were felt at {' and '.join(map(_coil, at))}: play them again"
+                f" (--pattern {' and '.join(patterns)}), and correct the table"
+            )
             findings.append(Finding("error", "wiring.mixed", _coil(coil), sentence))
             continue
         places[coil] = at[0]

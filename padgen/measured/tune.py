@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from padgen.core.errors import LEVELS, FileError, Finding, at_most, number
+from padgen.core.errors import LEVELS, FileError, Finding, at_most, number, plural
 from padgen.core.files import OutputFolder, differs, is_unchanged, json_text, recover
 from padgen.core.units import GRAM, MG
 from padgen.measured.fits import TaxelFit, fit_measured, fitted, tuning_picture
@@ -66,6 +66,7 @@ __all__ = [
     "RetunedFolder",
     "Trim",
     "TrimStep",
+    "UnfittedError",
     "estimated",
     "judge_print",
     "measured_rows",
@@ -481,7 +482,7 @@ def _close(
 ) -> Iterator[Finding]:
     need = needed_db(plan)
     by_coil = {(trim.row, trim.column): trim for trim in trimmed}
-    needed = f"{need:.1f} dB" + (" (the plan's less 1 dB)" if need < plan.selectivity.asked_db else "")
+    needed = f"{need:.1f} dB" + (", the plan's less 1 dB" if need < plan.selectivity.asked_db else "")
     others = [name for name, db in schemes_db if db is not None and db >= need and name != plan.selectivity.drive]
     other = min(others, key=lambda name: Scheme(name).takes_turns, default=None)
     short = [(c.all_states_db, c) for c in after if c.all_states_db is not None and c.all_states_db < need - ROUNDED_DB]
@@ -497,7 +498,7 @@ def _close(
             "warning",
             "retune.close",
             f"coil r{coil.row}c{coil.column}",
-            f"re-tuned it keeps {db:.1f} dB in its worst state, asked are {needed}; {off.id} at"
+            f"re-tuned it keeps {db:.1f} dB of ON over OFF in its worst state (asked: {needed}); {off.id} at"
             f" {number(off.resonance_hz)} Hz is moved most by the tone of {heard.id} at"
             f" {number(heard.resonance_hz)} Hz, {abs(off.resonance_hz / heard.resonance_hz - 1):.1%} apart with a"
             f" bandwidth of {1 / off.q:.1%};"
@@ -508,8 +509,8 @@ def _close(
             "warning",
             "retune.close",
             "1 more coil" if more == 1 else f"{more} more coils",
-            f"re-tuned {'it keeps' if more == 1 else 'they keep'} {short[MOST_NAMED][0]:.1f} dB or more,"
-            f" asked are {needed}; retune.json has the advice for each",
+            f"re-tuned {'it keeps' if more == 1 else 'they keep'} {short[MOST_NAMED][0]:.1f} dB of ON over OFF or more"
+            f" (asked: {needed}); retune.json has the advice for each",
         )
 
 
@@ -626,13 +627,16 @@ def _unmeasured(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
     if missing := [(taxel, plan.channels[taxel_plan.channel]) for taxel, taxel_plan in pairs if not taxel.measured]:
         moved = any(taxel.resonance_hz != channel.resonance_hz for taxel, channel in missing)
         error = max(taxel.resonance_error_hz / taxel.resonance_hz for taxel, _ in missing)
-        what = "get the tones that the measured ones make likely" if moved else "keep the plan's tones"
+        one = len(missing) == 1
+        keep = f"keep{'s its' if one else ' their'} planned tone{plural(len(missing))}"
+        likely = f"get{'s the tone' if one else ' tones'} that the measured ones make likely"
+        cure = "measure the rest" if moved else "measure the rest, or add --estimate-rest"
         yield Finding(
             "warning",
             "retune.unmeasured",
             _named([taxel.id for taxel, _ in missing]),
-            f"{len(missing)} of {len(tuning.taxels)} taxels were not measured and {what}, good to {error:.1%} (one"
-            " sigma)",
+            f"{len(missing)} of {len(tuning.taxels)} taxels {'was' if one else 'were'} not measured and"
+            f" {likely if moved else keep}, off the resonance by up to {error:.1%} (one sigma); {cure}",
         )
 
 
@@ -647,6 +651,10 @@ MEASURED = "measured.csv"
 PRINTED = "printed.json"
 PICTURE = "tuning.png"
 Progress = Callable[[str], None]
+
+
+class UnfittedError(FileError):
+    """The data of a taxel do not show one resonance, as `fit_measured` finds; they are drawn in the folder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -702,7 +710,7 @@ def write_retuned(
         with OutputFolder(folder) as out:
             out.write(PICTURE, drawn[PICTURE])
             out.commit()
-        raise FileError(f"{refused.message}; its data are drawn in {folder / PICTURE}", refused.where)
+        raise UnfittedError(f"{refused.message}; its data are drawn in {folder / PICTURE}", refused.where)
     progress("re-tuning")
     result = retuned_with_coupon(plan, fits, nearest, estimate_rest, coupon)
     table = {**asdict(result), "taxels": measured_rows(plan, result.tuning), "fits": fits}

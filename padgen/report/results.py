@@ -57,9 +57,10 @@ def driven_text(
     name = plan.name
     done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
-        done = f"Heard on {name}, the file keeps {heard.selectivity_db:.1f} dB (asked: {heard.asked_db:.1f} dB)"
-    if driven.outputs is not None:
-        done += f" for {_outputs_text(driven.outputs)}"
+        done = (
+            f"Played on a simulated {name}, drive.wav has {heard.selectivity_db:.1f} dB of ON over OFF"
+            f" (asked: {heard.asked_db:.1f} dB)"
+        )
     picture = ""
     place = plain(str(driven.folder))
     if frames is not None:
@@ -71,7 +72,7 @@ def driven_text(
             frame_count = (
                 f"{frame_count}, here from frame {first + 1} on"
                 if len(shown) > 1
-                else f"frame {first + 1} of {len(frames)}"
+                else f"frame {first + 1} of {len(frames)}{', the first with a taxel ON' if first else ''}"
             )
         key = "seen from the touch side (# ON, + between, . OFF, blank: no taxel)"
         picture = f"{frame_count}, {key}:\n{frames_text(plan, shown)}"
@@ -80,6 +81,7 @@ def driven_text(
     errors = [finding for finding in plan.findings if finding.level == "error"]
     lines = [
         outcome_line(done, [*errors, *driven.findings]),
+        "" if driven.outputs is None else _outputs_text(driven.outputs),
         verdict_text(plan.verdict),
         serious_text(driven.findings, verbose),
         picture,
@@ -96,15 +98,15 @@ def driven_text(
 
 
 def _outputs_text(outputs: "Outputs") -> str:
-    """Return which outputs a drive needs and, in brackets, what an AC-coupled sound card would leave of it."""
+    """Return which outputs a drive needs, and what an AC-coupled sound card would make of it."""
     if outputs.ac_corner_hz is None:
-        return f"{counted(outputs.count, 'output')}, AC or DC coupled"
-    left = "none of its lines"
+        return f"It needs {counted(outputs.count, 'output')}, AC or DC coupled."
+    left = "no taxel would vibrate at its resonance"
     if outputs.ac_selectivity_db is not None and outputs.selectivity_db is not None:
-        left = f"{outputs.ac_selectivity_db:.1f} of {outputs.selectivity_db:.1f} dB"
+        left = f"ON over OFF would be {outputs.ac_selectivity_db:.1f} dB instead of {outputs.selectivity_db:.1f} dB"
     elif outputs.ac_level_db is not None:
-        left = f"lines that are {-outputs.ac_level_db[1]:.1f} to {-outputs.ac_level_db[0]:.1f} dB lower"
-    return f"{counted(outputs.count, 'DC-coupled output')} (an AC-coupled card leaves {left})"
+        left = f"ON taxels would vibrate {-outputs.ac_level_db[1]:.1f} to {-outputs.ac_level_db[0]:.1f} dB less"
+    return f"It needs {counted(outputs.count, 'DC-coupled output')}: through an AC-coupled sound card {left}."
 
 
 def driven_table(plan: "Plan", driven: "Driven", notes: Sequence[str]) -> dict[str, Any]:
@@ -143,12 +145,17 @@ def _wave_text(report: "WaveReport") -> str:
         f"each coil takes at most {1e3 * max(report.rms_current_a):.3g} mA rms and {max(report.copper_loss_w):.3g} W",
     ]
     if report.loss_over_tones is not None and Scheme(report.scheme).has_constant:
-        lines[-1] += f"; copper loss {report.loss_over_tones:.3g} times that of plain tones with the same force"
+        lines[-1] += f"; all together heat {_heat_text(report.loss_over_tones)} plain tones of the same force would"
     if report.loops:
         lines.append("it repeats without a seam")
     if report.carrier_hz is not None:
         lines[-1] += f"; on a carrier of {number(report.carrier_hz)} Hz"
     return "\n".join(lines)
+
+
+def _heat_text(times: float) -> str:
+    """Say how much heat something makes over that of another, to two digits."""
+    return "as much as" if about(times) == "1" else f"{about(times)} times as much as"
 
 
 def _warmth_text(plan: "Plan", beam_rise_k: float) -> str:
@@ -157,11 +164,11 @@ def _warmth_text(plan: "Plan", beam_rise_k: float) -> str:
 
 
 def _contrast_text(contrast: "FrameContrast") -> str:
-    end = "" if contrast.end_db is None else f", at its end {contrast.end_db:.1f} dB"
+    end = "" if contrast.end_db is None else f"; at the end of a frame, {contrast.end_db:.1f} dB"
     row, column = contrast.coil
     return (
-        f"averaged over each frame of {number(contrast.frame_s)} s, the worst coil keeps {contrast.slot_db:.1f} dB of"
-        f" ON over OFF (r{row}c{column} in frame {contrast.frame + 1}){end}, as predicted"
+        f"predicted: on average over a frame of {about(contrast.frame_s, 3)} s, {contrast.slot_db:.1f} dB of ON over"
+        f" OFF or more (least: coil r{row}c{column} in frame {contrast.frame + 1}){end} or more"
     )
 
 
@@ -169,9 +176,9 @@ def _recoil_text(recoil: "PlayedRecoil") -> str:
     if recoil.signed_db is None or recoil.in_step_db is None or recoil.moving_g is None:
         return ""
     return (
-        f"{recoil.mount}, the pad of {number(round(recoil.moving_g))} g recoils from its ON taxels and keeps"
-        f" {recoil.signed_db:.1f} dB of ON over OFF in the worst frame; with all taxels of a frequency in step it would"
-        f" keep {recoil.in_step_db:.1f} dB"
+        f"predicted: {recoil.mount}, the pad of {number(round(recoil.moving_g))} g recoils from its ON taxels:"
+        f" {recoil.signed_db:.1f} dB of ON over OFF in the worst frame, other coils' leakage counted"
+        f" ({recoil.in_step_db:.1f} dB if all taxels of a frequency moved in step)"
     )
 
 
@@ -197,17 +204,15 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
         )
     gap = ", with the pull growing as the gap closes" if heard.with_gap else ""
     leak = plan.reuse.leak_db
-    leaked = (
-        "" if leak is None or not plan.reuse.is_known else f", the plan has their leakage at {-leak:.1f} dB or less"
-    )
+    leaked = "" if leak is None or not plan.reuse.is_known else f", by the plan {-leak:.1f} dB or less"
     slot = heard.slot_contrast
     held = heard.held_contrast
-    frames = "" if slot is None else f"\naveraged over each frame {slot[0]:.1f} dB of ON over OFF in the worst coil"
-    frames += "" if slot is None or held is None else f", at its end {held[0]:.1f} dB, as heard"
+    frames = "" if slot is None else f"\nheard: on average over a frame, {slot[0]:.1f} dB of ON over OFF or more"
+    frames += "" if slot is None or held is None else f"; at the end of a frame, {held[0]:.1f} dB or more"
     return (
         f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
         + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
-        + f"\n(wanted: what a finger on the boss is to feel, all modes counted; coils beside are left out{leaked})"
+        + f"\n(wanted: what a finger on the boss is to feel; not heard here: what other coils leak{leaked})"
         + frames
         + _shaken_text(heard)
     )
@@ -219,21 +224,22 @@ def _shaken_text(heard: "Heard") -> str:
     if heard.shaken is None or heard.shaken_db is None:
         return ""
     return (
-        f"\nwith all coils at once and the pad of {number(round(heard.shaken.moving_g))} g moving"
-        f" ({heard.shaken.mount}), {heard.shaken_db:.1f} dB of ON over OFF are left"
+        f"\nheard: {heard.shaken.mount}, the pad of {number(round(heard.shaken.moving_g))} g recoils from its ON"
+        f" taxels: {heard.shaken_db:.1f} dB of ON over OFF, other coils' leakage not counted"
     )
 
 
 def excitation_text(played: "Excitation", folder: Path, findings: "Sequence[Finding]") -> str:
     """Describe an excitation file, and what to do with it."""
     low, high = played.band_hz
-    how = "all coils at once" if played.together else f"the {len(played.coils)} coils one after the other"
-    share = "" if played.level_share >= 1 else f", times {played.level_share:.3g}"
-    what = "a chirp" if played.kind == "chirp" else played.kind
+    how = "on all coils at once" if played.together else f"on each of {len(played.coils)} coils in turn"
+    how = "on the coil" if len(played.coils) == 1 else how
+    share = "" if played.level_share >= 1 else f"{played.level_share:.3g} times "
+    what = "a chirp whose force runs" if played.kind == "chirp" else f"{played.kind} whose force has frequencies"
     return (
-        f"excitation.wav: {what} of the force from {low:.3g} to {high:.3g} Hz,"
-        f" {played.sweep_s:.3g} s and silence, {how}, {played.seconds:.3g} s in all at {played.rate_hz} Hz;"
-        f" taxels are shaken at their planned levels{share}\n"
+        f"excitation.wav: {what} from {low:.3g} to {high:.3g} Hz"
+        f" {'in' if played.kind == 'chirp' else 'for'} {played.sweep_s:.3g} s, then silence, {how};"
+        f" {played.seconds:.3g} s in all at {played.rate_hz} Hz; taxels reach {share}their planned levels\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
         + "".join(f"{findings_text([finding])}\n" for finding in findings)
         + f"written to {plain(str(folder))}: excitation.wav, excitation.json"
@@ -264,14 +270,18 @@ def laid_text(report: Any, file: str, verbose: bool = False) -> str:
         )
     if figures["drawn_db"] is not None and figures["planned_db"] is not None:
         lines.append(
-            f"with the planned tones this print keeps {figures['planned_db']:.1f} dB between on and off (as drawn"
-            f" {figures['drawn_db']:.1f} dB), re-tuned {figures['retuned_db']:.1f} dB"
+            f"laid so the pad has {figures['planned_db']:.1f} dB of ON over OFF with the planned tones (laid as"
+            f" planned: {figures['drawn_db']:.1f} dB), {figures['retuned_db']:.1f} dB re-tuned; other coils' leakage"
+            " is counted"
         )
     if figures["settings_to_change"] and faults:
         changes = (f"{s['name']} {s['needs']} (is {plain(s['has'])})" for s in figures["settings_to_change"])
-        lines.append(f"in the slicer set: {', '.join(changes)}")
+        # Only these read the profile.
+        reads_profile = any(name in figures["slicer"] for name in ("PrusaSlicer", "SuperSlicer"))
+        load = "load the pad.ini that padgen build writes, or set: " if reads_profile else "set: "
+        lines.append(f"in the slicer {load}{', '.join(changes)}")
     groups: dict[Any, list[dict[str, Any]]] = {}
-    for taxel in figures["taxels"]:
+    for taxel in figures["taxels"] if verbose else sorted(figures["taxels"], key=lambda taxel: taxel["channel"]):
         groups.setdefault(taxel["id"] if verbose else taxel["channel"], []).append(taxel)
     headings = ("taxel" if verbose else "ch", "planned Hz", *(heading for heading, _, _ in LAID))
     rows = []
@@ -290,11 +300,11 @@ LAID: "tuple[tuple[str, int, Callable[[dict[str, Any]], list[float | None]]], ..
     ("off %", 1, lambda t: [None if t["resonance_hz"] is None else 100 * (t["resonance_hz"] / t["planned_hz"] - 1)]),
     ("beam layers", 0, lambda t: [beam["layers"] for beam in t["beams"]]),
     ("thick mm", 2, lambda t: [beam["thickness_mm"] for beam in t["beams"]]),
-    ("first mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][:1]]),
-    ("above mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][1:]]),
+    ("1st layer mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][:1]]),
+    ("others mm wide", 3, lambda t: [width for beam in t["beams"] for width in beam["width_mm"][1:]]),
     ("plate mg", 1, lambda t: [t["plate_mg"]]),
-    ("recess mm", 2, lambda t: [t["recess_depth_mm"]]),
-    ("room mm", 2, lambda t: [t["recess_room_mm"]]),
+    ("recess mm deep", 2, lambda t: [t["recess_depth_mm"]]),
+    ("recess mm wide", 2, lambda t: [t["recess_room_mm"]]),
     ("gap mm", 2, lambda t: [t["gap_mm"]]),
 )
 """Columns of a pad as laid: heading, digits, and the values of a taxel; the smallest and the largest are shown, and a
@@ -326,26 +336,36 @@ def retuned_text(plan: "Plan", result: "Retuned", verbose: bool = False) -> str:
         )
         for row in measured[: MOST_TAXELS if verbose else SHOWN_TAXELS]
     ]
-    head = ("taxel", "planned Hz", "f Hz", "±", "off %", "Q", "±", "drive Hz", "mA peak", "V peak")
+    head = ("taxel", "planned Hz", "measured Hz", "± Hz", "off %", "Q", "± Q", "drive Hz", "mA peak", "V peak")
     done = f"{len(measured)} of {len(plan.taxels)} taxels are re-tuned"
-    if result.before_db is not None and result.after_db is not None:
-        low = (
-            f", at least {result.after_low_db:.1f} dB in 95 of 100 draws of the measurement's errors"
-            if result.after_low_db is not None
-            else ""
-        )
-        done += (
-            f": the worst coil then keeps {result.after_db:.1f} dB of ON over OFF{low}, instead of"
-            f" {result.before_db:.1f} dB with the planned tones (planned {number(round(result.planned_db or 0, 1))} dB,"
-            f" asked {result.asked_db:.1f} dB)"
-        )
+    kept, likely = _kept_texts(result, len(plan.taxels) - len(measured))
     lines = [
-        outcome_line(done, result.findings),
+        outcome_line(f"{done}{kept}", result.findings),
+        likely,
         serious_text(result.findings, verbose),
         table(head, rows),
         f"… and {len(measured) - len(rows)} more, in retune.json" if len(measured) > len(rows) else "",
     ]
     return "\n".join(line for line in lines if line)
+
+
+def _kept_texts(result: "Retuned", unmeasured: int) -> tuple[str, str]:
+    """Return what the worst coil keeps, as the end of the first sentence, and a line on how sure that is.
+
+    Where taxels are unmeasured, what 95 of 100 such prints keep comes first: the figure itself takes these as planned.
+    """
+    if result.before_db is None or result.after_db is None or result.after_low_db is None:
+        return "", ""  # no coil has two channels
+    asked = f"asked: {result.asked_db:.1f} dB"
+    before = f"{result.before_db:.1f} dB with the planned tones"
+    planned = "" if result.planned_db is None else f"; the plan, without print errors, has {result.planned_db:.1f} dB"
+    if unmeasured:
+        others = "the other one" if unmeasured == 1 else f"the {unmeasured} others"
+        kept = f"the worst coil keeps at least {result.after_low_db:.1f} dB of ON over OFF in 95 of 100 such prints"
+        as_taken = "as their tones assume" if unmeasured > 1 else "as its tone assumes"
+        return f": {kept} ({asked})", f"If {others} came out {as_taken}: {result.after_db:.1f} dB ({before}){planned}."
+    sure = f"With the errors of the measurement it keeps at least {result.after_low_db:.1f} dB in 95 of 100 cases"
+    return f": the worst coil keeps {result.after_db:.1f} dB of ON over OFF ({asked}; {before})", f"{sure}{planned}."
 
 
 MOST_ROWS = 12

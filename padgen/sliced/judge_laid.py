@@ -184,8 +184,8 @@ def _judged(
     ]
     if keeps and drawn and drawn[0] - keeps[0] > LOST_DB:
         sentence = (
-            f"with the planned tones this print keeps {keeps[0]:.1f} of the {drawn[0]:.1f} dB that one as drawn keeps;"
-            f" re-tuned, {keeps[1]:.1f} of {drawn[1]:.1f} dB"
+            f"laid so it has {_tenths(keeps[0])} dB of ON over OFF with the planned tones (laid as planned:"
+            f" {_tenths(drawn[0])} dB), and {_tenths(keeps[1])} dB re-tuned ({_tenths(drawn[1])} dB)"
         )
         level = "warning" if keeps[0] > 0 else "error"
         findings.append(Finding(level, "laid.selectivity", "pad", sentence))
@@ -201,6 +201,11 @@ def _judged(
         "taxels": _taxel_figures(plan, laid, beams, plastic, laid_hz),
     }
     return figures, findings
+
+
+def _tenths(level_db: float) -> str:
+    """Write decibels, rounded as in the report's figures first, so that both print alike."""
+    return f"{round(level_db, 2):.1f}"
 
 
 def _of_pad(laid: LaidPad, wrong: Wrong) -> Iterator[Finding]:
@@ -362,7 +367,7 @@ def _of_beams(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> Iterato
             off.setdefault(key, []).append(name)
     for (planned, layers, thick, count), names in sorted(off.items()):
         sentence = (
-            f"are laid {number(thick)} mm thick in {count} layer{plural(count)}, planned are {number(planned)} mm"
+            f"are laid {number(thick)} mm thick in {count} layer{plural(count)}, instead of {number(planned)} mm"
             f" in {layers}"
         )
         yield from _told("error", "laid.layers", names, of, sentence, wrong, "layer_height", "first_layer_height")
@@ -385,31 +390,31 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     of = f"{len(ids)} taxels"
     depth = hollows_mm(plan.spec)[-1][1]
     hollow = "recess"
-    parts = f"the {plan.spec.mover.kind} has"
+    parts = f"the {plan.spec.mover.kind} needs"
     parts_mm = washer.thickness_mm
     if ballast := plan.spec.ballast:
         hollow = "ballast's pocket"
-        parts = f"{plan.spec.mover.kind} and ballast have"
+        parts = f"{plan.spec.mover.kind} and ballast need"
         parts_mm = parts_mm + ballast.height_mm
     closed = laid.gap_mm < CLOSED_MM
     narrow = ~closed & (laid.gap_mm < NARROW_SHARE * plate.gap_mm)
     beside = "xy_size_compensation", "elephant_foot_compensation", "nozzle", "infill_overlap"
     for which, level, word in ((closed, "error", "closed"), (narrow, "warning", "narrow")):
         sentence = (
-            f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads,"
-            f" planned are {number(plate.gap_mm)} mm"
+            f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads"
+            f" instead of {number(plate.gap_mm)} mm"
         )
         yield from _told(level, "laid.gap", ids[which], of, sentence, wrong, *beside)
     hangs = laid.recess_mm < depth - DEPTH_MM
     deep = laid.recess_mm > depth + DEPTH_MM
     sentence = (
-        f"the roof over the {hollow}, strands {_range(laid.strand_mm[hangs])} mm high, hangs into it:"
-        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm, {parts} {number(parts_mm)} mm"
+        f"the roof over the {hollow}, laid in strands {_range(laid.strand_mm[hangs])} mm high, sags:"
+        f" {_range(laid.recess_mm[hangs])} mm are left of {number(depth)} mm of depth, {parts} {number(parts_mm)} mm"
     )
     level = "warning" if laid.recess_mm.min() >= parts_mm - 1e-6 else "error"
     roof = "thick_bridges", "layer_height", "first_layer_height"
     yield from _told(level, "laid.recess", ids[hangs], of, sentence, wrong, *roof)
-    sentence = f"the {hollow} is {_range(laid.recess_mm[deep])} mm deep, planned are {number(depth)} mm"
+    sentence = f"the {hollow} is {_range(laid.recess_mm[deep])} mm deep instead of {number(depth)} mm"
     yield from _told("warning", "laid.recess", ids[deep], of, sentence, wrong, *roof)
     tight = laid.room_mm < washer.outer_diameter_mm
     sentence = (
@@ -442,19 +447,19 @@ def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
         off = np.abs(hz / channel.resonance_hz - 1).max(initial=0.0)
         if not loose and off <= plan.spec.model.tolerance:
             continue
-        sentences = [f"{loose} would not hang by all of their beams"] if loose else []
+        sentences = [f"{loose} would not hang by all of {'its' if loose == 1 else 'their'} beams"] if loose else []
         if len(hz):
             share = 100 * (hz / channel.resonance_hz - 1).round(3)
             sentences.append(
-                f"as laid {len(hz)} would resonate at {_range(hz.round(1))} Hz ({_range(share)} %), planned are"
-                f" {number(round(channel.resonance_hz, 1))} Hz"
+                f"{len(hz)} would resonate at {_range(hz.round(1))} Hz instead of"
+                f" {number(round(channel.resonance_hz, 1))} Hz ({_range(share)} %)"
             )
         yield Finding(
             "error" if loose or off > slot else "warning",
             "laid.resonance",
             f"channel {channel.index}",
-            f"of its {len(hz) + loose} taxels {', '.join(sentences)}"
-            + ("" if off <= slot or loose else f"; its slot ends {slot:.1%} away"),
+            f"laid so, of its {len(hz) + loose} taxels {' and '.join(sentences)}"
+            + ("" if off <= slot or loose else f"; the band that is kept for it ends {slot:.1%} away"),
         )
 
 

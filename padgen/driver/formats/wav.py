@@ -337,13 +337,13 @@ def _findings(name: str, drive: PadDrive, carrier: str) -> Iterator[Finding]:
     if drive.has_constant:
         yield Finding("note", "wave.dc", name, f"has a constant part, so the amplifier must pass 0 Hz{carrier}")
     if drive.alias_db is not None and drive.alias_db > ALIAS_DB:
-        cure = "a higher rate would do" if drive.carrier_hz is None else "a higher carrier has less"
+        cure = "a higher --rate would do" if drive.carrier_hz is None else "a higher --carrier lowers them"
         yield Finding(
             "warning",
             "wave.alias",
             name,
-            f"has {number(drive.alias_db)} dB of its largest line beyond what the amplifier passes, allowed"
-            f" are {ALIAS_DB:g} dB; {cure}",
+            f"its voltage has parts above what the amplifier passes, only {-drive.alias_db:.1f} dB below its largest"
+            f" line (needed: {-ALIAS_DB:g} dB); {cure}",
         )
 
 
