@@ -427,7 +427,15 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     sentence = (
         f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
     )
-    fills = "infill", "infill_overlap", "fill_pattern", "perimeters", "thick_bridges", "xy_size_compensation"
+    fills = (
+        "infill",
+        "infill_overlap",
+        "fill_pattern",
+        "perimeters",
+        "thick_bridges",
+        "wall_transition_angle",
+        "xy_size_compensation",
+    )
     gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / GRAM
     of_moving = np.array([_plate_mm3(plan, c) * gram / c.effective_mass_g for c in plan.channels])[_channels(plan)]
     level = "error" if (np.abs(plastic - 1) * of_moving).max() > SURELY_OTHER_MASS else "warning"
