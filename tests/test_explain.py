@@ -244,7 +244,8 @@ def test_yield_text_says_what_costs_most(paper_plan):
     text = yield_text(print_yield(paper_plan, 200))
     assert "200 pads printed in the computer (seed 0)" in text
     # As planned, common height and each taxel's own thickness cost about alike.
-    assert re.search("costliest spread, tones as planned: (common z|thickness) mm, re-tuned: thickness mm", text)
+    as_planned = "tones as planned: thickness, (whole print|each taxel), mm"
+    assert re.search(rf"the error that costs most, {as_planned} \(.*\); re-tuned: thickness, each taxel, mm \(", text)
     assert "so that hardly a pad can be good at 20.0 dB" in text
 
 

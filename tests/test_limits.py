@@ -96,7 +96,7 @@ def watts(plan: Plan, volts_held: np.ndarray, rate_hz: int) -> float:
 
 def asked_in(finding: Finding) -> float:
     """Return the figure that a finding about a limit says is asked."""
-    return float(re.search(r" is ([\d.e+-]+)", finding.message).group(1))
+    return float(re.search(r" (?:is|rise by|rise by at least) ([\d.e+-]+)", finding.message).group(1))
 
 
 def figure(driven: Driven, code: str) -> float:
