@@ -188,7 +188,7 @@ def test_capacities_by_scheme_and_law(explained):
     assert {(row.scheme, row.level_law) for row in rows} == {(s, p) for s in SCHEMES for p in (0.0, 1.0, 2.0)}
     assert all(1 <= row.all_states <= row.one_hot for row in rows)
     text = explanation_text(explained[2])
-    assert "4 channels per coil keep what was asked (driven biased); one more is stopped by" in text
+    assert "4 channels per coil keep what was asked (driven biased); what stops one more:" in text
     assert "time-shared  " in text
 
 

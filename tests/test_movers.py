@@ -370,7 +370,7 @@ def test_a_refused_magnet_writes_nothing(tmp_path, capsys):
     told = capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert "coil = 'air-10' would do" in told
-    away_mm, gap_mm, beam, least, farther_mm = map(float, re.search(SNAPS, told).groups())
+    gap_mm, away_mm, beam, least, farther_mm = map(float, re.search(SNAPS, told).groups())
     assert gap_mm == 1
     coil = solenoid(10 * MM, 4 * MM, 10 * MM, 1000, 4 * MM, 1000)
     disc = magnet.magnet_of(make_spec(MAGNETS).magnet)
