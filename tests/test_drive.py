@@ -90,7 +90,7 @@ def test_a_scheme_that_the_search_chose_is_not_said_to_be_asked_for():
     for drive, is_asked_for in ((None, False), ({"scheme": "time-shared"}, True)):
         plan = pg.plan(table | ({"drive": drive} if drive else {}))
         assert plan.spec.drive.scheme == (drive or {"scheme": "biased"})["scheme"]
-        (finding,) = [found for found in plan.findings if found.code == "drive.slow"]
+        (finding,) = [f for f in plan.findings if f.code == "drive.slow"]
         assert ("the spec asks for that scheme" in finding.message) == is_asked_for
         assert ("chosen by the search" in plan.selectivity.why) != is_asked_for
 
