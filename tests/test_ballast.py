@@ -174,7 +174,7 @@ def test_rocking_near_a_tone_is_a_warning_with_a_cure_that_was_tried(nut):
     assert min(others) < NEAR_RATIO
     (found,) = [finding for finding in nut.findings if finding.code == "modes.rocking"]
     assert found.level == "warning"
-    assert f"{min(others):.2f} times off" in found.message
+    assert f"a factor of {min(others):.2f} off" in found.message
     assert found.cures == ({"suspension.topology": "bridge"},)
     steady = make_plan(make_spec(ONE | {"suspension": {"topology": "bridge"}}))
     assert all(finding.code != "modes.rocking" for finding in steady.findings)

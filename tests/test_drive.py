@@ -77,11 +77,22 @@ def test_a_scheme_that_is_asked_for_is_taken():
         plan = plan_of(scheme=scheme)
         assert (plan.selectivity.drive, plan.selectivity.why) == (
             scheme,
-            "as the spec says, or as the search for the fewest coils found where the spec leaves it open",
+            "as the spec says",
         )
         half = scheme in ("tones", "time-shared")
         for channel in plan.channels:
             assert channel.drive_hz == channel.resonance_hz * (0.5 if half else 1)
+
+
+def test_a_scheme_that_the_search_chose_is_not_said_to_be_asked_for():
+    """A plan with few coils is driven biased although its spec names no drive."""
+    table = {"name": "few", "resolution": 32, "band_hz": [50, 200], "q_min": 1500}
+    for drive, is_asked_for in ((None, False), ({"scheme": "time-shared"}, True)):
+        plan = pg.plan(table | ({"drive": drive} if drive else {}))
+        assert plan.spec.drive.scheme == (drive or {"scheme": "biased"})["scheme"]
+        (finding,) = [f for f in plan.findings if f.code == "drive.slow"]
+        assert ("the spec asks for that scheme" in finding.message) == is_asked_for
+        assert ("chosen by the search" in plan.selectivity.why) != is_asked_for
 
 
 def test_turns_are_taken_only_where_they_reach_what_is_asked_and_fast_enough():

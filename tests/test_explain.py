@@ -188,7 +188,7 @@ def test_capacities_by_scheme_and_law(explained):
     assert {(row.scheme, row.level_law) for row in rows} == {(s, p) for s in SCHEMES for p in (0.0, 1.0, 2.0)}
     assert all(1 <= row.all_states <= row.one_hot for row in rows)
     text = explanation_text(explained[2])
-    assert "4 channels per coil keep what was asked (driven biased); one more is stopped by" in text
+    assert "4 channels per coil keep what was asked (driven biased); what stops one more:" in text
     assert "time-shared  " in text
 
 
@@ -244,7 +244,8 @@ def test_yield_text_says_what_costs_most(paper_plan):
     text = yield_text(print_yield(paper_plan, 200))
     assert "200 pads printed in the computer (seed 0)" in text
     # As planned, common height and each taxel's own thickness cost about alike.
-    assert re.search("costliest spread, tones as planned: (common z|thickness) mm, re-tuned: thickness mm", text)
+    as_planned = "tones as planned: thickness, (whole print|each taxel), mm"
+    assert re.search(rf"the error that costs most, {as_planned} \(.*\); re-tuned: thickness, each taxel, mm \(", text)
     assert "so that hardly a pad can be good at 20.0 dB" in text
 
 

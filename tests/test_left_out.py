@@ -373,7 +373,8 @@ def test_largest_first_and_plain(name):
     assert [LeftOut(**e) for e in read] == list(entries)
     line = left_out_line(entries)
     first = next(e.term for e in entries if not e.computed)
-    assert line.startswith(f"ignored effects: {RUNGS[first][0]}: ") and line.endswith(("smaller one", "smaller ones"))
+    assert line.startswith(f"effects not counted in these figures: {RUNGS[first][0]} (")
+    assert line.endswith(("smaller one", "smaller ones"))
 
 
 def test_findings_are_of_terms_above_the_tolerance():
@@ -385,10 +386,10 @@ def test_findings_are_of_terms_above_the_tolerance():
         large = [e for e in entries if not e.computed and (e.bound or 9.0) > tolerance]
         assert len(found) == bool(large)
         assert all(f.level == "note" and f.code == "model.left_out" for f in found)
-        assert all(f"{RUNGS[e.term][0]}: " in found[0].message for e in large)
+        assert all(f"{RUNGS[e.term][0]}, " in found[0].message for e in large)
     computed = [replace(e, computed=True) for e in entries]
     assert not list(judge_left_out(spec, computed))
-    assert left_out_line(computed) == "ignored effects: none"
+    assert left_out_line(computed) == "effects not counted in these figures: none"
 
 
 def test_line():
@@ -398,13 +399,14 @@ def test_line():
         LeftOut("motion", 3.456e-6, "1", "current of channel 2", computed=False),
     ]
     cause, cure = RUNGS["switching"]
-    switching = f"ignored effects: {cause}: an unbounded share of the ring-down of channel 0"
-    motion = f"{RUNGS['motion'][0]}: up to 0.00035 % of the current of channel 2"
-    assert left_out_line(entries) == f"{switching}; {motion}"
-    assert left_out_line(entries, most=1) == f"{switching}; 1 smaller one"
+    unknown = "the ring-down of channel 0 changes by an unknown amount"
+    switching = f"effects not counted in these figures: {cause} ({unknown})"
+    motion = f"{RUNGS['motion'][0]} (up to 0.00035 % of the current of channel 2)"
+    assert left_out_line(entries) == f"{switching}, {motion}"
+    assert left_out_line(entries, most=1) == f"{switching}, and 1 smaller one"
     finding = next(judge_left_out(scene("paper-32")[0], entries))
-    assert "ignored effects above 2 % (model.tolerance)" in finding.message
-    assert finding.message.endswith(f": {cause}: an unbounded share of the ring-down of channel 0 ({cure})")
+    assert "effects above 2 % (model.tolerance)" in finding.message
+    assert finding.message.endswith(f": {cause}, {unknown} (cure: {cure})")
 
 
 def test_one_coil_leaks_nothing_and_one_channel_has_no_neighbour():

@@ -46,7 +46,7 @@ def test_pushes_and_skin_leave_a_gap_or_none(plan):
 def test_one_finding_tells_of_pushes_and_its_cure_holds(plan):
     (found,) = (f for f in plan.findings if f.code == "touch.push")
     assert (found.level, found.where) == ("warning", "channel 0")
-    assert "with 16 mN closes its gap of 0.93 mm" in found.message and "pushes it by 0.93 mm" in found.message
+    assert "with 16 mN closes its gap of 0.93 mm" in found.message and "1 mm proud, by 0.93 mm" in found.message
     cured = make_plan(varied(plan.spec, found.cures[0]))
     assert not any(next(p for p in cured.pushed.pushes if p.skin == "typical").contact)
     assert [f.level for f in cured.findings if f.code == "touch.push"] == ["note"]

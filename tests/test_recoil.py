@@ -238,7 +238,7 @@ def test_recoil_is_that_of_the_spec_where_no_mount_is_given():
 def test_a_summary_says_what_is_left_where_figures_are_of_a_pad_held_still(case):
     name, mount, _ = MOUNTED[case]
     plan, _ = stated(name, mount)
-    line = f"On its mount it recoils, and keeps {moving_pad_db(plan):.1f} dB."
+    line = f"on its mount it recoils, and keeps {moving_pad_db(plan):.1f} dB instead of"
     assert (line in summary_text(plan)) == (case == "pad-32 loose")
 
 

@@ -129,7 +129,10 @@ def test_the_verdict_is_that_of_touched_taxels(touched):
     figure = touched.touch.planned_db
     assert verdict.level == "good"
     assert verdict.figure_db == figure
-    assert f"touched, in 90% of prints and fingers: {figure:.1f} dB (asked: 14.0 dB)" in verdict.sentence
+    assert (
+        f"in 90% of prints and fingers ON taxels vibrate at least {figure:.1f} dB more than OFF ones"
+        in verdict.sentence
+    )
     assert "under a fingertip" in verdict.sentence
     assert f"{touched.prints.print_db:.1f} dB more" in verdict.touched
     asked = pin(delta_y=30)
@@ -269,8 +272,22 @@ def test_a_search_that_finds_no_pad_says_so_with_a_wider_one():
     """Coils of 12 mm on a board have no room on 50 x 48 mm; the pad that is named is planned within all limits."""
     coil = {"kind": "board", "house": "heavy-0.2", "outer_diameter_mm": 12, "gap_mm": 0.4}
     given = {**FOUR, "pad": {"depth_mm": 48}, "coil": coil}
-    with pytest.raises(pg.InfeasibleError, match="that was tried gives a pad to touch") as refused:
+    sentence = "^touch: no pad of 24 taxels that works under a fingertip was found"
+    with pytest.raises(pg.InfeasibleError, match=sentence) as refused:
         pg.plan(given)
     (cure,) = refused.value.cures
     wider = pg.plan({**given, "pad": {name.partition(".")[2]: size for name, size in cure.items()}})
+    assert not [finding for finding in wider.findings if finding.level == "error"]
+
+
+def test_a_band_that_is_too_narrow_for_touch_is_refused_by_that_name():
+    """Not by resonances, which the spec leaves to the search; the wider band and pad that are named work."""
+    given = {"name": "low", "resolution": 32, "band_hz": [50, 200], "q_min": 15, "touch": "fingertip"}
+    with pytest.raises(pg.InfeasibleError, match=r"^touch: .* in band_hz = \[50, 200\]") as refused:
+        pg.plan(given)
+    assert "resonances_hz" not in str(refused.value) and "must rise" not in str(refused.value)
+    (cure,) = refused.value.cures
+    assert set(cure) == {"band_hz", "pad.width_mm", "pad.depth_mm"}
+    pad = {side: cure[f"pad.{side}"] for side in ("width_mm", "depth_mm")}
+    wider = pg.plan({**given, "band_hz": cure["band_hz"], "pad": pad})
     assert not [finding for finding in wider.findings if finding.level == "error"]

@@ -725,7 +725,7 @@ def test_the_change_of_temperature_up_to_which_prints_keep_what_is_asked():
     kept_k = plan.life.retune_k
     assert 0 < kept_k < plan.life.temperature_range_k
     finding = next(finding for finding in plan.findings if finding.code == "print.life")
-    assert f"whenever it is {kept_k:g} K warmer or colder" in finding.message
+    assert f"re-tune it after every change of {kept_k:g} K" in finding.message
     shares = []
     for range_k in (kept_k, kept_k + 1.0):
         spec = replace(plan.spec, life=replace(plan.spec.life, temperature_range_k=range_k))

@@ -7,7 +7,7 @@ may lie near a tone, though a pull along the axis hardly excites them.
 from collections.abc import Iterator
 from typing import Any
 
-from padgen.core.errors import Finding, number
+from padgen.core.errors import Finding, about, number
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.taxel_model import recess_mm
 from padgen.spec import Ballast, Spec, catalogue
@@ -57,9 +57,9 @@ def _rocking(plan: Plan, ballast: Ballast) -> Iterator[Finding]:
             "warning",
             "modes.rocking",
             f"channel {channel.index}",
-            f"with its ballast of {number(ballast.mass_g)} g it rocks at {number(hz)} Hz, {ratio:.2f} times off"
-            f" the tone of {number(tone_hz)} Hz; at least {NEAR_RATIO:g} times should lie between them, since a"
-            " print that is not even makes the tone rock it",
+            f"with its ballast of {about(ballast.mass_g, 3)} g it rocks at {number(hz)} Hz, only a factor of"
+            f" {ratio:.2f} off the tone of {number(tone_hz)} Hz, which rocks it if its print is uneven; a factor of"
+            f" {NEAR_RATIO:g} would be safe",
             tuple(_steadier(plan.spec, ballast)),
         )
 

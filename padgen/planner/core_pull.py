@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import Finding, at_least, number
+from padgen.core.errors import Finding, about, at_least, number
 from padgen.core.units import MM, MN, UM
 from padgen.planner.movers import mover_of
 from padgen.planner.plan import Channel, Plan, Site
@@ -76,11 +76,12 @@ def on_snapping(
         else:
             high = middle
     farther = at_least(high)
-    ends = f"from a gap of {farther} mm on it would not" if not snaps(held) else "nor does a wider gap hold it"
+    ends = f"from a gap of {farther} mm on the beam holds it" if not snaps(held) else "a wider gap does not help"
     sentence = (
-        f"the {spec.mover.kind} {spec.moved.name} of channel {worst}, {number(away[worst])} mm off its coil's axis,"
-        f" snaps to the core at a gap of {number(gap_mm)} mm: its beam has {number(float(stiffness[worst]))} N/m, at"
-        f" least {number(float(rest.least_n_per_m[worst]))} N/m would hold it; {ends}"
+        f"at a gap of {number(gap_mm)} mm the core pulls the {spec.mover.kind} {spec.moved.name} of channel {worst},"
+        f" {about(away[worst], 3)} mm off its coil's axis, onto itself: its beam has"
+        f" {about(float(stiffness[worst]), 4)} N/m, {at_least(float(rest.least_n_per_m[worst]))} N/m would hold it;"
+        f" {ends}"
     )
     return sentence, [*([] if snaps(held) else [{"coil.gap_mm": float(farther)}]), {"coil": "air-10"}]
 

@@ -184,7 +184,9 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
         word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
         reasons.append(f"the {word} {device.name} has {device.channels} channels, one for each coil")
     nothing = (
-        "" if tried else f"; no single change that was tried would do: {spec.mover.kind}, printer, beams, pad, taxels"
+        ""
+        if tried
+        else f"; no single change of {spec.mover.kind}, printer, beams, pad or taxels that was tried would do"
     )
     wanted = f"{spec.resolution} taxels on {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm"
     return InfeasibleError(f"{wanted} cannot be laid out: {'; '.join(reasons)}{nothing}", "resolution", tried)
@@ -221,8 +223,8 @@ def _too_many(spec: Spec, limit: int) -> str:
         word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
         there_are = f"the {word} {device.name} has channels for"
     return (
-        f"{there_are} {coils} coil{plural(coils)} of {number(spec.coil.outer_diameter_mm)} mm, each with at most"
-        f" {per_coil} channels by band, Q and room for plates, {coils * per_coil} taxels in all"
+        f"{there_are} {coils} coil{plural(coils)} of {number(spec.coil.outer_diameter_mm)} mm; band, Q and room for"
+        f" plates allow each at most {per_coil} channel{plural(per_coil)}, {coils * per_coil} taxels in all"
     )
 
 
@@ -230,19 +232,22 @@ def _unreached(spec: Spec, layout: Layout) -> str:
     space = room(spec, layout)
     reachable = reachable_hz(spec, space)
     wanted = ladders(spec, layout.channels, space)
-    cell = f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
+    cell = f"the {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm of a taxel"
     grid = f"the {layout.rows} x {layout.columns} grid"
     if not reachable:  # no beam at all fits a sub-cell that has room for the plate
         length_mm = spec.suspension.length_mm
         such = f"beam of suspension.length_mm = {number(length_mm)}" if length_mm else "beam that prints"
-        return f"{cell} of {grid} holds the plate, but no {such}"
+        return f"{cell} on {grid} hold the plate, but no {such}"
     asked = ", ".join(number(f) for f in wanted[0]) if wanted else "none in the band"
     if wanted and reachable[0] <= wanted[0][0] and wanted[0][-1] <= reachable[1]:
         reach = number(coil_reach_mm(spec))
         sentence = f"beams for {asked} Hz hold a {spec.mover.kind} beyond the coil's reach of {reach} mm from its axis"
     else:
-        sentence = f"{cell} can be printed for {number(reachable[0])} … {number(reachable[1])} Hz, asked are {asked} Hz"
-    return f"{layout.channels} channels per coil on {grid}: {sentence}"
+        sentence = (
+            f"beams that fit {cell} can be printed for {number(reachable[0])} … {number(reachable[1])} Hz (asked:"
+            f" {asked} Hz)"
+        )
+    return f"{layout.channels} channel{plural(layout.channels)} per coil on {grid}: {sentence}"
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:

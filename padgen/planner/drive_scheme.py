@@ -516,8 +516,8 @@ def placed_channels(spec: Spec, planned: Sequence[Channel]) -> Channels:
 def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Sequence[Channel]) -> tuple[str, str]:
     """Return the name of the scheme, and the reason for it in words."""
     if spec.drive.scheme != "auto":
-        stated = "as the spec says, or as the search for the fewest coils found where the spec leaves it open"
-        return spec.drive.scheme, stated
+        may_be_found = ", or chosen by the search for the fewest coils" if spec.may_have_found_scheme else ""
+        return spec.drive.scheme, f"as the spec says{may_be_found}"
     few = {
         1: "a plain tone is the simplest, and a coil's one channel has no other to be told from",
         2: "plain tones are the simplest, and no third taxel is there for their spurs to fall on",

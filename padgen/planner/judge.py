@@ -24,6 +24,7 @@ from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import coil_demand, placed_channels
 from padgen.planner.guard import guard_findings
 from padgen.planner.left_out import judge_left_out
+from padgen.planner.life import changes_text
 from padgen.planner.limits import Moved, exceeded, lower_level
 from padgen.planner.pins import judge_pins
 from padgen.planner.plan import Channel, Plan, channel_sets
@@ -65,8 +66,7 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.one_hot",
             "coil",
-            f"with one channel on, an OFF taxel vibrates {quieter(one_hot)} than the ON one, asked are"
-            f" {bound:.1f} dB less",
+            f"with one channel on, an OFF taxel vibrates {_only(one_hot)} than the ON one (asked: {bound:.1f} dB)",
         )
     if kept < bound:
         counted = figures.all_states_db is not None and kept < figures.all_states_db - PULL_DB
@@ -74,9 +74,9 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.all_states",
             f"state {figures.worst_state}",
-            f"in this worst state (lowest channel first, 1 is ON) with drive = {figures.drive!r} an OFF taxel vibrates"
-            f" {quieter(kept)} than an ON one{', unequal pull and all modes counted' if counted else ''}, asked are"
-            f" {bound:.1f} dB less",
+            "in this state, a coil's worst (lowest channel first, 1 is ON), an OFF taxel vibrates"
+            f" {_only(kept)} than an ON one{', unequal pull and all modes counted' if counted else ''} (asked:"
+            f" {bound:.1f} dB; drive = {figures.drive!r})",
             _selectivity_cures(plan),
         )
     pull = [c.force_constant_n_per_a2 for c in plan.channels]
@@ -98,6 +98,11 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             f"{figures.snapping_db:.1f} dB of selectivity are lost because {spec.printer.name} makes beams wider in"
             f" steps of {number(spec.printer.width_step_mm)} mm, which moves the resonances",
         )
+
+
+def _only(level_db: float) -> str:
+    """Write by how much an OFF taxel vibrates less than an ON one, where that is too little."""
+    return f"{'only ' if level_db >= 0 else ''}{quieter(level_db)}"
 
 
 def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
@@ -128,14 +133,14 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     asked = plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is not None and apart is not None and step < asked and plan.reuse.is_known:
-        by_table = f" ({quieter(step)} by the driver table)" if apart >= asked else ""
+        by_table = f", {quieter(step)} by the driver table" if apart >= asked else ""
+        short = f", {asked - apart:.1g} dB short" if apart < asked < apart + 0.1 else ""
         yield Finding(
             "warning" if apart < asked else "note",
             "coil.leak",
             f"channel {plan.reuse.leak_channel}",
-            "in their worst state the coils around shake this taxel, when it is OFF, re-tuned"
-            f" {quieter(apart)} than its own coil does when ON{by_table}; asked are"
-            f" {asked:.1f} dB less{f' ({asked - apart:.1g} dB short)' if apart < asked < apart + 0.1 else ''}",
+            "OFF, it is shaken by the coils around, in their worst state: once re-tuned, it vibrates"
+            f" {quieter(apart)} than when it is ON{by_table} (asked: {asked:.1f} dB{short})",
         )
 
 
@@ -199,8 +204,8 @@ def _beats(plan: Plan) -> Iterator[Finding]:
                             "warning",
                             "level.beats",
                             f"channels {low.index} and {high.index}",
-                            f"both on, they also pull at {number(hz)} Hz, within the resonance of channel {hit.index}"
-                            f" ({number(hit.resonance_hz)} Hz), whose level then rises and falls",
+                            f"both on, the two also pull at {number(hz)} Hz, so near to the resonance of channel"
+                            f" {hit.index} ({number(hit.resonance_hz)} Hz) that its level beats",
                             ({"drive.scheme": "spur-free"},),
                         )
 
@@ -226,11 +231,11 @@ def _slow(plan: Plan) -> Iterator[Finding]:
     if rate >= drive.least_frames_per_s:
         return
     faster: tuple[dict[str, Any], ...] = ()
-    reason = "the spec asks for that scheme"
+    reason = "" if plan.spec.may_have_found_scheme else "; the spec asks for that scheme"
     if drive.scheme == "auto":
         named = " and ".join(f"the {word} {device.name}" for word, device in feeds)
         plays = "plays" if len(feeds) == 1 else "play"
-        reason = f"{named} {plays} nothing faster that keeps what is asked" if feeds else "no scheme shows more"
+        reason = f"; {named} {plays} nothing faster that keeps what is asked" if feeds else "; no scheme shows more"
         faster = tuple(filter(None, (plan.spec.passing_cure,)))
     elif Scheme(plan.selectivity.drive).takes_turns:
         faster = ({"drive.scheme": "auto"},)
@@ -238,8 +243,8 @@ def _slow(plan: Plan) -> Iterator[Finding]:
         "warning",
         "drive.slow",
         "drive",
-        f"{plan.selectivity.drive} shows {number(rate)} frames/s, drive.least_frames_per_s asks for"
-        f" {number(drive.least_frames_per_s)}; {reason}",
+        f"driven {plan.selectivity.drive}, the pad shows only {at_most(rate)} frames per second;"
+        f" drive.least_frames_per_s asks for {number(drive.least_frames_per_s)}{reason}",
         ({"drive.least_frames_per_s": float(at_most(rate))}, *faster),
     )
 
@@ -306,7 +311,7 @@ def _one_of_each(plan: Plan, findings: Sequence[Finding]) -> list[Finding]:
         by_channel = {int(one.where.removeprefix("channel ")): one for one in group}
         worst = max(by_channel, key=lambda index: WORST[finding.code](plan.channels[index]))
         where = f"channels {', '.join(map(str, by_channel))}"
-        message = f"the worst is channel {worst}: {by_channel[worst].message}"
+        message = f"at worst, on channel {worst}, {by_channel[worst].message}"
         joined.append(replace(by_channel[worst], where=where, message=message))
     return joined
 
@@ -320,9 +325,10 @@ def _spacing(plan: Plan) -> Iterator[Finding]:
                 "warning",
                 "ladder.ratio",
                 f"channels {lower.index} and {upper.index}",
-                f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz lie a factor of {number(ratio)}"
+                f"{number(lower.resonance_hz)} and {number(upper.resonance_hz)} Hz are only a factor of {number(ratio)}"
                 f" apart; at Q = {number(plan.spec.q_min)} the paper's formula asks for {number(bound)}, the upper one"
-                f" at {at_least(lower.resonance_hz * bound)} Hz or higher",
+                f" at {at_least(lower.resonance_hz * bound)} Hz or higher; what that costs is in the dB that prints"
+                " keep",
             )
 
 
@@ -343,9 +349,9 @@ def _off_target(plan: Plan) -> Iterator[Finding]:
                 "warning",
                 "resonance.off",
                 f"channel {channel.index}",
-                f"it resonates {percent(miss)} off its target of {number(channel.target_hz)} Hz, {percent(share)}"
-                f" allowed: beams are as wide as whole steps of {number(spec.printer.width_step_mm)} mm; the driver"
-                " table drives it where it resonates",
+                f"it resonates {percent(miss)} off its target of {number(channel.target_hz)} Hz (allowed:"
+                f" {percent(share)}), since beams are whole steps of {number(spec.printer.width_step_mm)} mm wide; the"
+                " driver table drives it where it resonates, so that nothing need be done",
             )
         if not spec.band_hz[0] * (1 - DRAWN_SHARE) <= channel.resonance_hz <= spec.band_hz[1] * (1 + DRAWN_SHARE):
             yield Finding(
@@ -405,8 +411,8 @@ def _prints(plan: Plan) -> Iterator[Finding]:
             "print.share",
             "pad",
             f"with every taxel re-tuned, {prints.good_share:.0%} of its prints keep the {asked:.1f} dB of ON over OFF"
-            f" that are asked for; {wanted:.0%} of all prints keep {prints.print_db:.1f} dB; --explain ranks what would"
-            " help, --plot draws which coils suffer",
+            f" that are asked for; {wanted:.0%} of all prints keep {prints.print_db:z.1f} dB; --explain ranks what"
+            " would help, --plot draws which coils suffer",
         )
     if prints.planned_db < min(asked, prints.print_db):
         yield Finding(
@@ -426,20 +432,19 @@ def _life(plan: Plan) -> Iterator[Finding]:
         return
     asked_db = plan.selectivity.asked_db
     do = f"keep the {asked_db:.1f} dB asked for"
-    kept = "" if life.print_db is None else f"; {wanted:.0%} keep {life.print_db:.1f} dB"
+    kept = "" if life.print_db is None else f" ({wanted:.0%} keep {life.print_db:z.1f} dB)"
     if life.print_db is None or life.print_db >= asked_db:
         do = "move every taxel by more than 0.7 of its level"
         kept = ""
-    under = "" if plan.touch is None else " and fingers"
-    when = f"even without a change of temperature, fewer than {wanted:.0%} do"
+    when = "ageing and Q alone are too much: re-tune it from time to time"
     if life.retune_k > 0:
-        when = f"re-tune it whenever it is {number(life.retune_k)} K warmer or colder"
+        when = f"re-tune it after every change of {number(life.retune_k)} K"
     yield Finding(
         "warning",
         "print.life",
         "pad",
-        f"re-tuned once, {life.good_share:.0%} of its prints{under} still {do} when"
-        f" it is {number(life.temperature_range_k)} K warmer or colder, aged, and of unlike Q{kept}; {when}",
+        f"re-tuned once, only {life.good_share:.0%} of its {plan.spec.touch.prints_text} (asked: {wanted:.0%}) still"
+        f" {do} when {changes_text(plan.spec)}{kept}; {when}",
     )
 
 
@@ -516,14 +521,14 @@ def _model_doubt(spec: Spec, channel: Channel) -> str:
     tuned = asked_error(spec)
     asked = spec.model.tolerance
     if channel.model == "solid":
-        known = f"finite elements may be off by {error:.2%} of its resonance, asked is {tuned:.2%}: it is not tuned"
+        known = f"finite elements may be off by {error:.2%} of its resonance (allowed: {tuned:.2%}): it is not tuned"
         return known if error > tuned else ""
     if spec.model.structure == "solid":
         return (
             f"it is planned by the beam model, which may be off by {error:.2%} of its resonance, since finite elements"
-            f" know it no better; asked is {tuned:.2%}"
+            f" know it no better (allowed: {tuned:.2%})"
         )
-    doubt = f"the beam model may be off by {error:.1%} of its resonance, model.tolerance is {asked:.1%}"
+    doubt = f"the beam model may be off by {error:.1%} of its resonance, more than model.tolerance = {asked:.1%}"
     return f"{doubt}; --model solid computes it by finite elements and tunes its beams" if error > asked else ""
 
 
@@ -570,8 +575,8 @@ def _places(plan: Plan) -> Iterator[Finding]:
             "warning" if plan.pitch.ratio > HOLE_RATIO else "note",
             "layout.pitch",
             "pad",
-            f"{name} of taxels lie {low:.2f} to {high:.2f} mm apart, a ratio of {about(high / low, 3)};"
-            f" up to {EVEN_RATIO:g} counts as even. The {plan.spec.mover.kind}s hang as near to their coil's axis as"
+            f"images come out uneven: {name} of taxels lie {low:.2f} to {high:.2f} mm apart ({about(high / low, 3)} :"
+            f" 1, even is up to {EVEN_RATIO:g} : 1), since {plan.spec.mover.kind}s hang as near to their coil's axis as"
             " their beams allow",
         )
 
@@ -713,14 +718,14 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
     yield from _unexcited(plan, all_crowds)
     for crowd in all_crowds:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
-        cost = f", and costs {crowd.costs_db:.1f} dB, at most {number(MODES_DB)}" if crowd.costs_db else ""
+        cost = f"; it costs {crowd.costs_db:.1f} dB (allowed: {number(MODES_DB)} dB)" if crowd.costs_db else ""
         yield Finding(
             "warning",
             "modes.crowded",
             f"channel {crowd.channel}",
             f"its {name} mode at {number(crowd.hz)} Hz lies near {crowd.line} ({number(crowd.line_hz)} Hz), which moves"
-            f" the taxel, when OFF, by {crowd.planned:.2g} of its ON amplitude, and by {crowd.at_peak:.2g} if a print"
-            f" brings the two together, at most {number(1 / spec.delta_y)}{cost}",
+            f" the OFF taxel by {crowd.planned:.2g} of its ON amplitude, by {crowd.at_peak:.2g} if a print"
+            f" brings the two together (allowed: {number(1 / spec.delta_y)}){cost}",
             cures,
         )
     figures = plan.selectivity
@@ -734,9 +739,9 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
             "warning",
             "selectivity.modes",
             "coil",
-            "the taxels' other modes, which a pull off the washers' centres excites, cost"
-            f" {figures.modes_cost_db:.1f} dB in all states{most}: {figures.placed_all_states_db:.1f} dB are left, at"
-            f" most {number(MODES_DB)} dB should be lost",
+            f"pulled off their centres, {spec.mover.kind}s also swing in other modes, which costs"
+            f" {figures.modes_cost_db:.1f} dB in the worst state (allowed: {number(MODES_DB)} dB){most};"
+            f" {figures.placed_all_states_db:.1f} dB are left",
             cures,
         )
 

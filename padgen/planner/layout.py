@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import number
+from padgen.core.errors import number, plural
 from padgen.core.registry import COILS, MOVERS, SUSPENSIONS
 from padgen.core.units import MM
 from padgen.planner.plan import TURNS, Channel, CoilGrid, Pitch, Plan, Site, Taxel
@@ -401,12 +401,13 @@ def explain(spec: Spec, layout: Layout) -> str:
     """Return one clause that names the limit that binds this layout, and by how much."""
     kind, slack = layout.binding
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
-    sub = f"{number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm sub-cell"
+    sub = f"a taxel has {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm"
     inside = room(spec, layout)
     plate = plate_shape(spec)
     washer = spec.moved
     reach_mm = coil_reach_mm(spec)
     least = coil_room_mm(spec, layout.rows)
+    short_mm = 2 * spec.printer.smallest_gap_mm - (inside.width_mm - plate.width_mm)
     with_tracks = f", with tracks beside it {number(least[0])} x {number(least[1])} mm"
     if max(least) <= spec.coil.outer_diameter_mm:
         with_tracks = ""
@@ -415,13 +416,13 @@ def explain(spec: Spec, layout: Layout) -> str:
         f" {number(pitch)} mm",
         "reach": f"the farthest {spec.mover.kind} lies {number(reach_mm - slack)} mm off the coil axis,"
         f" beyond the coil's reach of {number(reach_mm)} mm",
-        "width": f"in the {sub} the {spec.mover.kind} {washer.name} ({number(washer.outer_diameter_mm)} mm) in its"
-        f" walls leaves {number(inside.width_mm - plate.width_mm)} mm for the two gaps of"
-        f" {number(spec.printer.smallest_gap_mm)} mm",
-        "length": f"in the {sub} the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
+        "width": f"{sub}, the {spec.mover.kind} {washer.name} ({number(washer.outer_diameter_mm)} mm) with its walls"
+        f" and two gaps of {number(spec.printer.smallest_gap_mm)} mm is {number(short_mm)} mm too wide",
+        "length": f"{sub}, the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
         f" ({number(-slack)} mm short)",
     }
-    return f"{layout.channels} channels per coil on the {layout.rows} x {layout.columns} grid: {sentences[kind]}"
+    channels = f"{layout.channels} channel{plural(layout.channels)} per coil"
+    return f"{channels} on the {layout.rows} x {layout.columns} grid: {sentences[kind]}"
 
 
 def taxel_places(plan: Plan) -> np.ndarray:

@@ -249,7 +249,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     shaken = plan.recoil
     if shaken.in_step_db is not None and not plan.spec.mount.is_fast:
         heard = 10 ** (-shaken.kept_db(inf, shaken.in_step_db) / 20)
-        entries.append(LeftOut("recoil", heard, "1", "ON level, in what prints keep", computed=False))
+        entries.append(LeftOut("recoil", heard, "1", "ON level", computed=False))
     if plan.warm.resonance_shift:
         shift = abs(plan.warm.resonance_shift)
         entries.append(LeftOut("warmth", shift, "1", "resonances over the warmest coil", computed=False))
@@ -284,33 +284,40 @@ def left_out_line(entries: Sequence[LeftOut], most: int = 3) -> str:
     """Return one line of text with the `most` largest effects that are left out.
 
     >>> left_out_line([LeftOut("saturation", 0.0031, "1", "force of channel 1", False)])
-    'ignored effects: the steel saturates: up to 0.31 % of the force of channel 1'
+    'effects not counted in these figures: the steel saturates (up to 0.31 % of the force of channel 1)'
     """
     dropped = _ignored(entries)
     more = len(dropped) - most
-    rest = f"; {more} smaller one{plural(more)}" if more > 0 else ""
-    return f"ignored effects: {'; '.join(map(_told, dropped[:most])) or 'none'}{rest}"
+    rest = f", and {more} smaller one{plural(more)}" if more > 0 else ""
+    largest = ", ".join(f"{RUNGS[entry.term][0]} ({_size_text(entry)})" for entry in dropped[:most])
+    return f"effects not counted in these figures: {largest or 'none'}{rest}"
 
 
 def _ignored(entries: Sequence[LeftOut]) -> list[LeftOut]:
     return [entry for entry in entries if not entry.computed and entry.status == "bounded"]
 
 
-def _told(entry: LeftOut) -> str:
-    share = "an unbounded share" if entry.bound is None else f"up to {percent(entry.bound)}"
-    return f"{RUNGS[entry.term][0]}: {share} of the {entry.of}"
+def _size_text(entry: LeftOut) -> str:
+    """Return by how much an effect changes what."""
+    if entry.bound is None:
+        return f"the {entry.of} changes by an unknown amount"
+    return f"up to {percent(entry.bound)} of the {entry.of}"
 
 
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
     """Yield a note on effects left out above `model.tolerance`, and a warning where shrinkage tightens beams."""
-    sentences = [f"{_told(e)} ({RUNGS[e.term][1]})" for e in _ignored(entries) if _size(e) > spec.model.tolerance]
+    sentences = [
+        f"{RUNGS[entry.term][0]}, {_size_text(entry)} (cure: {RUNGS[entry.term][1]})"
+        for entry in _ignored(entries)
+        if _size(entry) > spec.model.tolerance
+    ]
     if any(entry.term == STRESSES for entry in entries):
         yield Finding(
             "warning",
             "model.unbounded",
             "plan",
-            "beams held at both ends are pulled tight as the print shrinks, which raises their resonance by an unknown"
-            " amount: print a coupon and measure it",
+            "as the print shrinks, beams held at both ends tighten, and resonate higher by an unknown amount: print the"
+            " coupon (padgen build --parts coupon), measure it, and give its figures to padgen retune --coupon",
             ({"suspension.topology": "folded"}, {"suspension.topology": "cantilever"}),
         )
     if sentences:
@@ -318,8 +325,8 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
             "note",
             "model.left_out",
             "plan",
-            f"ignored effects above {percent(spec.model.tolerance)} (model.tolerance), and how to include or avoid"
-            f" them: {'; '.join(sentences)}",
+            f"the figures leave out effects above {percent(spec.model.tolerance)} (model.tolerance):"
+            f" {'; '.join(sentences)}",
         )
 
 

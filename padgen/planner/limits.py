@@ -151,7 +151,8 @@ class Limit:
     `level_factor` is the name of the limit where it bounds the level that a coil reaches, `firmware` that of the
     constant, in millionths of the unit, by which the firmware keeps it. A channel, or a pad, that exceeds a limit of
     `implied_by`, which stand before this one, is not told of this one, too. Sentences have the quantity with so many
-    significant `digits` as it is sure to have, or more where it would be written as its bound.
+    significant `digits` as it is sure to have, or more where it would be written as its bound. `pattern` is the
+    sentence where the usual one would be hard to read: with the fields `asked` and `bound`, units included.
     """
 
     code: str
@@ -169,6 +170,7 @@ class Limit:
     firmware: str = ""
     implied_by: tuple[str, ...] = ()
     digits: int = 5
+    pattern: str = ""
 
     def share_of_level(self, spec: Spec, asked: float) -> float:
         """Return the factor on the level that brings the quantity to its bound; a guess where no power law holds."""
@@ -199,6 +201,8 @@ class Exceeded(NamedTuple):
         asked = about(self.asked, limit.digits)
         if float(asked) <= self.bound:
             asked = number(self.asked)
+        if limit.pattern:
+            return limit.pattern.format(asked=f"{asked}{unit}{worst}", bound=f"{number(self.bound)}{unit}")
         return f"{limit.quantity} is {asked}{unit}{worst}, above {bound}{unit}"
 
     @property
@@ -266,7 +270,8 @@ def _thicker_magnets(spec: Spec) -> Cures:
 
 BELOW_GLASS_K = 15.0
 """Distance from the glass point within which the stiffness of plastics falls steeply, and loaded beams creep."""
-GLASS_NAME = f"what the plastic bears, from limits.room_c to {BELOW_GLASS_K:g} K below material.glass_c,"
+BEARS = f"the plastic bears {{bound}} (from limits.room_c to {BELOW_GLASS_K:g} K below material.glass_c)"
+GLASS_NAME = f"what the plastic bears, from limits.room_c to {BELOW_GLASS_K:g} K below material.glass_c"
 
 
 def _rise_k(spec: Spec) -> float:
@@ -325,21 +330,25 @@ LIMITS = (
         "pad",
         "the rise of the warmest beams over the room",
         "K",
-        "what the magnets bear, from limits.room_c to the temperature at which half of one is past its knee,",
+        "what the magnets bear, from limits.room_c to the temperature at which half of one is past its knee",
         _magnet_rise_k,
         lambda _, demand: demand.beam_rise_k,
         cures=lambda spec, _: _thicker_magnets(spec),
+        pattern="the warmest beams rise by {asked} over the room; the magnets bear {bound} (from limits.room_c to the"
+        " temperature at which half of one is past its knee)",
     ),
     Limit(
         "pad.hot",
         "pad",
-        f"the rise of the warmest beams over the room, less {WARM_ERROR:.0%} for what is unsure of it,",
+        f"the rise of the warmest beams over the room, less {WARM_ERROR:.0%} for what is unsure of it",
         "K",
         GLASS_NAME,
         _rise_k,
         lambda _, demand: demand.beam_rise_k * (1 - WARM_ERROR),
         cures=lambda spec, rise_k: lower_level(spec, _rise_k(spec) * (1 - WARM_ERROR) / rise_k),
         digits=2,
+        pattern=f"the warmest beams rise by at least {{asked}} over the room, {WARM_ERROR:.0%} taken off for what is"
+        f" unsure of it; {BEARS}",
     ),
     Limit(
         "pad.warm",
@@ -352,6 +361,7 @@ LIMITS = (
         planned="warning",
         implied_by=("pad.hot",),
         digits=2,
+        pattern=f"the warmest beams rise by {{asked}} over the room; {BEARS}",
     ),
     Limit(
         "coil.pull_in",
@@ -375,6 +385,8 @@ LIMITS = (
         power=None,
         cures=_more_room,
         implied_by=("coil.pull_in",),
+        digits=4,
+        pattern="the travel (sag, mean pull and amplitude) is {asked}, more than the whole gap, coil.gap_mm = {bound}",
     ),
     Limit(
         "gap.travel",
@@ -389,6 +401,8 @@ LIMITS = (
         cures=_more_room,
         planned="warning",
         implied_by=("coil.pull_in", "gap.contact"),
+        digits=4,
+        pattern="the travel (sag, mean pull and amplitude) is {asked}, more than a third of coil.gap_mm, {bound}",
     ),
     Limit(
         "beam.strength",
@@ -432,6 +446,8 @@ LIMITS = (
         lambda _: HAND_LIMIT_M_PER_S2,
         lambda _, one: weighted_acceleration(one.channel.resonance_hz, one.level * _at_finger_um(one.channel) * UM),
         of_taxels=True,
+        pattern="the acceleration at a finger (weighted by ISO 5349-1) is {asked}, above {bound}, what Directive"
+        " 2002/44/EC allows for eight hours a day",
     ),
 )
 """The table: a limit is a row of it."""

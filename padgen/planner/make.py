@@ -85,12 +85,13 @@ from padgen.planner.touched_prints import planned_touch, played_channels, touche
 from padgen.planner.verdict import judged
 from padgen.planner.warm_pad import planned_warmth
 from padgen.spec import Spec
+from padgen.spec.model import FOUND_SCHEMES
 
 __all__ = ["Choice", "choose", "finish", "make_plan", "with_cures"]
 
 RUNNERS_UP = 2
 REUSES = ("same", "alternate")
-SCHEMES_TRIED = ("auto", "spur-free", "biased")
+SCHEMES_TRIED = ("auto", *FOUND_SCHEMES)
 GAPS_MM = (1.0, 0.6, 0.4)
 """Values that the search tries where the spec leaves them free, the simplest first: a small gap needs flat coils."""
 MOST_BENT = 2

@@ -138,13 +138,15 @@ def judge_pins(plan: Plan) -> Iterator[Finding]:
     worst = max(plan.channels, key=lambda channel: channel.pin.pushed_stress_mpa)
     pin = worst.pin
     if pin.pushed_stress_mpa > bound:
-        end = "nothing stops it" if pin.stop_mm is None else f"the {pin.stop} stops it only after {pin.stop_mm:.2g} mm"
+        end = "which nothing stops"
+        if pin.stop_mm is not None:
+            end = f"which the {pin.stop} stops only after {pin.stop_mm:.2g} mm"
         yield Finding(
             "warning",
             "pin.strength",
             f"channel {worst.index}",
-            f"a push of {number(PUSH_N)} N on its pin stresses its beams by {pin.pushed_stress_mpa:.2g} MPa, and {end};"
-            f" at most {bound:.2g} MPa ({number(STRENGTH_SHARE)} of what {spec.material.name} bears) should be reached",
+            f"a push of {number(PUSH_N)} N on its pin, {end}, stresses its beams by {pin.pushed_stress_mpa:.2g} MPa"
+            f" (allowed: {bound:.2g} MPa, {number(STRENGTH_SHARE)} of what {spec.material.name} bears)",
             tuple(_stops(plan, bound)),
         )
 

@@ -88,12 +88,14 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
     at = soft.index
     gap_mm = spec.coil.gap_mm - soft.sag_um * UM / MM
     others = [k for k in range(len(plan.channels)) if k != at and closed[k]]
-    further = f"; {number(PUSHES_MN[-1])} mN close {sum(closed)} of {len(closed)} channels" if others else ""
+    further = f" ({number(PUSHES_MN[-1])} mN close {sum(closed)} of {len(closed)} channels)" if others else ""
+    rim = _short(pushed.rim_force_mn[at])
+    closing = _short(pushed.closing_force_mn[at])
+    tilts = "" if rim == closing else f"with {rim} mN tilts the {plan.spec.mover.kind} onto the coil, and "
     sentence = (
-        f"a finger that pushes its taxel with {_short(pushed.closing_force_mn[at])} mN closes its gap of"
-        f" {_short(gap_mm)} mm, and stops it; the {plan.spec.mover.kind} tilts, so that its rim meets the coil at"
-        f" {_short(pushed.rim_force_mn[at])} mN{further}; its boss stands {number(spec.taxel.boss_protrusion_mm)} mm"
-        f" proud of the frame, and typical skin (a provisional model) lying at the frame's height pushes it by"
+        f"a finger that pushes its boss {tilts}with {closing} mN closes its gap of {_short(gap_mm)} mm, so that"
+        f" it no longer moves{further}; typical skin (a provisional model) of a finger that lies on the frame pushes"
+        f" the boss, which stands {number(spec.taxel.boss_protrusion_mm)} mm proud, by"
         f" {_short(typical.deflection_mm[at])} mm"
     )
     yield Finding(

@@ -465,8 +465,8 @@ def channel_limit(spec: Spec) -> int:
             else {"delta_y": float(at_most(4 * spec.q_min * (third - 1) / (third + 1)))}
         )
         raise SpecError(
-            f"holds no channel: at Q = {spec.q_min:g} one slot needs a band of 1 : {ratio:.4g},"
-            f" got {number(low)} … {number(high)} Hz",
+            f"holds no channel: at Q = {spec.q_min:g} a single channel takes a band of 1 : {ratio:.4g} (less at a"
+            f" higher q_min), got {number(low)} … {number(high)} Hz (1 : {high / low:.4g})",
             "band_hz",
             [cure],
         )

@@ -283,6 +283,7 @@ def recoil_findings(plan: Plan) -> Iterator[Finding]:
     asked_db = plan.selectivity.asked_db
     if not plan.spec.mount.is_said or recoil.moving_g is None or left_db is None or left_db >= asked_db:
         return
+    only = "only " if left_db > 0 else ""
     cures: tuple[dict[str, Any], ...] = ()
     if recoil.base_g is not None:
         cures = ({"mount.kind": "glued", "mount.base_mass_g": recoil.base_g},)
@@ -290,9 +291,9 @@ def recoil_findings(plan: Plan) -> Iterator[Finding]:
         "warning",
         "pad.recoil",
         "pad",
-        f"the taxels that are ON shake the pad ({about(recoil.moving_g)} g with all that moves with it), so that in"
-        f" {plan.spec.print_share:.0%} of prints OFF ones vibrate {quieter(left_db)} than ON ones; asked are"
-        f" {asked_db:.1f} dB less",
+        f"taxels that are ON shake the pad ({about(recoil.moving_g)} g with all that moves with it), so that in"
+        f" {plan.spec.print_share:.0%} of prints they vibrate {only}{quieter(-left_db)} than OFF ones (asked:"
+        f" {asked_db:.1f} dB)",
         cures,
     )
 

@@ -10,7 +10,7 @@ from math import inf, log, pi
 
 import numpy as np
 
-from padgen.core.errors import Finding, at_least, at_most, number, quieter
+from padgen.core.errors import Finding, at_least, at_most, number, plural, quieter
 from padgen.core.registry import CONTACTS
 from padgen.core.units import GRAM, MM, UM, decibel
 from padgen.physics.contact import Contact, Contactor, LoadedTaxels, Scaled, loaded_resonance
@@ -22,6 +22,7 @@ from padgen.planner.plan import Channel, Felt, Plan, Touched, channel_sets
 from padgen.planner.thresholds import SENSATION, detection_threshold
 from padgen.spec import Spec
 from padgen.spec.load import catalogue
+from padgen.spec.model import ContactorTable
 
 __all__ = [
     "SKINS",
@@ -243,15 +244,15 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         ways.append(f"a moving mass of {at_least(heavy_g)} g")
     if high_hz <= HIGHEST_FELT_HZ:
         ways.append(f"a resonance of {at_least(high_hz)} Hz")
-    cure = f"{' or '.join(ways)} would keep it within 5 %"
+    cure = f"{' or '.join(ways)} would hold its resonance within 5 %"
     if not ways:
-        cure = "no single change that can be made (contact, moving mass, resonance) would keep it within 5 %"
+        cure = "no change of contact, moving mass or resonance alone would hold its resonance within 5 %"
     yield Finding(
         "note",
         "touch.skin",
         f"channel {worst.index}",
-        f"under typical skin (a provisional model) its {number(worst.resonance_hz)} Hz become {hz:.1f} Hz at Q ="
-        f" {q:.2g}{heard}; {cure}",
+        f"under typical skin (a provisional model) it resonates at {hz:.1f} Hz instead of"
+        f" {number(worst.resonance_hz)} Hz, with a Q of {q:.2g}{heard}; {cure}",
     )
 
 
@@ -313,15 +314,16 @@ def judge_felt(plan: Plan) -> Iterator[Finding]:
     loudest = max(plan.channels, key=lambda channel: _or_silent(felt.off_db[channel.index]))
     below_db = -felt.on_db[softest.index]
     above_db = _or_silent(felt.off_db[loudest.index])
-    through = f"a fingertip feels through its contactor of {number(spec.contact_diameter_mm)} mm"
+    part = "boss" if spec.contactor == ContactorTable() else "pin"
+    through = f"a fingertip feels through its {part} of {number(spec.contact_diameter_mm)} mm"
     if below_db > 0 and not spec.drive.threshold_hz:
         silent = [channel.index for channel in plan.channels if felt.on_db[channel.index] < 0]
         yield Finding(
             "warning",
             "felt.below",
-            f"channel{'s' if len(silent) > 1 else ''} {', '.join(map(str, silent))}",
-            f"{'the worst is channel ' + str(softest.index) + ': ' if len(silent) > 1 else ''}"
-            f"ON it vibrates by {softest.level_um:.2g} µm at {number(softest.resonance_hz)} Hz, {below_db:.1f} dB"
+            f"channel{plural(len(silent))} {', '.join(map(str, silent))}",
+            f"{f'at worst, on channel {softest.index}, ' if len(silent) > 1 else ''}"
+            f"it vibrates by {softest.level_um:.2g} µm at {number(softest.resonance_hz)} Hz when ON, {below_db:.1f} dB"
             f" below what {through}, {felt.threshold_um[softest.index]:.2g} µm"
             f" ± {felt.error_db[softest.index]:.0f} dB",
             tuple(_louder(plan, below_db)),
@@ -331,8 +333,9 @@ def judge_felt(plan: Plan) -> Iterator[Finding]:
             "warning",
             "felt.off",
             f"channel {loudest.index}",
-            f"in the worst state it vibrates, when OFF, {above_db:.1f} dB above what {through} at those frequencies,"
-            f" ± {felt.error_db[loudest.index]:.0f} dB; the faintest ON taxel is at {-below_db:.1f} dB",
+            f"OFF, it is felt in the worst state: it vibrates {above_db:.1f} dB above what {through} at those"
+            f" frequencies, ± {felt.error_db[loudest.index]:.0f} dB; the faintest ON taxel is {abs(below_db):.1f} dB"
+            f" {'above' if below_db <= 0 else 'below'} that",
             tuple(_softer(plan, above_db)) if below_db + above_db < 0 else (),
         )
 

@@ -11,7 +11,7 @@ from itertools import islice
 from math import ceil, isfinite
 from typing import Any, NamedTuple
 
-from padgen.core.errors import InfeasibleError, PadgenError
+from padgen.core.errors import InfeasibleError, PadgenError, number, plural
 from padgen.planner.cures import Cure, varied
 from padgen.planner.thresholds import SENSATION
 from padgen.spec import Spec, catalogue
@@ -78,13 +78,14 @@ def decided_under_touch(spec: Spec, tried: Callable[[Spec, float], TouchTrial]) 
         return spec
     movers = _movers(is_open)
     refusals: list[PadgenError] = []
+    misfits: list[PadgenError] = []
     known: dict[Spec, tuple[tuple[bool, float], Spec | None]] = {}
 
     def score(parts: _TouchParts) -> tuple[bool, float]:
         try:
             decided = _decided(spec, parts, is_open)
         except PadgenError as error:
-            refusals.append(error)
+            misfits.append(error)
             return WORST
         if decided not in known and len(known) < MOST_TRIALS:
             try:
@@ -116,8 +117,10 @@ def decided_under_touch(spec: Spec, tried: Callable[[Spec, float], TouchTrial]) 
         before = best
         for name in IN_ORDER:
             best = _climbed(best, name, values[name], score)
-    if refusals and all(decided is None for _, decided in known.values()):
-        raise _nothing_found(spec, refusals[0], tried)
+    # Why parts do not fit the spec (their resonances its band) is no reason of a pad: those of laid out pads go first.
+    reasons = refusals + misfits
+    if reasons and all(decided is None for _, decided in known.values()):
+        raise _nothing_found(spec, reasons[0], tried)
     return known.get(_decided(spec, best, is_open), NO_PAD)[1] or spec
 
 
@@ -126,28 +129,37 @@ COOL_PLACES = (START.place, 0.6, 0.8)
 """Places of pins of which the later ones take less heat."""
 WIDER = (1.05, 1.1, 1.2, 1.3, 1.5)
 """Sides of a pad over those asked for that are tried after no pad under touch was found."""
+WIDE_HZ = 450.0
+"""Upper end of a band that is tried then: touched pads of two channels a coil resonate up to there."""
 
 
 def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], TouchTrial]) -> InfeasibleError:
-    """Return the refusal of a spec without a pad, with the cure of a wider pad on which the search's start works."""
+    """Return the refusal of a spec without a pad, with the cure of a wider pad or band in which the start works."""
     is_open = frozenset(spec.touch.search.split("+"))
 
-    def works(sides: Cure, place: float | str) -> bool:
-        """Tell if the search's start works on a pad with such sides, with pins at a place."""
-        parts = START._replace(mover=_movers(is_open)[0], place=place)
+    def works(change: Cure, place: float | str) -> bool:
+        """Tell if the search's start works in a spec with such a change, with pins at a place."""
         try:
-            return tried(_decided(varied(spec, sides), parts, is_open), FELT_DB).within_limits
+            changed = varied(spec, change)
+            parts = START._replace(mover=_movers(is_open)[0], place=place)
+            return tried(_decided(changed, parts, is_open), FELT_DB).within_limits
         except PadgenError:
             return False
 
-    wider = ({f"pad.{side}_mm": round(getattr(spec.pad, f"{side}_mm") * share, 1) for side in SIDES} for share in WIDER)
-    cures = list(islice((sides for sides in wider if any(works(sides, place) for place in COOL_PLACES)), 1))
+    low, high = spec.band_hz
+    wider = [{f"pad.{side}_mm": round(getattr(spec.pad, f"{side}_mm") * share, 1) for side in SIDES} for share in WIDER]
+    bands: list[Cure] = [{"band_hz": [low, WIDE_HZ]}] if high < WIDE_HZ else []
+    changes = [*wider, *bands, *({**band, **sides} for band in bands for sides in wider)]
+    cures = list(islice((change for change in changes if any(works(change, place) for place in COOL_PLACES)), 1))
     searched = spec.touch.search.replace("+", ", ")
+    contact = spec.touch.contact
+    under = "its own contact" if contact == "own" else f"a {contact}"
     message = (
-        f"no choice of {searched} that was tried gives a pad to touch: {why.message};"
-        " touch.search = 'none' plans the spec as it is"
+        f"no pad of {spec.resolution} taxel{plural(spec.resolution)} that works under {under} was found on"
+        f" {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm in band_hz = [{number(low)}, {number(high)}]"
+        f" (searched: {searched}; first refusal: {why.message}); touch.search = 'none' plans the spec as it is"
     )
-    return InfeasibleError(message, why.where, cures)
+    return InfeasibleError(message, "touch", cures)
 
 
 def _scored(decided: Spec, trial: TouchTrial) -> tuple[tuple[bool, float], Spec | None]:

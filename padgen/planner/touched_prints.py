@@ -526,7 +526,7 @@ def judge_touched_prints(plan: Plan) -> Iterator[Finding]:
             "warning",
             "touch.share",
             "pad",
-            f"touched, with every taxel re-tuned, {touch.good_share:.0%} of prints and fingers keep the"
+            f"touched, with every taxel re-tuned, {touch.good_share:.0%} of {plan.spec.touch.prints_text} keep the"
             f" {asked_db:.1f} dB of ON over OFF that are asked for; {wanted:.0%} keep {touch.print_db:.1f} dB;"
             " --explain ranks what would help",
             tuple(_nearest(plan, touch.print_db)),
@@ -536,8 +536,8 @@ def judge_touched_prints(plan: Plan) -> Iterator[Finding]:
             "note",
             "touch.spread",
             "pad",
-            f"expect to measure and re-tune every taxel: driven as planned, {wanted:.0%} of prints and fingers keep"
-            f" {touch.planned_db:.1f} dB",
+            f"expect to measure and re-tune every taxel: driven as planned, {wanted:.0%} of"
+            f" {plan.spec.touch.prints_text} keep {touch.planned_db:.1f} dB",
         )
 
 

@@ -11,7 +11,7 @@ from math import inf
 from padgen.core.errors import Finding, Verdict, about, as_lines, number, quieter
 from padgen.planner.plan import Plan, Touch
 
-__all__ = ["based_pad_db", "judged", "left_by_recoil_db", "moving_pad_db", "recoil_db"]
+__all__ = ["based_pad_db", "judged", "left_by_recoil_db", "moving_pad_db", "recoil_db", "works_by_table"]
 
 CAUSES = ("selectivity.all_states", "coil.leak", "print.share")
 """Codes of findings that say why prints keep too little, the deepest cause first."""
@@ -41,16 +41,16 @@ def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
     if prints.print_db is not None:
         works = prints.good_share >= plan.spec.print_share
         retuned_db = prints.print_db if works else None
-        held_db = prints.planned_db if _is_by_table(plan) else retuned_db
+        held_db = prints.planned_db if works_by_table(plan) else retuned_db
     return None if held_db is None else plan.recoil.kept_db(held_db, moving_db)
 
 
 def recoil_db(plan: Plan) -> float | None:
     """Return ON over OFF in dB on the moving pad: in step by the driver table if prints allow it, else re-tuned."""
-    return plan.recoil.in_step_db if _is_by_table(plan) else plan.recoil.apart_db
+    return plan.recoil.in_step_db if works_by_table(plan) else plan.recoil.apart_db
 
 
-def _is_by_table(plan: Plan) -> bool:
+def works_by_table(plan: Plan) -> bool:
     """Return whether prints keep what is asked with the driver table, so that no taxel need be re-tuned."""
     planned_db = plan.prints.planned_db
     return planned_db is None or planned_db >= plan.selectivity.asked_db
@@ -94,21 +94,21 @@ def _working(plan: Plan) -> Verdict:
             return Verdict("short", f"{short}: {slow.message}.", touched, slow.code, _cure_of(slow), heard_db)
         sentence = f"{works}: no taxel hears another."
         if heard_db is not None:
-            sentence = f"{works}: ON taxels vibrate {_kept(heard_db)} than OFF ones, which only hear the pad recoil."
+            sentence = f"{works}: ON taxels vibrate {_kept(heard_db)} OFF ones, which only hear the pad recoil."
         return Verdict("good", sentence, touched, "", "", heard_db, shaken)
     share = f"in {plan.spec.print_share:.0%} of prints ON taxels"
     asked = f"(asked: {asked_db:.1f} dB)"
     print_db = prints.print_db if left_db is None else left_db
     if slow:
-        kept = f"{share} vibrate {_kept(print_db)} than OFF ones {asked}"
+        kept = f"{share} vibrate {_kept(print_db)} OFF ones {asked}"
         sentence = f"{short}: {slow.message}. Measured and re-tuned, {kept}."
         return Verdict("short", sentence, touched, slow.code, _cure_of(slow), print_db)
     if prints.planned_db >= asked_db:
         planned_db = prints.planned_db if left_db is None else left_db
-        kept = f"{share} vibrate {_kept(planned_db)} than OFF ones {asked}."
+        kept = f"{share} vibrate {_kept(planned_db)} OFF ones {asked}."
         sentence = f"{works}, as printed: driven by the plan's table, {kept}"
         return Verdict("good", sentence, touched, "", "", planned_db, shaken)
-    kept = f"{share} then vibrate {_kept(print_db)} than OFF ones {asked}."
+    kept = f"{share} then vibrate {_kept(print_db)} OFF ones {asked}."
     if prints.good_share >= plan.spec.print_share:
         sentence = f"{works}, once every taxel is measured and re-tuned: {kept}"
         return Verdict("retune", sentence, touched, "print.spread", "", print_db, shaken)
@@ -153,7 +153,8 @@ def _under_touch(plan: Plan, touch: Touch) -> Verdict:
         return Verdict("short", f"{short}: {slow.message}.", untouched, slow.code, _cure_of(slow), touch.print_db)
     if touch.print_db is None:
         return Verdict("good", f"{plan.name} works under {hand}: no taxel hears another.", untouched, "", "", None)
-    share = f"{plan.spec.print_share:.0%}"
+    share = f"in {plan.spec.print_share:.0%} of {plan.spec.touch.prints_text} ON taxels"
+    asked = f"(asked: {asked_db:.1f} dB)"
     shaken = ""
     works = f"{plan.name} works under {hand}"
     if touch.loose_db is not None and touch.loose_db < asked_db:
@@ -163,17 +164,14 @@ def _under_touch(plan: Plan, touch: Touch) -> Verdict:
             f" {touch.loose_db:.1f} dB under {hand}; fasten it to what does not move."
         )
     if touch.planned_db is not None and touch.planned_db >= asked_db:
-        sentence = (
-            f"{works}, as printed; touched, in {share} of prints and fingers:"
-            f" {touch.planned_db:.1f} dB (asked: {asked_db:.1f} dB)."
-        )
+        sentence = f"{works}, as printed: {share} vibrate {_kept(touch.planned_db)} OFF ones {asked}."
         return Verdict("good", sentence, untouched, "", "", touch.planned_db, shaken)
-    figure = f"touched, in {share} of prints and fingers: {touch.print_db:.1f} dB (asked: {asked_db:.1f} dB)."
+    kept = f"{share} then vibrate {_kept(touch.print_db)} OFF ones {asked}."
     if touch.good_share >= plan.spec.print_share:
-        sentence = f"{works}, once every taxel is measured and re-tuned; {figure}"
+        sentence = f"{works}, once every taxel is measured and re-tuned: {kept}"
         return Verdict("retune", sentence, untouched, "touch.spread", "", touch.print_db, shaken)
     cause = next(finding for finding in plan.findings if finding.code == "touch.share")
-    sentence = f"{short}, measured and re-tuned; {figure}"
+    sentence = f"{short}, measured and re-tuned: {kept}"
     return Verdict("short", sentence, untouched, cause.code, _cure_of(cause), touch.print_db)
 
 
@@ -182,8 +180,10 @@ def _untouched_sentence(plan: Plan) -> str:
     prints = plan.prints
     if prints.print_db is None:
         return ""
-    kept = f"ON taxels vibrate {_kept(prints.print_db)} than OFF ones"
-    return f"Untouched and driven at its own resonances, in {plan.spec.print_share:.0%} of re-tuned prints {kept}."
+    kept = f"ON taxels vibrate {_kept(prints.print_db)} OFF ones"
+    return (
+        f"Untouched, with tones at the untouched resonances, in {plan.spec.print_share:.0%} of re-tuned prints {kept}."
+    )
 
 
 def _shaken_sentence(plan: Plan) -> str:
@@ -201,7 +201,21 @@ def _shaken_sentence(plan: Plan) -> str:
 
 
 def _kept(db: float) -> str:
-    return f"at {'least' if db > 0 else 'most'} {quieter(-db)}"
+    """Say how strongly ON taxels vibrate at least, in words after which the OFF ones are named."""
+    if abs(db) < SILENT_DB:
+        return "at least as much as"
+    return f"at {'least' if db > 0 else 'most'} {quieter(-db)} than"
+
+
+SILENT_DB = 0.05
+"""Difference below which levels are written as the same."""
+
+
+def _contact_text(touch: Touch) -> str:
+    """Name what lies on the taxels, and what its figures leave out."""
+    if touch.contact == "own":
+        return "its own contact (no print errors)"
+    return f"a {touch.contact} (typical skin, a provisional model; no print errors)"
 
 
 def _cure_of(finding: Finding | None) -> str:
@@ -220,14 +234,15 @@ def _touched_sentence(plan: Plan) -> str:
     resting = next((push for push in plan.pushed.pushes if push.skin == "typical"), None)
     if resting and any(resting.contact):
         count = f"{sum(resting.contact)} of {len(plan.channels)} channels"
-        moved += f"; skin at the height of the frame pushes the {plan.spec.mover.kind}s of {count} onto the coil"
+        moved += f"; a finger that lies on the frame presses the {plan.spec.mover.kind}s of {count} onto the coil"
     skin = "with typical skin (a provisional model, no print errors)"
     kept_db = typical.all_states_db
     if kept_db is None:
         return f"Under a finger, {skin}, {moved}."
-    heard = f"{skin} OFF taxels vibrate {quieter(kept_db)} than ON ones; {moved}."
+    heard = f"OFF taxels vibrate {quieter(kept_db)} than ON ones; {moved}."
     if plan.touch is not None and kept_db > 0:
-        return f"On every taxel, {heard}"
+        return f"With {_contact_text(plan.touch)} on every taxel {heard}"
+    heard = f"{skin} {heard}"
     if kept_db >= plan.selectivity.asked_db:
         return f"Under a finger it works, too: {heard}"
     if kept_db > 0:

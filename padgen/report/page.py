@@ -194,7 +194,7 @@ def _badge(plan: Plan) -> str:
 def _figures(plan: Plan) -> list[dict[str, str]]:
     """Return the four key figures of the page's first screen: selectivity, that under a finger, heat and outputs."""
     is_touched = plan.touch is not None
-    of_what = "prints and fingers" if is_touched else "prints"
+    of_what = plan.spec.touch.prints_text
     prints = plan.prints
     load = plan.load
     coil = plan.spec.coil

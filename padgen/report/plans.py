@@ -34,9 +34,10 @@ __all__ = [
 
 def summary_text(plan: "Plan") -> str:
     """Return the verdict on a plan, the pad in a line, a table of its channels, its power, and what prints keep."""
-    rows = _channels_table(plan.channels, SUMMARY).split("\n")
+    rows = _channels_table(plan.channels, SUMMARY, narrow=True).split("\n")
     if len(plan.channels) > SHOWN_CHANNELS:  # those in the middle are left out
-        rows[2 + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
+        heading_rows = len(rows) - len(plan.channels)
+        rows[heading_rows + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
     return "\n".join([verdict_text(plan.verdict), "", pad_line(plan), "", *rows, "", *_power_lines(plan)])
 
 
@@ -81,16 +82,47 @@ def pad_line(plan: "Plan") -> str:
         spaced = f", unevenly spaced, {nearest}"
     carrier = carrier_hz(plan.spec, plan.scheme, plan.channels[-1].resonance_hz)
     on_carrier = "" if carrier is None else f", on a carrier of {number(carrier)} Hz"
+    outputs = coils.rows * coils.columns
     return (
-        f"{len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm"
-        + spaced
-        + f"; {coils.rows} x {coils.columns} coils of {len(plan.sets[0])}"
-        + f" channel{plural(len(plan.sets[0]))}"
-        + (" (one coil has those of even number, the next those of odd number)" if coils.sets > 1 else "")
-        + f", {number(plan.spec.coil.gap_mm)} mm below the {plan.spec.mover.kind}s;"
-        f" {coils.rows * coils.columns} amplifier"
-        f" outputs, {output_coupling(plan)} coupled{on_carrier}."
+        f"{len(plan.taxels)} taxel{plural(len(plan.taxels))} on {number(pad.width_mm)} x {number(pad.depth_mm)}"
+        f" mm{spaced}; {_coils_text(plan)}, {number(plan.spec.coil.gap_mm)} mm below the"
+        f" {plan.spec.mover.kind}s, of {_channels_text(plan)}; {outputs} amplifier output{plural(outputs)},"
+        f" {output_coupling(plan)} coupled{on_carrier}."
     )
+
+
+def _coils_text(plan: "Plan") -> str:
+    """Return how many coils there are, as rows x columns."""
+    coils = plan.coils
+    return "1 coil" if coils.rows * coils.columns == 1 else f"{coils.rows} x {coils.columns} coils"
+
+
+def _channels_text(plan: "Plan") -> str:
+    """Return how many channels a coil has and, where neighbours have different ones, which."""
+    coils = plan.coils.rows * plan.coils.columns
+    count = len(plan.sets[0])
+    up_to = "up to " if len(plan.taxels) < coils * count else ""
+    each = " each" if coils > 1 else ""
+    text = f"{up_to}{count} channel{plural(count)}{each}"
+    if len(plan.sets) == 1:
+        return text
+    one, next_one = (_listed([str(channel.index) for channel in channels]) for channels in plan.sets)
+    return f"{text} (channel{plural(count)} {one} on one coil, {next_one} on the next)"
+
+
+LISTED = 4
+"""Most channels that are listed one by one."""
+
+
+def _listed(words: Sequence[str]) -> str:
+    """Return words in a row, those in the middle of a long row left out.
+
+    >>> _listed(["0", "2", "4"]), _listed(["0", "2", "4", "6", "8", "10"])
+    ('0, 2 and 4', '0, 2 … 10')
+    """
+    if len(words) > LISTED:
+        return f"{words[0]}, {words[1]} … {words[-1]}"
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def feeding_line(plan: "Plan") -> str:
@@ -150,13 +182,13 @@ def _channels_table(channels: "Sequence[Channel]", names: Sequence[str], narrow:
 
 COLUMNS: "dict[str, Callable[[Channel], str]]" = {
     "ch": lambda c: str(c.index),
-    "f Hz": lambda c: f"{c.resonance_hz:.2f}",
-    "by": lambda c: c.model if c.beam_error is None else f"{c.model} (beam {c.beam_error:+.1%})",
-    "± %": lambda c: f"{100 * c.model_error:.2g}",
-    "prints ± %": lambda c: f"{100 * c.print_spread:.1f}",
-    "drive Hz": lambda c: f"{c.drive_hz:.2f}",
-    "point mass Hz": lambda c: f"{c.rule_hz:.1f}",
-    "other mode Hz": lambda c: f"{c.second_mode_hz:.1f}",
+    "resonance Hz": lambda c: f"{c.resonance_hz:.2f}",
+    "by model": lambda c: c.model if c.beam_error is None else f"{c.model} (beam {c.beam_error:+.1%})",
+    "model ± %": lambda c: f"{100 * c.model_error:.2g}",
+    "prints ± sigma %": lambda c: f"{100 * c.print_spread:.1f}",
+    "current Hz": lambda c: f"{c.drive_hz:.2f}",
+    "paper's formula Hz": lambda c: f"{c.rule_hz:.1f}",
+    "nearest mode Hz": lambda c: f"{c.second_mode_hz:.1f}",
     "m mg": lambda c: f"{1e3 * c.effective_mass_g:.1f}",
     "k N/m": lambda c: number(c.stiffness_n_per_m),
     "ring-up 63 % ms": lambda c: f"{c.ring_up_ms:.1f}",
@@ -171,16 +203,17 @@ COLUMNS: "dict[str, Callable[[Channel], str]]" = {
 }
 """The columns of the tables of channels, by heading."""
 SHAPE = ("suspension", "beam w x t x l mm", "layers")
-SUMMARY = ("ch", "f Hz", "± %", "prints ± %", "drive Hz", *SHAPE, "level µm peak")
-MODES = ("ch", "f Hz", "by", "± %", "point mass Hz", "other mode Hz")
-MOTION = (*MODES, "drive Hz", "ring-up 63 % ms", "level µm peak", "force µN peak")
-BEAMS = ("ch", *SHAPE, "m mg", "k N/m", "prints ± %", "sag µm", "MPa at level", "off axis mm")
+SUMMARY = ("ch", "resonance Hz", "model ± %", "prints ± sigma %", "current Hz", *SHAPE, "level µm peak")
+MODES = ("ch", "resonance Hz", "by model", "model ± %", "paper's formula Hz", "nearest mode Hz")
+MOTION = (*MODES, "current Hz", "ring-up 63 % ms", "level µm peak", "force µN peak")
+BEAMS = ("ch", *SHAPE, "m mg", "k N/m", "prints ± sigma %", "sag µm", "MPa at level", "off axis mm")
 SHOWN_CHANNELS = 12
 
 
 def _power_lines(plan: "Plan") -> list[str]:
     """Return lines on the pad's power, warmth and touch, and on the selectivity that its prints keep."""
-    from padgen.planner.verdict import moving_pad_db
+    from padgen.planner.life import changes_text
+    from padgen.planner.verdict import moving_pad_db, works_by_table
 
     load = plan.load
     prints = plan.prints
@@ -193,26 +226,26 @@ def _power_lines(plan: "Plan") -> list[str]:
     ]
     warm = plan.warm
     if warm.coil_c > COPPER_MELTS_C:
-        lines.append(f"Left on for good, they burn: copper melts at {COPPER_MELTS_C:.0f} °C.")
+        lines.append(f"If all taxels stay on, coils burn: copper melts at {COPPER_MELTS_C:.0f} °C.")
     elif -warm.resonance_shift > plan.spec.model.tolerance:
         lines.append(
-            f"Left on for good, they warm coils to {warm.coil_c:.0f} °C and beams to {warm.beam_c:.0f} °C (rises"
-            f" ± {warm.error:.0%}; two thirds of it in {warm.warm_up_min:.0f} min): resonances fall by up to"
+            f"If all taxels stay on, coils reach {warm.coil_c:.0f} °C and beams {warm.beam_c:.0f} °C (rises"
+            f" ± {warm.error:.0%}, two thirds within {warm.warm_up_min:.0f} min): resonances fall by up to"
             f" {about(-100 * warm.resonance_shift)}%. Re-tune the pad warm, or drive it with --warm."
         )
     lasting = []
     if plan.life.good_share >= plan.spec.print_share and plan.life.print_db is not None:
         lasting.append(
-            f"Re-tuned once, they keep {plan.life.print_db:.1f} dB when {number(plan.life.temperature_range_k)} K"
-            " warmer or colder, aged, and of unlike Q."
+            f"Re-tuned once, {plan.spec.print_share:.0%} of {plan.spec.touch.prints_text} still keep"
+            f" {plan.life.print_db:z.1f} dB when {changes_text(plan.spec)}."
         )
     if plan.touch is not None:
-        lines += _touch_lines(plan.touch, plan.spec.print_share) + lasting
+        lines += _touch_lines(plan, plan.touch) + lasting
     if prints.print_db is not None:
         stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
-        stages_text = "; ".join(f"{stage} {db:.1f}" for stage, db in stages if db is not None)
+        stages_text = ", ".join(f"{db:z.1f} with {stage}" for stage, db in stages if db is not None)
         lines.append(
-            f"ON over OFF that {plan.spec.print_share:.0%} of prints keep, in dB: {stages_text}"
+            f"ON over OFF in dB that {plan.spec.print_share:.0%} of prints keep: {stages_text} measured"
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
         )
@@ -221,13 +254,21 @@ def _power_lines(plan: "Plan") -> list[str]:
     left_db = moving_pad_db(plan)
     is_told = plan.spec.mount.is_fast or plan.verdict.shaken or plan.touch is not None
     if left_db is not None and prints.print_db is not None and not is_told:
-        where = "On its mount" if plan.spec.mount.is_said else "Lying loose"
-        lines.append(f"These are of a pad that is held still. {where} it recoils, and keeps {left_db:.1f} dB.")
+        where = "on its mount" if plan.spec.mount.is_said else "lying loose"
+        by_table = works_by_table(plan)
+        held = f"{prints.planned_db if by_table else prints.print_db:z.1f}"
+        instead = ", as much" if held == f"{left_db:z.1f}" else f" instead of {held} dB"
+        lines.append(
+            f"The dB that prints keep are of a pad that is held still; {where} it recoils, and keeps"
+            f" {left_db:z.1f} dB{instead}."
+        )
     return lines
 
 
-def _touch_lines(touch: "Touch", share: float) -> list[str]:
+def _touch_lines(plan: "Plan", touch: "Touch") -> list[str]:
     """Return lines on a pad under its contact: touched resonances, levels and currents, and what it keeps."""
+    from padgen.planner.pins import felt_parts
+
     rows = [
         [
             str(k),
@@ -241,22 +282,40 @@ def _touch_lines(touch: "Touch", share: float) -> list[str]:
         ]
         for k in range(len(touch.q))
     ]
+    share = plan.spec.print_share
+    judged = plan.spec.touch.prints_text
     skin = "its own contact" if touch.contact == "own" else f"a {touch.contact}"
-    headings = ["ch", "touched Hz", "Q", "tone Hz", "level µm", "bare µm", "force mN", "mA peak"]
+    headings = [
+        "ch",
+        "touched\nHz",
+        "Q",
+        "tone\nHz",
+        "touched\nlevel µm",
+        "untouched\nlevel µm",
+        "force\nmN",
+        "mA\npeak",
+    ]
     kept = ""
     if touch.print_db is not None:
-        planned = "" if touch.planned_db is None else f"; by the drive table {touch.planned_db:.1f} dB"
+        planned = "" if touch.planned_db is None else f"; {touch.planned_db:z.1f} dB not re-tuned"
         other = ""
         if touch.other_db is not None:
             kind = "untouched" if touch.tones == "touched" else "touched"
-            other = f"; with tones at {kind} resonances {touch.other_db:.1f} dB"
+            other = f"; {touch.other_db:z.1f} dB re-tuned to {kind} resonances"
         kept = (
-            f"touched, in {share:.0%} of prints and fingers: {touch.print_db:.1f} dB (± {touch.error_db:.1g} dB with"
-            f" 95 % confidence, by {touch.pads} pads in the computer){planned}{other}."
+            f"ON over OFF under {skin} that {share:.0%} of {judged} keep: {touch.print_db:z.1f} dB re-tuned"
+            f" (± {touch.error_db:.1g} dB with 95 % confidence, by {touch.pads} pads in the computer){planned}{other}."
+        )
+    skinned = "" if touch.contact == "own" else " of typical skin (a provisional model)"
+    louder = ""
+    if touch.in_hand_db > 0:
+        louder = (
+            f", driven {touch.in_hand_db:.1f} dB louder than planned, so that the faintest taxel of {share:.0%} of"
+            f" {judged} still reaches its planned level"
         )
     lines = [
-        f"Under {skin} of typical skin (a provisional model), on contactors of {number(touch.contactor_mm)} mm, with"
-        f" tones at {touch.tones} resonances and {touch.in_hand_db:.1f} dB of level in hand for the faintest taxel:",
+        f"Under {skin}{skinned}, on {felt_parts(plan)} of {number(touch.contactor_mm)} mm, with tones at {touch.tones}"
+        f" resonances{louder}:",
         table(headings, rows),
         kept,
     ]
@@ -268,9 +327,9 @@ def _warm_levels_line(plan: "Plan") -> str:
     warm = plan.warm
     levels = ", ".join(f"{level:.2g}" for level in warm.levels_um)
     return (
-        f"warm from all taxels on for good: the table of the cold pad leaves {levels} µm (loses"
-        f" {span_text(warm.lost_db, '.1f')} dB; its voltages {span_text(warm.lost_by_voltage_db, '.1f')} dB, since"
-        f" coils are at {warm.mean_coil_c:.0f} °C on the mean); padgen drive --warm has the table of the warm pad"
+        f"once all taxels that stay on have warmed the pad, currents as in drive.csv leave levels of {levels} µm"
+        f" ({span_text(warm.lost_db, 'z.1f')} dB less), voltages {span_text(warm.lost_by_voltage_db, 'z.1f')} dB less,"
+        f" as coils at {warm.mean_coil_c:.0f} °C (the mean) take less current; padgen drive --warm makes up for it"
     )
 
 
@@ -278,14 +337,14 @@ def warm_drive_line(plan: "Plan") -> str:
     """Return one sentence on the temperatures that the drive of the warm pad is for."""
     warm = plan.warm
     return (
-        f"tones, levels and voltages are of the warm pad, with all taxels on for good: beams at {warm.mean_beam_c:.0f}"
-        f" °C and coils at {warm.mean_coil_c:.0f} °C on the mean (rises ± {warm.error:.0%}), two thirds of it after"
-        f" {warm.warm_up_min:.0f} min"
+        "tones, levels and voltages are of the pad that all taxels, left on, have warmed: beams at"
+        f" {warm.mean_beam_c:.0f} °C and coils at {warm.mean_coil_c:.0f} °C on the mean (rises ± {warm.error:.0%}, two"
+        f" thirds within {warm.warm_up_min:.0f} min)"
     )
 
 
-STAGES = ("nothing measured", "a coupon measured", "a few taxels", "every taxel")
-"""The stages of measuring a print, in words: those of `padgen.planner.printed_pads.STAGES`."""
+STAGES = ("nothing", "a coupon", "a few taxels", "every taxel")
+"""What of a print is measured, in stages: those of `padgen.planner.printed_pads.STAGES`."""
 
 
 def plan_text(plan: "Plan") -> str:
@@ -297,21 +356,19 @@ def plan_text(plan: "Plan") -> str:
     capacity = plan.capacity
     figures = plan.selectivity
     count = len(plan.sets[0])
-    channels = "1 channel" if count == 1 else f"{count} channels"
     pitch = number(coils.pitch_mm)
     if coils.pitch_x_mm != coils.pitch_y_mm:
         pitch = f"{number(coils.pitch_x_mm)} x {number(coils.pitch_y_mm)}"
+    limit = capacity.limit.replace("coil.grid", f"coil.grid = [{coils.rows}, {coils.columns}]")
     lines = [
-        f"{plan.name}: {len(plan.taxels)} taxels on {number(pad.width_mm)} x {number(pad.depth_mm)} mm,"
-        f" {coils.rows} x {coils.columns} coils at {pitch} mm, {channels} per coil"
-        + (": one coil has those of even number, the next those of odd number" if coils.sets > 1 else ""),
-        f"channels that a coil could have in this band: {capacity.paper} by the paper's bound"
-        f" ({capacity.paper_unrounded:.2f} before rounding; each resonance {number(capacity.ratio)} times the one"
-        f" below); {capacity.exact_one_hot} by the exact response with one channel on;"
-        f" {_count_text(capacity.exact, capacity.searched_to)} in all on/off states, driven {figures.drive};"
-        f" {capacity.prints} if {plan.spec.print_share:.0%} of prints are to keep what is asked (a print changes the"
-        f" ratio of two neighbours by ± {plan.prints.ratio_spread:.1%}). It has {count}; what keeps it from"
-        f" more: {capacity.limit}.",
+        f"{plan.name}: {len(plan.taxels)} taxel{plural(len(plan.taxels))} on {number(pad.width_mm)} x"
+        f" {number(pad.depth_mm)} mm; {_coils_text(plan)} at {pitch} mm, of {_channels_text(plan)}",
+        f"channels that a coil could have in this band: {capacity.prints} if {plan.spec.print_share:.0%} of prints are"
+        f" to keep what is asked (the ratio of two neighbouring resonances scatters by ± {plan.prints.ratio_spread:.1%}"
+        f" from print to print), {_count_text(capacity.exact, capacity.searched_to)} without print errors (driven"
+        f" {figures.drive}), {capacity.exact_one_hot} with one channel on at a time; {capacity.paper} by the paper's"
+        f" bound ({capacity.paper_unrounded:.2f}; each resonance {number(capacity.ratio)} times the one below). It has"
+        f" {count}, and no more because of {limit}.",
         "",
         _channels_table(plan.channels, MOTION, narrow=True),
         "",
@@ -327,7 +384,7 @@ def plan_text(plan: "Plan") -> str:
     if plan.layouts:
         others = ", ".join(
             f"{o.rows} x {o.columns} coils with {o.channels} channels"
-            + ("" if o.kept_db is None else f" ({o.kept_db:.1f} dB in all states)")
+            + ("" if o.kept_db is None else f" ({o.kept_db:.1f} dB in the worst state)")
             for o in plan.layouts
         )
         lines.append(f"runners-up: {others}")
@@ -337,20 +394,26 @@ def plan_text(plan: "Plan") -> str:
 def _pushes_table(plan: "Plan") -> str:
     """Return a table by channel: the gap in mm left under pushes on the boss, and the push in mN that closes it."""
     pushed = plan.pushed
-    skins = [f"{push.skin} skin at frame" for push in pushed.pushes if push.push_mn is None]
-    headings = [f"{number(push.push_mn)} mN" for push in pushed.pushes if push.push_mn is not None] + skins
+    skins = [f"{SKIN_WORDS[push.skin]}\nskin" for push in pushed.pushes if push.push_mn is None]
+    headings = [f"push\n{number(push.push_mn)} mN" for push in pushed.pushes if push.push_mn is not None] + skins
     rows = [
-        [str(k), f"{force:.3g}", *("coil" if p.contact[k] else f"{p.gap_left_mm[k]:.2f}" for p in pushed.pushes)]
+        [str(k), about(force, 3), *("coil" if p.contact[k] else f"{p.gap_left_mm[k]:.2f}" for p in pushed.pushes)]
         for k, force in enumerate(pushed.closing_force_mn)
     ]
-    return "gap in mm that is left under a finger that pushes the boss:\n" + table(
-        ["ch", "closes at mN", *headings], rows
+    return (
+        "gap in mm that is left under a push on the boss, and under a finger that lies on the frame, by its skin"
+        f" (coil: the {plan.spec.mover.kind} touches it):\n" + table(["ch", "closed\nby mN", *headings], rows)
     )
+
+
+SKIN_WORDS = {"low": "soft", "typical": "typical", "high": "stiff"}
+"""The skins of a plan's pushes by their stiffness."""
 
 
 def _felt_table(plan: "Plan") -> str:
     """Return a table of what a fingertip feels of each channel, and how many frequencies it tells apart."""
     felt = plan.felt
+    touched = "untouched" if plan.touch is None else "touched"
     rows = [
         [
             str(k),
@@ -364,9 +427,9 @@ def _felt_table(plan: "Plan") -> str:
     ]
     count = _from_to(felt.least_frequencies, felt.most_frequencies)
     return (
-        "what a fingertip feels of untouched taxels, in dB above what is just felt (a provisional threshold); it tells"
-        f" {count} of the channels' frequencies apart:\n"
-        + table(["ch", "just felt µm", "± dB", "ON dB", "OFF dB", "levels"], rows)
+        f"what a fingertip feels of {touched} taxels, in dB above what is just felt (a provisional threshold); it tells"
+        f" {count} of {len(plan.channels)} frequencies apart, and as many strengths as the last column has:\n"
+        + table(["ch", "just felt µm", "± dB", "ON dB", "OFF dB", "strengths"], rows)
     )
 
 
@@ -404,18 +467,18 @@ def _drive_lines(plan: "Plan") -> list[str]:
         leaked = "how much the coils around make an OFF taxel vibrate is not known"
     elif leak_db is not None:
         leaked = (
-            "driven by the table, all in step, the coils around make an OFF taxel vibrate at worst"
+            "with the tones of drive.csv on all coils at once, the coils around make an OFF taxel vibrate at worst"
             f" {quieter(leak_db)} than when it is ON"
         )
     lines = [
         f"drive: {figures.drive}, {figures.why}",
         *([] if figures.one_hot_db is None else _selectivity_lines(plan)),
         leaked,
-        f"frames per second, if OFF taxels are to fall quiet (1/Δy of their ON level) in between: {frames}",
+        f"frames per second at which a taxel that goes OFF falls to the asked level before the next frame: {frames}",
         _frames_text(next(rate for rate in plan.refresh if rate.scheme == figures.drive)),
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
-        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W; {load.reachable_by}"
-        f" allows channel 0 at most {number(load.reachable_level_um)} µm",
+        f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W",
+        f"{load.reachable_by} limits channel 0 to {about(load.reachable_level_um, 3)} µm",
         "parts of the catalogues that drive it: amplifiers "
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
         + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
@@ -433,18 +496,19 @@ def _frames_text(rate: "FrameRate") -> str:
     """Return a sentence on the contrast of frames over their time, and on the rates that keep what is asked."""
     if rate.slot_db is None or rate.kept_db is None:
         return ""
-    end = "" if rate.end_db is None else f"{rate.end_db:.1f} dB at its end and "
+    end = "" if rate.end_db is None else f"{rate.end_db:.1f} dB of ON over OFF at its end and "
+    of_ratio = " of ON over OFF" if rate.end_db is None else ""
     kept = "at no rate"
     if rate.kept_frames_per_s is not None:
-        kept = f"up to {at_most(rate.kept_frames_per_s)} frames per second"
+        kept = f"at up to {at_most(rate.kept_frames_per_s)} frames per second"
     text = (
-        f"at {rate.frames_per_s:.3g} frames per second a frame keeps at worst {end}{rate.slot_db:.1f} dB averaged over"
-        f" its time; {rate.kept_db:.3g} dB on average are kept {kept}"
+        f"at {rate.frames_per_s:.3g} frames per second the worst frame has {end}{rate.slot_db:.1f} dB{of_ratio}"
+        f" averaged over its time; {rate.kept_db:.3g} dB on average are kept {kept}"
     )
     if rate.braked_frames_per_s is None:
         return text
-    braked = "" if rate.braked_db is None else f", which keep {rate.braked_db:.1f} dB"
-    return f"{text}, with a brake (padgen drive --brake, WAV only) up to {at_most(rate.braked_frames_per_s)}{braked}"
+    braked = "" if rate.braked_db is None else f" ({rate.braked_db:.1f} dB)"
+    return f"{text}, with padgen drive --brake (WAV only) at up to {at_most(rate.braked_frames_per_s)}{braked}"
 
 
 def _selectivity_lines(plan: "Plan") -> list[str]:
@@ -452,15 +516,17 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     states = figures.all_states_db or 0.0
     one_hot = figures.one_hot_db or 0.0
     paper = figures.paper_db
-    law = "equal sensation" if isinstance(figures.level_law, str) else f"levels fall as 1/f^{figures.level_law:g}"
+    law = "equal sensation" if isinstance(figures.level_law, str) else f"levels {_law_text(figures.level_law)}"
     worst = figures.worst_state
     kept = figures.kept_db
     optimum = figures.optimum_db
     lost = figures.snapping_db or 0.0
     if len(worst) > SHOWN_BITS:
         worst = f"{worst[:10]}…{worst[-10:]} of {len(worst)}"
+    # The formula has no value for two equal resonances.
+    formula = f" ({paper:.1f} dB by the paper's formula)" if paper is not None and isfinite(paper) else ""
     dear = (figures.modes_cost_db or 0.0) >= SHOWN_DB
-    cost = f" (of which the modes cost {figures.modes_cost_db:.1f} dB)" if dear else ""
+    cost = f" (other modes cost {figures.modes_cost_db:.1f} dB)" if dear else ""
     tables: list[str] = []
     if 2 <= len(plan.sets[0]) <= SHOWN_MATRIX:
         for channel_set, matrix in zip(plan.sets, figures.matrix_db, strict=True):
@@ -474,20 +540,28 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
                 table(["", *names], rows),
             ]
     lines = [
-        f"selectivity ({law}): {one_hot:.1f} dB with one channel on, {states:.1f} dB in all states"
-        f" of a coil (worst state: {worst}); asked (delta_y): {figures.asked_db:.1f} dB",
-        # The formula has no value for two equal resonances.
-        f"with one channel on: exact {one_hot:.1f} dB, the paper's formula {paper:.1f} dB"
-        if paper is not None and isfinite(paper)
-        else "",
+        f"ON over OFF on one coil ({law}): {one_hot:.1f} dB with one channel on{formula}, {states:.1f} dB in its worst"
+        f" state ({worst}: lowest channel first, 1 is ON); asked: {figures.asked_db:.1f} dB"
+        f" (delta_y = {number(plan.spec.delta_y)})",
         *tables,
-        f"counting unequal pulls, other modes and stretching: {kept:.1f} dB in all states{cost}"
+        f"with unequal pulls, other modes and stretching beams {kept:.1f} dB are left in the worst state{cost}"
         if kept is not None and kept < states - SHOWN_DB
         else "",
         "" if optimum is None else f"with equal masses the optimised resonances would reach {optimum:.2f} dB",
         f"selectivity lost to the printer's resolution: {lost:.2f} dB" if lost >= SHOWN_DB else "",
     ]
     return [line for line in lines if line]
+
+
+def _law_text(law: float) -> str:
+    """Return how levels go with frequency for the exponent `law`.
+
+    >>> _law_text(0.0), _law_text(1.0), _law_text(2.0)
+    ('are equal', 'fall as 1/f', 'fall as 1/f^2')
+    """
+    if law == 0:
+        return "are equal"
+    return "fall as 1/f" if law == 1 else f"fall as 1/f^{law:g}"
 
 
 SHOWN_DB = 0.05
@@ -531,11 +605,11 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     parts = [f for f in serious if f.level == "warning" and f.code.startswith(COUNTED_IN_PRINTS)]
     lines = [_finding_line(f) for f in serious if f not in parts]
     more = (
-        (len(parts), "further warning", " on what prints keep"),
+        (len(parts), "more warning", " (counted in the dB that prints keep)"),
         (len(ordered) - len(serious), "note", ""),
     )
     if counts := [f"{count} {word}{plural(count)}{about}" for count, word, about in more if count]:
-        lines.append(f"--verbose shows {', '.join(counts)}, and all details.")
+        lines.append(f"--verbose shows {', '.join(counts)} and all details.")
     return "\n".join(lines)
 
 
@@ -547,12 +621,12 @@ def explanation_text(explanation: "Explanation") -> str:
     """Return the limits that bind, a table of changes and their gains, and capacities by scheme and level law."""
     keep = "channel per coil keeps" if explanation.channels == 1 else "channels per coil keep"
     shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
-    stages = "; ".join(f"{stage} {n}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
+    stages = ", ".join(f"{n} with {stage}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
     lines = [
-        f"{explanation.channels} {keep} what was asked (driven {explanation.drive}); one more is stopped by",
+        f"{explanation.channels} {keep} what was asked (driven {explanation.drive}); what stops one more:",
         *(f"  - {limit}" for limit in explanation.limits or ["nothing that was tried"]),
         f"prints in which a re-tuned taxel keeps what was asked: {shares}",
-        f"channels that a coil could have in this band if prints are to keep what was asked: {stages}",
+        f"channels that a coil could have in this band with which prints keep what was asked: {stages} measured",
     ]
     if explanation.changes:
         rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
@@ -569,26 +643,26 @@ def explanation_text(explanation: "Explanation") -> str:
         ]
         lines += ["", "what one change buys:", table(EXPLAINED, rows, left=2)]
     if explanation.movers:
-        lines += ["", "the same pad with other movers, the search free (prices are in no catalogue):"]
+        lines += ["", "the same pad with other washers or magnets, all else chosen anew (padgen knows no prices):"]
         lines += [table(MOVERS_TOLD, [_mover_cells(row) for row in explanation.movers], left=2)]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
-        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot}, {_count_text(row.all_states, row.searched_to)}")
-    columns = ["drive", *(law if isinstance(law, str) else f"1/f^{law:g}" for law in laws)]
-    heading = "most channels in the band by level law: with one channel on, in all on/off states:"
+        by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot} / {_count_text(row.all_states, row.searched_to)}")
+    columns = ["drive", *(law if isinstance(law, str) else _law_text(law).removeprefix("fall as ") for law in laws)]
+    heading = "most channels in the band, with one channel on / in all on/off states, by how levels go with frequency:"
     return "\n".join([*lines, "", heading, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
 EXPLAINED = (
     "change",
-    "needs\na new",
+    "make\nanew",
     "good\nprints",
-    "good\nfor\nlife",
+    "still\ngood\nlater",
     "prints\nkeep dB",
     "more\nchannels",
     "more if\nthere is\nroom",
-    "gain without\nprint errors\ndB",
+    "dB won if\nprints were\nperfect",
 )
 
 
@@ -626,12 +700,12 @@ def yield_text(result: "PrintYield") -> str:
     fewer = f"; {result.pads_asked} would have been too much work" if result.pads < result.pads_asked else ""
     columns = (
         "",
-        "good taxels (95 % sure)",
-        "good pads (95 % sure)",
-        "5 % below dB",
-        "median dB",
-        "95 % below dB",
-        "90 % reach dB",
+        "good taxels\n(95 % interval)",
+        "good pads\n(95 % interval)",
+        "worst 5 %\nbelow dB",
+        "median\ndB",
+        "best 5 %\nabove dB",
+        "90 %\nreach dB",
     )
     rows = [
         (
@@ -646,12 +720,19 @@ def yield_text(result: "PrintYield") -> str:
         )
         for name, result_of in (("tones as planned", result.planned), ("re-tuned to each print", result.retuned))
     ]
-    gains = "% good gained without", "1 sigma", "taxels", "taxels re-tuned", "pads re-tuned", "median re-tuned dB"
+    gains = (
+        "without this error\nof prints",
+        "its\nsigma",
+        "more good\ntaxels, %",
+        "more good taxels,\nre-tuned, %",
+        "more good pads,\nre-tuned, %",
+        "median dB,\nre-tuned",
+    )
     costs = [
         (
-            cost.spread.replace("_", " "),
+            _error_text(cost.spread),
             number(round(cost.sigma, 6)),
-            *(f"{100 * gain:+.1f}" for gain in (cost.planned.taxels, cost.retuned.taxels, cost.retuned.pads)),
+            *(f"{100 * gain:+z.1f}" for gain in (cost.planned.taxels, cost.retuned.taxels, cost.retuned.pads)),
             _decibels(cost.retuned.median_db, "+"),
         )
         for cost in result.costs
@@ -664,8 +745,11 @@ def yield_text(result: "PrintYield") -> str:
         table(gains, costs),
     ]
     costliest = (("tones as planned", result.costliest_planned), ("re-tuned", result.costliest_retuned))
-    if named := [f"{name}: {spread.replace('_', ' ')}" for name, (spread, _) in costliest if spread != "none"]:
-        lines.append(f"costliest spread, {', '.join(named)}")
+    named = [
+        f"{name}: {_error_text(spread)} ({LOST[figure]})" for name, (spread, figure) in costliest if spread != "none"
+    ]
+    if named:
+        lines.append(f"the error that costs most, {'; '.join(named)}")
     if result.nominal_db is not None and result.nominal_db < result.asked_db:
         lines.append(
             f"without any print errors a pad keeps {result.nominal_db:.1f} dB, so that hardly a pad can be good at"
@@ -674,8 +758,33 @@ def yield_text(result: "PrintYield") -> str:
     return "\n".join(lines)
 
 
+LOST = {"pads": "by good pads", "taxels": "by good taxels", "median_db": "by the median dB"}
+"""The figures by which an error of prints is the costliest."""
+ERRORS = {
+    "modulus": "stiffness of the plastic, whole print",
+    "common_z_mm": "thickness, whole print, mm",
+    "field_z_mm": "thickness over the bed, mm",
+    "width_mm": "width, each taxel, mm",
+    "thickness_mm": "thickness, each taxel, mm",
+    "length_mm": "length, each taxel, mm",
+    "glue_mg": "glue, each taxel, mg",
+    "washer_mm": "place of the washer, each taxel, mm",
+    "common_beads": "stiffness across strands, whole print",
+    "across_beads": "stiffness across strands, every print",
+    "beads": "stiffness across strands, each taxel",
+    "common_gap_mm": "gap to the coils, whole pad, mm",
+    "gap_mm": "gap to the coils, each taxel, mm",
+    "common_glue_mg": "glue, whole pad, mg",
+}
+"""The errors of prints in words: the fields of `padgen.planner.printed_pads.Spreads`, with their units."""
+
+
+def _error_text(spread: str) -> str:
+    return ERRORS.get(spread, spread.replace("_", " "))
+
+
 def _decibels(value: float | None, sign: str = "") -> str:
-    return "" if value is None else f"{value:{sign}.1f}"
+    return "" if value is None else f"{value:{sign}z.1f}"
 
 
 def built_text(built: "Built", verbose: bool = False) -> str:

@@ -14,14 +14,14 @@ from copy import deepcopy
 from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from functools import cache
 from itertools import pairwise
-from math import floor, inf, log
+from math import floor, inf, log, log10
 from pathlib import Path
 from typing import Any, get_args
 
 from padgen.core.errors import FileError, SpecError, at_most, number, shown
 from padgen.core.files import read_as_one, read_bounded, reason
 from padgen.core.registry import COILS, MOVERS, SCHEMES
-from padgen.core.rules import Rule, RuleBook
+from padgen.core.rules import Rule, RuleBook, refuse
 from padgen.spec.fields import build, choices, optional_type, unknown_name
 from padgen.spec.model import (
     MAGNETIC,
@@ -77,9 +77,23 @@ SLACK_MM = 1e-9
 """Rounding by which a sum of fields may exceed its bound."""
 
 
+def _q_rule(spec: Spec, is_in_db: bool = False) -> Rule:
+    """Return the rule that Q suffices for the asked ON over OFF, which may stand in the spec in decibels."""
+    bound = spec.delta_y / 4
+    name = IN_DB if is_in_db else "delta_y"
+    asked = 20 * log10(spec.delta_y) if is_in_db else spec.delta_y
+    most = 20 * log10(2 * spec.q_min) if is_in_db else 2 * spec.q_min
+    return Rule(
+        spec.q_min > bound,
+        "q_min",
+        f"must be above {number(bound)} (delta_y/4) for a coil to hold a channel at {name} = {number(asked)}, got"
+        f" {number(spec.q_min)}",
+        [{name: float(at_most(most))}],
+    )
+
+
 def _band_rules(spec: Spec) -> list[Rule]:
     low, high = spec.band_hz
-    bound = spec.delta_y / 4
     tones = spec.resonances_hz or ()
     return [
         Rule(
@@ -88,12 +102,7 @@ def _band_rules(spec: Spec) -> list[Rule]:
             f"must run from low to high, got [{number(low)}, {number(high)}] Hz",
             [{"band_hz": [high, low]}] if low > high else (),
         ),
-        Rule(
-            spec.q_min > bound,
-            "q_min",
-            f"must be above delta_y/4 = {number(bound)} for a coil to hold any channel, got {number(spec.q_min)}",
-            [{"delta_y": float(at_most(2 * spec.q_min))}],
-        ),
+        _q_rule(spec),
         Rule(
             spec.coil.sets == 1 or spec.coil.grid != (1, 1),
             "coil.reuse",
@@ -972,7 +981,8 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; files that the tables name lie in `folder`."""
     table = _with_printer_file(dict(table), folder)
-    if IN_DB in table:
+    is_in_db = IN_DB in table
+    if is_in_db:
         table["delta_y"] = _ratio_of_db(table.pop(IN_DB), table)
     given = set(table)
     if isinstance(coil := table.get("coil"), dict):
@@ -1018,6 +1028,8 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         gap_mm = spec.coil.gap_mm or DEFAULT_GAP_MM
         reuse = spec.coil.reuse.replace("auto", "same")
         spec = replace(spec, coil=replace(spec.coil, gap_mm=gap_mm, reuse=reuse))
+    if is_in_db:
+        refuse(_q_rule(spec, is_in_db))
     SPEC_RULES.refuse(spec)
     return spec
 

@@ -627,6 +627,10 @@ class MountTable:
         return fastened and self.base_mass_g is None and self.stiffness_n_per_m is None
 
 
+PRINTS_AND = {"fingertip": " and fingers", "palm": " and hands", "own": " and contacts"}
+"""What is drawn at random beside prints, by what lies on the taxels."""
+
+
 @dataclass(frozen=True, slots=True)
 class TouchTable:
     """The finger or palm on the taxels, under which the pad is to choose them (docs/touch.md)."""
@@ -705,6 +709,11 @@ class TouchTable:
         """True where the pad is planned for taxels that nobody touches."""
         return self.contact == "none"
 
+    @property
+    def prints_text(self) -> str:
+        """What a pad is judged by, in words: prints, and what lies on them where the spec names it."""
+        return f"prints{PRINTS_AND.get(self.contact, '')}"
+
 
 @dataclass(frozen=True, slots=True)
 class ContactorTable:
@@ -751,6 +760,10 @@ class GuardTable:
     hole_diameter_mm: float | None = quantity(
         None, unit="mm", low=0.2, high=60, doc="diameter of its holes; when absent twice that of the pin, or 1.2 more"
     )
+
+
+FOUND_SCHEMES = ("spur-free", "biased")
+"""Drive schemes that the search for the fewest coils tries beside the automatic one, where the spec leaves it open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -886,6 +899,11 @@ class Spec:
     def leaves_layout_free(self) -> bool:
         """True where the search may choose the grid of coils, and with it gap, reuse and drive."""
         return not self.coil.grid and not self.resonances_hz
+
+    @property
+    def may_have_found_scheme(self) -> bool:
+        """True where the search for the fewest coils may have named `drive.scheme`, not who wrote the spec."""
+        return self.leaves_layout_free and self.force_order == 2 and self.drive.scheme in FOUND_SCHEMES
 
     @property
     def feeds(self) -> tuple[tuple[str, Amplifier | SoundCard], ...]:
