@@ -411,8 +411,10 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     limit = printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
     figures = {
-        "smallest_wall_mm": smallest(cuts, False, bound) if cuts else None,
-        "smallest_gap_mm": smallest(cuts, True, bound) if cuts else None,
+        "smallest_wall_mm": smallest(cuts, False, bound),
+        "smallest_gap_mm": smallest(cuts, True, bound),
+        # Where one of the two is None, there is none below this width.
+        "searched_below_mm": bound if cuts else None,
         "longest_bridge_mm": span,
     }
     wrong = [*_too_narrow(cuts, False, printer), *_too_narrow(cuts, True, printer), *_overhangs(mesh, printer)]
@@ -440,8 +442,9 @@ def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> 
             sentence = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
             yield "print.gap", place, sentence
         else:
-            least = f"at this height down to {number(smallest([cut], False, limit))} mm"
-            sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays ({least})"
+            least_mm = smallest([cut], False, limit)
+            least = "" if least_mm is None else f" (at this height down to {number(least_mm)} mm)"
+            sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays{least}"
             yield "print.wall", place, sentence
 
 
