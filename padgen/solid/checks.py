@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core import cache
-from padgen.core.errors import Finding, GeometryError, at_least, number
+from padgen.core.errors import Finding, GeometryError, at_least, number, plural
 from padgen.core.files import sha256_hex
 from padgen.core.rules import Rule, RuleBook, broken_rules
 from padgen.planner.plan import Plan
@@ -157,8 +157,15 @@ def _mesh_rules(printed: PrintedMesh) -> Iterator[Rule]:
     small_enough = np.all(np.sort(size[:2]) <= np.sort(bed[:2])) and size[2] <= bed[2]
     measures, room = (" x ".join(map(number, each)) for each in (size, bed))
     first = _spot(*mesh.vertices_mm[state.first_broken].tolist()) if len(mesh.vertices_mm) else ""
-    broken = f"{state.broken_edges} edges do not join two triangles that agree which side is out, must be 0"
-    yield Rule(state.closed, "mesh", f"{broken}, the first near {first}", code="mesh.closed")
+    count = state.broken_edges
+    edges = f"{count} edge{plural(count)} {'does' if count == 1 else 'do'} not join"
+    broken = f"{edges} two triangles that agree which side is out, the first near {first}"
+    yield Rule(
+        state.closed,
+        "mesh",
+        f"it has a hole, or triangles doubled or turned over: {broken}; repair it in the slicer, or export it again",
+        code="mesh.closed",
+    )
     yield Rule(
         not state.closed or state.volume_mm3 > 0,
         "mesh",
