@@ -11,6 +11,7 @@ from padgen.core import cache
 from padgen.core.errors import GeometryError
 from padgen.planner import make_plan
 from padgen.planner.layout import to_cell
+from padgen.report.plans import figures_text
 from padgen.solid import checks
 from padgen.solid.checks import check_against, check_mesh, check_pad
 from padgen.solid.measure import sections, smallest, unsupported_spans
@@ -327,8 +328,33 @@ def test_the_narrowest_of_several_heights_is_that_of_the_narrowest_alone(widths)
     wall = sum((box((10, width, 3), (0, 0, 3 * k)) for k, width in enumerate(widths)), ends)
     cuts = sections(wall, from_manifold(wall))
     assert len(cuts) >= 3
-    assert smallest(cuts, False, 1.8) == min(smallest([cut], False, 1.8) for cut in cuts)
-    assert smallest(cuts, False, 1.8) == pytest.approx(min(*widths, 1.8), abs=5e-3)
+    alone = [width for cut in cuts if (width := smallest([cut], False, 1.8)) is not None]
+    assert smallest(cuts, False, 1.8) == min(alone, default=None)
+    assert smallest(cuts, False, 1.8) == (pytest.approx(min(widths), abs=5e-3) if min(widths) < 1.8 else None)
+
+
+@pytest.mark.parametrize(
+    ("piece", "wall_mm", "gap_mm", "said"),
+    [
+        (box((50, 50, 4)), None, None, "no wall or gap below 1.8 mm"),
+        (box((20, 20, 3)) - box((8, 0.8, 5), (4, 4, -1)), None, 0.8, "0.8 mm smallest gap, no wall below 1.8 mm"),
+        (box((20, 20, 3)) + box((0.8, 5, 3), (9, 19, 0)), 0.8, None, "0.8 mm smallest wall, no gap below 1.8 mm"),
+    ],
+)
+def test_the_end_of_the_search_is_no_measured_wall_or_gap(piece, wall_mm, gap_mm, said):
+    """A solid block of 50 x 50 x 4 mm was reported with walls and gaps of 1.8 mm, where the search ends."""
+    figures = checked(piece).figures
+    assert figures["searched_below_mm"] == 1.8
+    for key, width_mm in (("smallest_wall_mm", wall_mm), ("smallest_gap_mm", gap_mm)):
+        assert figures[key] == (None if width_mm is None else pytest.approx(width_mm, abs=5e-3))
+    assert f" g of plastic, {said}, 0 mm longest bridge" in figures_text(figures)
+
+
+def test_limits_of_a_spec_are_advised_only_where_none_was_given():
+    figures = {"limits_of": "fdm-0.4"}
+    assert figures_text(figures) == "limits of printer fdm-0.4 (--spec takes those of a spec)"
+    told = figures_text({"compared_with": "pad-32", **figures})
+    assert told == "compared with pad-32, limits of printer fdm-0.4"
 
 
 def test_many_findings_are_summed_up(small_pad, small_plan):

@@ -245,7 +245,7 @@ def test_a_plan_of_a_plan_is_the_same_byte_for_byte(work, monkeypatch, options):
     ("name", "content", "sentence"),
     [
         ("none.stl", None, "there is no such file"),
-        ("text.stl", b"hello", "holds no triangles|cannot be read|is not a mesh"),
+        ("text.stl", b"hello", 'is no STL .neither binary nor text that begins with "solid"., or holds no triangles'),
         ("short.stl", b"\0" * 80 + b"\xff\xff\0\0", "is cut short: it promises 65535 triangles and holds 0"),
         ("bad.3mf", b"PK not really", "is not a 3MF"),
         ("odd.xyz", b"1 2 3", "is not a mesh|holds no triangles"),
@@ -334,7 +334,11 @@ def test_bad_usage_is_exit_2(capsys):
     assert cli.run([]) == 2
     assert cli.run(["fly"]) == 2
     assert cli.run(["plan"]) == 2
-    assert all(line.startswith("padgen: ") for line in capsys.readouterr().err.splitlines())
+    nothing, unknown, bare = capsys.readouterr().err.splitlines()
+    assert nothing == "padgen: COMMAND is missing; padgen --help tells more"
+    assert unknown.startswith("padgen: ")
+    spec = "SPEC is missing: a TOML file, the name of a template, or a plan.json"
+    assert bare == f"padgen plan: {spec}; padgen plan --help tells more"
     assert cli.run(["plan", "--json"]) == 2
     assert "SPEC" in json.loads(capsys.readouterr().out)["error"]["message"]
     assert cli.run(["--version"]) == 0

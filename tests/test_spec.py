@@ -66,6 +66,15 @@ def test_a_new_entry_needs_all_its_fields():
         (BASE + "[pad]\nwidth_mm = -5\n", "pad.width_mm: must be at least 5"),
         (BASE + "pad = 3\n", "pad: must be a table, got 3"),
         (BASE + "[pads]\n", "there is no key 'pads'; did you mean 'pad'?"),
+        (
+            BASE + "active_area_mm = 50\n",
+            "spec: there is no key 'active_area_mm'; known are .* the active area is pad.width_mm and pad.depth_mm",
+        ),
+        (BASE + "deltadb = 20\n", "spec: there is no key 'deltadb'; did you mean 'delta_db'"),
+        (
+            BASE + 'spacing = "loose"\n',
+            "spacing: there is no spacing of the resonances 'loose'; known are closest, optimised, spread; did you mean",
+        ),
         (BASE + 'material = "plaa"\n', "material.name: there is no material 'plaa'; did you mean 'pla'?"),
         (BASE + "material = 3\n", "material: must be a name or a table"),
         (BASE + 'material = "tough-resin"\n', "material: 'tough-resin' is for resin printers"),

@@ -267,7 +267,7 @@ def test_constraints_that_cannot_be_worked_out(text):
             HEAD + "[axes]\nq_min = {from = 1, to = 2}",
             "axes.q_min.from: must be a list of values or a range .* no 'from'",
         ),
-        (HEAD + "[axes]\nq_min = {low = 1, high = 2, step = 3}", "axes.q_min: there is no key 'step'; did you mean"),
+        (HEAD + "[axes]\nq_min = {low = 1, high = 2, step = 3}", "axes.q_min: there is no key 'step'; known are .*; did you mean"),
         (HEAD + "[axes]\nq_min = {low = 1, steps = 3}", "axes.q_min.high: is missing"),
         (HEAD + "[axes]\nq_min = {low = 'a', high = 2, steps = 3}", "axes.q_min.low: must be a number, got 'a'"),
         (HEAD + "[axes]\nq_min = {low = 1, high = inf, steps = 3}", "axes.q_min.high: must be at least .* got inf"),
@@ -290,8 +290,14 @@ def test_constraints_that_cannot_be_worked_out(text):
         (HEAD + "[axes]\nq_min = [1979-05-27]", r"axes.q_min\[0\]: must be a number, text, .* got 1979-05-27"),
         (HEAD + "[axes]\nq_min = [10, nan]", r"axes.q_min\[1\]: must be a number"),
         (HEAD + "[axes]\nq_min = [1]\n[[linked]]\nq_min = [1]", "axes.q_min: is varied twice"),
+        (
+            HEAD + "[vary]\nq_min = [1, 2]",
+            "sweep: there is no key 'vary'; known are axes, base, constraints, folders, formats, limits, linked, name,"
+            " pads, sample, stage$",
+        ),
+        (HEAD + "[axis]\nq_min = [1, 2]", "sweep: there is no key 'axis'; did you mean 'axes'?"),
         (HEAD + "stages = 1\n" + GRID, "sweep|spec: there is no key 'stages'; did you mean 'stage'"),
-        (HEAD + "stage = 'bild'\n" + GRID, "stage: there is no choice 'bild'; did you mean 'build'"),
+        (HEAD + "stage = 'bild'\n" + GRID, "stage: there is no choice 'bild'; known are .*; did you mean 'build'"),
         (HEAD + "formats = 'stl,obj'\n" + GRID, "formats: must be among 3mf, board, glb, step, stl, got 'obj'"),
         (HEAD + "constraints = 'q_min > 1'\n" + GRID, "constraints: must be a list of conditions as text"),
         (HEAD + "constraints = ['quality > 1']\n" + GRID, "constraint 'quality > 1': names 'quality'"),
@@ -306,7 +312,7 @@ def test_constraints_that_cannot_be_worked_out(text):
         (HEAD + GRID + "[sample]\nseed = -1", "sample.seed: must be at least 0"),
         (HEAD + "sample = 3\n" + GRID, "sample: must be a table"),
         (HEAD + GRID + "[limits]\ntime_s = 0", "limits.time_s: must be at least 0.1"),
-        (HEAD + GRID + "[limits]\nmemory = 3", "limits: there is no key 'memory'; did you mean 'memory_mb'"),
+        (HEAD + GRID + "[limits]\nmemory = 3", "limits: there is no key 'memory'; known are memory_mb, time_s; did you mean 'memory_mb'"),
         (HEAD + GRID + "x = " + "[" * 20000, "nested too deeply|is not TOML"),
     ],
 )

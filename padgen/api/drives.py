@@ -84,8 +84,8 @@ def drive(
     text : str, optional
         Letters of 5 x 7 taxels, which scroll where they do not fit.
     pattern : {'each', 'rows', 'columns', 'checkerboard', 'sweep', 'crossed'}, optional
-        One of each (taxel in turn, to check a new pad's wiring), rows, columns, checkerboard, sweep, and crossed (coils
-        with the other set's tones, which only a swapped coil answers).
+        One of each (taxel by taxel, to check the wiring), rows, columns, checkerboard, sweep, and crossed (each coil
+        gets its neighbours' tones: only a swapped coil moves).
     seconds : float, optional
         How long each frame lasts; by default as the plan's frame rate has it, and a state until its taxels have their
         levels.
@@ -102,10 +102,10 @@ def drive(
     progress : callable
         Called with one line of text at each step.
     brake : bool
-        Stop taxels that go OFF, in a WAV: their line in counter-phase at the end of their last frame.
+        Stop taxels that go OFF by their tone in counter-phase at the end of their last frame (WAV only).
     warm : bool
-        For a pad that all taxels on for good have warmed (``plan.warm``): tones, levels and voltages as they are then;
-        of a print whose tuning was measured at room temperature, too.
+        Drive the pad as it is once all taxels have been on for long, and have warmed it: with the tones, levels and
+        voltages of that state; a tuning may have been measured at room temperature.
 
     Returns
     -------

@@ -491,7 +491,7 @@ def check(
         from padgen.sliced.judge_laid import check_gcode
 
         if spec is None:
-            raise SpecError("is needed to check G-code: a template, a TOML file or a plan.json", "spec")
+            raise SpecError("is needed to check G-code: a template, a TOML file or a plan.json", "--spec")
         compared, source = plan_to_compare(spec, Path(mesh), progress)
         progress("reading and checking")
         laid = check_gcode(compared, Path(mesh))

@@ -56,7 +56,7 @@ def retune(
     sensor : {'displacement', 'velocity', 'acceleration'}, optional
         Quantity that was measured, where the files do not say; by default recognised where that is possible.
     nearest : bool
-        Of two peaks of similar size, take the one nearer to the plan's resonance.
+        Where a recording shows two peaks of similar size, take the one nearer to the plan's resonance.
     estimate_rest : bool
         Give taxels that were not measured the tones that are likely from the others.
     coupon : path, optional

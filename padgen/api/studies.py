@@ -43,9 +43,9 @@ def study(
     plan : Plan, or what `padgen.plan` takes
         The plan whose models are measured.
     only : sequence of str, optional
-        Names of ladders, e.g. ``["structure"]``; by default all.
+        Names of ladders, of allocation, geometry, dynamics, force, skin, structure and pad; by default all.
     tolerance : float or str, optional
-        A relative error to pick rungs for, beside the usual ones, as 0.01 or '1%'.
+        Recommend models for this relative error too, as 0.01 or 1%.
     folder : path, optional
         Where tables and plots of the study are written; without it nothing is.
     progress : callable

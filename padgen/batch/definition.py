@@ -275,6 +275,9 @@ class Sweep:
 
 
 TOP_KEYS, RANGE_KEYS = ([f.name for f in fields(kind)] for kind in (Settings, Range))
+TABLE_KEYS = ("axes", "sample", "limits")
+LIST_KEYS = ("linked", "constraints")
+"""Keys of a sweep besides its settings: those that hold a table, and those that hold a list."""
 
 
 def load_sweep(path: str) -> Sweep:
@@ -316,14 +319,14 @@ def _plain_lists(axes: Any) -> Any:
 
 def _sweep(table: dict[str, Any], folder: Path, where: str, base: dict[str, Any] | None = None) -> Sweep:
     try:
-        axes, sample_table, limits = (table.pop(key, {}) for key in ("axes", "sample", "limits"))
-        linked, constraints = (table.pop(key, []) for key in ("linked", "constraints"))
+        axes, sample_table, limits = (table.pop(key, {}) for key in TABLE_KEYS)
+        linked, constraints = (table.pop(key, []) for key in LIST_KEYS)
         formats = table.get("formats")
         if isinstance(formats, list) and all(isinstance(entry, str) for entry in formats):
             table["formats"] = ",".join(formats)
         for key in table:
             if key not in TOP_KEYS:
-                raise unknown_name(key, TOP_KEYS, "key", "sweep")
+                raise unknown_name(key, [*TOP_KEYS, *TABLE_KEYS, *LIST_KEYS], "key", "sweep")
         settings: Settings = build(Settings, table, "")
         if base is None:
             name = settings.base

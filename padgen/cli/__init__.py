@@ -9,6 +9,7 @@ import gc
 import io
 import json
 import os
+import re
 import sys
 import warnings
 from contextlib import suppress
@@ -105,7 +106,8 @@ def run(arguments: list[str]) -> int:
         with suppress(OSError):
             print(json.dumps({"error": {"code": code, "message": sentence}}, ensure_ascii=False), flush=True)
             return BAD_INPUT
-    print(f"padgen: {sentence}", file=sys.stderr)
+    name = "" if re.match(r"padgen [a-z]+: ", sentence) else "padgen: "
+    print(f"{name}{sentence}", file=sys.stderr)
     return BAD_INPUT
 
 
@@ -124,10 +126,18 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
     return options
 
 
+MISSING = "the following arguments are required: "
+"""How argparse begins what it says of arguments that were left out, before their names."""
+
+
 class _Parser(argparse.ArgumentParser):
     """A parser that reports wrong usage in one sentence, like all of padgen's refusals."""
 
     def error(self, message: str) -> NoReturn:
+        missing = message.removeprefix(MISSING)
+        if missing != message:
+            meant = [action.help for action in self._actions if action.metavar == missing and action.help]
+            message = f"{missing} {'are' if ',' in missing else 'is'} missing{f': {meant[0]}' if meant else ''}"
         raise PadgenError(f"{message}; {self.prog} --help tells more", self.prog)
 
 

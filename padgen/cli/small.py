@@ -20,7 +20,7 @@ def add(commands: Any) -> None:
     """Declare ``padgen cache``, ``restore``, ``templates``, ``init`` and ``schema`` with their options."""
     parser = commands.add_parser(
         "cache",
-        help="what is kept of earlier runs, and dropping it",
+        help="show or clear what earlier runs left for speed",
         description="Results that are dear to compute (meshes of taxels, finite elements, optimised ladders) are kept"
         " in a folder, at most PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
     )

@@ -47,9 +47,9 @@ def add_study(commands: Any) -> None:
         " error. All ladders take some minutes; needs the extra padgen[study].",
     )
     parser.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file, the name of a template, or a plan.json")
-    add_option(parser, study, "only", metavar="LADDERS", type=names)
+    add_option(parser, study, "only", metavar="NAME,NAME", type=names)
     add_option(parser, study, "tolerance", metavar="SHARE")
-    parser.add_argument("--extreme", action="store_true", help="hold every model to what it states in extreme cases")
+    parser.add_argument("--extreme", action="store_true", help="compare every model with the error that it states, in extreme cases")
     parser.add_argument(
         "--time-limit",
         metavar="SECONDS",

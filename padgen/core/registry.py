@@ -200,10 +200,16 @@ def registered_names() -> dict[str, tuple[str, ...]]:
     return {registry.kind: registry.registered for registry in (SUSPENSIONS, SCHEMES)}
 
 
+FEW = 5
+"""Most names that are all listed beside the nearest one: a guess alone would hide what else there is."""
+
+
 def unknown_name(name: str, known: list[str], what: str, where: str) -> SpecError:
-    """Return the error for a `name` that is none of `known`, with the nearest known name."""
-    hint = _nearest(name, known) or "known are " + ", ".join(sorted(known))
-    return SpecError(f"there is no {what} {shown(name)}; {hint}", where)
+    """Return the error for a `name` that is none of `known`, with the nearest known name, or all of a few."""
+    nearest = _nearest(name, known)
+    every = "" if nearest and len(known) > FEW else "known are " + ", ".join(sorted(known))
+    hints = "; ".join(hint for hint in (every, nearest) if hint)
+    return SpecError(f"there is no {what} {shown(name)}; {hints}", where)
 
 
 def names_in(text: str, known: Iterable[str], where: str, optional: bool = False) -> tuple[str, ...]:

@@ -239,9 +239,8 @@ def plan_tray(plan: Plan) -> Tray:
     pad = spec.pad
     if coil.kind == "board":
         raise InfeasibleError(
-            "has no tray, which is for wound coils: the board is screwed to the pad over spacers of"
-            f" {number(spacer_mm(plan))} mm",
-            "coil.kind",
+            f"coils on a board need no tray: it is screwed to the pad over spacers of {number(spacer_mm(plan))} mm",
+            "--parts",
         )
     # Whole layers: enough for the floor, and as near as they come to the height above it.
     floor = printer.height_mm(printer.layers_up_to(FLOOR_MM))

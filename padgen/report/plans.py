@@ -805,6 +805,9 @@ def built_text(built: "Built", verbose: bool = False) -> str:
 def figures_text(figures: dict[str, Any]) -> str:
     """Return a mesh's measured figures (size, triangles, mass of plastic, smallest wall …) as one line."""
     parts = []
+    absent: list[str] = []
+    searched_mm = figures.get("searched_below_mm")
+    advice = "" if "compared_with" in figures else " (--spec takes those of a spec)"
     if "size_mm" in figures:
         parts.append(" x ".join(number(v) for v in figures["size_mm"]) + " mm")
     for key, unit in (
@@ -820,10 +823,14 @@ def figures_text(figures: dict[str, Any]) -> str:
         if value is not None:
             text = str(value) if isinstance(value, int) else f"{0.0 if abs(value) < 1e-6 else value:.3g}"
             parts.append(f"{text} {unit if value == 1 or key != 'bodies' else 'bodies'}")
+        elif searched_mm and key.startswith("smallest_"):
+            absent.append(key.removeprefix("smallest_").removesuffix("_mm"))
+        if key == "smallest_gap_mm" and absent:
+            parts.append(f"no {' or '.join(absent)} below {searched_mm:.3g} mm")
     for key, template in (
         ("part", "taken as the {}"),
         ("compared_with", "compared with {}"),
-        ("limits_of", "limits of printer {} (--spec takes those of a spec)"),
+        ("limits_of", f"limits of printer {{}}{advice}"),
     ):
         if key in figures and (key, figures[key]) != ("part", "pad"):
             parts.append(template.format(figures[key]))

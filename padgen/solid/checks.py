@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from padgen.core import cache
-from padgen.core.errors import Finding, GeometryError, at_least, number
+from padgen.core.errors import Finding, GeometryError, at_least, number, plural
 from padgen.core.files import sha256_hex
 from padgen.core.rules import Rule, RuleBook, broken_rules
 from padgen.planner.plan import Plan
@@ -157,8 +157,15 @@ def _mesh_rules(printed: PrintedMesh) -> Iterator[Rule]:
     small_enough = np.all(np.sort(size[:2]) <= np.sort(bed[:2])) and size[2] <= bed[2]
     measures, room = (" x ".join(map(number, each)) for each in (size, bed))
     first = _spot(*mesh.vertices_mm[state.first_broken].tolist()) if len(mesh.vertices_mm) else ""
-    broken = f"{state.broken_edges} edges do not join two triangles that agree which side is out, must be 0"
-    yield Rule(state.closed, "mesh", f"{broken}, the first near {first}", code="mesh.closed")
+    count = state.broken_edges
+    edges = f"{count} edge{plural(count)} {'does' if count == 1 else 'do'} not join"
+    broken = f"{edges} two triangles that agree which side is out, the first near {first}"
+    yield Rule(
+        state.closed,
+        "mesh",
+        f"it has a hole, or triangles doubled or turned over: {broken}; repair it in the slicer, or export it again",
+        code="mesh.closed",
+    )
     yield Rule(
         not state.closed or state.volume_mm3 > 0,
         "mesh",
@@ -411,8 +418,10 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     limit = printer.longest_bridge_mm
     span, place = unsupported_spans(solid, mesh, limit + 1.0)
     figures = {
-        "smallest_wall_mm": smallest(cuts, False, bound) if cuts else None,
-        "smallest_gap_mm": smallest(cuts, True, bound) if cuts else None,
+        "smallest_wall_mm": smallest(cuts, False, bound),
+        "smallest_gap_mm": smallest(cuts, True, bound),
+        # Where one of the two is None, there is none below this width.
+        "searched_below_mm": bound if cuts else None,
         "longest_bridge_mm": span,
     }
     wrong = [*_too_narrow(cuts, False, printer), *_too_narrow(cuts, True, printer), *_overhangs(mesh, printer)]
@@ -440,8 +449,9 @@ def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> 
             sentence = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
             yield "print.gap", place, sentence
         else:
-            least = f"at this height down to {number(smallest([cut], False, limit))} mm"
-            sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays ({least})"
+            least_mm = smallest([cut], False, limit)
+            least = "" if least_mm is None else f" (at this height down to {number(least_mm)} mm)"
+            sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays{least}"
             yield "print.wall", place, sentence
 
 

@@ -84,7 +84,8 @@ class Pose(NamedTuple):
         )
         if faults := [wording for holds, wording in wrong if holds]:
             said = " and ".join([turned] * bool(self.turned_deg) + faults)
-            yield Finding("error", "built.pose", "mesh", f"it is {said}; all else is compared as planned")
+            sentence = f"it is {said}; figures and other findings are of the mesh put right"
+            yield Finding("error", "built.pose", "mesh", sentence)
         elif self.turned_deg:
             wording = "its coils' rows and columns turn with it; nothing else is to be done"
             yield Finding("note", "built.pose", "mesh", f"it is {turned}, {wording}")

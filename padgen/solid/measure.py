@@ -306,8 +306,8 @@ def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> l
     return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
-def smallest(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> float:
-    """Return the width in mm of the narrowest wall, or gap, in any of the cuts, or `bound_mm` where none is narrower.
+def smallest(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> float | None:
+    """Return the width in mm of the narrowest wall, or gap, in any of the cuts, None where none is below `bound_mm`.
 
     It is right within half of a step of `bound_mm` / `WIDTH_STEPS`. A cut that has nothing narrower than those before
     it is looked at once.
@@ -326,7 +326,7 @@ def smallest(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> 
             else:
                 low = middle
         least = high
-    return bound_mm if least > WIDTH_STEPS else (least - 0.5) * step_mm
+    return None if least > WIDTH_STEPS else (least - 0.5) * step_mm
 
 
 def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, NarrowSpot | None]:

@@ -316,7 +316,9 @@ def build_part(plan: Plan, name: str) -> Part:
         return Part(name, coupon.name, use, pad.mesh, None, check_pad(pad, coupon))
     if name == "guard":
         if not plan.spec.guard.thickness_mm:
-            raise InfeasibleError("is missing, so that there is no guard plate; 1 mm is usual", "guard.thickness_mm")
+            raise InfeasibleError(
+                "the spec has no guard plate; guard.thickness_mm = 1 (usual) would give it one", "--parts"
+            )
         guard = build_guard(plan)
         use = "lies on the pad, a hole round each pin, and bears the hand"
         return Part(name, guard.guard.name, use, guard.mesh, guard.solid, check_guard(guard, plan))
@@ -450,7 +452,8 @@ def _read_mesh(path: Path) -> Mesh:
     except Exception as error:  # trimesh's readers raise errors of many kinds
         raise MeshFileError(f"is not a mesh that can be read ({error or type(error).__name__})", str(path)) from error
     if not isinstance(part, trimesh.Trimesh) or not len(part.faces):
-        raise MeshFileError("holds no triangles", str(path))
+        what = 'is no STL (neither binary nor text that begins with "solid"), or' if kind == ".stl" else ""
+        raise MeshFileError(f"{what} holds no triangles".lstrip(), str(path))
     if len(part.faces) > MOST_TRIANGLES:
         raise MeshFileError(f"has more than {MOST_TRIANGLES} triangles", str(path))
     return sound_mesh(np.asarray(part.vertices, float), np.asarray(part.faces, np.int64), str(path))

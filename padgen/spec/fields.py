@@ -58,9 +58,14 @@ def numbers(
     return field(default=default, metadata={**bounds, "doc": doc, "count": count, "single": single})
 
 
-def choice(default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str) -> Any:
-    """Declare a choice between words; a function `of` returns them when they are needed, as plugins may add some."""
-    return field(default=default, metadata={"choices": of, "doc": doc})
+def choice(
+    default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str, what: str = "choice"
+) -> Any:
+    """Declare a choice between words; a function `of` returns them when they are needed, as plugins may add some.
+
+    A refused word is called `what`, which tells what is chosen where the field's name does not.
+    """
+    return field(default=default, metadata={"choices": of, "doc": doc, "what": what})
 
 
 def choices(meta: Any) -> tuple[str, ...]:
@@ -168,7 +173,7 @@ def _refuse(kind: type, meta: Mapping[str, Any], value: Any, where: str) -> None
         words = choices(meta)
         pattern = meta.get("pattern")
         if words and value not in words:
-            raise unknown_name(value, list(words), "choice", where)
+            raise unknown_name(value, list(words), meta.get("what", "choice"), where)
         if len(value) > LONGEST_TEXT or plain(value) != value:
             raise SpecError(f"must be a line of at most {LONGEST_TEXT} characters, got {shown(value)}", where)
         if pattern and not re.fullmatch(pattern, value):

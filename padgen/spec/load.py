@@ -978,6 +978,16 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
         raise SpecError("cannot be read: its values are nested too deeply", where) from error
 
 
+def _refuse_unknown(table: dict[str, Any]) -> None:
+    """Raise SpecError for a key that no spec has, among them the paper's word for the pad's size."""
+    known = [*(item.name for item in fields(Spec)), IN_DB]
+    for key in table:
+        if key not in known:
+            error = unknown_name(key, known, "key", "spec")
+            size = "; the active area is pad.width_mm and pad.depth_mm" if "area" in key.lower() else ""
+            raise SpecError(f"{error.message}{size}", error.where)
+
+
 def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
     """Make a `Spec` from the nested tables of a TOML file; files that the tables name lie in `folder`."""
     table = _with_printer_file(dict(table), folder)
@@ -1020,6 +1030,7 @@ def make_spec(table: dict[str, Any], folder: Path = Path()) -> Spec:
         parts["sound_card"] = _sound_card(card)
     parts["drive"] = with_threshold(parts["drive"], folder)
     parts["touch"] = _with_search_parts(parts["touch"], given, kind)
+    _refuse_unknown(table)
     spec: Spec = build(Spec, table, "", parts)
     if spec.blocked_by:
         headroom = max(spec.drive.headroom, CARRIED_HEADROOM)

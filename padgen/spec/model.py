@@ -798,6 +798,7 @@ class Spec:
     spacing: str = choice(
         "spread",
         of=("spread", "closest", "optimised"),
+        what="spacing of the resonances",
         doc="spread: the band is shared evenly in octaves; closest: the paper's ladder from the lowest slot;"
         " optimised: the best all-state selectivity that the drive scheme can have",
     )
