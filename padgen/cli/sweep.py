@@ -49,7 +49,8 @@ def add_study(commands: Any) -> None:
     parser.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file, the name of a template, or a plan.json")
     add_option(parser, study, "only", metavar="NAME,NAME", type=names)
     add_option(parser, study, "tolerance", metavar="SHARE")
-    parser.add_argument("--extreme", action="store_true", help="compare every model with the error that it states, in extreme cases")
+    extreme_help = "compare every model with the error that it states, in extreme cases"
+    parser.add_argument("--extreme", action="store_true", help=extreme_help)
     parser.add_argument(
         "--time-limit",
         metavar="SECONDS",
