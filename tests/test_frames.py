@@ -20,7 +20,7 @@ from padgen.driver.frames import (
     taxel_grid,
     text_frames,
 )
-from padgen.planner import Plan
+from padgen.planner import Plan, drive_scheme, make_plan
 from padgen.spec import load_spec, parse_spec
 
 TURNED = (
@@ -30,9 +30,16 @@ TURNED = (
 """Two sets of three channels with cells of odd columns turned and one place empty, shown as 6 x 2."""
 
 
+def turned_plan() -> Plan:
+    """Return the plan of `TURNED` with cells of odd columns turned, though others are farther apart unturned."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(drive_scheme, "TURNS", ("odd columns",))
+        return make_plan(parse_spec(TURNED))
+
+
 @pytest.fixture(scope="module")
 def plan() -> Plan:
-    made = pg.plan(parse_spec(TURNED))
+    made = turned_plan()
     assert made.reuse.turned == "odd columns" and made.coils.sets == 2 and len(made.taxels) == 11
     return made
 
@@ -47,7 +54,7 @@ LEVELS = np.array([[0, 255], [51, 0], [0, 102], [255, 0], [0, 0], [153, 204]])
 @pytest.mark.parametrize("name", ["paper-16", "paper-32", "quad-64", "wide-11", "turned"])
 def test_a_taxel_is_at_its_place_in_the_image(name):
     """Places are compared with the washers', which lie a quarter of a sub-cell or more inside it."""
-    plan = pg.plan(parse_spec(TURNED) if name == "turned" else load_spec(name))
+    plan = turned_plan() if name == "turned" else pg.plan(load_spec(name))
     grid = taxel_grid(plan)
     pad = plan.spec.pad
     assert sorted(grid[grid >= 0]) == list(range(len(plan.taxels)))

@@ -201,7 +201,7 @@ def test_a_solid_that_is_not_known_well_enough_is_said_not_to_be_tuned(monkeypat
     assert {c.model for c in plan.channels} == {"solid"}
     (doubt,) = [f for f in plan.findings if f.code == "model.error"]
     assert doubt.where == "channels 0, 1"
-    assert "by 0.30% of its resonance, asked is 0.20%: it is not tuned" in doubt.message
+    assert "by 0.30% of its resonance (allowed: 0.20%): it is not tuned" in doubt.message
     plan, _ = planned_with(monkeypatch, 1.9e-3)
     assert "model.error" not in {f.code for f in plan.findings}
 

@@ -1,11 +1,12 @@
 """Public functions on prints as they were measured: retune, simulate_print, bench and calibrate."""
 
 from collections.abc import Callable, Sequence
+from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from padgen.api.drives import _tuning_of
-from padgen.core.errors import SpecError
+from padgen.core.errors import FileError, SpecError
 
 if TYPE_CHECKING:
     from padgen.driver.bench import Bench
@@ -27,6 +28,9 @@ __all__ = [
 ]
 
 Progress = Callable[[str], None]
+LOUDER_DB = (2, 4, 8, 16, 32)
+"""By how much a simulated measurement that shows too little is made louder."""
+MOST_SNR_DB = 200
 
 
 def _silent(step: str) -> None:
@@ -83,10 +87,13 @@ def retune(
 
 
 class SimulatedPrint(NamedTuple):
-    """A print that the computer made: its true figures, and a lab's measurement of it as CSV."""
+    """A print that the computer made: its true figures, a lab's measurement of it as CSV, and how it was measured."""
 
     truth: "Tuning"
     measurement_csv: str
+    seed: int
+    kind: str
+    snr_db: float
 
 
 def simulate_print(plan: "Plan", seed: int, *, kind: str = "spectrum", snr_db: float = 30.0) -> SimulatedPrint:
@@ -117,13 +124,13 @@ def simulate_print(plan: "Plan", seed: int, *, kind: str = "spectrum", snr_db: f
     """
     if seed < 0:
         raise SpecError(f"must be 0 or more, got {seed}", "--simulate")
-    if not 0 <= snr_db <= 200:
-        raise SpecError(f"must be 0 … 200 dB, got {snr_db:g}", "--snr")
+    if not 0 <= snr_db <= MOST_SNR_DB:
+        raise SpecError(f"must be 0 … {MOST_SNR_DB} dB, got {snr_db:g}", "--snr")
     from padgen.measured.tuning import simulate_print as printed
     from padgen.measured.tuning import simulated_measurement
 
     truth = printed(plan, seed)
-    return SimulatedPrint(truth, simulated_measurement(plan, truth, seed, kind, snr_db))
+    return SimulatedPrint(truth, simulated_measurement(plan, truth, seed, kind, snr_db), seed, kind, snr_db)
 
 
 def save_retuned(
@@ -161,13 +168,35 @@ def save_retuned(
     FileError, SpecError, SolverError
         The measurement cannot be read, or shows no resonance; nothing is written, but in the latter case a picture.
     """
-    from padgen.measured.tune import write_retuned
+    from padgen.measured.tune import UnfittedError, write_retuned
 
     paths = [str(each) for each in measured]
     rest = None if coupon is None else str(coupon)
-    return write_retuned(
-        plan, Path(folder), paths, simulated, excitation, sensor, nearest, estimate_rest, rest, progress
-    )
+    try:
+        made = None if simulated is None else (simulated.truth, simulated.measurement_csv)
+        options = excitation, sensor, nearest, estimate_rest, rest
+        return write_retuned(plan, Path(folder), paths, made, *options, progress)
+    except UnfittedError as error:
+        if simulated is None:
+            raise
+        louder = _louder_text(plan, simulated, nearest, progress)
+        raise FileError(f"{error.message}; {louder}", error.where) from error
+
+
+def _louder_text(plan: "Plan", simulated: SimulatedPrint, nearest: bool, progress: Progress) -> str:
+    """Return the end of a refusal of a simulated print: the signal over noise that was tried and would do."""
+    from padgen.measured.fits import fitted
+    from padgen.measured.read import read_measured_text
+
+    for more_db in LOUDER_DB:
+        snr_db = floor(simulated.snr_db) + more_db
+        if snr_db > MOST_SNR_DB:
+            break
+        progress(f"measuring it with {snr_db} dB over the noise")
+        louder = simulate_print(plan, simulated.seed, kind=simulated.kind, snr_db=snr_db)
+        if fitted(read_measured_text(louder.measurement_csv, plan), plan, nearest)[2] is None:
+            return f"of this simulated print, --snr {snr_db} would do"
+    return "of this simulated print, no higher --snr that was tried would do"
 
 
 def fit_touch(

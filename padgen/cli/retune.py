@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-from math import floor
 from pathlib import Path
 from typing import Any
 
@@ -35,9 +34,6 @@ from padgen.core.rules import Rule, refuse
 __all__ = ["add_bench", "add_calibrate", "add_retune"]
 
 MOST_TRIES = 20
-LOUDER_DB = (2, 4, 8, 16, 32)
-"""By how much a simulated measurement that shows too little is made louder."""
-MOST_SNR_DB = 200
 
 
 def add_retune(commands: Any) -> None:
@@ -82,47 +78,19 @@ def _retune(options: argparse.Namespace) -> int:
         if options.simulate is not None:
             progress("printing and measuring a pad")
             simulated = simulate_print(plan, options.simulate, kind=options.kind, snr_db=options.snr)
-        try:
-            written = save_retuned(
-                plan,
-                folder_of(options, plan.name),
-                options.measured,
-                simulated,
-                excitation=options.excitation,
-                sensor=options.sensor,
-                nearest=options.nearest,
-                estimate_rest=options.estimate_rest,
-                coupon=options.coupon,
-                progress=progress,
-            )
-        except FileError as error:
-            if options.simulate is None or not _is_unfitted(error):
-                raise
-            raise FileError(f"{error.message}; {_louder_text(options, plan, progress)}", error.where) from error
+        written = save_retuned(
+            plan,
+            folder_of(options, plan.name),
+            options.measured,
+            simulated,
+            excitation=options.excitation,
+            sensor=options.sensor,
+            nearest=options.nearest,
+            estimate_rest=options.estimate_rest,
+            coupon=options.coupon,
+            progress=progress,
+        )
     return _tell(options, plan, written)
-
-
-def _is_unfitted(error: FileError) -> bool:
-    """Tell whether a taxel's data do not show its resonance."""
-    from padgen.measured.tune import UnfittedError
-
-    return isinstance(error, UnfittedError)
-
-
-def _louder_text(options: argparse.Namespace, plan: Any, progress: Any) -> str:
-    """Return the end of a refusal of a simulated print: the --snr that was tried and would do."""
-    from padgen.measured.fits import fitted
-    from padgen.measured.read import read_measured_text
-
-    for more_db in LOUDER_DB:
-        snr_db = floor(options.snr) + more_db
-        if snr_db > MOST_SNR_DB:
-            break
-        progress(f"measuring it with {snr_db} dB over the noise")
-        louder = simulate_print(plan, options.simulate, kind=options.kind, snr_db=snr_db)
-        if fitted(read_measured_text(louder.measurement_csv, plan), plan, options.nearest)[2] is None:
-            return f"of this simulated print, --snr {snr_db} would do"
-    return "of this simulated print, no higher --snr that was tried would do"
 
 
 def _touched(options: argparse.Namespace) -> int:

@@ -24,7 +24,6 @@ from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import coil_demand, placed_channels
 from padgen.planner.guard import guard_findings
 from padgen.planner.left_out import judge_left_out
-from padgen.planner.life import changes_text
 from padgen.planner.limits import Moved, exceeded, lower_level
 from padgen.planner.pins import judge_pins
 from padgen.planner.plan import Channel, Plan, channel_sets
@@ -444,7 +443,7 @@ def _life(plan: Plan) -> Iterator[Finding]:
         "print.life",
         "pad",
         f"re-tuned once, only {life.good_share:.0%} of its {plan.spec.touch.prints_text} (asked: {wanted:.0%}) still"
-        f" {do} when {changes_text(plan.spec)}{kept}; {when}",
+        f" {do} when {plan.spec.life.changes_text}{kept}; {when}",
     )
 
 

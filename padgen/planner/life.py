@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import number
 from padgen.planner.plan import Life, Plan
 from padgen.planner.printed_pads import (
     QUICK_PADS,
@@ -36,7 +35,7 @@ from padgen.planner.touched_prints import touched_pads
 from padgen.planner.warm_pad import softened
 from padgen.spec import Spec
 
-__all__ = ["changes_text", "planned_life"]
+__all__ = ["planned_life"]
 
 STEP_K = 0.5
 """Step of the temperatures up to which a pad may be used without re-tuning."""
@@ -65,21 +64,6 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     if life.good_share < plan.spec.print_share:
         life = replace(life, retune_k=_largest_change_k(plan, design, few))
     return life
-
-
-def changes_text(spec: Spec) -> str:
-    """Return what a re-tuned pad then goes through by `[life]`, as the rest of a sentence after 'when'."""
-    life = spec.life
-    changes = []
-    if life.temperature_range_k:
-        changes.append(f"the room is {number(life.temperature_range_k)} K warmer or colder")
-    if life.ageing:
-        changes.append("the plastic has aged")
-    if life.common_q or life.q:
-        changes.append("Q is not as planned")
-    if not changes:
-        return "nothing has changed"
-    return " and ".join(filter(None, (", ".join(changes[:-1]), changes[-1])))
 
 
 def _life(plan: Plan, design: Design, pads: int) -> Life:

@@ -212,7 +212,6 @@ SHOWN_CHANNELS = 12
 
 def _power_lines(plan: "Plan") -> list[str]:
     """Return lines on the pad's power, warmth and touch, and on the selectivity that its prints keep."""
-    from padgen.planner.life import changes_text
     from padgen.planner.verdict import moving_pad_db, works_by_table
 
     load = plan.load
@@ -237,7 +236,7 @@ def _power_lines(plan: "Plan") -> list[str]:
     if plan.life.good_share >= plan.spec.print_share and plan.life.print_db is not None:
         lasting.append(
             f"Re-tuned once, {plan.spec.print_share:.0%} of {plan.spec.touch.prints_text} still keep"
-            f" {plan.life.print_db:z.1f} dB when {changes_text(plan.spec)}."
+            f" {plan.life.print_db:z.1f} dB when {plan.spec.life.changes_text}."
         )
     if plan.touch is not None:
         lines += _touch_lines(plan, plan.touch) + lasting

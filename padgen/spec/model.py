@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from math import ceil, pi, sqrt
 from typing import Any
 
+from padgen.core.errors import number
 from padgen.core.registry import COILS, MOVERS, SCHEMES, SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
@@ -593,6 +594,20 @@ class LifeTable:
     )
     common_q: float = quantity(0.1, unit="1", low=0, high=1, doc="spread of Q about q_min from pad to pad, relative")
     q: float = quantity(0.1, unit="1", low=0, high=1, doc="spread of Q from taxel to taxel, relative")
+
+    @property
+    def changes_text(self) -> str:
+        """What a re-tuned pad then goes through, as the rest of a sentence after 'when'."""
+        changes = []
+        if self.temperature_range_k:
+            changes.append(f"the room is {number(self.temperature_range_k)} K warmer or colder")
+        if self.ageing:
+            changes.append("the plastic has aged")
+        if self.common_q or self.q:
+            changes.append("Q is not as planned")
+        if not changes:
+            return "nothing has changed"
+        return " and ".join(filter(None, (", ".join(changes[:-1]), changes[-1])))
 
 
 @dataclass(frozen=True, slots=True)
