@@ -7,8 +7,18 @@ import numpy as np
 import pytest
 
 from padgen.batch import index
-from padgen.batch.index import BLOCK, COLOURED_BY, OBJECTIVES, front_mask, overview_of, pareto_csv, write_pareto
+from padgen.batch.index import (
+    BLOCK,
+    COLOURED_BY,
+    OBJECTIVES,
+    Refusal,
+    front_mask,
+    overview_of,
+    pareto_csv,
+    write_pareto,
+)
 from padgen.batch.variant import VariantRecord
+from padgen.report.results import _refusal_text
 
 HEADER = ("number", "name", "status", "taxels", "verdict_db", "power_w", "sentence", "seconds")
 
@@ -79,7 +89,25 @@ def test_only_what_was_made_counts_and_errors_stand_apart():
     assert numbers(told) == [0] and told.front_of == "works"
     assert told.counts == {"done": 2, "refused": 1, "failed": 1} and told.judged["faulty"] == 1
     assert told.faulty.tolist() == [[400, 90, 0.1]]
-    assert told.refused == (("q-00002", "pad.width_mm: is too small"),)
+    assert told.refused == (Refusal(("q-00002",), 1, "pad.width_mm: is too small"),)
+
+
+def test_variants_refused_for_the_same_reason_are_told_together():
+    """Each had a sentence of its own, four lines long, which differed in its last figures only."""
+    why = "resolution: 48 taxels cannot be laid out"
+    sentences = [f"{why}: {k} of them" for k in range(5)] + ["q_min: too low"] * 2 + ["a: b", "c: d", "e: f"]
+    told = overview(
+        [row(k, None, None, None, status="refused", sentence=sentence) for k, sentence in enumerate(sentences)]
+    )
+    assert told.refused == (
+        Refusal(("q-00000", "q-00001", "q-00002"), 5, why, False),
+        Refusal(("q-00005", "q-00006"), 2, "q_min: too low"),
+        Refusal(("q-00007",), 1, "a: b"),
+    )
+    assert [_refusal_text(refusal) for refusal in told.refused[:2]] == [
+        f"refused: q-00000, q-00001, q-00002 and 2 more: {why}; index.csv, column sentence, has each one's details",
+        "refused: q-00005, q-00006: q_min: too low",
+    ]
 
 
 def test_where_all_have_errors_they_are_weighed():

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import pickle
+import re
 import subprocess
 import sys
 import time
@@ -160,6 +161,12 @@ def test_two_refinements_are_asked_for(count):
     assert "refused: no engine" in result.why or count == 0
     assert all(recommended_row(result, tol) is None for tol in TOLERANCES)
     assert (result.reference is None) == (count == 0)
+    text = _study(result).text()
+    assert "known to ±" not in text and "nothing is recommended below" not in text and "≤ ?" not in text
+    if count:
+        there = ("none has", "only one has")[count - 1]
+        assert f"no error can be stated: it is to be compared with two coarser ones, and {there} an answer" in text
+        assert "; the finest has no answer (refused: no engine)" in text
 
 
 def test_the_quickest_rung_that_holds_is_recommended():
@@ -416,7 +423,9 @@ def test_an_interrupted_study_writes_what_it_has(paper_plan, tmp_path):
     notes = [row["note"] for row in csv.DictReader(io.StringIO(table))]
     assert notes == ["", ""] + ["not run: the study was stopped"] * (len(rows) - 2)
     text = study.text()
-    assert "not run: 4 of 6 rungs of allocation, " in text and "not run: 8 of 8 rungs of geometry, " in text
+    assert "not run: 4 of 6 models of allocation, " in text and "not run: 8 of 8 models of geometry, " in text
+    assert "not decided: the study was stopped" in text and "none is known" not in text
+    assert study.total == len(rows)
     assert "\ngeometry," not in text
 
 
@@ -431,7 +440,7 @@ def test_interrupted_before_anything_it_leaves_nothing(paper_plan, tmp_path):
 def test_interrupted_extreme_cases_say_which_were_not_run(tmp_path):
     study = run_extreme(tmp_path / "out", interrupted_at("case 3"), OWN_CASES)
     assert [v.verdict for v in study.verdicts] == ["right", "refused", *["not run"] * 5]
-    assert study.missing[0] == "test, wrong"
+    assert study.missing[0] == "test, wrong" and (len(study.missing), study.total) == (5, 7)
     assert json.loads((tmp_path / "out" / "extreme.json").read_text())["stopped"]
     assert "5 not run" in study.text()
 
@@ -444,7 +453,9 @@ def test_the_command_stops_in_time_and_logs_its_rungs(tmp_path):
         assert any(line.startswith("rung 1 of ") for line in log)
         told = json.loads((tmp_path / "study.json").read_text())
         assert (ended.returncode, told["stopped"]) in ((2, True), (0, False))
-        assert not told["stopped"] or log[-1].startswith("padgen: stopped: ")
+        assert not told["stopped"] or re.fullmatch(
+            r"padgen: stopped: \d+ of \d+ models (was|were) not run \(marked in study.csv\)", log[-1]
+        )
         assert "best of 2 to 7 runs" in told["times"] and told["times"] in " ".join(ended.stdout.split())
     else:
         assert log[-1].startswith("padgen: interrupted")

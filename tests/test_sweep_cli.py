@@ -104,7 +104,7 @@ def test_a_refused_variant_is_a_result(work, capsys):
     told = capsys.readouterr()
     assert not told.err
     assert "2 done, 2 refused, 0 failed" in told.out
-    assert re.search(r"^refused: q-00001: .*taxels", told.out, re.MULTILINE)
+    assert re.search(r"^refused: q-00001, q-00003: .*taxels", told.out, re.MULTILINE)
 
 
 def test_constraints_that_leave_nothing_are_refused(work, capsys):

@@ -43,6 +43,7 @@ __all__ = [
     "Journal",
     "Objective",
     "Overview",
+    "Refusal",
     "front_mask",
     "overview_of",
     "pareto_csv",
@@ -77,6 +78,7 @@ BLOCK = CHUNK = 512
 MOST_DRAWN = 20_000
 """Points besides the front that are kept for the picture; beyond, every second, fourth, ... one."""
 MOST_REFUSED = 3
+"""Most reasons for refusals that are told, and most variants that are named with each."""
 COLOURED_BY = ("power_w", "verdict_db", "print_min", "good_pads_retuned", "taxels")
 """The first of these that differs among variants tells apart the front's points by colour."""
 RATIOS = ("taxels", "power_w", "print_min")
@@ -85,6 +87,18 @@ WIDE = 20.0
 PANEL_INCHES = 2.9, 2.3
 MOST_VECTORS = 1000
 """Points beyond which the SVG holds them as pixels."""
+
+
+class Refusal(NamedTuple):
+    """What `count` variants are refused for, and the names of the first.
+
+    `sentence` is theirs, without the details that follow its second colon where they differ in these (not `is_whole`).
+    """
+
+    names: tuple[str, ...]
+    count: int
+    sentence: str
+    is_whole: bool = True
 
 
 @dataclass(frozen=True)
@@ -99,7 +113,7 @@ class Overview:
     counts : variants by status; `judged` of the made ones by `KINDS`.
     front_of : the kind of variant that the front is of: the first of `KINDS` that there is. `short` and `faulty` are
         the others of these kinds, `beaten` the rest of its own.
-    refused : name and sentence of the first few.
+    refused : the first few reasons for which variants are refused.
     """
 
     header: tuple[str, ...]
@@ -112,7 +126,7 @@ class Overview:
     counts: dict[str, int]
     judged: dict[str, int]
     front_of: str
-    refused: tuple[tuple[str, str], ...]
+    refused: tuple[Refusal, ...]
 
     @property
     def points(self) -> np.ndarray:
@@ -191,12 +205,13 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tu
     pools = {kind: _Pool(names) for kind in KINDS}
     counts: Counter[str] = Counter()
     judged: Counter[str] = Counter()
-    refused: list[tuple[str, str]] = []
+    refused: dict[str, Refusal] = {}
     left = iter(pairs)
     while chunk := list(islice(left, CHUNK)):
         counts.update(record.status for record, _ in chunk)
-        refusals = [(row[header.index("name")], record.sentence) for record, row in chunk if record.status == "refused"]
-        refused += refusals[: MOST_REFUSED - len(refused)]
+        for record, row in chunk:
+            if record.status == "refused":
+                _add_refusal(refused, row[header.index("name")], record.sentence)
         made = [(_kind(pair[0]), pair) for pair in chunk if pair[0].status == "done"]
         judged.update(kind for kind, _ in made)
         for kind, pool in pools.items():
@@ -220,8 +235,22 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tu
         dict(counts),
         {kind: judged[kind] for kind in KINDS},
         front_of,
-        tuple(refused),
+        tuple(refused.values()),
     )
+
+
+def _add_refusal(refused: dict[str, Refusal], name: str, sentence: str) -> None:
+    """Add a refused variant to those of the same reason, up to a second colon; of new reasons only the first few."""
+    place, colon, reason_and_details = sentence.partition(": ")
+    head = place + colon + reason_and_details.partition(": ")[0]
+    before = refused.get(head)
+    if before is None:
+        if len(refused) < MOST_REFUSED:
+            refused[head] = Refusal((name,), 1, sentence)
+        return
+    is_whole = before.is_whole and before.sentence == sentence
+    names = (*before.names, name)[:MOST_REFUSED]
+    refused[head] = Refusal(names, before.count + 1, sentence if is_whole else head, is_whole)
 
 
 KINDS = ("works", "short", "faulty")

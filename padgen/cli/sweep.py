@@ -95,7 +95,9 @@ def _study(options: argparse.Namespace) -> int:
         show(f"{done.text()}\n\nwritten to {plain(str(folder))}: {'  '.join(done.files)}")
     if done.missing:
         # Printed after the summary, since finished results are kept.
-        print(f"padgen: stopped: {len(done.missing)} were not run; the files say which", file=sys.stderr)
+        count = len(done.missing)
+        left = f"{count} of {done.total} {'cases' if options.extreme else 'models'} {'was' if count == 1 else 'were'}"
+        print(f"padgen: stopped: {left} not run (marked in {done.files[0]})", file=sys.stderr)
         return BAD_INPUT
     return DONE if not options.extreme or done.holds else CHECK_FAILED
 

@@ -267,7 +267,7 @@ def judged(ladder: Ladder, measured: Sequence[RungFigures]) -> Judged:
     reference = solved[-1] if solved else None
     uncertainty, converged, why = _uncertainty(ladder, measured, solved)
     if line and solved and solved[-1] != line[-1]:
-        why += f"; finer ones have no answer ({measured[line[-1]].note})"
+        why += f"; the finest has no answer ({measured[line[-1]].note})"
     rows = []
     for rung, figures in zip(ladder.rungs, measured, strict=True):
         error = inf if reference is None else _distance(ladder, figures, measured[reference])
@@ -303,7 +303,10 @@ def _uncertainty(ladder: Ladder, measured: Sequence[RungFigures], solved: Sequen
         return inf, False, f"no rung of '{ladder.reference}' has an answer, so that there is no reference"
     name = f"{ladder.rungs[solved[-1]].model}, {ladder.rungs[solved[-1]].resolution}"
     if len(solved) < 3:
-        return inf, False, f"the reference {name} is not shown to be converged: it needs two coarser ones"
+        there = "only one has" if len(solved) == 2 else "none has"
+        coarser = f"it is to be compared with two coarser ones, and {there} an"
+        why = f"the reference {name} is not shown to be converged, so that no error can be stated: {coarser} answer"
+        return inf, False, why
     first, second = (_distance(ladder, measured[a], measured[b]) for a, b in pairwise(solved[-3:]))
     said = f"the last two refinements changed it by {percent(first)} and {percent(second)}"
     ratio = second / first if first > 0 else inf

@@ -434,7 +434,8 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
                 *fields,
             ),
             OFF_AXIS if offset else COAXIAL,
-            note=f"steel is linear, with the catalogue's permeability; {ORDER_NOTE} of steel",
+            note=f"steel is linear, with the catalogue's permeability; {ORDER_NOTE} of steel; the paper's Eq. 4 leaves out"
+            " the air gap and counts the core's permeability squared, so that it is decades off",
         )
 
 
@@ -482,7 +483,9 @@ FRAME = "frame, cubic elements"
 FRAMES = ("padgen.verify.taxel_frame",)
 REFERENCE = "solid, graded"
 THEORY = {
-    FRAME: Theory(4, "frequencies by cubic shapes and consistent mass; what the flares' fixed slices err by stays"),
+    FRAME: Theory(
+        4, "cubic shapes and consistent mass; the flares are cut into a fixed number of slices, whose error stays"
+    ),
 }
 ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elasticity")
 

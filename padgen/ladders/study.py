@@ -8,7 +8,7 @@ what was measured until then; before the first rung's end it leaves everything a
 import json
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, astuple, dataclass, fields
 from functools import partial
@@ -205,6 +205,11 @@ class Study:
         )
 
     @property
+    def total(self) -> int:
+        """Number of rungs, of all ladders."""
+        return sum(len(result.rows) for result in self.ladders)
+
+    @property
     def files(self) -> tuple[str, ...]:
         """Names of the files that a study writes into a folder."""
         return STUDY_FILES
@@ -237,6 +242,11 @@ class ExtremeStudy:
     def text(self) -> str:
         """Return the verdicts as a table, what is wrong, and how many cases there are of each, for people."""
         return _extreme_text(self)
+
+    @property
+    def total(self) -> int:
+        """Number of cases."""
+        return len(self.verdicts)
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -466,14 +476,16 @@ def _study_text(study: Study) -> str:
     """Return a study as text: ladders that were run at least in part, recommended rungs, and what was not run."""
     parts = []
     stopped = []
+    undecided = set()
     for result in study.ladders:
         left = sum(row.measured is NOT_RUN for row in result.rows)
         every = len(result.rows)
         if left:
-            stopped.append(f"not run: {left} of {every} rungs of {result.ladder.name}, {result.ladder.subject}")
+            stopped.append(f"not run: {left} of {every} models of {result.ladder.name}, {result.ladder.subject}")
+            undecided.add(result.ladder.name)
         if left < every:
             parts.append(ladder_text(result, study.tolerances))
-    return "\n\n".join([*parts, picks_text(study.picks), "\n".join([TIMES, *stopped])])
+    return "\n\n".join([*parts, picks_text(study.picks, undecided), "\n".join([TIMES, *stopped])])
 
 
 def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
@@ -486,9 +498,9 @@ def ladder_text(result: Judged, tolerances: Sequence[float]) -> str:
     lines = [f"{ladder.name}, {ladder.subject}: {ladder.quantity}{unit}"]
     rows = zip(result.rows, recommended_for(result, tolerances), strict=True)
     lines.append(table(HEADINGS, [_table_row(*row) for row in rows], left=1))
-    reference = "" if result.reference is None else f" (so it is known to ± {percent(result.uncertainty, 3)})"
-    lines.append(f"{result.why}{reference}")
-    if not result.converged and result.reference is not None:
+    is_known = isfinite(result.uncertainty)
+    lines.append(result.why + (f" (so it is known to ± {percent(result.uncertainty, 3)})" if is_known else ""))
+    if is_known and not result.converged:
         lines.append(f"nothing is recommended below {percent(result.uncertainty, 3)}")
     for order in result.orders:
         observed = "not observed" if order.observed is None else f"{order.observed:.2f} observed"
@@ -515,7 +527,7 @@ def _table_row(row: JudgedRung, holds: Sequence[float]) -> tuple[str, ...]:
         else f"{measured_rung.values.size} values"
     )
     error = "?"
-    if not isnan(row.error):
+    if isfinite(row.at_most):
         error = f"≤ {percent(row.at_most, 3)}" if row.is_bound else percent(row.error, 3)
     return (
         model,
@@ -529,14 +541,16 @@ def _table_row(row: JudgedRung, holds: Sequence[float]) -> tuple[str, ...]:
     )
 
 
-def picks_text(picks: Iterable[Pick]) -> str:
-    """Write the recommended rung of each ladder for each tolerance."""
+def picks_text(picks: Iterable[Pick], undecided: Container[str] = ()) -> str:
+    """Write the recommended rung of each ladder for each tolerance; of `undecided` ladders some rungs were not run."""
     rows = []
     for pick in picks:
-        rung = f"{pick.model}, {pick.resolution}" if pick.model else "none is known to hold"
+        none = "not decided: the study was stopped" if pick.ladder in undecided else "none is known to be so accurate"
+        rung = f"{pick.model}, {pick.resolution}" if pick.model else none
         cost = (seconds_text(pick.seconds), percent(pick.at_most, 3)) if pick.model else ("", "")
         rows.append((pick.ladder, percent(pick.tolerance, 3), rung, *cost))
-    return "recommended rungs\n" + table(("ladder", "for", "rung", "run time", "error at most"), rows, left=3)
+    head = ("ladder", "for an error of", "model", "run time", "error at most")
+    return "recommended models\n" + table(head, rows, left=3)
 
 
 def _extreme_text(study: ExtremeStudy) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from padgen.batch.definition import Sweep
-    from padgen.batch.index import Overview
+    from padgen.batch.index import Overview, Refusal
     from padgen.batch.sweep import Event, SweepResult
     from padgen.core.cache import CacheInfo
     from padgen.driver.drive_folder import Driven
@@ -378,18 +378,28 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
     total = counted(result.total, "variant")
     faulty = overview.judged["faulty"]
     short = overview.judged["short"]
-    more = result.refused - len(overview.refused)
+    more = result.refused - sum(refusal.count for refusal in overview.refused)
     lines = [
         f"{sweep.settings.name}: {total}, {counts_text(result)}, in {seconds_text(result.seconds)}",
         f"{result.kept} of them were finished before and not made again" if result.kept else "",
-        f"{faulty} of those made do not work: their errors are in the column findings of the index" if faulty else "",
-        f"{short} of those made fall short of what they ask" if short else "",
-        *(f"refused: {name}: {sentence}" for name, sentence in overview.refused),
-        f"… and {more} more refused, in the index" if more > 0 else "",
+        f"{faulty} of those made {'does' if faulty == 1 else 'do'} not work: index.csv, column findings, says why"
+        if faulty
+        else "",
+        f"{short} of those made {'falls' if short == 1 else 'fall'} short of what is asked" if short else "",
+        *map(_refusal_text, overview.refused),
+        f"… and {more} more refused for other reasons: index.csv, column sentence, says why" if more > 0 else "",
         f"\n{_front_text(sweep, overview)}" if overview.rows else "",
         f"\nwritten to {plain(str(result.folder))}: {', '.join(('index.csv', *files))}",
     ]
     return "\n".join(line.rstrip() for text in lines if text for line in text.splitlines())
+
+
+def _refusal_text(refusal: "Refusal") -> str:
+    """Return which variants of a sweep are refused, and why."""
+    rest = refusal.count - len(refusal.names)
+    names = ", ".join(refusal.names) + (f" and {rest} more" if rest else "")
+    details = "" if refusal.is_whole else "; index.csv, column sentence, has each one's details"
+    return f"refused: {names}: {refusal.sentence}{details}"
 
 
 def counts_text(event: "Event | SweepResult") -> str:
