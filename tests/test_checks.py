@@ -69,7 +69,11 @@ def test_the_same_pad_passes_as_a_foreign_mesh(small_pad, small_plan):
 def test_a_hole(small_pad, small_plan):
     broken = Mesh(small_pad.mesh.vertices_mm, small_pad.mesh.triangles[1:])
     assert topology(broken).broken_edges == 3
-    assert "mesh.closed" in codes(check_pad(replace(small_pad, mesh=broken), small_plan))
+    report = check_pad(replace(small_pad, mesh=broken), small_plan)
+    (said,) = (finding.message for finding in report.findings if finding.code == "mesh.closed")
+    edges = "3 edges do not join two triangles that agree which side is out, the first near"
+    assert said.startswith(f"it has a hole, or triangles doubled or turned over: {edges} (")
+    assert said.endswith(" mm; repair it in the slicer, or export it again")
 
 
 def test_a_doubled_triangle(small_pad):

@@ -716,7 +716,7 @@ def test_the_command_gives_the_verdict_first_then_what_to_set(tmp_path, capsys, 
 def test_usage(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for arguments, words in (
-        (["--gcode", "a.gcode"], "is needed to check G-code"),
+        (["--gcode", "a.gcode"], "padgen: --spec: is needed to check G-code"),
         ([], "needs either a mesh or --gcode FILE"),
         (["a.stl", "--gcode", "a.gcode"], "needs either a mesh or --gcode FILE"),
         (["--gcode", "a.gcode", "--spec", "paper-32"], "there is no such file"),

@@ -401,6 +401,13 @@ def written(plan, parts, folder):
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.name != "manifest.json"}
 
 
+def test_a_guard_plate_that_the_spec_lacks_is_refused_with_what_would_add_one(plan):
+    with pytest.raises(InfeasibleError) as refused:
+        build_part(plan, "guard")
+    sentence = "--parts: the spec has no guard plate; guard.thickness_mm = 1 (usual) would give it one"
+    assert str(refused.value) == sentence
+
+
 def test_files_of_parts(plan, parts, tmp_path):
     files = written(plan, parts, tmp_path / "one")
     assert set(files) == {f"{p}.{f}" for p in PARTS for f in ("stl", "3mf", "step")} - {"coupon.step"}

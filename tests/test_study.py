@@ -19,6 +19,7 @@ import pytest
 
 import padgen as pg
 from padgen.cli import run
+from padgen.cli.common import described
 from padgen.core.display import plot_bytes, seconds_text
 from padgen.core.errors import PadgenError, SolverError, SpecError, percent
 from padgen.ladders.extreme import fault_of, random_table, selectivity_cases, solid_cases, spec_cases
@@ -465,6 +466,11 @@ def test_the_command_stops_in_time_and_logs_its_rungs(tmp_path):
 def test_a_time_limit_that_is_none(limit, capsys):
     assert run(["study", "paper-pair", "--time-limit", limit]) == 2
     assert "--time-limit: must be above 0" in capsys.readouterr().err
+
+
+def test_the_help_of_only_names_every_ladder():
+    text = described(pg.study, "only")
+    assert all(name in text for name in LADDERS)
 
 
 def test_names_of_ladders():

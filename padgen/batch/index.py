@@ -90,13 +90,13 @@ MOST_VECTORS = 1000
 
 
 class Refusal(NamedTuple):
-    """What `count` variants are refused for, and the names of the first.
+    """What a number of `variants` are refused for, and the names of the first.
 
     `sentence` is theirs, without the details that follow its second colon where they differ in these (not `is_whole`).
     """
 
     names: tuple[str, ...]
-    count: int
+    variants: int
     sentence: str
     is_whole: bool = True
 
@@ -250,7 +250,7 @@ def _add_refusal(refused: dict[str, Refusal], name: str, sentence: str) -> None:
         return
     is_whole = before.is_whole and before.sentence == sentence
     names = (*before.names, name)[:MOST_REFUSED]
-    refused[head] = Refusal(names, before.count + 1, sentence if is_whole else head, is_whole)
+    refused[head] = Refusal(names, before.variants + 1, sentence if is_whole else head, is_whole)
 
 
 KINDS = ("works", "short", "faulty")

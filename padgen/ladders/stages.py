@@ -434,8 +434,8 @@ def force_ladders(scene: Scene) -> Iterator[Ladder]:
                 *fields,
             ),
             OFF_AXIS if offset else COAXIAL,
-            note=f"steel is linear, with the catalogue's permeability; {ORDER_NOTE} of steel; the paper's Eq. 4 leaves out"
-            " the air gap and counts the core's permeability squared, so that it is decades off",
+            note=f"steel is linear, with the catalogue's permeability; {ORDER_NOTE} of steel; the paper's Eq. 4 leaves"
+            " out the air gap and counts the core's permeability squared, so that it is decades off",
         )
 
 

@@ -378,7 +378,7 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
     total = counted(result.total, "variant")
     faulty = overview.judged["faulty"]
     short = overview.judged["short"]
-    more = result.refused - sum(refusal.count for refusal in overview.refused)
+    more = result.refused - sum(refusal.variants for refusal in overview.refused)
     lines = [
         f"{sweep.settings.name}: {total}, {counts_text(result)}, in {seconds_text(result.seconds)}",
         f"{result.kept} of them were finished before and not made again" if result.kept else "",
@@ -396,7 +396,7 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
 
 def _refusal_text(refusal: "Refusal") -> str:
     """Return which variants of a sweep are refused, and why."""
-    rest = refusal.count - len(refusal.names)
+    rest = refusal.variants - len(refusal.names)
     names = ", ".join(refusal.names) + (f" and {rest} more" if rest else "")
     details = "" if refusal.is_whole else "; index.csv, column sentence, has each one's details"
     return f"refused: {names}: {refusal.sentence}{details}"
