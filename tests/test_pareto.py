@@ -11,7 +11,7 @@ from padgen.batch.index import (
     BLOCK,
     COLOURED_BY,
     OBJECTIVES,
-    Refusal,
+    RefusedVariants,
     front_mask,
     overview_of,
     pareto_csv,
@@ -89,7 +89,7 @@ def test_only_what_was_made_counts_and_errors_stand_apart():
     assert numbers(told) == [0] and told.front_of == "works"
     assert told.counts == {"done": 2, "refused": 1, "failed": 1} and told.judged["faulty"] == 1
     assert told.faulty.tolist() == [[400, 90, 0.1]]
-    assert told.refused == (Refusal(("q-00002",), 1, "pad.width_mm: is too small"),)
+    assert told.refused == (RefusedVariants(("q-00002",), 1, "pad.width_mm: is too small"),)
 
 
 def test_variants_refused_for_the_same_reason_are_told_together():
@@ -100,9 +100,9 @@ def test_variants_refused_for_the_same_reason_are_told_together():
         [row(k, None, None, None, status="refused", sentence=sentence) for k, sentence in enumerate(sentences)]
     )
     assert told.refused == (
-        Refusal(("q-00000", "q-00001", "q-00002"), 5, why, False),
-        Refusal(("q-00005", "q-00006"), 2, "q_min: too low"),
-        Refusal(("q-00007",), 1, "a: b"),
+        RefusedVariants(("q-00000", "q-00001", "q-00002"), 5, why, False),
+        RefusedVariants(("q-00005", "q-00006"), 2, "q_min: too low"),
+        RefusedVariants(("q-00007",), 1, "a: b"),
     )
     assert [_refusal_text(refusal) for refusal in told.refused[:2]] == [
         f"refused: q-00000, q-00001, q-00002 and 2 more: {why}; index.csv, column sentence, has each one's details",

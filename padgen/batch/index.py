@@ -43,7 +43,7 @@ __all__ = [
     "Journal",
     "Objective",
     "Overview",
-    "Refusal",
+    "RefusedVariants",
     "front_mask",
     "overview_of",
     "pareto_csv",
@@ -89,7 +89,7 @@ MOST_VECTORS = 1000
 """Points beyond which the SVG holds them as pixels."""
 
 
-class Refusal(NamedTuple):
+class RefusedVariants(NamedTuple):
     """What a number of `variants` are refused for, and the names of the first.
 
     `sentence` is theirs, without the details that follow its second colon where they differ in these (not `is_whole`).
@@ -126,7 +126,7 @@ class Overview:
     counts: dict[str, int]
     judged: dict[str, int]
     front_of: str
-    refused: tuple[Refusal, ...]
+    refused: tuple[RefusedVariants, ...]
 
     @property
     def points(self) -> np.ndarray:
@@ -205,7 +205,7 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tu
     pools = {kind: _Pool(names) for kind in KINDS}
     counts: Counter[str] = Counter()
     judged: Counter[str] = Counter()
-    refused: dict[str, Refusal] = {}
+    refused: dict[str, RefusedVariants] = {}
     left = iter(pairs)
     while chunk := list(islice(left, CHUNK)):
         counts.update(record.status for record, _ in chunk)
@@ -239,18 +239,18 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tu
     )
 
 
-def _add_refusal(refused: dict[str, Refusal], name: str, sentence: str) -> None:
+def _add_refusal(refused: dict[str, RefusedVariants], name: str, sentence: str) -> None:
     """Add a refused variant to those of the same reason, up to a second colon; of new reasons only the first few."""
     place, colon, reason_and_details = sentence.partition(": ")
     head = place + colon + reason_and_details.partition(": ")[0]
     before = refused.get(head)
     if before is None:
         if len(refused) < MOST_REFUSED:
-            refused[head] = Refusal((name,), 1, sentence)
+            refused[head] = RefusedVariants((name,), 1, sentence)
         return
     is_whole = before.is_whole and before.sentence == sentence
     names = (*before.names, name)[:MOST_REFUSED]
-    refused[head] = Refusal(names, before.variants + 1, sentence if is_whole else head, is_whole)
+    refused[head] = RefusedVariants(names, before.variants + 1, sentence if is_whole else head, is_whole)
 
 
 KINDS = ("works", "short", "faulty")

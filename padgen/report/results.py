@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from padgen.batch.definition import Sweep
-    from padgen.batch.index import Overview, Refusal
+    from padgen.batch.index import Overview, RefusedVariants
     from padgen.batch.sweep import Event, SweepResult
     from padgen.core.cache import CacheInfo
     from padgen.driver.drive_folder import Driven
@@ -394,7 +394,7 @@ def sweep_text(sweep: "Sweep", result: "SweepResult", files: Sequence[str]) -> s
     return "\n".join(line.rstrip() for text in lines if text for line in text.splitlines())
 
 
-def _refusal_text(refusal: "Refusal") -> str:
+def _refusal_text(refusal: "RefusedVariants") -> str:
     """Return which variants of a sweep are refused, and why."""
     rest = refusal.variants - len(refusal.names)
     names = ", ".join(refusal.names) + (f" and {rest} more" if rest else "")
