@@ -137,7 +137,7 @@ def drive(
 
 
 class Excited(NamedTuple):
-    """What `excite` wrote: how it is played, and findings where it is beyond a limit."""
+    """The excitation that `excite` wrote: how it is played, and findings where it is beyond a limit."""
 
     excitation: "Excitation"
     findings: tuple[Finding, ...]

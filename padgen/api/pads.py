@@ -279,7 +279,7 @@ def recoil(
 
 
 class SavedPlan(NamedTuple):
-    """What `save_plan` wrote: its files, the text of plan.json, and whether files of an older plan lie beside them."""
+    """Result of `save_plan`: its files, the text of plan.json, and whether files of an older plan lie beside them."""
 
     files: tuple[str, ...]
     plan_json: str

@@ -174,8 +174,9 @@ def save_retuned(
     rest = None if coupon is None else str(coupon)
     try:
         made = None if simulated is None else (simulated.truth, simulated.measurement_csv)
-        options = excitation, sensor, nearest, estimate_rest, rest
-        return write_retuned(plan, Path(folder), paths, made, *options, progress)
+        return write_retuned(
+            plan, Path(folder), paths, made, excitation, sensor, nearest, estimate_rest, rest, progress
+        )
     except UnfittedError as error:
         if simulated is None:
             raise

@@ -152,7 +152,7 @@ def read_sweep(path: "str | Path") -> "Sweep":
 
 
 class RanSweep(NamedTuple):
-    """What `run_sweep` made: its result, the files of the Pareto front, and why the front has no picture, if so."""
+    """Result of `run_sweep` with the files of its Pareto front, and the reason where the front has no picture."""
 
     result: "SweepResult"
     files: tuple[str, ...]

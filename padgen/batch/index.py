@@ -90,7 +90,7 @@ MOST_VECTORS = 1000
 
 
 class RefusedVariants(NamedTuple):
-    """What a number of `variants` are refused for, and the names of the first.
+    """The reason for which a number of `variants` are refused, and the names of the first.
 
     `sentence` is theirs, without the details that follow its second colon where they differ in these (not `is_whole`).
     """

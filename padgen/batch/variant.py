@@ -37,7 +37,7 @@ RESIN_S_PER_LAYER = 9.0
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a worker needs to make one variant: plain data, which any executor can send.
+    """Task of a worker, to make one variant: plain data, which any executor can send.
 
     `key` is the hash of all that the record depends on; `folder` is where the base's files lie, `out` the
     variant's own folder (None: none is written).

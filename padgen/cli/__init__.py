@@ -127,7 +127,7 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
 
 
 MISSING = "the following arguments are required: "
-"""How argparse begins what it says of arguments that were left out, before their names."""
+"""Beginning of argparse's message on missing arguments; their names follow it."""
 
 
 class _Parser(argparse.ArgumentParser):

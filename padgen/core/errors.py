@@ -41,6 +41,7 @@ __all__ = [
     "at_least",
     "at_most",
     "cured",
+    "listed",
     "number",
     "percent",
     "plain",
@@ -275,6 +276,15 @@ def plural(count: float) -> str:
     '1 coil, 2 coils'
     """
     return "" if count == 1 else "s"
+
+
+def listed(words: Sequence[str]) -> str:
+    """Return words in a row, the last after an 'and'.
+
+    >>> listed(["0"]), listed(["0", "2"]), listed(["0", "2", "4"])
+    ('0', '0 and 2', '0, 2 and 4')
+    """
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def about(value: float, digits: int = 2) -> str:

@@ -192,7 +192,7 @@ def levels_of(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Drive:
-    """What the coils of a plan are to show, and with which options; `padgen.drive` makes it and explains the options.
+    """Frames for the coils of a plan, and the options of their drive; `padgen.drive` makes it and explains the options.
 
     `frames` (k, taxels) are levels in 0 … 1, None for tables alone; `held` tells that they are states. With `brake`
     a WAV stops taxels that go OFF in counter-phase. Where the pad is driven `warm`, so is the `tuning`. In a `crossed`

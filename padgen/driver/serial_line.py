@@ -139,7 +139,7 @@ class Message:
 
 
 class Greeting(NamedTuple):
-    """What a device reports of itself: times of whole samples, `faults` as `Fault` flags (0 from older firmware)."""
+    """Report of a device on itself: times of whole samples, `faults` as `Fault` flags (0 from older firmware)."""
 
     plan_hash: bytes
     taxels: int

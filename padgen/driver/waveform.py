@@ -490,7 +490,7 @@ def _in_turns(plan: Plan, frames: np.ndarray, seconds_each: float | None, signs:
 
 
 SECONDS = "--seconds"
-"""Where a frame's length is asked for."""
+"""The option that asks for a frame's length, as refusals name it."""
 BLOCK = 1 << 17
 """Numbers in a block, samples times coils: what stays in a core's cache."""
 ROW = 256

@@ -71,10 +71,9 @@ def relative_energy(frequency: Array, resonance: Array, q: Array, rest: Array = 
     It is 1 at the resonance and 1/Q² far below. `rest` is the rounding error of `frequency`: the two are subtracted
     from the resonance one after the other, so that the distance of a line to it stays exact.
     """
-    # In place and with one division an element, which takes a third of the time: most of a plan's goes into this.
+    # In place and with one division an element: this takes most of the time of a plan, and a third of what it took.
     period = 1 / np.asarray(resonance)
-    offset = np.subtract(resonance, frequency)
-    offset = offset - rest
+    offset = np.subtract(resonance, frequency) - rest
     share = frequency * period
     energy = offset * (q * period)
     energy *= 1 + share

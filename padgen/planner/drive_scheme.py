@@ -145,7 +145,7 @@ def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
 
 
 class _Switched(NamedTuple):
-    """What sets the contrast of a coil's frames: time constants, transition time, steady OFF energy, and brake.
+    """Time constants, transition time, steady OFF energy and brake of a coil, which set the contrast of its frames.
 
     `steady` is the energy of an OFF taxel by steady tones, over that of an ON one.
     """

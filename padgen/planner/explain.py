@@ -324,7 +324,7 @@ def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) ->
 
 
 class _Printed(NamedTuple):
-    """What simulated prints keep: `Change.good_share`, `Change.life_share` and `Change.print_db`."""
+    """Figures that simulated prints keep: `Change.good_share`, `Change.life_share` and `Change.print_db`."""
 
     good_share: float | None
     life_share: float | None

@@ -68,6 +68,7 @@ from padgen.planner.printing import print_settings
 from padgen.planner.pushes import pushed_taxels
 from padgen.planner.search import (
     SizedLayout,
+    UnsizedLayout,
     channel_limit,
     coil_capacity,
     layouts_to_size,
@@ -236,7 +237,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     Where at most `most` are tried, the choice is returned without its runners-up.
     """
     ranked: list[Iterator[_Unsized]] = []
-    known: dict[tuple[str, ...], Iterator[tuple[Layout, Callable[[], SizedLayout | None]]]] = {}
+    known: dict[tuple[str, ...], Iterator[UnsizedLayout]] = {}
     for decided in _decided_specs(spec):
         # The gap changes no beam, and the drive does only where resonances are optimised for it.
         key = (decided.coil.reuse, decided.drive.scheme if spec.spacing == "optimised" else "")

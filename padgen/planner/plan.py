@@ -559,7 +559,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """How strongly a fingertip feels each channel's taxel (n,) at its planned level (docs/touch.md).
+    """Levels at which a fingertip feels each channel's taxel (n,), driven at its planned level (docs/touch.md).
 
     `threshold_um` is the amplitude that is just felt at the resonance through the boss, with an error of `error_db`.
     Above it, `on_db` is the level of an ON taxel and `off_db` that of the OFF taxel in its coil's worst state (None

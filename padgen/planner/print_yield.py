@@ -87,7 +87,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """What one spread of prints costs: the gain without it, with the same random numbers for the others."""
+    """Cost of one spread of prints: the gain without it, with the same random numbers for the others."""
 
     spread: str
     sigma: float

@@ -38,6 +38,7 @@ from padgen.spec import DriveTable, Spec
 __all__ = [
     "Optimum",
     "SizedLayout",
+    "UnsizedLayout",
     "channel_limit",
     "coil_capacity",
     "ladders",
@@ -284,11 +285,11 @@ took one of the first five (docs/accuracy.md)."""
 
 SizedLayout = tuple[Layout, tuple[SizedChannel, ...]]
 """A layout with its sized beams."""
+UnsizedLayout = tuple[Layout, Callable[[], SizedLayout | None]]
+"""A layout, and the call that sizes its beams."""
 
 
-def layouts_to_size(
-    spec: Spec, options: Iterable[Layout], most: int | None = None
-) -> Iterator[tuple[Layout, Callable[[], SizedLayout | None]]]:
+def layouts_to_size(spec: Spec, options: Iterable[Layout], most: int | None = None) -> Iterator[UnsizedLayout]:
     """Yield the `options` in their order, each with a call that sizes its beams, until `most` of them work.
 
     The call returns None for a layout that does not work. Of each grid and count of channels only the first division of

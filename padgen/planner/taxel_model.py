@@ -360,7 +360,7 @@ class TaxelModel:
 
     @cached_property
     def contact(self) -> ContactMotion:
-        """How the contactor of one taxel moves with its mover and under a push."""
+        """Motion of one taxel's contactor with its mover, and under a push."""
         modes = self.modes
         angular = 2 * np.pi * modes.frequency_hz
         vertical = modes.at_point(self.washer_point_m)[..., 2, :]

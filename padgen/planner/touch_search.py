@@ -39,7 +39,7 @@ FELT_DB = 0.5
 
 
 class TouchTrial(NamedTuple):
-    """What a decided spec keeps: dB under touch, heat of all coils in W, and the level of the drive in µm."""
+    """Figures of a decided spec: dB kept under touch, heat of all coils in W, and the level of the drive in µm."""
 
     kept_db: float
     heat_w: float

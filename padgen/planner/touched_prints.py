@@ -67,7 +67,7 @@ __all__ = [
 ]
 
 TONES = ("touched", "untouched")
-"""What tones are at: the resonances under typical skin, or those of the bare taxels."""
+"""The kinds of tones: at the resonances under typical skin, or at those of the bare taxels."""
 MOST_TOUCHED = 1 << 17
 """Most touched taxels that are simulated once `PADS` pads have shown what they keep."""
 UNMOVED = 1e-30

@@ -1,4 +1,4 @@
-"""What moves the taxels of a coil: the lines of i² with all channels on, and what each taxel does under each of them.
+"""Lines that move the taxels of a coil: those of i² with all channels on, and what each taxel does under each of them.
 
 A state plays the lines all of whose makers are ON. Its motion is the sum of what these lines do, its felt level the
 root of the sum of their energies, so that figures of all lines are figures of all states.

@@ -5,7 +5,19 @@ from math import hypot, inf, isfinite
 from typing import TYPE_CHECKING, Any
 
 from padgen.core.display import span_text, table
-from padgen.core.errors import LEVELS, Finding, SpecError, Verdict, about, at_most, number, plain, plural, quieter
+from padgen.core.errors import (
+    LEVELS,
+    Finding,
+    SpecError,
+    Verdict,
+    about,
+    at_most,
+    listed,
+    number,
+    plain,
+    plural,
+    quieter,
+)
 from padgen.core.units import COPPER_MELTS_C
 
 if TYPE_CHECKING:
@@ -106,7 +118,7 @@ def _channels_text(plan: "Plan") -> str:
     text = f"{up_to}{count} channel{plural(count)}{each}"
     if len(plan.sets) == 1:
         return text
-    one, next_one = (_listed([str(channel.index) for channel in channels]) for channels in plan.sets)
+    one, next_one = (_shortened([str(channel.index) for channel in channels]) for channels in plan.sets)
     return f"{text} (channel{plural(count)} {one} on one coil, {next_one} on the next)"
 
 
@@ -114,15 +126,15 @@ LISTED = 4
 """Most channels that are listed one by one."""
 
 
-def _listed(words: Sequence[str]) -> str:
+def _shortened(words: Sequence[str]) -> str:
     """Return words in a row, those in the middle of a long row left out.
 
-    >>> _listed(["0", "2", "4"]), _listed(["0", "2", "4", "6", "8", "10"])
+    >>> _shortened(["0", "2", "4"]), _shortened(["0", "2", "4", "6", "8", "10"])
     ('0, 2 and 4', '0, 2 … 10')
     """
     if len(words) > LISTED:
         return f"{words[0]}, {words[1]} … {words[-1]}"
-    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+    return listed(words)
 
 
 def feeding_line(plan: "Plan") -> str:
@@ -343,7 +355,7 @@ def warm_drive_line(plan: "Plan") -> str:
 
 
 STAGES = ("nothing", "a coupon", "a few taxels", "every taxel")
-"""What of a print is measured, in stages: those of `padgen.planner.printed_pads.STAGES`."""
+"""The parts of a print that are measured, in stages: those of `padgen.planner.printed_pads.STAGES`."""
 
 
 def plan_text(plan: "Plan") -> str:

@@ -270,6 +270,11 @@ def _plate_mm3(plan: Plan, channel: Channel) -> float:
     return volume + pi / 4 * (max(boss, 0.0) - hollow)
 
 
+def _mg_of_mm3(plan: Plan) -> float:
+    """Return the mass in mg of a cubic millimetre of the pad's plastic."""
+    return plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / MG
+
+
 def _resonances(plan: Plan, beams: list[list[_LaidBeam]], plastic: np.ndarray) -> np.ndarray:
     """Return the resonance in Hz of each taxel as laid, nan where a beam is broken."""
     result = np.full(len(plan.taxels), np.nan)
@@ -436,8 +441,9 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
         "wall_transition_angle",
         "xy_size_compensation",
     )
-    gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / GRAM
-    of_moving = np.array([_plate_mm3(plan, c) * gram / c.effective_mass_g for c in plan.channels])[_channels(plan)]
+    mg_of_mm3 = _mg_of_mm3(plan)
+    moving = [_plate_mm3(plan, c) * mg_of_mm3 / (c.effective_mass_g * GRAM / MG) for c in plan.channels]
+    of_moving = np.array(moving)[_channels(plan)]
     level = "error" if (np.abs(plastic - 1) * of_moving).max() > SURELY_OTHER_MASS else "warning"
     yield from _told(level, "laid.mass", ids[off], of, sentence, wrong, *fills)
     # A raft's own layers are supports, too.
@@ -475,10 +481,10 @@ def _taxel_figures(
     plan: Plan, laid: LaidPad, beams: list[list[_LaidBeam]], plastic: np.ndarray, laid_hz: np.ndarray
 ) -> list[dict[str, Any]]:
     """Return what was measured of each taxel as plain data."""
-    gram = plan.spec.material.density_g_per_cm3 * G_PER_CM3 * MM**3 / MG
+    mg_of_mm3 = _mg_of_mm3(plan)
     taxels: list[Any] = [None] * len(plan.taxels)
     for channel, channel_beams in zip(plan.channels, beams, strict=True):
-        planned = _plate_mm3(plan, channel) * gram
+        planned = _plate_mm3(plan, channel) * mg_of_mm3
         for at, index in enumerate(_of(plan, channel)):
             taxels[index] = {
                 "id": plan.taxels[index].id,

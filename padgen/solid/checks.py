@@ -182,7 +182,7 @@ def _mesh_rules(printed: PrintedMesh) -> Iterator[Rule]:
 
 
 MESH_RULES: RuleBook[PrintedMesh] = RuleBook("mesh", _mesh_rules)
-"""What must hold of every mesh, of whatever program; what only a plan can tell stands in the functions below."""
+"""Rules of every mesh, of whatever program; those that need a plan stand in the functions below."""
 
 
 def _size_mm(mesh: Mesh) -> np.ndarray:

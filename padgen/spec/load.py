@@ -210,7 +210,7 @@ def _parts_rules(spec: Spec) -> list[Rule]:
 
 
 POWERS = {1: "the current", 2: "the square of the current"}
-"""What a force goes with, by its order in the current."""
+"""Quantity that a force is proportional to, by its order in the current."""
 
 
 def _order_rules(spec: Spec) -> Iterator[Rule]:
@@ -802,7 +802,7 @@ SPEC_RULES: RuleBook[Spec] = RuleBook(
     _threshold_rules,
     _touch_rules,
 )
-"""What must hold between the fields of a spec; bounds of one field stand with it in `padgen/spec/model.py`."""
+"""Rules between the fields of a spec; bounds of one field stand with it in `padgen/spec/model.py`."""
 LARGEST_TOML = 1 << 20
 LARGEST_PLAN = 1 << 25
 """Most bytes of a spec or sweep, and of a plan.json; that of 100,000 taxels takes a third of this."""

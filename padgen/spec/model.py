@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import ceil, pi, sqrt
 from typing import Any
 
-from padgen.core.errors import number
+from padgen.core.errors import listed, number
 from padgen.core.registry import COILS, MOVERS, SCHEMES, SUSPENSIONS
 from padgen.spec.fields import choice, entry_name, flag, folder_name, numbers, quantity, text
 
@@ -597,7 +597,7 @@ class LifeTable:
 
     @property
     def changes_text(self) -> str:
-        """What a re-tuned pad then goes through, as the rest of a sentence after 'when'."""
+        """These changes as the rest of a sentence after 'when'."""
         changes = []
         if self.temperature_range_k:
             changes.append(f"the room is {number(self.temperature_range_k)} K warmer or colder")
@@ -607,7 +607,7 @@ class LifeTable:
             changes.append("Q is not as planned")
         if not changes:
             return "nothing has changed"
-        return " and ".join(filter(None, (", ".join(changes[:-1]), changes[-1])))
+        return listed(changes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -643,7 +643,7 @@ class MountTable:
 
 
 PRINTS_AND = {"fingertip": " and fingers", "palm": " and hands", "own": " and contacts"}
-"""What is drawn at random beside prints, by what lies on the taxels."""
+"""Words for the contacts that are drawn at random beside prints, by what lies on the taxels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -726,7 +726,7 @@ class TouchTable:
 
     @property
     def prints_text(self) -> str:
-        """What a pad is judged by, in words: prints, and what lies on them where the spec names it."""
+        """Words for the random prints that a pad is judged by, and for what lies on them where the spec names it."""
         return f"prints{PRINTS_AND.get(self.contact, '')}"
 
 

@@ -899,7 +899,7 @@ def _extrapolated(coarser: SolidModes, finer: SolidModes) -> SolidModes:
 
 
 class Draft(NamedTuple):
-    """What is meshed: a taxel's solid, or the part of it on one side of planes of symmetry.
+    """The solid that is meshed: a taxel's, or the part of it on one side of planes of symmetry.
 
     `layered`: names of the edges that its modes, solved on a coarse mesh, strain; `loads`: those of the six on the
     washer that are symmetric.

@@ -25,7 +25,7 @@ __all__ = ["DriveFormat", "DriveJob", "in_order", "register", "unregister"]
 
 @dataclass(slots=True, eq=False)
 class DriveJob:
-    """What a drive format needs to write its files (plan, drive, options), with the findings and results so far.
+    """Plan, drive and options from which a drive format writes its files, with the findings and results so far.
 
     `request` is what is asked for, `depth` of a WAV's samples; `hear` and `gap` as `Drive.save` has them. `timeline` is
     None where nothing is shown, as is the `recoil` of the pad. `shown` are the findings about the timeline, `findings`

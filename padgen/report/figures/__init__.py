@@ -68,7 +68,7 @@ ROLES = {
 }
 """The colour of each role that something in a figure has; ``channel-3`` has the colour of channel 3 besides."""
 MEDIA = ("draw", "page", "sheet", "move", "notebook")
-"""Where a figure is drawn: files, the report page, its two sheets of paper, each move of the live page, notebooks."""
+"""The media of a figure: files, the report page, its two sheets of paper, each move of the live page, notebooks."""
 
 
 @dataclass(frozen=True)

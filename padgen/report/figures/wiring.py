@@ -79,4 +79,4 @@ def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
 
 
 NOTES = {"groove": "groove: the corner of coil 1"}
-"""What is said of a part of the pad, by its name."""
+"""Notes on the parts of the pad, by their names."""
