@@ -352,6 +352,13 @@ def test_a_map_is_no_matrix():
         Matrix("heat", ("a", "b"), ((1.0,) * 4,) * 2, Scale("heat", "W", 0, 1), 0.0)
 
 
+def test_bars_of_prints_say_what_was_measured(paper_plan):
+    """A legend is read without the sentence of a plan: "nothing" or "every taxel" alone says nothing."""
+    (drawn,) = figures_of(paper_plan, "kept", "draw")
+    assert [bars.label for bars in drawn.panels[0].marks] == ["nothing measured", "every taxel measured"]
+    assert all(name.endswith(" measured") for name, _ in drawn.facts.rows)
+
+
 def test_each_medium_gets_its_parts(paper_plan):
     """Points and the lines' strengths are for files; lines across the curves and the nearer range for the page."""
     drawn = figures_of(paper_plan, "responses", "draw")[0]

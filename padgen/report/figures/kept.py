@@ -30,8 +30,8 @@ def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
     asked_db = plan.selectivity.asked_db
     stages_db = (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db)
     rows = [
-        (words, f"{db:.1f} dB".replace("-", "−"))
-        for words, db in zip(STAGE_WORDS, stages_db, strict=True)
+        (f"{stage} measured", f"{db:.1f} dB".replace("-", "−"))
+        for stage, db in zip(STAGE_WORDS, stages_db, strict=True)
         if db is not None
     ]
     is_counted = prints.print_db is not None and bool(prints.pads)
@@ -67,7 +67,7 @@ def _histogram(plan: "Plan") -> Panel:
     high_db = max(float(np.ceil(max(kept_db.max(), asked_db))), low_db + 1)
     edges = np.linspace(low_db, high_db, BINS + 1)
     counts = [np.histogram(row, edges)[0].tolist() for row in kept_db]
-    words = STAGE_WORDS[0], STAGE_WORDS[-1]
+    words = [f"{stage} measured" for stage in (STAGE_WORDS[0], STAGE_WORDS[-1])]
     return Panel(
         x=Scale("ON over OFF of a print's worst coil", "dB", low_db, high_db),
         y=Scale("prints", "", 0.0, float(max(1, *map(max, counts)))),
