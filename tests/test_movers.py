@@ -293,7 +293,6 @@ def test_a_toy_mover_is_one_object(pad):
         FORCE_ORDER = 2
         PART = "washer"
         leakage = staticmethod(washer.leakage)
-        coupling = staticmethod(washer.coupling)
         assembly = staticmethod(washer.assembly)
         remanent_currents = staticmethod(washer.remanent_currents)
 

@@ -210,6 +210,15 @@ def test_signs_keep_what_the_clamped_pad_has(name):
         assert found.base_g == 0.0
 
 
+@pytest.mark.parametrize("name", ["board-32", "paper-16"])
+def test_what_a_plan_keeps_on_its_base_is_the_figure_of_a_pad_on_that_base(name):
+    recoil = pg.plan(name).recoil
+    assert recoil.base_g > 0
+    heavier, _ = stated(name, {"kind": "glued", "base_mass_g": recoil.base_g})
+    # Their prints must be re-tuned, so that every taxel is driven at a frequency of its own. Equal but for rounding.
+    assert recoil.based_db == pytest.approx(heavier.recoil.apart_db, abs=1e-9)
+
+
 @pytest.mark.parametrize("name", ["pad-32", "paper-16", "triple-48"])
 def test_the_figure_apart_is_that_of_prints_whose_taxels_differ(name):
     """Every taxel has a resonance of its own, 1 % apart by chance, and is driven there; energies add.

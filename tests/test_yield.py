@@ -46,7 +46,16 @@ from padgen.planner import printed_pads as module
 from padgen.planner.drive_scheme import _lines_apart
 from padgen.planner.life import planned_life
 from padgen.planner.print_yield import OUTCOMES, print_yield
-from padgen.planner.printed_pads import NOT_PRINTED, Spreads, compared_prints, design_of, spreads_of, what_prints_keep
+from padgen.planner.printed_pads import (
+    NOT_PRINTED,
+    Drift,
+    Spreads,
+    compared_prints,
+    design_of,
+    printed,
+    spreads_of,
+    what_prints_keep,
+)
 from padgen.planner.search import largest_counts, printed_count
 from padgen.spec import load_spec, parse_spec
 from padgen.spec.model import LifeTable
@@ -733,6 +742,24 @@ def test_the_change_of_temperature_up_to_which_prints_keep_what_is_asked():
         shares.append(planned_life(changed, design_of(changed, None)).good_share)
     # By 200 prints, of which nine in ten are sure to 4 %.
     assert shares[0] > plan.spec.print_share - 0.04 > shares[1]
+
+
+def test_prints_are_not_judged_once_too_few_of_them_can_be_good(paper_plan):
+    design = design_of(paper_plan, None)
+    spreads = spreads_of(paper_plan.spec)
+    drift = Drift(0.0, paper_plan.spec.life)
+    whole = printed(design, spreads, 5000, 0, ("retuned",), drift)
+    share = whole.good[0].mean()
+    assert 0.1 < share < 0.99
+    kept = printed(design, spreads, 5000, 0, ("retuned",), drift, share - 0.01)
+    assert np.array_equal(kept.good, whole.good)
+    broken_off = printed(design, spreads, 5000, 0, ("retuned",), drift, 0.999)
+    judged = np.flatnonzero(np.isfinite(broken_off.ratio[0]))
+    # In blocks: those that are judged come first, and the others count as good.
+    assert 0 < len(judged) < 5000
+    assert np.array_equal(broken_off.good[0, judged], whole.good[0, judged])
+    assert broken_off.good[0, len(judged) :].all()
+    assert broken_off.good[0].mean() < 0.999
 
 
 @pytest.mark.parametrize("seed", [None, 13, 147])

@@ -97,9 +97,12 @@ def whole_channels(capacity_: float) -> int:
 WORK = 1e8
 """Most responses, about, in the search for a set with pair spurs: one second."""
 MOST_SETS = 400
+MOST_SETS_OF_FEW = 50
+FEW = 4
 DRAWS = 10
 LAST_SETS = 5
-"""Most random sets that are improved, random sets drawn for each of these, and sets left for descents."""
+"""Most random sets that are improved, also of up to `FEW` channels (of 150 random problems with 3 or 4, none lost more
+than 1e-8 dB by them), random sets drawn for each of these, and sets left for descents."""
 PLACES = 24
 """Places tried for a channel, one at random in each equal part of the band in octaves."""
 SOFTNESS = 0.1
@@ -199,7 +202,7 @@ def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
         return np.reshape(top + soft, sets.shape[:-1])
 
     # The rounds on ever fewer sets take twice the first one in all.
-    most = min(int(work / (2 * PLACES * count**3 * (count - 1))), MOST_SETS)
+    most = min(int(work / (2 * PLACES * count**3 * (count - 1))), MOST_SETS_OF_FEW if count <= FEW else MOST_SETS)
     sets = random.uniform(case.low, case.high, (DRAWS * max(most, LAST_SETS), count))
     # Under a power law a shift in octaves changes nothing, so the highest channel may stay at the top.
     fixed = int(not case.law.curve_hz)

@@ -641,11 +641,16 @@ def neighbour_energies(
 ) -> PushedEnergies:
     """Return the energies of OFF taxels in the middle of the pad by forces between movers, such as magnets.
 
-    Every two movers are joined by a spring of `Mover.coupling`. A taxel's own stiffness is taken as it is, since taxels
-    are measured in their places. At each channel's tone its other taxels are held at their level, and all else is free.
+    Every two movers are joined by a spring of the mover's `coupling`, if it has one. A taxel's own stiffness is taken
+    as it is, since taxels are measured in their places. At each channel's tone its other taxels are held at their
+    level, and all else is free.
     """
     rows, columns = grid
     mover = mover_of(spec)
+    coupling = getattr(mover, "coupling", None)
+    in_step, apart = np.zeros((2, len(channels)))
+    if coupling is None:
+        return PushedEnergies(in_step, apart)
     alternate = spec.magnet is not None and spec.magnet.polarity == "alternating"
     steps = [
         step
@@ -653,7 +658,6 @@ def neighbour_energies(
         if abs(step[0]) <= columns // 2 and abs(step[1]) <= rows // 2
     ]
     stiffness, hz, q, level = np.array([(c.stiffness_n_per_m, c.resonance_hz, c.q, c.level_um) for c in channels]).T
-    in_step, apart = np.zeros((2, len(channels)))
     for own_set in range(spec.coil.sets):
         places = []
         kinds = []
@@ -667,7 +671,7 @@ def neighbour_energies(
         kind = np.array(kinds)
         distance = np.linalg.norm(np.array(places)[:, None] - np.array(places), axis=-1)
         spring = np.zeros(distance.shape)
-        spring[distance > 0] = mover.coupling(spec.moved, distance[distance > 0] * MM, *spec.ballast_argument)
+        spring[distance > 0] = coupling(spec.moved, distance[distance > 0] * MM, *spec.ballast_argument)
         spring *= np.multiply.outer(poles, poles)
         if core_coupling := getattr(mover, "core_coupling", None) if spec.coil.core_diameter_mm else None:
             _add_core_coupling(spring, spec, steps, channels, own_set, core_coupling)

@@ -276,17 +276,18 @@ def _sides_mm(spec: Spec, layout: Layout) -> tuple[float, float]:
 class _Parts(NamedTuple):
     """The parts for which a sub-cell needs room: a plate, the gap around it, and one of the allowed suspensions.
 
-    Each of the suspensions stands with the length of its shortest beam in mm.
+    No beam is narrower than `narrowest_mm`. Each of the suspensions stands with the length of its shortest beam in mm.
     """
 
     plate: PlateShape
     gap_mm: float
+    narrowest_mm: float
     suspensions: list[tuple[Suspension, float]]
 
 
 def _parts(spec: Spec) -> _Parts:
     kinds = [(suspension(name), shortest_mm(spec, name)) for name in allowed(spec.suspension.topology)]
-    return _Parts(plate_shape(spec), spec.printer.smallest_gap_mm, kinds)
+    return _Parts(plate_shape(spec), spec.printer.smallest_gap_mm, narrowest_mm(spec), kinds)
 
 
 def _margin_bound_mm(spec: Spec, parts: _Parts, layout: Layout) -> float:
@@ -312,7 +313,7 @@ def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tup
     widths = []
     for shape, shortest in parts.suspensions:
         widest = shape.widest(inside, plate, gap)
-        widths.append(widest - narrowest_mm(spec) if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap)
+        widths.append(widest - parts.narrowest_mm if widest >= 0 else inside.width_mm - plate.width_mm - 2 * gap)
         lengths.append(shape.longest(inside, plate, gap) - shortest)
     best = max(range(len(widths)), key=lambda i: min(widths[i], lengths[i]))
     return ("coil", spare), ("width", widths[best]), ("length", lengths[best])

@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.planner.plan import Life, Plan
+from padgen.planner.plan import NO_LIFE, Life, Plan
 from padgen.planner.printed_pads import (
+    FIRST_PADS,
     QUICK_PADS,
     STAGES,
     Design,
@@ -46,15 +47,18 @@ WORTH = 1.2
 def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     """Return what prints keep after one re-tuning when warmer, colder and aged, from as many prints as needed.
 
-    Few prints are enough of a plan whose prints keep too little on the day of re-tuning. With `quick` few are taken,
-    with other modes as they are in the plan, and `retune_k` is not looked for: it is 0 where the range is too large.
+    Few prints are enough of a plan whose prints keep too little on the day of re-tuning. With `quick`, which is for
+    whether enough prints are good, few are taken, with other modes as they are in the plan, and no more figures are
+    looked for: `retune_k` is 0 where the range is too large.
     """
     today = plan.retuned_prints
     few = QUICK_PADS
     if plan.touch is None:
         few = min(today.pads, few_pads(design))
     if quick:
-        return _life(plan, _with_planned_modes(design), few)
+        if today.good_share < plan.spec.print_share:
+            return NO_LIFE
+        return _life(plan, _with_planned_modes(design), few, plan.spec.print_share)
     life = _life(plan, design, few)
     if today.good_share < plan.spec.print_share:
         return life
@@ -66,13 +70,19 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     return life
 
 
-def _life(plan: Plan, design: Design, pads: int) -> Life:
-    """Return what `pads` prints keep, re-tuned only once; `retune_k` is 0 if fewer are good than asked."""
+def _life(plan: Plan, design: Design, pads: int, least_share: float = 0.0) -> Life:
+    """Return what `pads` prints keep, re-tuned only once; `retune_k` is 0 if fewer are good than asked.
+
+    Once less than a `least_share` of them can be good, the others may be left unjudged.
+    """
     spec = plan.spec
     range_k = spec.life.temperature_range_k
-    ends = [_after(plan, design, change_k, pads) for change_k in (range_k, -range_k)]
-    share = float((ends[0].good & ends[1].good).mean())
-    kept_db, reached = rising_db(np.minimum(ends[0].ratio, ends[1].ratio), spec.print_share)
+    worse = _after(plan, design, range_k, pads, least_share)
+    if worse.good.mean() >= least_share:
+        colder = _after(plan, design, -range_k, pads, least_share)
+        worse = _Judged(np.minimum(worse.ratio, colder.ratio), worse.good & colder.good)
+    share = float(worse.good.mean())
+    kept_db, reached = rising_db(worse.ratio, spec.print_share)
     is_heard = plan.retuned_prints.print_db is not None and bool(np.isfinite(kept_db).all())
     return Life(
         temperature_range_k=range_k,
@@ -93,14 +103,17 @@ class _Judged(NamedTuple):
     good: np.ndarray
 
 
-def _after(plan: Plan, design: Design, change_k: float, pads: int) -> _Judged:
-    """Judge prints that are warmer by `change_k` than when they were re-tuned, aged, and with Q of their own."""
+def _after(plan: Plan, design: Design, change_k: float, pads: int, least_share: float = 0.0) -> _Judged:
+    """Judge prints that are warmer by `change_k` than when they were re-tuned, aged, and with Q of their own.
+
+    Once less than a `least_share` of them can be good, the rest may be left as good, with an infinite ratio.
+    """
     spec = plan.spec
     drift = Drift(log(1 + _shift(spec, change_k)), spec.life)
     if plan.touch is not None:
         ratio = touched_pads(plan, pads, plan.touch.tones, True, design, drift=drift).ratio
         return _Judged(ratio, ratio >= design.need)
-    later = printed(design, spreads_of(spec), pads, 0, STAGES[-1:], drift)
+    later = printed(design, spreads_of(spec), pads, 0, STAGES[-1:], drift, least_share)
     return _Judged(later.ratio[0], later.good[0])
 
 
@@ -117,23 +130,23 @@ def _with_planned_modes(design: Design) -> Design:
 def _largest_change_k(plan: Plan, design: Design, pads: int) -> float:
     """Return the largest temperature change in K, in steps of `STEP_K`, that the asked share of prints bears; else 0.
 
-    It is found with other modes as they are in the plan, for the worse of warmer and colder, and lowered until it holds
-    for both with those of every print.
+    Both warmer and colder. It is looked for near what few prints bear with other modes as they are in the plan.
     """
     as_planned = _with_planned_modes(design)
+    few = min(pads, FIRST_PADS)
     share = plan.spec.print_share
     range_k = plan.spec.life.temperature_range_k
-    worse = min((1, -1), key=lambda sign: float(_after(plan, as_planned, sign * range_k, pads).ratio.mean()))
+    worse = min((1, -1), key=lambda sign: float(_after(plan, as_planned, sign * range_k, few).ratio.mean()))
 
-    def is_kept_as_planned(steps: int) -> bool:
-        return _after(plan, as_planned, worse * steps * STEP_K, pads).good.mean() >= share
+    def is_nearly_kept(steps: int) -> bool:
+        return _after(plan, as_planned, worse * steps * STEP_K, few, share).good.mean() >= share
 
     def is_kept(steps: int) -> bool:
-        good = _after(plan, design, worse * steps * STEP_K, pads).good
+        good = _after(plan, design, worse * steps * STEP_K, pads, share).good
         if good.mean() < share:
             return False
-        return (good & _after(plan, design, -worse * steps * STEP_K, pads).good).mean() >= share
+        return (good & _after(plan, design, -worse * steps * STEP_K, pads, share).good).mean() >= share
 
-    too_many = int(np.ceil(range_k / STEP_K))
-    most = largest_that_holds(is_kept_as_planned, 0, too_many - 1)
-    return largest_that_holds(is_kept, 0, most, near=most) * STEP_K
+    most = int(np.ceil(range_k / STEP_K)) - 1
+    near = largest_that_holds(is_nearly_kept, 0, most)
+    return largest_that_holds(is_kept, 0, most, near=near) * STEP_K

@@ -593,10 +593,12 @@ def printed(
     seed: int,
     stages: tuple[str, ...] = STAGES,
     drift: Drift | None = None,
+    least_share: float = 0.0,
 ) -> Simulated:
     """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory.
 
-    With a `drift`, they are judged after it.
+    With a `drift`, they are judged after it. Once less than a `least_share` of them can be good at the last stage, the
+    rest is not judged: it counts as good.
     """
     taxels = len(design.channel)
     unit = max(min(DRAWN // taxels, MOST_DRAWN), 1)
@@ -605,7 +607,9 @@ def printed(
         many = min(unit, pads - number * unit)
         drawn = drawn_prints(design, spreads, seed, number, many)
         later = None if drift is None else drawn_later(drift, taxels, seed, number, many)
-        _judge_drawn(design, drawn, number * unit, stages, prints, later)
+        _judge_drawn(design, drawn, number * unit, stages, prints, later, least_share)
+        if prints.good[-1].mean() < least_share:
+            break
     return prints
 
 
@@ -657,10 +661,11 @@ def _judge_drawn(
     stages: tuple[str, ...],
     prints: Simulated,
     later: Later | None = None,
+    least_share: float = 0.0,
 ) -> None:
     """Judge drawn prints at the given stages, and enter the results into `prints` after those of `before` pads.
 
-    With `later` they are judged as they are then, with the tones and lines of now.
+    With `later` they are judged as they are then, with the tones and lines of now. `least_share` is that of `printed`.
     """
     known = [STAGES.index(stage) for stage in stages]
     step = max(BLOCK // len(design.channel), 1)
@@ -676,6 +681,8 @@ def _judge_drawn(
             now = Ratios(x[2] * np.exp(later.log_x[:, pads]), pull[2], np.exp(later.log_q[:, pads]))
         for coils, modes in zip(design.coils, design.modes, strict=True):
             _judge(design, coils, modes, now, Ratios(tones, pulls), stages, prints, block)
+        if prints.good[-1].mean() < least_share:
+            return
 
 
 def _judge(

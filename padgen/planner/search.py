@@ -575,9 +575,11 @@ def largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: 
     """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
 
     Steps from `near`, up where that holds and else down, double until a count answers otherwise, and then halve: the
-    work grows with the square of a count or faster.
+    work grows with the square of a count or faster. A guess is often off by one or two: the first two steps from it are
+    alike.
     """
     failing = high + 1
+    is_alike = near is not None
     if near is not None and near > low:
         low, failing = (near, failing) if holds(near) else (low, near)
     is_upwards = failing > high
@@ -590,7 +592,9 @@ def largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: 
         held = holds(tried)
         low, failing = (tried, failing) if held else (low, tried)
         is_between = is_between or held != is_upwards
-        step *= 2
+        if not is_alike:
+            step *= 2
+        is_alike = False
     return low
 
 

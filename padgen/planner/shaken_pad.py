@@ -26,7 +26,7 @@ from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs,
 from padgen.planner.pad_mass import IRON_KG_PER_M3, PadMass
 from padgen.planner.plan import Plan, Prints, Recoil
 from padgen.planner.printed_pads import leaked_energy
-from padgen.planner.verdict import left_by_recoil_db, moving_pad_db, recoil_db
+from padgen.planner.verdict import left_by_recoil_db, moving_pad_db, recoil_db, works_by_table
 from padgen.spec import MountTable
 
 __all__ = [
@@ -257,8 +257,11 @@ def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
     if known.images == 0 or moving_pad_db(planned) is None:
         return known
 
+    shown = chance_images(len(plan.taxels), IMAGES)
+    listened = ShakenPad.listen if works_by_table(planned) else ShakenPad.listen_apart
+
     def heard_db(heavier: ShakenPad) -> float | None:
-        return recoil_db(replace(planned, recoil=_recoil_without_signs(heavier, IMAGES)))
+        return _worst(listened(heavier, shown))
 
     def keeps(moving_db: float | None) -> bool:
         kept_db = left_by_recoil_db(planned, moving_db)

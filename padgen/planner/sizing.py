@@ -339,14 +339,17 @@ def _grid(spec: Spec, topology: str, room: Room) -> tuple[np.ndarray, np.ndarray
     return thickness, length, np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
 
 
-def _on_grid(
-    spec: Spec, topology: str, thickness: np.ndarray, length: np.ndarray, width: np.ndarray
-) -> tuple[TaxelModel, np.ndarray]:
-    """Return the model of a grid of beams, and its resonances (T, L, W) in Hz; nan for shapes that are no beam."""
+def _on_grid(spec: Spec, topology: str, thickness: np.ndarray, length: np.ndarray, width: np.ndarray) -> TaxelModel:
+    """Return the model of a grid (T, L, W) of beams."""
     thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij", sparse=True)
-    model = TaxelModel(spec, topology, plate_shape(spec), BeamShape(wide, thick, long))
+    return TaxelModel(spec, topology, plate_shape(spec), BeamShape(wide, thick, long))
+
+
+def _grid_hz(model: TaxelModel) -> np.ndarray:
+    """Return the resonances (T, L, W) in Hz of a grid of beams; nan for shapes that are no beam."""
     # A piece shorter than its thickness is no beam.
-    return model, np.where(long >= thick, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
+    is_beam = model.beam.length_mm >= model.beam.thickness_mm
+    return np.where(is_beam, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
 
 
 @lru_cache(maxsize=1024)
@@ -356,8 +359,11 @@ def _bent_corners_hz(spec: Spec, topology: str, room: Room, changes: int) -> tup
     if grid is None:
         return None
     thickness, length, width = grid
-    model, resonance = _on_grid(spec, topology, thickness[[0, -1]], length[[0, -1]], width)
-    if model.is_straight or np.isnan(resonance).all():
+    model = _on_grid(spec, topology, thickness[[0, -1]], length[[0, -1]], width)
+    if model.is_straight:
+        return None
+    resonance = _grid_hz(model)
+    if np.isnan(resonance).all():
         return None
     return float(np.nanmin(resonance)), float(np.nanmax(resonance))
 
@@ -368,7 +374,8 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     if grid is None:
         return None
     thickness, length, width = grid
-    model, resonance = _on_grid(spec, topology, *grid)
+    model = _on_grid(spec, topology, *grid)
+    resonance = _grid_hz(model)
     if np.isnan(resonance).all():
         return None
     wide = np.broadcast_to(width, resonance.shape)

@@ -20,10 +20,10 @@ class Mover(Protocol):
     """A mover: a module, or any object, with the members below.
 
     `coil` and `part` are a spec's coil, whose gap is known, and its washer or magnet. Where the spec has ballast, that
-    is a further argument of `pulls`, `leakage` and `coupling`: its steel lies on top of the mover. A mover that coils
-    pull less far than they reach over it may have a ``reach_m(coil, part)``; one that cores draw at rest, a ``rest``
-    and a ``core_coupling`` as in `magnet`. What is to be heeded where it is put in, its ``assembly(part)`` says
-    (`Assembly`).
+    is a further argument of `pulls` and `leakage` (and of ``coupling``): its steel lies on top of the mover. A mover
+    that coils pull less far than they reach over it may have a ``reach_m(coil, part)``; one whose neighbours push it, a
+    ``coupling``, and one that cores draw at rest, a ``rest`` and a ``core_coupling``, all as in `magnet`. What is to be
+    heeded where it is put in, its ``assembly(part)`` says (`Assembly`).
     """
 
     FORCE_ORDER: int
@@ -44,12 +44,6 @@ class Mover(Protocol):
 
     def remanent_currents(self, coil: Coil, part: Any, share: float, offset_m: np.ndarray) -> np.ndarray:
         """Return ρ (n,) in A of pulls in proportion to i² + ρ i, where steel keeps a `share` of its coercivity."""
-
-    def coupling(self, part: Any, apart_m: np.ndarray, *hung: Ballast) -> np.ndarray:
-        """Return the vertical stiffness in N/m (second derivative of energy) between two movers at distances in m.
-
-        It is for movers of one polarity; opposite polarity changes the sign.
-        """
 
 
 class Assembly(NamedTuple):

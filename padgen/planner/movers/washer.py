@@ -33,7 +33,6 @@ __all__ = [
     "FORCE_ORDER",
     "PART",
     "assembly",
-    "coupling",
     "leakage",
     "magnetic_parts",
     "pulls",
@@ -136,8 +135,3 @@ def _remanent_currents(coil: Coil, part: Washer, share: float, offset_m: tuple[f
 def assembly(part: Washer) -> tuple[str, str, str]:
     """Return the assembly instructions for washers, as the fields of `movers.Assembly`."""
     return "", "Connect all coils alike: their fields add before they are squared.", ""
-
-
-def coupling(part: Washer, apart_m: np.ndarray, ballast: Ballast | None = None) -> np.ndarray:
-    """Return zeros: washers without a current do not move each other."""
-    return np.zeros(np.shape(apart_m))
