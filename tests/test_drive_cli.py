@@ -226,7 +226,7 @@ def test_a_measured_table_is_enough(work, capsys):
         (["drive", "paper-32", "--state", "10", "--seconds", "nan"], "above 0 s"),
         (["drive", "paper-32", "--state", "10", "--carrier", "9000"], "spur-free"),
         (["drive", "paper-32", "--state", "all", "--loop"], "one state"),
-        (["drive", "paper-32", "--hear"], "wav"),
+        (["drive", "paper-32", "--hear"], "--pattern"),
         (["drive", "paper-32", "--state", "10", "--gap"], "--hear"),
         (["drive", "paper-32", "--state", "10", "--frames", "x.csv"], "not allowed with"),
         (["drive", "paper-32", "--frames", "small.csv"], "has 2 rows of 2; the pad"),

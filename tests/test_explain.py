@@ -9,6 +9,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
+import padgen as pg
 from padgen.cli import run
 from padgen.core.errors import InfeasibleError, as_lines
 from padgen.core.files import json_text
@@ -71,12 +72,34 @@ def test_one_more_than_held_does_not_hold(explained):
     assert make_plan(narrow).selectivity.kept_db < 20
 
 
+@pytest.mark.parametrize("name", ["magnet-6", "board-32"])
+def test_the_pad_as_it_is_is_the_plan(name):
+    """Also where its resonances are optimised, and where it leaves places empty."""
+    plan = pg.plan(name)
+    explanation = explain_plan(plan)
+    figures = explanation.good_share, explanation.life_share, explanation.print_db
+    assert figures == (plan.prints.good_share, plan.life.good_share, plan.prints.print_db)
+
+
+def test_one_more_channel_that_the_coil_does_not_pull_is_a_limit():
+    plan = pg.plan("magnet-6")
+    (limit,) = [limit for limit in _limits(plan, 6, "linear") if limit.startswith("pull: ")]
+    assert limit.startswith("pull: of 7 magnets over a coil 2 ")
+
+
+def test_movers_for_a_pad_to_touch_keep_what_they_do_under_touch():
+    plan = pg.plan("palm-24")
+    row = explain._with_mover(plan.spec, "magnet", "disc-3x1", "air-10")
+    # Untouched they keep 23 dB.
+    assert row.print_db == pytest.approx(plan.touch.print_db, abs=3)
+
+
 def test_a_count_may_hold_where_two_before_it_fail(monkeypatch):
     """All counts up to the planned one are tried; beyond it, two failures in a row end the search."""
     plan = make_plan(parse_spec(FOUR))
     holds = {1, 4, 9}
 
-    def figures(spec, grid, count):
+    def figures(spec, grid, count, optimise):
         return plan.selectivity if count in holds else None
 
     monkeypatch.setattr(explain, "_figures", figures)

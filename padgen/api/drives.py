@@ -105,7 +105,7 @@ def drive(
         Stop taxels that go OFF by their tone in counter-phase at the end of their last frame (WAV only).
     warm : bool
         Drive the pad as it is once all taxels have been on for long, and have warmed it: with the tones, levels and
-        voltages of that state; a tuning may have been measured at room temperature.
+        voltages of that state. A tuning must then have been measured at room temperature.
 
     Returns
     -------
@@ -190,8 +190,9 @@ def check_wiring(plan: "Plan", felt: "str | Path") -> list[Finding]:
     plan : Plan
         The printed plan.
     felt : path
-        Which coils are swapped, by a CSV of the taxels played,felt with the patterns 'each' and 'crossed', or a folder
-        of recordings named after taxels; nothing is written.
+        What was felt, to find coils that are swapped: a CSV with columns played and felt (the taxels of pattern 'each'
+        or 'crossed' one by one, and where each was felt), or a folder of recordings named after taxels; nothing is
+        written.
 
     Raises
     ------

@@ -128,6 +128,8 @@ def _parsed(arguments: list[str]) -> argparse.Namespace:
 
 MISSING = "the following arguments are required: "
 """Beginning of argparse's message on missing arguments; their names follow it."""
+NO_VALUE = re.compile(r"argument (\S+): expected (?:one|at least one) argument")
+"""Argparse's message on an option without its value."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -138,6 +140,10 @@ class _Parser(argparse.ArgumentParser):
         if missing != message:
             meant = [action.help for action in self._actions if action.metavar == missing and action.help]
             message = f"{missing} {'are' if ',' in missing else 'is'} missing{f': {meant[0]}' if meant else ''}"
+        elif no_value := NO_VALUE.fullmatch(message):
+            option = no_value[1]
+            action = next(action for action in self._actions if option.split("/")[0] in action.option_strings)
+            message = f"{option} needs a value, {action.metavar}: {(action.help or '').replace('%%', '%')}"
         raise PadgenError(f"{message}; {self.prog} --help tells more", self.prog)
 
 

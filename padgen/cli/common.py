@@ -79,9 +79,9 @@ def add_model(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model",
         metavar="auto|beam|solid",
-        help="how resonances are computed: by the beam model, by finite elements of the printed solid (slower; beams"
-        " are then tuned to them), or auto: a build by finite elements where the beam model may be off by more than the"
-        " tolerance; by default as the spec says, or as the plan in the folder was made",
+        help="how resonances are computed: by the beam model; by finite elements of the printed solid, to which the"
+        " beams are then tuned (slower); or auto: by the beam model, or with --tolerance by finite elements where the"
+        " beam model may be off by more (default: as the spec says, or as the plan in the folder was made)",
     )
     parser.add_argument(
         "--tolerance",

@@ -24,7 +24,7 @@ def add(commands: Any) -> None:
         description="Results that are dear to compute (meshes of taxels, finite elements, optimised ladders) are kept"
         " in a folder, at most PADGEN_CACHE_MB megabytes (1024); those that were used longest ago go first.",
     )
-    actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
+    actions = parser.add_subparsers(title="actions", required=True, metavar="info|clear")
     for name, help_text in (("info", "where it is, and how much it holds"), ("clear", "drop everything in it")):
         action = actions.add_parser(name, help=help_text, description=help_text)
         add_cache(action)

@@ -286,7 +286,9 @@ class Drive:
         if self.seconds is not None and self.frames is None:
             raise SpecError("is how long a frame lasts; add --state or --frames", "--seconds")
         if hear and "wav" not in written:
-            raise SpecError("listens to a WAV; add wav to --formats, and --state or --frames", "--hear")
+            if self.frames is None:
+                raise SpecError("needs something to show: add --state, --frames, --text or --pattern", "--hear")
+            raise SpecError("listens to the WAV: add wav to --formats", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
         unbraked = [name for name in written if name not in BRAKED]

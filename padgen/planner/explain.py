@@ -19,7 +19,7 @@ from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
 from padgen.planner.layout import SLACK_MM, candidates, explain, roomy_layouts
 from padgen.planner.make import make_plan
-from padgen.planner.plan import Plan, Selectivity, level_law, scheme_named
+from padgen.planner.plan import Channel, Plan, Selectivity, level_law, scheme_named
 from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
 from padgen.planner.search import (
     channel_limit,
@@ -67,9 +67,9 @@ class Change:
     With the change `channels` per coil, driven by the scheme `drive`, keep the asked selectivity: `gained` more than
     without it. If there were room for all, `gained_in_band` more would (0 where no more are counted). `gained_db` is
     added to the all-state selectivity of as many channels as planned. A new plan with the change and as many channels
-    has `good_share` of its re-tuned prints keep the asked selectivity, `life_share` of them for life (`Life`; None of a
-    touched pad), and the asked share of them keep `print_db`; all are None where that plan has errors, the last also
-    where a coil has one channel.
+    has `good_share` of its re-tuned prints keep the asked selectivity, `life_share` of them for life (`Life`), and the
+    asked share of them keep `print_db`; all are None where that plan has errors, the last also where a coil has one
+    channel.
     """
 
     change: str
@@ -159,6 +159,7 @@ def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
     except PadgenError as error:
         return MoverRow(f"{kind} {part}", coil, why=str(error))
     coils = plan.coils.rows * plan.coils.columns
+    prints = plan.retuned_prints
     return MoverRow(
         mover=f"{kind} {part}",
         coil=coil,
@@ -166,8 +167,8 @@ def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
         channels=len(plan.channels) // plan.coils.sets,
         heat_w=plan.load.copper_loss_w * coils,
         peak_v=plan.load.voltage_peak_v,
-        print_db=plan.prints.print_db,
-        good_share=plan.prints.good_share,
+        print_db=prints.print_db,
+        good_share=prints.good_share,
         outputs="DC" if plan.scheme.has_constant else "AC or DC",
     )
 
@@ -181,9 +182,8 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     least = min(count, MOST_TRIED)
     held, drive = _channels_held(spec, grid, least)
     in_band = _channels_in_band(spec)
-    planned = _figures(spec, grid, count)
-    now = planned.kept_db if planned else None
-    now_printed = _prints(spec, grid, count)
+    now = plan.selectivity.kept_db
+    now_printed = _printed(plan)
     changes = []
     for cost, cure in _changes(plan):
         try:
@@ -191,7 +191,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         except SpecError:
             continue
         progress(as_lines(cure))
-        optimise = changed.spacing != spec.spacing and count <= OPTIMISED_TRIED
+        optimise = count <= OPTIMISED_TRIED
         figures = _figures(changed, grid, count, optimise) if count <= MOST_TRIED else None
         if figures is None and count <= MOST_TRIED:
             continue  # with this change the pad cannot be laid out
@@ -277,14 +277,14 @@ def _capacities(spec: Spec) -> Iterator[CapacityRow]:
 def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:
     """Return the most channels per coil on `grid` that fit, print, and keep the asked all-state selectivity.
 
-    The second result is their drive scheme. Counts up to `least` are tried, larger ones until `PATIENCE` in a
-    row fail.
+    The second result is their drive scheme. Counts up to `least` are tried, larger ones until `PATIENCE` in a row fail;
+    optimised resonances only for `least`.
     """
     held = 0
     drive = spec.drive.scheme
     failed = 0
     for count in range(1, MOST_TRIED + 1):
-        figures = _figures(spec, grid, count)
+        figures = _figures(spec, grid, count, count == least <= OPTIMISED_TRIED)
         failed += 1
         if figures and (figures.kept_db is None or figures.kept_db >= figures.asked_db):
             held = count
@@ -307,16 +307,23 @@ def _figures(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fal
     except (SpecError, StopIteration):
         return None
     channels = plan_channels(other, beams, sites_of(other, layout, beams))
-    pulled = all(channel.force_constant_n_per_a2 > 0 for channel in channels)
-    return plan_selectivity(other, channels) if pulled else None
+    return None if _unpulled(channels) else plan_selectivity(other, channels)
+
+
+def _unpulled(channels: Iterable[Channel]) -> int:
+    """Return how many of the channels have a mover that the coil does not pull, as it lies too far off its axis."""
+    return sum(channel.force_constant_n_per_a2 <= 0 for channel in channels)
 
 
 def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) -> Spec:
+    coils = grid[0] * grid[1]
+    # As many taxels as asked where they need `count` channels per coil, else as many as there are places.
+    taxels = spec.resolution if 0 <= coils * count - spec.resolution < coils else coils * count
     spacing = "spread" if spec.spacing == "optimised" and not optimise else spec.spacing
     listed = spec.resonances_hz if count * spec.coil.sets == len(spec.resonances_hz or ()) else None
     return replace(
         spec,
-        resolution=grid[0] * grid[1] * count,
+        resolution=taxels,
         coil=replace(spec.coil, grid=grid),
         spacing=spacing,
         resonances_hz=listed,
@@ -340,6 +347,11 @@ def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fals
         plan = make_plan(_with_grid(spec, grid, count, optimise), tries_cures=False)
     except SpecError:
         return NO_PRINTS
+    return _printed(plan)
+
+
+def _printed(plan: Plan) -> _Printed:
+    """Return what prints of `plan` keep; `NO_PRINTS` where it has errors."""
     if any(finding.level == "error" for finding in plan.findings):
         return NO_PRINTS
     today = plan.retuned_prints
@@ -352,11 +364,11 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     load = plan.load
     grid = (plan.coils.rows, plan.coils.columns)
     more = held + 1
+    if held >= MOST_TRIED:
+        yield f"nothing that was tried: no more than {MOST_TRIED} channels were"
+        return
     if spec.resonances_hz:
         yield "resonances_hz: the spec lists them; for other numbers of channels padgen chooses them"
-    if held >= MOST_TRIED:
-        yield f"nothing up to {MOST_TRIED} channels per coil, beyond which none were tried"
-        return
     band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     figures = _figures(spec, grid, more)
     if figures is not None and figures.kept_db is not None and figures.kept_db < figures.asked_db:
@@ -383,8 +395,15 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     if best and best.margin_mm < -SLACK_MM:
         kind = {"coil": "coil", "width": "pitch and washer", "length": "pitch and beam", "reach": "coil's reach"}
         yield f"{kind[best.binding[0]]}: {explain(other, best)}"
-    elif best and next(sized_layouts(other, options), None) is None:
-        yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
+    elif best:
+        sized = next(sized_layouts(other, options), None)
+        if sized is None:
+            yield f"printable beams: no set of beams in the sub-cells reaches {more} resonances in {band}"
+        elif lost := _unpulled(plan_channels(other, sized[1], sites_of(other, *sized))):
+            yield (
+                f"pull: of {more} {spec.mover.kind}s over a coil {lost} would lie so far off its axis that the coil"
+                " does not pull them"
+            )
     if load.reachable_level_um < spec.drive.level_um:
         yield (
             f"{load.reachable_by}: it allows {number(load.reachable_level_um)} µm on channel 0, asked are"

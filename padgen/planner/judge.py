@@ -410,8 +410,8 @@ def _prints(plan: Plan) -> Iterator[Finding]:
             "print.share",
             "pad",
             f"with every taxel re-tuned, {prints.good_share:.0%} of its prints keep the {asked:.1f} dB of ON over OFF"
-            f" that are asked for; {wanted:.0%} of all prints keep {prints.print_db:z.1f} dB; --explain ranks what"
-            " would help, --plot draws which coils suffer",
+            f" that are asked for; {wanted:.0%} of all prints keep {prints.print_db:z.1f} dB; padgen plan"
+            " --explain ranks what would help, --plot draws which coils suffer",
         )
     if prints.planned_db < min(asked, prints.print_db):
         yield Finding(

@@ -335,7 +335,7 @@ def judge_felt(plan: Plan) -> Iterator[Finding]:
             f"channel {loudest.index}",
             f"OFF, it is felt in the worst state: it vibrates {above_db:.1f} dB above what {through} at those"
             f" frequencies, ± {felt.error_db[loudest.index]:.0f} dB; the faintest ON taxel is {abs(below_db):.1f} dB"
-            f" {'above' if below_db <= 0 else 'below'} that",
+            f" {'above' if below_db <= 0 else 'below'} what is felt at its own frequency",
             tuple(_softer(plan, above_db)) if below_db + above_db < 0 else (),
         )
 

@@ -528,7 +528,7 @@ def judge_touched_prints(plan: Plan) -> Iterator[Finding]:
             "pad",
             f"touched, with every taxel re-tuned, {touch.good_share:.0%} of {plan.spec.touch.prints_text} keep the"
             f" {asked_db:.1f} dB of ON over OFF that are asked for; {wanted:.0%} keep {touch.print_db:.1f} dB;"
-            " --explain ranks what would help",
+            " padgen plan --explain ranks what would help",
             tuple(_nearest(plan, touch.print_db)),
         )
     elif touch.planned_db is not None and touch.planned_db < asked_db:

@@ -132,13 +132,13 @@ def _works_untouched(plan: Plan, only_held: bool) -> str:
     below = f"{-max(felt_db[k] for k in silent):.1f}"
     if len(silent) > 1:
         below += f" to {-min(felt_db[k] for k in silent):.1f}"
-    who = "its taxels are"
+    where = ""
     if len(silent) < len(felt_db):
-        who = f"{len(silent)} of {len(felt_db)} channels are"
+        where = f" on {len(silent)} of {len(felt_db)} channels"
     error_db = max(plan.felt.error_db[k] for k in silent)
     return (
-        f"{plan.name} chooses its taxels {untouched}, but {who} probably not felt ({below} dB too faint for a"
-        f" fingertip, ± {error_db:.0f} dB)"
+        f"{plan.name} is probably not felt{where} ({below} dB too faint for a fingertip, ± {error_db:.0f} dB); its"
+        f" taxels are chosen {untouched}"
     )
 
 

@@ -242,21 +242,25 @@ def _power_lines(plan: "Plan") -> list[str]:
         lines.append(
             f"If all taxels stay on, coils reach {warm.coil_c:.0f} °C and beams {warm.beam_c:.0f} °C (rises"
             f" ± {warm.error:.0%}, two thirds within {warm.warm_up_min:.0f} min): resonances fall by up to"
-            f" {about(-100 * warm.resonance_shift)}%. Re-tune the pad warm, or drive it with --warm."
+            f" {about(-100 * warm.resonance_shift)}%. Re-tune the pad warm, or write its drive by padgen drive --warm."
         )
     lasting = []
     if plan.life.good_share >= plan.spec.print_share and plan.life.print_db is not None:
+        today_db = plan.retuned_prints.print_db
+        # Fewer prints are simulated for that than for what prints keep today: by chance they may keep more.
+        is_less = today_db is None or plan.life.print_db < today_db
         lasting.append(
             f"Re-tuned once, {plan.spec.print_share:.0%} of {plan.spec.touch.prints_text} still keep"
-            f" {plan.life.print_db:z.1f} dB when {plan.spec.life.changes_text}."
+            f" {f'{plan.life.print_db:z.1f} dB' if is_less else 'as much'} when {plan.spec.life.changes_text}."
         )
     if plan.touch is not None:
         lines += _touch_lines(plan, plan.touch) + lasting
     if prints.print_db is not None:
         stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
         stages_text = ", ".join(f"{db:z.1f} with {stage}" for stage, db in stages if db is not None)
+        on_over_off = "ON over OFF in dB" if plan.touch is None else "Untouched, ON over OFF in dB"
         lines.append(
-            f"ON over OFF in dB that {plan.spec.print_share:.0%} of prints keep: {stages_text} measured"
+            f"{on_over_off} that {plan.spec.print_share:.0%} of prints keep: {stages_text} measured"
             f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
         )
@@ -648,20 +652,29 @@ def explanation_text(explanation: "Explanation") -> str:
                 *_printed_cells(change),
                 f"{change.gained:+d} ({change.drive})" if change.gained else "",
                 f"{change.gained_in_band:+d}" if change.gained_in_band else "",
-                "" if change.gained_db is None else f"{change.gained_db:+.1f}",
+                "" if change.gained_db is None else f"{change.gained_db:+z.1f}",
             )
             for change in explanation.changes
         ]
-        lines += ["", "what one change buys:", table(EXPLAINED, rows, left=2)]
+        lines += ["", "what one change of the spec does to its prints, and what it would do if there were more room:"]
+        lines += [table(EXPLAINED, rows, left=2)]
+        if any(change.change.startswith("delta_y") for change in explanation.changes):
+            lines += ["Prints of a row are good if they keep what the row asks: a lower delta_y asks for less."]
     if explanation.movers:
-        lines += ["", "the same pad with other washers or magnets, all else chosen anew (padgen knows no prices):"]
+        lines += [
+            "",
+            "the pad with a washer or magnet over a coil of the catalogue, layout and resonances chosen anew:",
+        ]
         lines += [table(MOVERS_TOLD, [_mover_cells(row) for row in explanation.movers], left=2)]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))
     by_scheme: dict[str, list[str]] = {}
     for row in explanation.capacities:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot} / {_count_text(row.all_states, row.searched_to)}")
-    columns = ["drive", *(law if isinstance(law, str) else _law_text(law).removeprefix("fall as ") for law in laws)]
-    heading = "most channels in the band, with one channel on / in all on/off states, by how levels go with frequency:"
+    columns = ["drive", *(law if isinstance(law, str) else _law_text(law).split()[-1] for law in laws)]
+    heading = (
+        "most channels that a coil could have in the band with perfect prints and room for all (with one channel ON /"
+        " in all on/off states), by how the levels of its channels go with frequency:"
+    )
     return "\n".join([*lines, "", heading, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 
 
@@ -701,7 +714,7 @@ def _mover_cells(row: "MoverRow") -> tuple[str, ...]:
 
 
 def _printed_cells(of: "Explanation | Change") -> tuple[str, str, str]:
-    share = "" if of.good_share is None else f"{of.good_share:.0%}"
+    share = "no pad" if of.good_share is None else f"{of.good_share:.0%}"
     for_life = "" if of.life_share is None else f"{of.life_share:.0%}"
     return share, for_life, "" if of.print_db is None else f"{of.print_db:.1f}"
 

@@ -560,8 +560,8 @@ class Model:
     structure: str = choice(
         "auto",
         of=("auto", *STRUCTURE_MODELS),
-        doc="beam, or solid: finite elements of the printed solid; auto takes solid in a build where the beam model's"
-        " own error exceeds the tolerance",
+        doc="beam, or solid: finite elements of the printed solid; auto is beam, or with --tolerance solid where the"
+        " beam model may be off by more",
     )
     tolerance: float = quantity(
         0.02,
