@@ -41,7 +41,7 @@ soak: $(STAMP) ## random bytes for the firmware, random specs, and the samples a
 
 hostile: $(STAMP) ## a thousand folders as strangers may send them, fifty under strace (installed from Debian if missing; an hour)
 	@command -v strace >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends strace; }
-	$(BIN)/python -m pytest -m hostile -n $(CORES) tests/test_hostile_folders.py
+	$(BIN)/python -m pytest -m hostile -n $(CORES) tests/core/test_hostile_folders.py
 
 odd: $(STAMP) ## plan 20,000 odd specs, fields anywhere within their bounds, and print faults (SPECS=N for fewer; hours)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_odd.py $(SPECS)
@@ -72,12 +72,12 @@ $(TEMPLATES:%=variant-%): variant-%: $(STAMP)
 slice: $(STAMP) ## slice every template and ten odd pads with PrusaSlicer (installed from Debian if missing) and measure them
 	@{ command -v prusa-slicer && command -v slic3r; } >/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends prusa-slicer slic3r; }
-	$(BIN)/python -m pytest -m slicer tests/test_slicer.py
+	$(BIN)/python -m pytest -m slicer tests/sliced/test_slicer.py
 
 board-drc: $(STAMP) ## KiCad's design rules over boards of coils, and over broken ones (installs KiCad from Debian if missing)
 	@/usr/bin/python3 -c "import pcbnew" 2>/dev/null || \
 	  { apt-get update -qq && apt-get install -y -qq --no-install-recommends kicad; }
-	$(BIN)/python -m pytest -m kicad tests/test_board_files.py
+	$(BIN)/python -m pytest -m kicad tests/solid/test_board_files.py
 
 PAGE := padgen/report/page
 
@@ -92,7 +92,7 @@ bundle: ## remake the report page's scripts from their sources (needs npm; insta
 	  cd $(PAGE) && LC_ALL=C sha256sum $$(ls | grep -v -e SHA256SUMS -e page.html) > SHA256SUMS
 
 goldens: $(STAMP) ## write the golden texts anew, after a wanted change of geometry or of a file's first line
-	$(BIN)/python -m pytest tests/test_templates.py tests/test_docs.py -k "golden or every_file" --regenerate
+	$(BIN)/python -m pytest tests/project/test_templates.py tests/project/test_docs.py -k "golden or every_file" --regenerate
 
 performance: $(STAMP) ## measure what docs/performance.md reports
 	$(BIN)/python docs/measure.py

@@ -13,7 +13,7 @@ from padgen.physics.ladder import LevelLaw
 from padgen.physics.schemes import in_order
 from padgen.physics.selectivity import Scheme
 from padgen.planner.search import largest_counts, printed_count
-from tests.test_yield import BAND_HZ, COILS, good_share
+from tests.planner.test_yield import BAND_HZ, COILS, good_share
 
 PAGE = Path(__file__).with_name("yield.md")
 BEGIN = "<!-- made by docs/draw_capacity.py -->\n"

@@ -133,7 +133,7 @@ def sweep_section() -> list[str]:
         *sweeps(),
         "",
         "Layouts: border and holes vary, the taxels are known from one `padgen build` before; no process loads a CAD",
-        "kernel (`tests/test_sweep.py` holds that).",
+        "kernel (`tests/batch/test_sweep.py` holds that).",
         "A sample loads scipy.stats (half a second), and no two of its variants share the ladders and fields that a",
         "grid's find in memory: it misses the bar by a few cold commands.",
     ]

@@ -20,7 +20,7 @@ from padgen.make.pad import Pad
 from padgen.planner import Plan
 from padgen.spec import Spec, load_spec, parse_spec
 from tests.gcode import Extrusions, read_gcode
-from tests.test_slicer import around, laid_mm3, own_axes
+from tests.sliced.test_slicer import around, laid_mm3, own_axes
 
 SMALL = """
 name = "{name}"

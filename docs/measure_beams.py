@@ -22,7 +22,7 @@ from padgen.planner.suspensions import BeamShape, suspension
 from padgen.planner.taxel_model import fillet_mm, plate_shape, post_diameter_mm, recess_mm
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.test_beam_model import errors_and_estimates, row_spec
+from tests.physics.test_beam_model import errors_and_estimates, row_spec
 
 SET = Path(__file__).parents[1] / "tests" / "reference" / "beam_calibration.json"
 STEEL_PA = 200e9

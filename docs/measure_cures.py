@@ -7,7 +7,7 @@ import sys
 from collections import Counter
 
 from padgen.ladders.extreme import random_table
-from tests.test_cures import cures_of
+from tests.planner.test_cures import cures_of
 
 SPECS = 300
 

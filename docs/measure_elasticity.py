@@ -31,7 +31,7 @@ from padgen.verify.elasticity import (
     solve_modes,
     taxel_shape,
 )
-from tests.test_elasticity import POLYMER, REFERENCE, RING_MM3, STEEL, off_reference, write_steps
+from tests.verify.test_elasticity import POLYMER, REFERENCE, RING_MM3, STEEL, off_reference, write_steps
 
 RUNS = 3
 GRADED = (0.05, 1e3)

@@ -338,7 +338,7 @@ def campaign(count: int) -> None:
 
 def bounds() -> None:
     sys.path.insert(0, str(Path(__file__).parents[1]))
-    from tests.test_pulled_bounds import pulled_bounds
+    from tests.planner.test_pulled_bounds import pulled_bounds
 
     bounded, broken = pulled_bounds()
     head(

@@ -1,7 +1,7 @@
 """Measure the figures of docs/accuracy.md on the terms that a plan leaves out: `python docs/measure_left_out.py`.
 
-For each scene and term it prints the bound, the true error by a finer model (see tests/test_left_out.py), their ratio,
-and the run times of the bound and of computing the term, in ms of CPU time, the least of several runs.
+For each scene and term it prints the bound, the true error by a finer model (see tests/planner/test_left_out.py), their
+ratio, and the run times of the bound and of computing the term, in ms of CPU time, the least of several runs.
 
 `random N` compares bounds with finer models (tests/finer_models.py) on N plans of random specs. Rows are added to
 tests/reference/left_out_campaign.csv, going on where it was stopped. `random N --bounds` plans the known specs again,
@@ -37,7 +37,7 @@ from padgen.planner.plan import Plan
 from padgen.planner.suspensions import BeamShape
 from padgen.spec import make_spec
 from tests import finer_models
-from tests import test_left_out as truth
+from tests.planner import test_left_out as truth
 
 Row = tuple[str, str, float, float]
 

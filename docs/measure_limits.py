@@ -1,7 +1,8 @@
 """Compare files that drive pads of random specs with what is judged of them: `python docs/measure_limits.py [SPECS]`.
 
 For each plan, and again on a carrier where its drive is spur-free, random frames are saved as a WAV file. Its bytes are
-integrated by tests/test_limits.py. Prints every file of which volts, amperes or watts are 0.1 % above the judged ones.
+integrated by tests/planner/test_limits.py. Prints every file of which volts, amperes or watts are 0.1 % above the
+judged ones.
 """
 
 import sys
@@ -17,7 +18,7 @@ from padgen.core.errors import PadgenError
 from padgen.ladders.extreme import random_table
 from padgen.planner import Plan, make_plan
 from padgen.spec import load_spec, make_spec, template_paths
-from tests.test_limits import judged_and_found
+from tests.planner.test_limits import judged_and_found
 
 SPECS = 200
 MOST_TAXELS = 100

@@ -19,8 +19,8 @@ from padgen.planner import Plan
 from padgen.report.page import page_data, page_html
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.test_explore import Server
-from tests.test_page import ARGUMENTS, MANY, chromium
+from tests.report.test_explore import Server
+from tests.report.test_page import ARGUMENTS, MANY, chromium
 
 FIRST = """new MutationObserver(() => {
     const canvas = document.getElementById("canvas");

@@ -264,7 +264,7 @@ def main() -> None:
         *eleven(),
         "",
         "The source of the reference figures prints 20.9 dB for one on in the second case; its own resonances give",
-        "21.6, and all its other figures are reproduced (`tests/test_selectivity.py`).",
+        "21.6, and all its other figures are reproduced (`tests/physics/test_selectivity.py`).",
         "",
         "## Most channels of a coil",
         "",

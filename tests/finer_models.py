@@ -1,7 +1,7 @@
 """Finer models of the terms that a plan leaves out: each gives the true size of a term, found apart from its bound.
 
 Each function takes a plan and returns the largest relative error over its channels, or over `MOST_CHANNELS` of them
-where a channel takes long; None where the plan has nothing of the term. `tests/test_left_out.py` and
+where a channel takes long; None where the plan has nothing of the term. `tests/planner/test_left_out.py` and
 `docs/measure_left_out.py` compare these errors with the bounds.
 """
 

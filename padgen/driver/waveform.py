@@ -157,7 +157,7 @@ class PadDrive:
         """Return the complex factors that pre-correct lines at `hz` for the sound card's high-pass.
 
         On a carrier, those of the carrier: lines lie about it on both sides, so near that their factors differ by less
-        than 1e-2 (`tests/test_sound_cards.py`).
+        than 1e-2 (`tests/driver/test_sound_cards.py`).
         """
         lines_hz = np.asarray(hz, float) if self.carrier_hz is None else np.full(np.shape(hz), self.carrier_hz)
         return np.asarray(1 - 1j * self.corner_hz / lines_hz)

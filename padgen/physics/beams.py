@@ -397,7 +397,7 @@ def curl(slenderness: Array) -> tuple[Array, Array]:
     -----
     Fitted to solutions of Kirchhoff's plate equation (Timoshenko and Woinowsky-Krieger, Theory of Plates and Shells,
     1959, eq. 103 and 112-114) for strips with free sides and rigid, clamped ends by polynomials (Ritz): within 0.05 %
-    of the stiffness for length over width 0.25-12 and ν 0.2-0.45 (`tests/test_plates.py` solves them anew). For
+    of the stiffness for length over width 0.25-12 and ν 0.2-0.45 (`tests/physics/test_plates.py` solves them anew). For
     deflections so small that ``w²/(R t)`` (Searle's parameter; R is the radius of curvature) is below 1; beyond it the
     middle of a strip curls less, too (Ashwell, J. R. Aeronaut. Soc. 54, 1950).
     """

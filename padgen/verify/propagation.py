@@ -14,8 +14,8 @@ for any damping, on resonance or off it. Three ways of computing it keep the dig
 
 Within a factor of two in time the choice is the same. Each way separates into sums over the tones and products with
 functions of time, so that everything is matrix products. Displacements agree with 60-digit arithmetic to `STATED_ERROR`
-of a resonator's largest (`tests/test_dynamics.py`): Q from 1e-3 to infinity, on resonance, 1e-9 off it, 10 s at 200
-kHz.
+of a resonator's largest (`tests/physics/test_dynamics.py`): Q from 1e-3 to infinity, on resonance, 1e-9 off it, 10 s at
+200 kHz.
 
 Everything linear in padgen's time domain is a sum of damped tones ``A e^(−σt) cos(2π f t + φ)``: the current of a
 driven R-L circuit with its transient, its square (paper Eq. 5), and thus the pull.

@@ -132,7 +132,7 @@ class WavWriter:
 def _packed_24(samples: np.ndarray) -> np.ndarray:
     """Return samples (s, channels) in −1 … 1 as little-endian 24-bit integers, rounded, in bytes (s, channels, 3).
 
-    Without dither: the rounding error of a sum of lines is noise-like at this depth (`tests/test_wav.py`).
+    Without dither: the rounding error of a sum of lines is noise-like at this depth (`tests/driver/test_wav.py`).
     """
     scaled = np.rint(samples * 2.0**23)
     if not (scaled.min(initial=0) >= -(2.0**23) and scaled.max(initial=0) < 2.0**23):
