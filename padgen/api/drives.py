@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from padgen.core.errors import Finding, SpecError
+from padgen.core.registry import PLAYERS
 
 if TYPE_CHECKING:
     from padgen.driver.drive_folder import Drive
@@ -217,6 +218,7 @@ def play(
     baud: int = 115_200,
     tuning: "Tuning | str | Path | None" = None,
     warm: bool = False,
+    player: str = "port",
     on_shown: Callable[[int, int], None] = lambda shown, total: None,
 ) -> "Played":
     """Show frames on a pad whose microcontroller runs the firmware of `drive`, over a serial port.
@@ -226,7 +228,7 @@ def play(
     plan : Plan
         The plan that the firmware was written for.
     port : str
-        Serial port, as '/dev/ttyACM0' or 'COM3'.
+        Serial port, as '/dev/ttyACM0' or 'COM3'; of a registered `player` the address that it takes.
     state, frames, text, pattern
         As in `drive`; one of them.
     seconds : float, optional
@@ -239,6 +241,8 @@ def play(
         The tuning.json that the firmware was written for.
     warm : bool
         The firmware was written for the warm pad.
+    player : str
+        What shows the frames: "port", or a player registered in `padgen.driver.players`, whose result is returned.
     on_shown : callable
         Called with the number of frames that are shown, and of all.
 
@@ -251,6 +255,7 @@ def play(
     EngineMissingError
         The extra ``play`` is not installed.
     """
+    shows = _player(player, "frames")
     if not 1 <= repeat <= MOST_REPEATS:
         raise SpecError(f"must be 1 … {MOST_REPEATS}, got {repeat}", "--repeat")
     if baud < 1:
@@ -259,23 +264,24 @@ def play(
 
     from padgen.driver.drive_folder import levels_of
     from padgen.driver.frames import CROSSED
-    from padgen.driver.serial_line import play_frames
+    from padgen.driver.players import FramesJob
 
     if pattern == CROSSED:
         raise SpecError(f"{CROSSED!r} is of a WAV: the firmware plays each coil its own resonances", "--pattern")
     levels = levels_of(plan, state, frames, text, pattern)
     if levels is None:
-        raise SpecError("needs something to show; add --state or --frames", "--port")
+        raise SpecError("needs something to show; add --state or --frames", f"--{player}")
     repeated = np.concatenate([levels] * repeat)
-    return play_frames(
-        port,
-        plan,
-        repeated,
-        seconds,
+    job = FramesJob(
+        address=port,
+        plan=plan,
+        levels=repeated,
+        seconds=seconds,
         tuning=_tuning_of(tuning, plan, warm),
         baud=baud,
         on_shown=lambda shown: on_shown(shown, len(repeated)),
     )
+    return shows.play(job)
 
 
 def play_wav(
@@ -283,6 +289,7 @@ def play_wav(
     device: int | str | None = None,
     *,
     repeat: int = 1,
+    player: str = "audio",
     progress: Progress = _silent,
 ) -> "Sounded":
     """Play a WAV file of `drive` over a sound card with a channel for each coil.
@@ -295,6 +302,8 @@ def play_wav(
         Sound card, by number or a part of its name; by default the computer's first choice.
     repeat : int
         Times that it is played without a pause, 1 to 10,000.
+    player : str
+        What plays it: "audio", or a player registered in `padgen.driver.players`, whose result is returned.
     progress : callable
         Called with one line of text at each step.
 
@@ -310,6 +319,14 @@ def play_wav(
     """
     if not 1 <= repeat <= MOST_REPEATS:
         raise SpecError(f"must be 1 … {MOST_REPEATS}, got {repeat}", "--repeat")
-    from padgen.driver.sound_card import play_wave
+    from padgen.driver.players import WavJob
 
-    return play_wave(Path(path), device, repeat, lambda chosen: progress(f"playing on {chosen.name}"))
+    return _player(player, "wav").play(WavJob(device, Path(path), repeat, progress))
+
+
+def _player(name: str, plays: str) -> Any:
+    """Return the player of that name, which must play ``"frames"`` or a ``"wav"``."""
+    player = PLAYERS.get(name, "player")
+    if plays != player.PLAYS:
+        raise SpecError(f"{name!r} plays {player.PLAYS}, not {plays}", "player")
+    return player

@@ -18,8 +18,8 @@ from padgen.cli.common import (
     plan_of,
     progress_line,
 )
-from padgen.core.errors import FileError, number, plain
-from padgen.core.registry import FORMATS
+from padgen.core.errors import FileError, number
+from padgen.core.registry import FORMATS, PLAYERS
 from padgen.core.rules import Rule, refuse
 
 __all__ = ["add_drive", "add_play"]
@@ -220,10 +220,11 @@ def add_play(commands: Any) -> None:
     )
     parser.add_argument("spec", metavar="SPEC|WAV", help="a spec or template with --port, a WAV file with --audio")
     where = parser.add_mutually_exclusive_group(required=True)
-    where.add_argument("--port", metavar="PORT", help="serial port of the microcontroller, as /dev/ttyACM0 or COM3")
-    where.add_argument(
-        "--audio", metavar="DEVICE", nargs="?", const="", help="sound card, by name or number (default: the system's)"
-    )
+    for name in PLAYERS.names():
+        player = PLAYERS.get(name)
+        address = player.ADDRESS.strip("[]")
+        optional = {"nargs": "?", "const": ""} if address != player.ADDRESS else {}
+        where.add_argument(f"--{name}", dest=_address(name), metavar=address, help=player.ABOUT, **optional)
     _add_frames(parser)
     add_option(parser, play, "tuning", metavar="FILE")
     add_option(parser, play, "warm")
@@ -234,49 +235,50 @@ def add_play(commands: Any) -> None:
     parser.set_defaults(command=_play)
 
 
+def _address(player: str) -> str:
+    """Return the name under which the parsed options have the address of a player."""
+    return f"address of {player}"
+
+
 def _play(options: argparse.Namespace) -> int:
-    return _audio(options) if options.audio is not None else _serial(options)
+    name = next(name for name in PLAYERS.names() if getattr(options, _address(name)) is not None)
+    address = getattr(options, _address(name))
+    if PLAYERS.get(name).PLAYS == "wav":
+        return _play_wav(options, name, address)
+    return _play_frames(options, name, address)
 
 
-def _serial(options: argparse.Namespace) -> int:
-    refuse(Rule(_shows(options), "--port", "needs something to show; add --state or --frames"))
+def _play_frames(options: argparse.Namespace, player: str, address: str) -> int:
+    refuse(Rule(_shows(options), f"--{player}", "needs something to show; add --state or --frames"))
     with progress_line() as progress:
         plan = plan_of(options, progress)
         asked, notes = _shown_of(options, plan)
         played = play(
             plan,
-            options.port,
+            address,
             **asked,
             repeat=options.repeat,
             baud=options.baud,
             tuning=options.tuning,
             warm=options.warm,
+            player=player,
             on_shown=lambda shown, total: progress(f"frame {shown} of {total}"),
         )
-    count = "1 frame" if played.frames == 1 else f"{played.frames} frames"
-    summary = (
-        f"showed {count} in {played.seconds:.1f} s on {plain(options.port)}",
-        f"{played.resent} messages were lost on the line and sent again" if played.resent else "",
-        f"coils were as warm as they bear, and got down to {played.given:.0%} of their voltage"
-        if played.given < 1
-        else "",
-    )
-    figures = {name: getattr(played, name) for name in ("frames", "resent", "seconds", "given")}
-    answer(options, {"port": options.port, **figures, "notes": notes}, "; ".join(filter(None, summary)), *notes)
+    sentence, figures = PLAYERS.get(player).outcome(played)
+    answer(options, {**figures, "notes": notes}, sentence, *notes)
     return DONE
 
 
-def _audio(options: argparse.Namespace) -> int:
+def _play_wav(options: argparse.Namespace, player: str, address: str) -> int:
     for name in (*SHOWN, "seconds", "tuning", "warm"):
         reason_why = f"plays a WAV file of padgen drive as it is; --{name} goes with padgen drive"
-        refuse(Rule(getattr(options, name) in (None, False), "--audio", reason_why))
+        refuse(Rule(getattr(options, name) in (None, False), f"--{player}", reason_why))
     if not Path(options.spec).exists():
         where = Path("out") / Path(options.spec).stem / "drive.wav"
-        there = f"; --audio plays a WAV that padgen drive wrote, as {where}"
+        there = f"; --{player} plays a WAV that padgen drive wrote, as {where}"
         raise FileError(f"there is no such file{there}", options.spec)
     with progress_line() as progress:
-        played = play_wav(options.spec, options.audio or None, repeat=options.repeat, progress=progress)
-    late = f"; gaps are heard where the computer was too late: {played.missed}" if played.missed else ""
-    table = {"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed}
-    answer(options, table, f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}")
+        played = play_wav(options.spec, address or None, repeat=options.repeat, player=player, progress=progress)
+    sentence, figures = PLAYERS.get(player).outcome(played)
+    answer(options, figures, sentence)
     return DONE

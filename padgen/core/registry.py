@@ -23,6 +23,7 @@ __all__ = [
     "FORMATS",
     "MOVERS",
     "PAD_FORMATS",
+    "PLAYERS",
     "PLUGINS",
     "SCHEMES",
     "SUSPENSIONS",
@@ -246,6 +247,8 @@ SUSPENSIONS: Registry[Any] = Registry("suspension", "padgen.planner.suspensions"
 """Modules or objects with the names of `padgen.planner.suspensions.Suspension`."""
 FORMATS: Registry[Any] = Registry("drive format", "padgen.driver.formats", "DriveFormat")
 """Modules or objects with the names of `padgen.driver.formats.DriveFormat`."""
+PLAYERS: Registry[Any] = Registry("player", "padgen.driver.players", "Player")
+"""Modules or objects with the names of `padgen.driver.players.Player`; their names are options of `padgen play`."""
 PAD_FORMATS: Registry[Any] = Registry("pad format", "padgen.solid.formats", "PadFormat")
 """Modules or objects with the names of `padgen.solid.formats.PadFormat`."""
 USUAL_FORMATS = ("stl", "3mf", "step")

@@ -249,6 +249,7 @@ class Played:
     `given` is the smallest share of its voltage that a coil was given, below 1 where it was as warm as it bears.
     """
 
+    port: str
     device: Greeting
     frames: int
     resent: int
@@ -316,7 +317,7 @@ def play_frames(
             link.wait_for([State.SILENT, State.HOLDING])
             link.ask(Kind.SILENCE)
             link.wait_for([State.SILENT])
-        return Played(link.device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
+        return Played(port, link.device, len(frames), link.resent, time.monotonic() - began, link.given / FULL_LEVEL)
 
 
 def _signs(plan: Plan, frames: np.ndarray, each_s: float | None, tuning: Tuning | None) -> np.ndarray:

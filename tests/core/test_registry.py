@@ -24,6 +24,7 @@ from padgen.core.errors import FileError, GeometryError, SpecError
 from padgen.core.registry import PAD_FORMATS, PLUGINS, USUAL_FORMATS, names_in
 from padgen.core.rules import Rule
 from padgen.driver import formats as drive_formats
+from padgen.driver import players
 from padgen.driver.drive_folder import Drive, parse_formats
 from padgen.driver.loads import SIGNAL_RULES, refuse_frames
 from padgen.make.pad import parse_formats as parse_pad_formats
@@ -336,6 +337,52 @@ def test_a_registered_format_is_written_alone_and_beside_others(small_plan, tmp_
         assert driven.files == ("plan.json", "drive.csv", "drive.wav", "drive-wave.json", "toy.txt")
     assert (tmp_path / "beside/toy.txt").read_text() == (tmp_path / "alone/toy.txt").read_text()
     assert float((tmp_path / "alone/toy.txt").read_text().split()[-2]) > 0
+
+
+class ToyPlayer:
+    PLAYS = "frames"
+    ADDRESS = "PLACE"
+    ABOUT = "where the toy lies"
+
+    def __init__(self):
+        self.jobs = []
+
+    def play(self, job):
+        self.jobs.append(job)
+        job.on_shown(len(job.levels))
+        return f"{len(job.levels)} frames shown on {job.address}"
+
+    def outcome(self, played):
+        return played, {"place": self.jobs[-1].address}
+
+
+@pytest.fixture
+def toy_player():
+    player = ToyPlayer()
+    players.register("toy", player)
+    yield player
+    players.unregister("toy")
+
+
+def test_a_registered_player_is_an_option_of_play(toy_player, capsys):
+    assert cli.run(["play", "paper-32", "--toy", "here", "--state", "10", "--repeat", "3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["place"] == "here"
+    assert cli.run(["play", "paper-32", "--toy", "there", "--state", "01"]) == 0
+    assert capsys.readouterr().out == "1 frames shown on there\n"
+    (first, second) = toy_player.jobs
+    assert first.levels.shape == (3, 32) and first.levels.sum() == 3 * 16
+    assert np.array_equal(second.levels[0], 1 - first.levels[0])
+    assert cli.run(["play", "--help"]) == 0
+    assert "--toy PLACE" in capsys.readouterr().out
+
+
+def test_a_player_plays_frames_or_a_wav_and_not_the_other(toy_player, small_plan):
+    with pytest.raises(SpecError, match=r"^player: 'toy' plays frames, not wav$"):
+        pg.play_wav("a.wav", "here", player="toy")
+    with pytest.raises(SpecError, match=r"^player: 'audio' plays wav, not frames$"):
+        pg.play(small_plan, "here", state="1", player="audio")
+    with pytest.raises(SpecError, match="there is no player 'toys'; "):
+        pg.play(small_plan, "here", state="1", player="toys")
 
 
 def test_a_file_is_saved_in_the_format_whose_files_end_so(small_plan, tmp_path):
