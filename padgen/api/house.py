@@ -28,7 +28,7 @@ def cache_info() -> "CacheInfo":
 
 
 def clear_cache() -> "CacheInfo":
-    """Drop all that is kept of earlier runs, and return what was held."""
+    """Remove all entries of the cache of results, and return what it held."""
     from padgen.core import cache
 
     return cache.clear()

@@ -185,7 +185,7 @@ def save_retuned(
 
 
 def _louder_text(plan: "Plan", simulated: SimulatedPrint, nearest: bool, progress: Progress) -> str:
-    """Return the end of a refusal of a simulated print: the signal over noise that was tried and would do."""
+    """Return the advice that ends a refusal of a simulated print: the least ``--snr`` that was tried and does."""
     from padgen.measured.fits import fitted
     from padgen.measured.read import read_measured_text
 

@@ -97,7 +97,7 @@ def sweep(
     workers: int | None = None,
     **axes: Any,
 ) -> "SweepTable":
-    """Make all combinations of some fields' values, with one process per core.
+    """Make a variant of a spec for each combination of field values, by default with one process per core.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def run_sweep(
     retry: bool = False,
     on_event: "Callable[[Event], None]" = lambda event: None,
 ) -> RanSweep:
-    """Make the variants of a sweep's TOML file in a folder: an index, a folder of each, and the best of them.
+    """Make a sweep's variants in a folder, with index and Pareto front and, unless switched off, a folder each.
 
     Parameters
     ----------

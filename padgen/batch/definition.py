@@ -462,7 +462,7 @@ def _listed(name: str, values: Any, where: str) -> list[Any]:
 
 
 def _is_plain(value: Any, depth: int = 0) -> bool:
-    """Tell whether JSON can hold a value, unlike TOML's dates and times and numbers that no field takes."""
+    """Tell whether a value is plain JSON data, without null, too large numbers or too deep nesting."""
     if isinstance(value, (dict, list)):
         entries = value.values() if isinstance(value, dict) else value
         return depth < DEEPEST and all(_is_plain(entry, depth + 1) for entry in entries)

@@ -143,7 +143,7 @@ class Overview:
 
 
 def front_mask(scores: np.ndarray) -> np.ndarray:
-    """Tell which rows of `scores` (variants, objectives; more is better) no other row beats.
+    """Return a mask of the rows of `scores` (variants, objectives; more is better) that no other row beats.
 
     Rows are compared in lexicographic order, best first, so that only what is already on the front can
     beat the next: of the order of rows times front, in blocks.
@@ -338,7 +338,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 
 def _with_places(overview: Overview) -> Overview:
-    """Return the overview with each value that nothing limits replaced by one beyond all others, to be drawn."""
+    """Return the overview for drawing: a value missing since nothing limits it is put beyond all others."""
     parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "short", "faulty")}
     for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
         finite = overview.points[np.isfinite(overview.points[:, i]), i]

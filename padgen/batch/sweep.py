@@ -167,7 +167,7 @@ def run_tasks(tasks: list[Task], work: Work, limits: VariantLimits) -> list[Vari
 
 @cache
 def _own_runner(process: int) -> Runner:
-    """Return the runner of the process with this id; a forked process must not share its parent's pipes."""
+    """Return this process's runner, one for each process id: a fork must not share its parent's pipes."""
     import atexit
 
     runner = Runner(imports=IMPORTS)
@@ -498,7 +498,10 @@ class _Run:
                 yield task_of(self.sweep, variant, self.folder)
 
     def keep(self, record: VariantRecord) -> None:
-        """Add the record of a variant to the journal and to the counts."""
+        """Add a variant's record to the journal and the counts; remove a folder that it should not have.
+
+        A second record of a variant is ignored. Raise StoppedError where the disk is full.
+        """
         if self.todo[record.number] < TO_RUN:
             return  # told twice: an executor ran its task again
         if any(full in record.sentence for full in DISK_FULL):

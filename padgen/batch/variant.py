@@ -100,7 +100,7 @@ def writes_folders(sweep: Sweep) -> bool:
 
 
 def is_whole(folder: Path, stage: str) -> bool:
-    """Tell whether the files that a stage writes are all there, in a folder that a sweep writes into."""
+    """Undo a killed run's commit in a variant's folder; tell whether all files of its stage are there."""
     try:
         recover(folder)
         names = {"yield": [YIELD_FILE], "study": ["study.csv"], "build": built_files(folder) or [MANIFEST]}

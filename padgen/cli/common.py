@@ -105,7 +105,7 @@ def add_output(parser: argparse.ArgumentParser) -> None:
 def add_shared(
     parser: argparse.ArgumentParser, run: Any, verbose: str = "all tables and notes", late: Any = None
 ) -> None:
-    """Declare the options that commands on a plan share, and the function that runs this one.
+    """Declare the options that commands on a plan share, and set `run`, the function of this command.
 
     `late` is the name of a positional that may follow an option.
     """
@@ -139,7 +139,7 @@ def spec_and_folder(options: argparse.Namespace, recorded: bool = True) -> tuple
 
 
 def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -> Any:
-    """Return the plan that the command line asks for; `recorded` is that of `spec_and_folder`."""
+    """Return the plan that the command line asks for; `recorded` is as in `spec_and_folder`."""
     from padgen.api.pads import plan
 
     return plan(spec_and_folder(options, recorded)[0], tolerance=options.tolerance, progress=progress)

@@ -201,7 +201,7 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
-    """Record and fit a taxel or a coil, again where that fails, and tell of each."""
+    """Record and fit one taxel, or all over one coil, with retries; print a line for each, fitted or missing."""
     for attempt in range(options.tries):
         if not _is_ready(session, name, attempt):
             _say(options, f"{name}: left out")

@@ -118,7 +118,7 @@ def load(kind: str, key: str) -> Any:
 
 
 def store(kind: str, key: str, result: Any) -> None:
-    """Keep `result`, plain data, if the folder can be written."""
+    """Store `result`, plain data, under its kind and key; do nothing where the folder cannot be written."""
     store_bytes(kind, key, json.dumps(result).encode())
 
 
@@ -139,7 +139,7 @@ def load_bytes(kind: str, key: str) -> bytes | None:
 
 
 def store_bytes(kind: str, key: str, data: bytes) -> None:
-    """Keep bytes, if the folder can be written."""
+    """Store bytes under their kind and key; do nothing where the folder cannot be written."""
     path = _path(kind, key)
     aside = path.with_suffix(f".{os.getpid()}-{next(_file_numbers)}{ASIDE}")
     if _is_linked(path) or _is_linked(aside):
@@ -160,7 +160,7 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
 
 
 def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
-    """Return the cached result, or compute and keep it in one process at a time.
+    """Return what `find` finds in the cache, or else what `make` makes, in one process at a time.
 
     `find` returns the result, or None where there is none; `make` computes and keeps it. Where the folder has no locks,
     several processes may compute it.
@@ -175,7 +175,7 @@ def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T
 
 @contextmanager
 def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
-    """Lock cache keys for the block, so that other processes wait; look into the cache again inside it.
+    """Lock keys of the cache during the block, so that other processes wait; look into the cache again inside.
 
     A claim saves time and guarantees nothing: where the folder has no locks, or another process keeps one for more than
     `PATIENCE_S`, the block runs without it. The system releases the claim of a process that dies.
@@ -192,7 +192,10 @@ def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
 
 
 def trim(most_bytes: int | None = None) -> int:
-    """Remove the least recently used entries of a cache above `most_bytes` (default: the limit); return how many."""
+    """Remove least recently used entries of a cache above `most_bytes` until 80 % of it is left; return how many.
+
+    By default `most_bytes` is the cache's limit.
+    """
     most = limit_bytes() if most_bytes is None else most_bytes
     entries = sorted(_entries(), key=lambda entry: entry[1:])
     total = sum(size for _, _, size in entries)

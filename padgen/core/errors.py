@@ -81,7 +81,7 @@ class SpecError(PadgenError):
 
 
 class InfeasibleError(SpecError):
-    """No layout meets the spec; the message names the limit that prevents it and a change that helps."""
+    """No layout meets the spec; the message names the limit and, if one was found, a change that helps."""
 
     code = "infeasible"
 
@@ -99,7 +99,7 @@ class MeshFileError(FileError):
 
 
 class OlderPlanError(FileError):
-    """A plan.json was written by an older padgen; it is planned anew from the spec that it carries."""
+    """A plan.json was written by an older padgen; callers may plan anew from the spec in it."""
 
 
 class GeometryError(PadgenError):
@@ -270,7 +270,7 @@ def number(value: float) -> str:
 
 
 def plural(count: float) -> str:
-    """Return the ending of a noun after a count.
+    """Return the plural ending of a noun after a count: empty for 1, else ``s``.
 
     >>> f"1 coil{plural(1)}, 2 coil{plural(2)}"
     '1 coil, 2 coils'

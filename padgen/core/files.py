@@ -195,7 +195,7 @@ BAD_DISK = (EIO, ENOSPC, EDQUOT)
 
 @dataclass(frozen=True, slots=True)
 class _Moves:
-    """The moves of a commit, by names of files in the folder.
+    """The files that one commit moves into, out of and within a folder, by name.
 
     `new` files, with their hashes, come from the folder `aside`. `away` are padgen's own files that go there. `kept`
     are users' files, each with its new name. `seal` is of all this and of the folder, empty where there is no secret.
@@ -287,7 +287,7 @@ def _opened(path: Path, within: _Folder | None = None) -> Iterator[_Folder]:
 
 
 def _move_all(path: Path, moves: _Moves) -> None:
-    """Carry out all `moves` in a folder that is `_held`; after an error, move all files back."""
+    """Carry out all `moves` in a folder locked by `_held`; after an error, move all files back."""
     with _opened(path) as folder, _opened(path / moves.aside, folder) as aside:
         (aside.path / REPLACED).mkdir()
         with _opened(aside.path / REPLACED, aside) as replaced:
@@ -334,7 +334,7 @@ def _move_back(folder: _Folder, aside: _Folder, replaced: _Folder, moves: _Moves
 
 @contextmanager
 def _held(path: Path) -> Iterator[None]:
-    """Keep other processes from changing a folder, and first undo the unfinished commit of a killed process.
+    """Lock a folder for the block, after undoing the unfinished commit of a killed process.
 
     Raises
     ------
@@ -576,7 +576,7 @@ def _process(aside: str) -> int:
 
 
 def _runs(aside: Path) -> bool:
-    """Return whether the process that owns a temporary folder may still be writing; True without an owner."""
+    """Return whether the process in a temporary folder's name may still write; True if it names none."""
     import psutil
 
     process = _process(aside.name)
@@ -599,7 +599,7 @@ LONGEST_PIPE_S = 10.0
 
 
 def json_text(table: Any) -> str:
-    """Return data as the JSON text of a file: numbers as `_rounded`, null for NaN and infinity.
+    """Return data as a file's JSON text: floats outside `spec` with ten digits, null for NaN and infinity.
 
     An entry called `spec` is input, not a result: its numbers are written in full, so that they read back unchanged.
     Takes plain data and dataclasses; other values become text.
@@ -608,12 +608,12 @@ def json_text(table: Any) -> str:
 
 
 def json_line(table: Any) -> str:
-    """Return data as JSON on one line, for streams and journals: numbers as `_rounded`, null for NaN and infinity."""
+    """Return data as JSON on one line, for streams and journals, with numbers as in `json_text`."""
     return _escaped(json.dumps(_plain(table), ensure_ascii=False))
 
 
 def csv_cell(value: Any) -> str:
-    """Return a value as the text of a cell: numbers as `_rounded`, empty for None, NaN and infinity.
+    """Return a value as a cell's text: floats with ten digits, empty for None, NaN and infinity.
 
     >>> csv_cell(1 / 3), csv_cell(float("inf")), csv_cell([50, 200]), csv_cell(True), csv_cell(-1e-17)
     ('0.3333333333', '', '[50, 200]', 'true', '0')
@@ -626,7 +626,7 @@ def csv_cell(value: Any) -> str:
 
 
 def _rounded(value: float) -> float:
-    """Round a finite number as files have it: to ten significant digits, and to 0 below `SMALLEST`.
+    """Round a finite number as written to files: to ten significant digits, and to 0 below `SMALLEST`.
 
     Ten digits agree between platforms. Smaller figures do not, since they are what rounding leaves of zero.
     """
@@ -726,7 +726,7 @@ class OutputFolder:
         return tuple(self._hashes)
 
     def commit(self, built_from: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> list[str]:
-        """Move all files in, then the manifest; return files of an earlier build that contradict a new plan.
+        """Move all added files and the manifest in; return an earlier build's files that the new plan outdates.
 
         A changed plan removes the files that came of the old one, except `MEASURED_FILES` and those of an earlier
         build, which the next build removes. Only unchanged files of padgen are removed.

@@ -86,7 +86,7 @@ class Registry(Generic[T]):
         return tuple(sorted({stem for stem, _, _ in stems if sum(stem == other for other, _, _ in stems) > 1}))
 
     def register(self, name: str, thing: T) -> None:
-        """Add `thing`, which has the names of the protocol, under `name`; `unregister` removes it.
+        """Register `thing`, which has all members of the protocol, under `name`; `unregister` removes it.
 
         Raises
         ------
@@ -172,7 +172,7 @@ def _own_extensions(package: str) -> dict[str, tuple[str, int]]:
 
 
 def plugin_code() -> str:
-    """Import the modules that `PLUGINS` names; return a hash of their code, empty where there are none.
+    """Import the modules that ``PADGEN_PLUGINS`` lists; return a hash of their code, empty if it lists none.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def _code_of(modules: tuple[str, ...]) -> str:
 
 
 def registered_names() -> dict[str, tuple[str, ...]]:
-    """Return the names, by kind, of registered extensions on which a plan may depend."""
+    """Return the names of registered suspensions and drive schemes, by kind of extension."""
     return {registry.kind: registry.registered for registry in (SUSPENSIONS, SCHEMES)}
 
 
@@ -206,7 +206,7 @@ FEW = 5
 
 
 def unknown_name(name: str, known: list[str], what: str, where: str) -> SpecError:
-    """Return the error for a `name` that is none of `known`, with the nearest known name, or all of a few."""
+    """Return the error for a `name` not in `known`: it tells the nearest one, and all if few or none is near."""
     nearest = _nearest(name, known)
     every = "" if nearest and len(known) > FEW else "known are " + ", ".join(sorted(known))
     hints = "; ".join(hint for hint in (every, nearest) if hint)

@@ -221,7 +221,7 @@ class Runner:
         return dict(os.environ), folder, path, self._imports
 
     def _new(self, conditions: tuple[Any, ...]) -> "_Worker":
-        """Start a worker, while this runner is locked."""
+        """Start a worker; the caller holds this runner's lock."""
         if self._closed:
             raise SolverError("was ended", WHERE)
         worker = _Worker(conditions, self._cores, self._idle_s)
@@ -239,7 +239,7 @@ class Runner:
         return worker
 
     def _release(self, worker: "_Worker", most_mb: float) -> None:
-        """Make a worker available again, unless it has grown too large for the next job's memory limit."""
+        """Make a worker available again, or end it if it uses more than half of the memory limit `most_mb`."""
         grown = most_mb < inf and memory_mb(worker.pid) > most_mb / 2
         with self._lock:
             if not (grown or worker.ended or self._closed):
@@ -251,7 +251,7 @@ class Runner:
 
 
 class _Worker:
-    """The parent's side of one worker.
+    """A worker process as its parent sees it: to start, give jobs to, watch and end.
 
     It is started under `conditions`: environment, working folder, module path, modules to load.
     """
@@ -523,7 +523,7 @@ def _family(pid: int) -> list[Any]:
 
 
 def _end_family(pid: int) -> None:
-    """End a process that nobody has waited for yet, its group, and all its descendants."""
+    """Kill a process whose exit status nobody has collected yet, its group, and all its descendants."""
     import psutil
 
     family = _family(pid)
@@ -550,7 +550,7 @@ _answers: IO[bytes] | None = None
 
 
 def tell(step: str) -> None:
-    """Send a step of the present job to the caller's `hear` (`Runner.run`); do nothing outside a worker."""
+    """Send what the present job is doing to the `hear` of `Runner.run`; do nothing outside a worker."""
     if _answers is not None:
         _send(_answers, pickle.dumps(step))
 

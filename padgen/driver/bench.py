@@ -66,7 +66,7 @@ class Bench:
 
     @property
     def by_hand(self) -> bool:
-        """True where the output has fewer channels than coils, so that each coil must be plugged into the first."""
+        """True where the audio output has fewer channels than coils; each in turn is plugged into channel 1."""
         return self.sink is not None and self.sink.channels < self.plan.coils.rows * self.plan.coils.columns
 
     def names(self, by_coil: bool = False) -> tuple[str, ...]:
@@ -80,7 +80,9 @@ class Bench:
         return (self.recordings / f"{name}.wav").exists()
 
     def take(self, name: str, attempt: int, nearest: bool, notify: Told) -> tuple[TaxelFit, ...]:
-        """Record a taxel or a coil, fit it, and keep the file; `attempt` counts repetitions, whose sweeps are longer.
+        """Record the taxel or coil `name`, fit its resonances, and keep the file; each `attempt` has a longer sweep.
+
+        The firmware's sweep has the same length each time. `nearest` is that of `fit_measured`.
 
         Raises
         ------
@@ -163,7 +165,7 @@ def bench(
     baud: int = BAUD,
     tuning: Tuning | None = None,
 ) -> Bench:
-    """Find the devices of a session, and begin its folder or go on in it.
+    """Find the audio devices for a session that measures a print, and create its folder or go on in it.
 
     `device` and `record` are an output and an input, by number or a part of their names (None: the computer's first
     choice); with a serial `port` the firmware plays instead, as it was written for `tuning`. `rate_hz` None: the

@@ -51,7 +51,7 @@ UNSIGNED = "has all taxels of a channel in step: with the signs that keep the pa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """The result of writing a drive: its files, findings, what was heard, and what is predicted.
+    """Result of writing a drive: its files, findings, what a simulated finger feels of the WAV, and predictions.
 
     `contrast` is that of its frames, and `outputs` those that it needs, None where the spec names what feeds the coils.
     `recoil` is what the moving pad keeps of its frames. `beam_rise_k` is the most by which a WAV that is played over
@@ -71,7 +71,7 @@ class Driven:
 
 
 def parse_formats(text: str) -> tuple[str, ...]:
-    """Read formats from a comma-separated list, in the order in which they are written."""
+    """Return the format names of a comma-separated list, sorted in the order in which padgen writes their files."""
     return tuple(in_order(names_in(text, FORMATS.names(), "--formats")))
 
 

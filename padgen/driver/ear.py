@@ -148,20 +148,24 @@ class Heard:
 
     @property
     def slot_contrast(self) -> tuple[float, int, int] | None:
-        """Least ON over OFF in dB within a coil over a frame's whole slot, its frame and coil; None if there is none.
+        """Least ON over OFF in dB within a coil, averaged over a frame, with the indices of frame and coil.
 
-        Both are root mean squares over the slot, switching and ringing included.
+        Both are root mean squares over the whole frame, switching and ringing included. None where no coil has taxels
+        ON and OFF in one frame.
         """
         return worst_contrast(self.frames, (self.frame_um / self.wanted_um) ** 2, self.coil_of)
 
     @property
     def held_contrast(self) -> tuple[float, int, int] | None:
-        """Least ON over OFF in dB within a coil at the ends of spans, its span and coil; None if there is none."""
+        """Least ON over OFF in dB within a coil at the end of a held state, with the indices of span and coil.
+
+        None where no coil has taxels ON and OFF in one span.
+        """
         return worst_contrast(self.shares, self.relative**2, self.coil_of)
 
     @property
     def shares(self) -> np.ndarray:
-        """Levels (h, n) that are played."""
+        """Levels (h, n) that the file plays, as shares of the ON amplitudes."""
         return np.array([span.levels for span in self.spans])
 
     @property
@@ -171,7 +175,7 @@ class Heard:
 
     @property
     def on(self) -> np.ndarray:
-        """Felt levels (h, n) of the taxels that are ON over what is wanted, NaN else."""
+        """Felt levels (h, n) of ON taxels, each divided by what is wanted at its played level; NaN for OFF taxels."""
         shares = self.shares
         return np.asarray(np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0))
 
@@ -182,7 +186,7 @@ class Heard:
 
     @property
     def selectivity_db(self) -> float | None:
-        """Worst ratio of ON to OFF taxels in dB over all held states; None without taxels of both kinds."""
+        """Smallest ON over largest OFF level of all held states, in dB; None if no taxel is ON, or none OFF."""
         return self._worst_db(self.level_um)
 
     @property
@@ -320,12 +324,12 @@ def _joined_figures(groups: "Sequence[_Alike]") -> list[np.ndarray]:
 
 
 def _largest_of(course_m: np.ndarray, at_s: np.ndarray, span: Span) -> np.ndarray:
-    """Return each taxel's largest level (n,) within a span of its course over time (t, n)."""
+    """Return the largest value (n,) of each taxel's level over time, `course_m` (t, n), within a span."""
     return np.asarray(course_m[(at_s > span.start_s) & (at_s <= span.stop_s)].max(0, initial=0.0))
 
 
 class _Recoil:
-    """The pad that recoils, and the taxels that it shakes; none where the model is too large (see `refused`)."""
+    """The recoiling pad and the taxels that it shakes; no taxels where the model is too large (see `refused`)."""
 
     def __init__(
         self,
@@ -417,7 +421,7 @@ def _play(
     gap: bool,
     recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
-    """Simulate the file on all groups of like taxels and on the recoiling pad; return each coil's currents.
+    """Simulate the file on all groups of taxels and the recoiling pad; return each coil's currents and losses.
 
     Each row also has the signal's peak and mean.
     """
@@ -501,7 +505,7 @@ def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -
 
 
 def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the filter from s to u, samples of ``u'' + ω/Q u' + ω² u = ω² s``: numerator and denominator.
+    """Return numerator and denominator of the filter from samples of s to u, for ``u'' + ω/Q u' + ω² u = ω² s``.
 
     ``y' = p y + ω² s / Im p`` has ``u = Im y``: the real filter is that of the pole and its conjugate.
     """
@@ -514,7 +518,7 @@ def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.nda
 
 
 class _Alike:
-    """Taxels of a pad that are alike, simulated together: the filters of their modes, and sums of their motion."""
+    """Taxels of equal channel, level and tuning, simulated together: filters of their modes, sums of their motion."""
 
     def __init__(
         self,
@@ -627,7 +631,7 @@ class _Alike:
         return felt
 
     def figures(self) -> tuple[np.ndarray, ...]:
-        """Return levels, amplitudes at the tones, peaks (h, n), course (t, n), wanted (n,) in m; pulled in (n,)."""
+        """Return levels, tone amplitudes, peaks (h, n), course (t, n), wanted levels (n,) in m; pulled-in flags."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in
@@ -825,5 +829,5 @@ def _db(ratio: np.ndarray) -> np.ndarray:
 
 
 def _largest(values: np.ndarray, sign: float = 1.0) -> float | None:
-    """Return the largest of the values that are numbers, times `sign`; None where none is a number."""
+    """Return the largest of `values`, leaving NaN out, multiplied by `sign`; None where all are NaN."""
     return None if np.isnan(values).all() else sign * float(np.nanmax(values))

@@ -81,7 +81,7 @@ class Excitation:
 def excitation(
     plan: Plan, kind: str, rate_hz: int, seconds: float | None = None, seed: int = 0, together: bool = False
 ) -> Excitation:
-    """Make the excitation that measures `plan`'s pad, sampled at `rate_hz`.
+    """Return the chirp or noise (`kind`) that shakes the pad of `plan` while it is measured, sampled at `rate_hz`.
 
     `seconds` is the length of the chirp or the noise (None: as long as the slowest taxel asks for), to which the
     silence is added. `seed` is the noise's. `together` shakes all coils at once: quicker, and each taxel then hears its
@@ -196,7 +196,7 @@ class FirmwareSweep:
 
 
 def sweep_table(plan: Plan) -> FirmwareSweep:
-    """Return the sweep by which the firmware measures one coil's taxels, as strong as the chirp.
+    """Return the sweep that the firmware plays to measure one coil's taxels, as strong as the chirp of `excitation`.
 
     It is silent where nothing can be measured.
     """

@@ -301,7 +301,7 @@ def read_frames(paths: str | Path | Iterable[str | Path], plan: Plan) -> Frames:
 def _refuse_shape(
     plan: Plan, grid: np.ndarray, taken: list[np.ndarray], path: Path, frame: int, rows: int, columns: int
 ) -> None:
-    """Refuse a frame of a wrong shape, and one more than can be held, before it is read."""
+    """Refuse a frame of a wrong shape, or one beyond the number that is held at once, before it is decoded."""
     if (rows, columns) != grid.shape:
         raise FileError(
             f"frame {frame} has {rows} row{plural(rows)} of {columns}; the pad shows {grid.shape[0]}"
@@ -512,7 +512,7 @@ def _pixel(rows: int, columns: int, aspect: float) -> tuple[float, float]:
 
 
 def _scaled(pixels: np.ndarray, size: float) -> np.ndarray:
-    """Return `pixels` (…, n) with each of them `size` places wide; a place has the mean of what lies in it."""
+    """Stretch `pixels` (…, n) along the last axis by the factor `size`; each new pixel is the mean under it."""
     count = pixels.shape[-1]
     edge = np.minimum(np.arange(int(np.ceil(count * size - 1e-9)) + 1) / size, count)
     pixel = np.minimum(edge.astype(int), count - 1)

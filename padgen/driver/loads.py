@@ -155,7 +155,7 @@ def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
 
 
 def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
-    """Bound what a timeline, or whatever the firmware may be sent (None), asks of the coils."""
+    """Bound the load that a timeline puts on the coils; None: the worst that a host may send to the firmware."""
     ramp = ramp_s(plan) if shown is None else min(ramp_s(plan), _shortest_s(shown))
     if shown is None:
         asked = [_largest_demand(drive, coil) for coil in drive.coils]
@@ -181,7 +181,7 @@ def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
 
 
 def _shortest_s(shown: Timeline) -> float:
-    """Return the seconds of the shortest blend of a timeline, a brake's among them; inf without any."""
+    """Return the length in s of a timeline's shortest transition, a brake's included; inf where nothing changes."""
     lasts_s = np.diff(shown.time_s)
     changes = (np.diff(shown.levels, axis=0) != 0).any(1) & (lasts_s > 0)
     return float(lasts_s[changes].min(initial=inf))
@@ -202,7 +202,7 @@ def excitation_load(plan: Plan, played: Excitation) -> Load:
 
 
 def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndarray:
-    """Return the mean of i² (k,) in A² of a coil at each keyframe, as if it were held."""
+    """Return the mean of i² (k,) in A² that a coil has while the levels of each keyframe are held."""
     levels = timeline.signed[:, coil.taxels]
     if not len(coil.taxels):
         return np.zeros(len(levels))
@@ -218,7 +218,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
 
 
 def _largest_demand(drive: PadDrive, coil: CoilDrive) -> _Asked:
-    """Return the most that a host may ask of a coil."""
+    """Return the largest levels and mean square of the current that a host may ask of a coil."""
     level = np.ones(len(coil.line_a2))
     if drive.scheme.is_root:
         return _Asked(level, _largest_constant_a2(drive, coil) if len(level) else 0.0)
@@ -262,7 +262,10 @@ def _bound_a(drive: PadDrive, coil: CoilDrive, asked: _Asked) -> float:
 
 
 def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant_a2: np.ndarray) -> np.ndarray:
-    """Bound (s,) the voltage of a spur-free coil in steady states: a force F ≥ 0 has ``F'² ≤ 2 F max F''``."""
+    """Return bounds (s,) in V on a spur-free coil's voltage in held `states` (s, n), by ``F'² ≤ 2 F max F''``.
+
+    That holds for any force F ≥ 0.
+    """
     lines = states * coil.line_a2
     root = np.sqrt(constant_a2 + lines.sum(1))
     slope = np.sqrt(lines @ (2 * np.pi * coil.force_hz) ** 2 / 2)
@@ -379,7 +382,7 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
 
 
 def channels_per_group(channels: int) -> int:
-    """Return how many channels a group has when `channels` are divided evenly into the fewest groups."""
+    """Return channels per group for an even split into the fewest groups, each of up to `GROUP_CHANNELS`."""
     return ceil(channels / ceil(channels / GROUP_CHANNELS))
 
 
@@ -406,7 +409,10 @@ def _least_constants(
 
 
 def channels_per_signed_group(channels: int) -> int:
-    """Return how many channels a group has, as `channels_per_group`, where states are off, on and in counter-phase."""
+    """Return channels per group, as `channels_per_group` does, for groups of up to `SIGNED_CHANNELS`.
+
+    In these a channel is off, on or in counter-phase.
+    """
     return ceil(channels / ceil(channels / SIGNED_CHANNELS))
 
 

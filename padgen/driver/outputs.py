@@ -74,7 +74,7 @@ def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) ->
 
 
 def _states(count: int) -> list[np.ndarray]:
-    """Return the on/off states (n,) that are tried."""
+    """Return the on/off states (n,) to try: of few channels all but silence, of more one on, one off, and all on."""
     if count <= MOST_SPELLED_OUT:
         return [np.array(state) for state in product((False, True), repeat=count) if any(state)]
     one = np.eye(count, dtype=bool)

@@ -139,7 +139,10 @@ class Message:
 
 
 class Greeting(NamedTuple):
-    """Report of a device on itself: times of whole samples, `faults` as `Fault` flags (0 from older firmware)."""
+    """A device's report on itself; its times are whole numbers of samples, `faults` are `Fault` flags.
+
+    Older firmware sends no faults: they are then 0.
+    """
 
     plan_hash: bytes
     taxels: int
@@ -215,7 +218,7 @@ def _bits(values: np.ndarray) -> bytes:
 
 
 def greeting(message: Message) -> Greeting:
-    """Read the payload of a `Kind.GREETING`; a longer one is a later version's."""
+    """Read the payload of a `Kind.GREETING`, leaving out bytes that a later version may append."""
     return Greeting(*GREETING.unpack_from(message.payload), *message.payload[GREETING.size : GREETING.size + 1])
 
 
@@ -321,7 +324,7 @@ def play_frames(
 
 
 def _signs(plan: Plan, frames: np.ndarray, each_s: float | None, tuning: Tuning | None) -> np.ndarray:
-    """Return the signs (k, taxels) with which frames keep the pad still; all +1 where those are beyond a limit."""
+    """Return signs (k, taxels) of motion with which the pad recoils least; all +1 if those exceed a limit."""
     drive = drive_at(plan, CONTROLLER_RATES_HZ, tuning=tuning)
     held_s = (each_s or planned_frame_s(plan)) - ramp_s(plan) / 2
     signs = choose_signs(PlayedPad(plan, drive, tuning), frames, held_s, plan.scheme.takes_turns)
@@ -373,7 +376,7 @@ def _playing(
 
 
 class _Link:
-    """The computer's end of a line that is open; `device` is known once it was met."""
+    """The computer's end of an open serial line; `device` is set once the device has answered `greet`."""
 
     device: Greeting
 
@@ -452,7 +455,7 @@ class _Link:
         return self._ask(Message(kind, self._tag, payload))
 
     def wait_for(self, states: list[State], longest_s: float = 0.0) -> None:
-        """Wait until the device is in one of these states."""
+        """Wait until the device is in one of these states; raise FileError where that takes too long."""
         longest_s = max(longest_s, self.device.silence_ms * 1e-3, 2e-6 * self.device.least_frame_us)
         end = time.monotonic() + longest_s + TRIES * self._reply_s
         while self.ask(Kind.PING).payload[1] not in states:

@@ -95,7 +95,10 @@ def choose_signs(pad: PlayedPad, frames: np.ndarray, held_s: float = inf, in_tur
 
 
 def played_recoil(pad: PlayedPad, frames: np.ndarray, signs: np.ndarray) -> PlayedRecoil:
-    """Return ON over OFF of the worst of `frames` (k, n) of levels on the recoiling pad, with `signs` (k, n)."""
+    """Return the worst frame's ON over OFF on the recoiling pad with `signs` (k, n), without them, and held still.
+
+    `frames` (k, n) are levels.
+    """
     is_fast = pad.mount.is_fast
     in_step = np.unique(frames, axis=0)
     stays = (frames[1:] > 0) & (frames[:-1] > 0)
@@ -122,7 +125,10 @@ def mount_text(pad: ShakenPad) -> str:
 
 
 def _worst_db(pad: ShakenPad, driven: np.ndarray, clamped: bool) -> float | None:
-    """Return the least ON over OFF in dB of signed images (k, n); None where none has taxels both ON and OFF."""
+    """Return the least ON over OFF in dB of frames of signed levels (k, n); None where none has taxels ON and OFF.
+
+    If `clamped`, the pad does not move.
+    """
     db = pad.listen(driven[(driven != 0).any(1)], clamped).db
     worst = float(db.min(initial=inf))
     return worst if isfinite(worst) else None

@@ -147,7 +147,7 @@ def _stream(stream: Any, wave: Wave, loops: int) -> int:
 
 
 def _faded_out(wave: Wave, done: int, fade: int) -> np.ndarray:
-    """Return the samples that follow sample `done`, faded out; silent where the file ends in silence."""
+    """Return the `fade` samples that follow sample `done`, faded out; after its end the file begins again."""
     start = done % wave.count
     again = np.resize(wave.read(0, fade), (fade, wave.channels))
     after = np.concatenate([wave.read(start, start + fade), again])[:fade]
@@ -177,7 +177,7 @@ def audio_device(device: int | str | None, kind: str = "output", where: str = "-
 
 
 def _device(entry: Any, kind: str) -> AudioDevice:
-    """Read a device as sounddevice tells of it."""
+    """Return the device of sounddevice's `entry`, with its channels of this `kind`, 'output' or 'input'."""
     rate = float(entry["default_samplerate"])
     channels = int(entry[f"max_{kind}_channels"])
     return AudioDevice(int(entry["index"]), str(entry["name"]), channels, rate)

@@ -368,7 +368,7 @@ def frame_s(plan: Plan, brake: bool = False) -> float:
 
 
 def ramp_s(plan: Plan) -> float:
-    """Return the length in s of a transition or, time-shared, the shortest that half a slot may be."""
+    """Return the length in s of a transition or, where channels take turns, the least that half a turn may last."""
     return switch_ms(plan.channels, plan.coils.sets) * MS
 
 
@@ -413,7 +413,7 @@ def timeline(
     tuning: Tuning | None = None,
     signs: np.ndarray | float = 1.0,
 ) -> Timeline:
-    """Show frames (k, taxels) one after the other, from silence to silence, with `signs` (k, taxels) of their motion.
+    """Return a timeline of frames (k, taxels) in a row, from silence to silence, with `signs` (k, taxels) of motion.
 
     `seconds_each` is a frame's length (None: by the planned refresh rate). Where the channels of a coil take
     turns, a frame is a slot for each channel, up over its one half and down over the other. With `brake`, taxels that
@@ -544,10 +544,10 @@ def sample_count(drive: PadDrive, timeline: Timeline) -> int:
 def blocks(
     drive: PadDrive, timeline: Timeline, signal: str = "voltage", periods: bool = False
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield blocks without a gap: samples (s, coils), and each coil's sum (coils,) of i² over them in A².
+    """Yield blocks of samples (s, coils), in V or A, and each coil's sum (coils,) of i² over them in A².
 
-    `signal` is 'voltage' or 'current'; `periods`: of levels that stay no more than one period of the comb, which is
-    what all others are.
+    `signal` is 'voltage' or 'current'. Blocks follow each other without a gap; with `periods`, only the first period of
+    the comb is made of levels that stay, since all others are the same.
     """
     coils = len(drive.coils)
     size = max(BLOCK // coils // ROW, 2) * ROW

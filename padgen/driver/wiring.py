@@ -77,7 +77,7 @@ def crossed_names(plan: Plan) -> tuple[str, ...]:
 
 
 def _crossed(plan: Plan) -> list[tuple[str, Coil, int]]:
-    """Return name, output's coil and the taxel (its index) that the tone is for, of each 'crossed' tone in order."""
+    """Return each 'crossed' tone's name, its output's coil, and the index of the taxel that it is for, in order."""
     taxels = coils_of(plan)
     tones = []
     for coil in sorted(taxels):

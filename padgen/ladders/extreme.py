@@ -247,7 +247,7 @@ washer; working resonance in Hz by 3-D elasticity (docs/measure_beams.py)."""
 
 
 def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], washer: str) -> Solved:
-    """Return the working resonance of one of the taxels by the beam model.
+    """Return the working resonance in Hz of a taxel with these dimensions by the beam model.
 
     Raises
     ------
@@ -353,7 +353,7 @@ class BlockTaxel(NamedTuple):
 
 
 def solid_answer(taxel: BlockTaxel, finer: bool = False, scale: float = 1.0) -> Solved:
-    """Return `scale` times the working resonance in Hz, and its error.
+    """Return `scale` times a taxel's working resonance in Hz by finite elements, with its relative error.
 
     It is solved by the elements that tune plans, or by the `FINER_ELEMENTS`.
     """
@@ -494,7 +494,7 @@ def _off_axis(pull: PullQuestion) -> Solved:
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
-    """Make a case of the balance at `share` of the squared pull-in current, for a pull as 1/gap²: a cubic's root."""
+    """Make a case of a static balance at `share` of the squared pull-in current, pull as 1/gap²: a cubic's root."""
     gap_m = 1e-3
 
     def solve() -> Solved:
@@ -663,7 +663,10 @@ def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
 
 
 def _acting_back(constant_s: float) -> ExtremeCase:
-    """Make a case of a peak pull that, held, moves the washer by a tenth of its gap, and motion that acts back."""
+    """Make a case of motion that acts back on the circuit: the peak pull, if held, closes a tenth of the gap.
+
+    `constant_s` is the time constant L/R of the circuit.
+    """
     inductance = RESISTANCE_OHM * constant_s
     hz = 1000.0
     stiffness = MASS_KG * (2 * np.pi * hz) ** 2
@@ -822,7 +825,7 @@ def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Solved
 
 
 def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
-    """Draw spec number `number`, as a table; the same on every machine."""
+    """Draw spec number `number`, as a table with up to `most_odd` odd fields; the same on every machine."""
     random = Random(number)
     draw = random.random
     low = 10 * 20 ** draw()
@@ -947,7 +950,7 @@ def _with_field(table: dict[str, Any], name: str, item: "Field[Any]", value: Any
 
 
 def fault_of(table: dict[str, Any]) -> str:
-    """Return what is wrong with the answer to a spec; empty for a plan of finite figures or one sentence.
+    """Return what is wrong with the answer to a spec; empty for a plan of finite figures or a refusal.
 
     A plan that finds an error in itself, as where a coil does not pull its washer, may have infinite figures, but no
     other. Warnings are faults, and so is a computation that broke down, in whatever words that is told.

@@ -64,7 +64,7 @@ MOST_SUBJECTS = 4
 
 
 class Scene(NamedTuple):
-    """A plan, and a folder for what is made on the way."""
+    """A plan to be studied, and a folder for intermediate files such as its taxels' STEP files."""
 
     plan: Plan
     aside: Path
@@ -261,7 +261,7 @@ class Pick(NamedTuple):
 
 
 def judged(ladder: Ladder, measured: Sequence[RungFigures]) -> Judged:
-    """Return errors, orders of convergence and the reference of a ladder from its measured rungs, in its order."""
+    """Return errors, orders of convergence and reference of a ladder; `measured` is in the order of its rungs."""
     line = [i for i, rung in enumerate(ladder.rungs) if rung.series == ladder.reference]
     solved = [i for i in line if measured[i].values is not None]
     reference = solved[-1] if solved else None

@@ -128,7 +128,7 @@ class DynamicsQuestion:
 
 
 def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder for each set of channels, in the plan's worst state; none where the coil pulls no washer."""
+    """Yield one ladder on taxels' motion for each set of channels, in the worst state; none without a pull."""
     for set_index in range(len(scene.plan.sets)):
         try:
             question = dynamics_question(scene.plan, coil_set=set_index)
@@ -259,7 +259,10 @@ EFFORTS = (0.1, 0.3, 1.0)
 
 
 def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder on selectivity: smallest ON over largest OFF amplitude in all states, with equal masses."""
+    """Yield one ladder on selectivity, smallest ON over largest OFF amplitude; none for one channel per coil.
+
+    It is of all states, with equal masses.
+    """
     spec = scene.plan.spec
     drive = scene.plan.selectivity.drive
     count = len(scene.plan.sets[0])
@@ -294,7 +297,7 @@ def bound_promise(spec: Spec, count: int) -> Solved:
 
 
 def even_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
-    """Return ON over OFF amplitude for resonances in geometric progression: one channel on, or all states."""
+    """Return ON over OFF amplitude for geometric resonances: in all states or, if `one_hot`, one channel on."""
     which = _resonators(spec, geometric_ladder(*spec.band_hz, count))
     scheme = scheme_named(spec, drive)
     return _as_ratio(one_hot_db(which, scheme) if one_hot else all_states(which, scheme).db, count)
@@ -445,7 +448,7 @@ def _resolution(order: int, levels: int) -> str:
 
 
 def paper_pull(pull: PullQuestion) -> Solved:
-    """Return the pull in N/A² by the paper's Eq. 4 as printed, over the core's end (without a core, the bore's)."""
+    """Return the pull in N/A² by the paper's Eq. 4 as printed, with the area of the core or, without, of the bore."""
     diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
     return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
 
@@ -457,9 +460,9 @@ def charges_pull(pull: PullQuestion) -> Solved:
 
 
 def axisymmetric_pull(pull: PullQuestion, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
-    """Return the pull in N/A² by axisymmetric elements of `order`: the mean by scalar and vector potential.
+    """Return the pull in N/A² by axisymmetric elements of `order`: the mean of two potentials' answers.
 
-    With `scalar`, what the scalar potential says alone.
+    These are the scalar and the vector potential; with `scalar`, the scalar one's answer alone.
     """
     steels = pull.core_steel, pull.washer_steel
     force = axisymmetric_force(pull.coil, pull.washer, pull.gap_m, pull.current_a, *steels, order=order, levels=levels)
@@ -574,7 +577,7 @@ FRAME_ENGINE = ("ngsolve", "netgen.occ", "scipy.linalg", "padgen.verify.pad_fram
 
 
 def pad_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder: for each channel the resonance of its taxel nearest to the pad's centre.
+    """Yield one ladder on resonances on the pad's elastic frame: each channel's, of its most central taxel.
 
     The frame is held by its screws or, without holes, glued down.
     """

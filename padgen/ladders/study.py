@@ -271,7 +271,7 @@ def measured_study(
     tolerance: float | None = None,
     progress: Progress = lambda step: None,
 ) -> Study:
-    """Measure the ladders named in `only` (all without) on `plan`; nothing is written.
+    """Measure on `plan` the ladders named in `only`, or all if it is empty; nothing is written.
 
     Interrupted (Ctrl-C), it returns what it has, and `missing` names the rungs that were not run.
 
@@ -323,7 +323,7 @@ def run_study(
 
 
 def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
-    """Run all rungs of some ladders, one at a time, and judge them; after Ctrl-C, what was measured until then."""
+    """Run all rungs of some ladders, one at a time, and judge them; after Ctrl-C, judge those that were run."""
     figures: list[list[RungFigures]] = [[] for _ in ladders]
     total = sum(len(ladder.rungs) for ladder in ladders)
     done = 0

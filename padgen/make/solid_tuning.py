@@ -70,7 +70,7 @@ class SolvedTaxel(NamedTuple):
 
 
 class Trial(NamedTuple):
-    """A channel with one width, its modes, and its distance from the target, ``ln(goal/resonance)``."""
+    """A beam width tried for a channel: its modes, and the distance from the target, ``ln(goal/resonance)``."""
 
     sized: SizedChannel
     solved: SolvedTaxel

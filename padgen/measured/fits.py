@@ -267,7 +267,7 @@ class Recording(NamedTuple):
 
 
 def _unit_rules(recording: Recording) -> Iterator[Rule]:
-    """Yield the rules that frequencies are not nearly all a thousand times, a thousandth or half of the plan's."""
+    """Yield rules that refuse frequencies nearly all in kHz or mHz, or of the current instead of the motion."""
     measured, channels = recording
     if measured.stated:
         return
@@ -316,7 +316,7 @@ WRONG_UNITS = (
 
 
 def _rough_hz(part: TaxelRow | Spectrum | TaxelRecord) -> float:
-    """Return the frequency in Hz of the largest response, 0 where there is none."""
+    """Return a rough resonance in Hz, without a fit: a table's, else the frequency of largest velocity."""
     if isinstance(part, TaxelRow):
         return part.resonance_hz
     if isinstance(part, Spectrum):
@@ -332,7 +332,7 @@ FLOOR_DB = -60.0
 
 
 def tuning_picture(curves: Sequence[Curve]) -> bytes:
-    """Return a PNG with a panel for each taxel: refused ones first, then those with the largest residual."""
+    """Return a PNG of up to `MOST_PANELS` taxels, a panel each: refused ones first, then by largest residual."""
     from matplotlib.figure import Figure
 
     shown = sorted(curves, key=lambda curve: (not curve.cause, -_misfit(curve)))[:MOST_PANELS]

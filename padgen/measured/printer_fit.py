@@ -61,7 +61,7 @@ class Calibration:
 
 
 def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
-    """Fit a printer's offsets and modulus to the measured taxels of `prints` of `plan`.
+    """Fit a printer's offsets of beam height and width, and its modulus, to the measured taxels of prints of `plan`.
 
     Raises
     ------
@@ -129,7 +129,10 @@ def calibrated(plan: Plan, prints: Sequence[Sequence[TaxelFit]]) -> Calibration:
 
 
 def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return ln f (n,) of each channel with the offsets and modulus `terms` (3,), and its slopes (n, 3)."""
+    """Return ln f (n,) of each channel, and its slopes (n, 3), at `terms` (3,): offsets and ln of the modulus.
+
+    The offsets are of height and of width, in mm; the modulus counts over the planned one.
+    """
     printer = plan.spec.printer
     sizes = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
     move = np.array([terms[1] - printer.width_offset_mm, terms[0] - printer.z_offset_mm, 0.0])
@@ -162,7 +165,7 @@ def _scatter(
 
 
 def _before(spec: Spec) -> tuple[tuple[str, str, float], ...]:
-    """Return name, unit and bias of each term before the calibration."""
+    """Return name, unit and assumed systematic error of each term before the calibration."""
     bias = spec.spread
     return (
         ("offset of height", "mm", bias.z_bias_mm),

@@ -52,7 +52,7 @@ LONGEST_NAME = 80
 
 @dataclass(frozen=True, slots=True)
 class TaxelRow:
-    """A taxel's line of a table; values that were left out are None."""
+    """One taxel's row of a measured table; values that the row leaves out are None."""
 
     id: str
     where: str
@@ -412,7 +412,7 @@ class _Sheet:
         return 2.0 if self.notes.get("frequency") == DRIVE else 1.0
 
     def cells(self, line: int, raw: str) -> list[str]:
-        """Return the cells of a line, as many as headings."""
+        """Return the cells of a line; raise FileError unless there are as many as headings."""
         cells = _cells(raw)
         if len(cells) != len(self.names):
             raise FileError(

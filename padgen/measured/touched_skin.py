@@ -120,7 +120,10 @@ def _is_raised(bare: TaxelFit, pressed: TaxelFit) -> bool:
 
 
 def _added(bare: TaxelFit, pressed: TaxelFit, channel: Channel, skin_kg: float) -> TouchedTaxel:
-    """Return what the finger adds to a taxel, with errors of the two fits."""
+    """Return the stiffness and damping that the finger adds to a taxel, with their errors by the errors of both fits.
+
+    The finger's mass is taken as `skin_kg`.
+    """
     share = channel.effective_mass_g * GRAM / channel.pin.load_lever**2
     low, high = (2 * pi * fit.resonance_hz for fit in (bare, pressed))
     low_error, high_error = (2 * pi * fit.resonance_error_hz for fit in (bare, pressed))

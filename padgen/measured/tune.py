@@ -386,7 +386,7 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
 
 
 def _lowered_shares(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
-    """Search the shares (n,) by which to lower the resonances of a coil's taxels, so that it keeps `need` dB."""
+    """Search the shares (n,) by which to lower a coil's resonances, so that it keeps `need` dB or loses least."""
     known = (tuning.taxels[i] for i in index)
     hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]
     mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])

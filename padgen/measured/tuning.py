@@ -141,7 +141,7 @@ def _planned_taxel(channel: Channel, name: str) -> TunedTaxel:
 
 
 def warm_tuning(plan: Plan, cold: Tuning | None = None) -> Tuning:
-    """Return the tuning of a pad that is warm from all taxels on for good, as `Plan.warm` has it.
+    """Return the tuning of a pad as warm as it gets with all taxels ON for a long time, by `Plan.warm`.
 
     `cold` is the print as measured in the room (None: as planned). Each resonance falls by the share by which its
     channel's does, and the response rises as the stiffness falls; Q stays. Coils are at their mean temperature.
@@ -177,10 +177,9 @@ def _warmed(plan: Plan, channel: Channel, cold: TunedTaxel) -> TunedTaxel:
 
 
 def played_tuning(plan: Plan, bare: Tuning | None = None) -> Tuning:
-    """Return the tuning for which a drive is made: of the touched pad, where the plan has a contact.
+    """Return the tuning that a drive is made for: `bare`, or under typical skin where the plan's tones are for touch.
 
-    `bare` is the print as measured untouched (None: as planned). Its tones are then those under typical skin, or stay,
-    as the plan's `Touch` says.
+    `bare` is the print as measured untouched (None: as planned).
     """
     bare = bare or planned_tuning(plan)
     touch = plan.touch
@@ -360,7 +359,7 @@ class CoilFigures:
 
 
 def levels_um(plan: Plan, resonance_hz: np.ndarray) -> np.ndarray:
-    """Return the ON amplitudes (t,) in µm that the plan's level law gives at these resonances.
+    """Return the ON amplitudes (t,) in µm that the plan asks for at these resonances (t,), by its level law.
 
     Under a contact, they are of touched taxels at the tones, with the level that the plan has in hand.
     """

@@ -79,7 +79,7 @@ _NO_PIECE = 0.0, 0.0, np.inf
 
 
 class Slices(NamedTuple):
-    """Slices of a bent beam, from its root to its tip.
+    """Slices of a bent beam, whose axis turns in its plane, from its root to its tip.
 
     `x` and `y` (…, k) in m are places from the tip, `cosine` and `sine` (…, k) directions, both in beam axes; `width`
     (…, k) in m; `share` (…, k) is the length in m of the slice's piece. `curved` (…, k) is the width over twice the
@@ -159,7 +159,7 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
 
 
 def within_up(slices: Slices) -> np.ndarray:
-    """Return loads out of a bent beam's plane in each slice per unit load on the tip, as matrices (…, 3, 3).
+    """Return out-of-plane internal loads in a bent beam's slices per unit load on its tip, as matrices (…, k, 3, 3).
 
     Rows: shear force, twist, bending moment. Columns: force up, moment about x, moment about y.
     """
@@ -174,7 +174,7 @@ def within_up(slices: Slices) -> np.ndarray:
 
 
 def within_side(slices: Slices) -> np.ndarray:
-    """Return loads in a bent beam's plane in each slice per unit load on the tip, as matrices (…, 3, 3).
+    """Return in-plane internal loads in a bent beam's slices per unit load on its tip, as matrices (…, k, 3, 3).
 
     Rows: pull, shear force, bending moment. Columns: force along x, force along y, moment about z.
     """
@@ -217,7 +217,9 @@ def _gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 @cache
 def _running(counts: tuple[int, ...]) -> np.ndarray:
-    """Return the matrix of sums from the root to each slice, for pieces of `counts` Gauss points.
+    """Return the matrix that integrates values at slices from the root to each slice, for `counts` points per piece.
+
+    Each piece counts as one of length 1.
 
     The slices at root and tip have no weight.
     """
@@ -409,7 +411,7 @@ def curl(slenderness: Array) -> tuple[Array, Array]:
 
 
 def curl_held(section: BeamSection) -> tuple[Array, Array, Array]:
-    """Return how much ends that prevent curling take from a beam's ∫ (l−s)^p ds, p = 0, 1, 2, in m^(p + 1)."""
+    """Return by how much ends that suppress anticlastic curvature lower ∫ (l−s)^p ds, p = 0, 1, 2, in m^(p + 1)."""
     length = np.asarray(section.length, float)
     pure = section.ends.curl_pure * length
     guided = section.ends.curl_guided * length
@@ -515,7 +517,9 @@ class PinMotion(NamedTuple):
 
 
 def pin_motion(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
-    """Return the motion of a beam at the foot of its pin, by the unit-load method along the path to the pin.
+    """Return a beam's motion at its pin's foot per tip motion and per pin load, and the flexibility the pin removes.
+
+    It is found by the unit-load method along the path to the pin.
 
     The pin holds the beam over its diameter, but for what the beam turns at both ends of the foot, as it does at a
     root: together about a piece as long as `PIN_ENDS` times the thickness. A pin much narrower than the beam holds less
@@ -548,7 +552,7 @@ def pin_motion(section: BeamSection, modulus: Array, poisson: Array) -> PinMotio
 
 
 def _yoke_at_tip(ends: EndCompliance) -> np.ndarray:
-    """Return what a yoke adds to a tip's flexibility (…, 3, 3) out of the beam's plane, times the beam's EI.
+    """Return what a yoke (crossbar and neck) adds to a tip's out-of-plane flexibility (…, 3, 3), times the beam's EI.
 
     The slices of the beam do not include the yoke.
     """
@@ -676,7 +680,10 @@ def largest_stress(section: BeamSection, load: np.ndarray) -> Array:
 
 
 def _mises(loads: np.ndarray, width: Array, t: Array) -> Array:
-    """Return the von Mises stress (…, k) in Pa of sections `t` m thick under internal loads (…, k, 6)."""
+    """Return the von Mises stress (…, k) in Pa of sections `t` m thick under the moments of `loads` (…, k, 6).
+
+    The forces among the loads are left out.
+    """
     slim = np.minimum(width, t) / np.maximum(width, t)
     pulled = (np.abs(loads[..., 4]) / t + np.abs(loads[..., 5]) / width) * 6 / (width * t)
     series = 1 + slim * (0.6095 + slim * (0.8865 + slim * (-1.8023 + slim * 0.91)))
@@ -867,7 +874,7 @@ def doubtful_energies(section: BeamSection, load: np.ndarray, modulus: Array, po
 
 
 def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return internal loads (…, k, 6) at the slices of a bent beam for a `load` (…, 6) on its tip.
+    """Return internal loads (…, k, 6) at a bent beam's slices for a `load` (…, 6) on its tip, and the slices' widths.
 
     The second result is the width (…, k) of each slice in m.
     """
@@ -999,7 +1006,7 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
 
 
 def layered_edge(across: Array, poisson: Array) -> Array:
-    """Return how much more a half-plane's edge yields to pressure with weakly bonded layers than without layers.
+    """Return the factor by which weakly bonded layers soften a half-plane's edge under pressure: 1 for full bonds.
 
     The layers lie along the pressure. `across` is the stiffness across them over that along them.
 
@@ -1015,12 +1022,12 @@ def layered_edge(across: Array, poisson: Array) -> Array:
 
 
 def within_fitted_range(width: Array, thickness: Array, length: Array) -> Array:
-    """Return where beams are long enough, for width and thickness, for the range the laws were fitted to."""
+    """Return which beams are long enough, relative to width and thickness, for the fitted laws of this module."""
     return (length >= SHORTEST_THICKNESSES * thickness) & (length >= SHORTEST_WIDTHS * width)
 
 
 def _wall_compliance(section: BeamSection, around: Surroundings) -> Array:
-    """Return the compliance in bending of the wall between edge and recess, as a length in m of beam.
+    """Return the compliance in bending of the wall between the plate's edge and its recess, as a length in m of beam.
 
     The wall hangs from the roof of the recess like a plate, as high as the recess is deep, and spreads the moment over
     that height. A thick beam reaches the roof itself.
@@ -1050,7 +1057,10 @@ def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tu
 
 
 def _crossbar_twist(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, Array]:
-    """Return a crossbar's twist as a length in m of bending beam, and how much of it held warping takes off."""
+    """Return a crossbar's twist as a length in m of equally compliant bending beam, and the cut by held warping.
+
+    The second is what the length would gain if the crossbar's ends were free to warp.
+    """
     across = np.asarray(section.across, float)
     arm, bar, height, _, _ = yoke
     held = _warping_length(WARPING, bar, height / np.sqrt(across), arm, poisson)

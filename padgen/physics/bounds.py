@@ -164,7 +164,7 @@ def _dynamic(energy: Any, slowness: Any) -> Any:
 
 
 class Magnetised(NamedTuple):
-    """A washer in a coil's field.
+    """Magnetisation of washers (n,) in a coil's field, per ampere.
 
     `field` (n,) in T/A is that along its plane, in which flat steel is polarised. `share` (2, n) are the whole field's
     shares at the washer's side nearest to the coil's axis and farthest from it. `polarisation` (n,) in T/A is the
@@ -181,7 +181,7 @@ class Magnetised(NamedTuple):
 def washer_magnetised(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, dipole: np.ndarray
 ) -> Magnetised:
-    """Estimate field and polarisation of washers `offset` (n,) m off a coil's axis, from points of each washer.
+    """Estimate how a coil magnetises washers at `offset` (n,) in m from its axis, by its field at points of each.
 
     Two points lie on the middle line of the ring, nearest to and farthest from the coil's axis, on the washer's
     underside, the third between them. Demagnetisation depends on direction: the mean field along the line through them,

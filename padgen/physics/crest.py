@@ -139,7 +139,7 @@ def _grid_size(harmonic: np.ndarray, per_cycle: int = PER_CYCLE) -> int:
 
 
 def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
-    """Return `least_constant` of states, each with at least one amplitude above 0."""
+    """Return `least_constant` of states, none of which is silent, starting from a grid of `points`."""
     wave = waveform(harmonic, amplitude, phase, points)
     size = np.abs(amplitude)
     total = size.sum(1)
@@ -304,7 +304,7 @@ CHUNK = 1 << 15
 
 
 def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: int) -> float:
-    """Return the shortest period in s that has harmonics within `MOST_OFF` half bandwidths of all resonances.
+    """Return the shortest period in s with harmonics within `MOST_OFF` half bandwidths of all resonances, if any.
 
     Lines (n,) are on whole multiples of ``step/period``. The period is a whole number of samples at `rate_hz`, at least
     `SHORTEST_S` and at least `LEAST_PERIODS` of the lowest line. Every period from ``step max Q/f / MOST_OFF`` on keeps
@@ -380,7 +380,7 @@ PEAKS = 12
 
 
 class RootMargin(NamedTuple):
-    """Margins (n,) as shares of each line's amplitude, which are added to the least constant, and their effects.
+    """Margins (n,) over the least constant, as shares of each line's amplitude, and their effect on the voltage.
 
     With lines of amplitude A (n,), levels included, ``F = least_constant + share @ A + Σ A cos``. `alias_db` is the
     voltage above the amplifier's band (root of the sum of squares) over its largest line, the worst of all channels on
@@ -425,7 +425,7 @@ def root_margin(
     bandwidth_hz: float | None = None,
     most_constant: float = np.inf,
 ) -> RootMargin:
-    """Return the smallest margin that keeps `ALIAS_DB`, and the voltage limit if any margin keeps it.
+    """Return the smallest margin with which the current √F meets `ALIAS_DB` and, if possible, the voltage limit.
 
     Lines (n,) are at harmonics of 1/period. The amplifier passes frequencies below half of `rate_hz`, or below
     `bandwidth_hz`. Where no margin up to `MOST_SHARE` keeps `ALIAS_DB` the result is `MOST_SHARE`; where none keeps the
@@ -482,7 +482,7 @@ def _with_margin(coil: _Coil, margin: float, peak_v: float) -> RootMargin:
 
 
 def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
-    """Return the margin (n,) over each line's amplitude: as the squared frequency, at least `LEAST_SHARE`."""
+    """Return each line's margin (n,) over its amplitude: it goes with squared frequency, at least `LEAST_SHARE`."""
     return np.maximum(margin * (coil.hz / coil.hz.max()) ** 2, LEAST_SHARE)
 
 
@@ -525,7 +525,7 @@ def _alone_v(coil: _Coil, margin: float) -> np.ndarray:
 
 
 def _together_db(coil: _Coil, margin: float) -> float:
-    """Return the voltage above the amplifier's band over its largest line in dB, with all channels on."""
+    """Return the ratio in dB of voltage above the amplifier's band to the voltage's largest line, all channels on."""
     window = coil.spectrum[2]
     energy = np.abs(np.fft.rfft(_together_v(coil, coil.spectrum, margin) * window)) ** 2
     hz = np.arange(len(energy)) * (coil.finer_hz / len(window))
@@ -535,7 +535,7 @@ def _together_db(coil: _Coil, margin: float) -> float:
 
 
 def _alone_db(coil: _Coil, margin: float) -> float:
-    """Return the largest voltage above the band over its largest line in dB, of each channel alone."""
+    """Return the largest ratio in dB, of any one channel alone, of voltage above the band to the largest line."""
     energy = np.abs(np.fft.rfft(_alone_v(coil, margin), axis=1)) ** 2
     hz = coil.hz[:, None] * np.arange(energy.shape[1])
     above = np.where(hz > coil.band_hz, energy, 0.0).sum(1)
@@ -548,14 +548,14 @@ def _db(energy: float) -> float:
 
 
 def _peak_v(coil: _Coil, margin: float) -> float:
-    """Return the largest voltage in V of all channels on and each alone."""
+    """Return the largest voltage in V with all channels on or any one of them alone."""
     seen = (coil.peak,) if coil.peak is coil.spectrum else (coil.peak, coil.spectrum)
     together = max(float(np.abs(_together_v(coil, part, margin)).max()) for part in seen)
     return max(together, float(np.abs(_alone_v(coil, margin)).max()))
 
 
 def _smallest(above_db: Callable[[float], float], least: float) -> float:
-    """Return the smallest margin from `least` to `MOST_SHARE` that keeps `ALIAS_DB`; the largest if none does."""
+    """Return the smallest margin from `least` to `MOST_SHARE` that meets `ALIAS_DB`; `MOST_SHARE` if none does."""
     if above_db(least) <= ALIAS_DB:
         return least
     low = np.log(least)

@@ -41,7 +41,7 @@ class LevelLaw(NamedTuple):
     curve_um: tuple[float, ...] = ()
 
     def __call__(self, resonance_hz: np.ndarray) -> np.ndarray:
-        """Return displacements (n,) for resonances (n,) in Hz, in any unit."""
+        """Return the relative displacements (n,) for resonances (n,) in Hz; only their ratios have a meaning."""
         threshold = self.threshold_um(resonance_hz)
         if threshold is not None:
             return threshold
@@ -55,7 +55,7 @@ class LevelLaw(NamedTuple):
 
 
 def slot_half_width(q: float, delta_y: float) -> float:
-    """Return half the relative width of a slot, ``a = Δy/(4Q)``; 1 or more means no capacity at all."""
+    """Return half the relative bandwidth that a channel needs, ``a = Δy/(4Q)``; 1 or more means no capacity."""
     return delta_y / (4 * q)
 
 
@@ -78,7 +78,7 @@ def capacity(low_hz: float, high_hz: float, q: float, delta_y: float) -> float:
 
 
 def paper_ladder(low_hz: float, count: int, q: float, delta_y: float) -> np.ndarray:
-    """Return `count` resonances in Hz at the closest spacing, with the lower edge of the lowest slot at `low_hz`."""
+    """Return `count` resonances in Hz at the closest spacing; the band of the lowest channel begins at `low_hz`."""
     return low_hz / (1 - slot_half_width(q, delta_y)) * ladder_ratio(q, delta_y) ** np.arange(count)
 
 

@@ -190,7 +190,7 @@ def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.nda
 
 
 def _drawn(core: _Core, waves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Return pull and stiffness (n,) by the charge a magnet induces on a core, and its charge (n, nodes) by order.
+    """Return pull and stiffness (n,) by the charge a magnet induces on a core, and that charge (n, nodes) by order.
 
     `waves` (n, K) are J_m(k offset) exp(−k gap) of its places.
     """
@@ -258,7 +258,7 @@ def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
 
 
 def _wound(winding: Winding, k: np.ndarray) -> np.ndarray:
-    """Return Φ₀ of a winding per ampere: rings of current over its radii, in closed form over its height."""
+    """Return the spectrum Φ₀ of a winding's potential per ampere, by rings of current integrated over its section."""
     inner = winding.inner_diameter / 2
     outer = max(winding.outer_diameter / 2, inner + 1e-9)
     rings = _integral_of_rings(k, inner, outer) / (outer - inner)

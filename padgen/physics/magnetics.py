@@ -135,7 +135,7 @@ def solenoid(
     core_diameter: float = 0.0,
     core_permeability: float = 1.0,
 ) -> CoilSource:
-    """Return a coil of one winding with a core of the same length; lengths in m."""
+    """Return a coil of one winding with a core of its length, or without one for `core_diameter` 0; lengths in m."""
     winding = Winding(outer_diameter, inner_diameter, 0.0, -length, turns)
     return CoilSource((winding,), core_diameter, length, core_permeability)
 
@@ -198,7 +198,7 @@ def paper_force_constant(coil: CoilSource, area: float) -> float:
 
 
 def deflection_without_growth(deflection: float, gap: float, exponent: float) -> float:
-    """Return the deflection that a pull balanced at `deflection` would cause if it did not grow with deflection.
+    """Return the deflection if the pull, which grows until balance at `deflection`, stayed as at zero deflection.
 
     For a pull ``c I² (g/(g − z))^m`` against a spring this is ``z (1 − z/g)^m``. All in the unit of `gap`.
     """
@@ -475,7 +475,7 @@ class Side(NamedTuple):
 
 
 class SteelBody(NamedTuple):
-    """A body by its nodes (n,): radius and height in m, `area` and `response`.
+    """A linear steel body of revolution by its nodes (n,): radius and height in m, `area` and magnetic `response`.
 
     t runs from 0 to 1 along each side of the body's outline. `area` (n,) in m is 2πr times the node's weight in dt: the
     sum of area times charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the

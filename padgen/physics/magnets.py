@@ -229,7 +229,7 @@ def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing 
 
 @lru_cache(maxsize=64)
 def _over_dipoles(magnet: DiscMagnet, steel: SteelRing | None, wide: float) -> np.ndarray:
-    """Return Chebyshev coefficients of two magnets' stiffness over two dipoles', by inverse squared distance."""
+    """Return Chebyshev coefficients, in inverse squared distance, of two magnets' stiffness over two dipoles'."""
     node = chebyshev.chebpts1(KNOWN)
     apart = wide * NEAREST_KNOWN / np.sqrt((node + 1) / 2)
     stiffness = np.array([_bend_beside(magnet, float(distance), steel) for distance in apart])

@@ -81,7 +81,7 @@ def box(low: tuple[Array, Array, Array], high: tuple[Array, Array, Array], densi
 def ring(
     centre: tuple[Array, Array], z_low: Array, z_high: Array, outer: Array, inner: Array, density: float
 ) -> RigidBody:
-    """Return an upright ring (a disc for `inner` = 0) by its diameters in m; `density` in kg/m³."""
+    """Return a ring round a vertical axis (a disc for `inner` = 0) by its diameters in m; `density` in kg/m³."""
     height = np.subtract(z_high, z_low)
     mass = density * np.pi / 4 * (np.square(outer) - np.square(inner)) * height
     square = np.square(outer) + np.square(inner)
@@ -108,7 +108,7 @@ def combine(*bodies: RigidBody) -> RigidBody:
 
 
 def gathered(bodies: RigidBody) -> RigidBody:
-    """Return bodies along the first axis as one, by Steiner's theorem."""
+    """Return the bodies along the first axis of the arrays as one rigid body, by Steiner's theorem."""
     mass = bodies.mass.sum(0)
     centroid = (bodies.mass[..., None] * bodies.centroid).sum(0) / mass[..., None]
     arm = bodies.centroid - centroid
@@ -298,7 +298,7 @@ def _offset_stiffening(alpha: Any, offset: Any) -> Any:
 
 
 def jump_amplitude(alpha: float, q: float) -> float:
-    """Return the amplitude from which the response jumps between two stable levels, in √(1/α); inf without hardening.
+    """Return the amplitude, in the unit of 1/√α, from which a response jumps between two levels; inf for α ≤ 0.
 
     It is the peak of the first response with a vertical tangent, ``a² = 32/(9 √3 α Q)`` (Nayfeh and Mook, Nonlinear
     Oscillations, 4.1).

@@ -206,7 +206,7 @@ def _washer(washer: SteelRing, nodes: tuple[int, int], orders: int) -> SteelBody
 def _mutual_charges(
     washer: SteelBody, core: SteelBody, at_nodes: np.ndarray, project: np.ndarray, potential: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the charges of the washer (m, n), by `potential` and core, and of the core (j, k), by the washer.
+    """Return the charge induced on the washer (m, n), by `potential` and core, and on the core (j, k), by the washer.
 
     `at_nodes` (j, n, turns, k) is the potential of the core's charge at the washer's nodes; `project` (m, turns)
     expands it in orders round the washer. The opposite direction follows from their mutual energy. Solved by conjugate
@@ -530,7 +530,7 @@ def leakage(
 
 @lru_cache(maxsize=32)
 def _coarse_rings(coil: CoilSource) -> np.ndarray:
-    """Return a coil as a few rings of charge (3, n), coarse enough for the field at its neighbours.
+    """Return a coil as a few rings of charge (3, n), which suffice for its field at neighbouring coils.
 
     Each end of a winding is three rings, and the core one at every height of its nodes. Radii and heights in m, charges
     in A per ampere. Each ring has the charge, the mean height and the mean squared radius of its part. Where a part has

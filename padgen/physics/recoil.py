@@ -111,7 +111,7 @@ class MovingPad:
         return np.asarray((force + shaken) / self.dynamic)
 
     def listening_matrix(self, listeners: np.ndarray) -> np.ndarray:
-        """Return a matrix R (6, 6): ``|R p|²`` is the mean square motion of `listeners` (indices) for p (6,).
+        """Return a matrix R (≤ 6, 6) for which ``|R p|²`` is the mean square motion in m² of the taxels `listeners`.
 
         p (6,) is ``Σ g F/D``, the momentum of the driven taxels over jω.
         """

@@ -28,7 +28,7 @@ POINTS = 4096
 def remanent_current(
     coil: CoilSource, washer: SteelRing, gap: float, offset: np.ndarray, washer_field: float, core_field: float
 ) -> np.ndarray:
-    """Return ρ (n,) in A, for a pull as i² + ρ i, of washers `offset` (n,) m off a coil's axis, `gap` m over it.
+    """Return ρ (n,) in A of the pull ∝ i² + ρ i on remanent washers, at `offset` (n,) and `gap` in m from a coil.
 
     `washer_field` and `core_field` in A/m are the shares of the coercivities that are kept. The coil's field at a
     washer is the root mean square of that in its plane, at the nearest and the farthest point of its middle line; in
@@ -47,7 +47,7 @@ def remanent_current(
 
 
 class RootLines(NamedTuple):
-    """Lines of a root of the wanted force: peaks (n,) in A of wanted ones, and the root sum square of all others."""
+    """Spectral lines of √(wanted force): peaks (n,) in A at the wanted frequencies, root sum square of all others."""
 
     wanted: np.ndarray
     others: float

@@ -184,7 +184,7 @@ class MeasuredLines(NamedTuple):
         )
 
     def cubed(self, hz: float) -> "MeasuredLines":
-        """Return the lines with a force `fed`: the cubed response near `hz`, over the square of its largest value.
+        """Return the lines with `fed`, a cubic spring's force: the cubed response near `hz` over its squared maximum.
 
         The spring of a mode may soften or stiffen: its motion to the third power is then a further force on it
         (nonlinear identification through feedback of the outputs: D. E. Adams, R. J. Allemang, Mech. Syst. Signal
@@ -294,7 +294,7 @@ def fit_driven(
     exact: bool = False,
     current: np.ndarray | None = None,
 ) -> ResonanceFit:
-    """Fit a resonance to the `response` (n,) to `squared_current` (n,); `peak` is per unit of the latter's lines.
+    """Fit a resonance to a `response` (n,) driven by `squared_current` (n,); `peak` is per unit of the latter.
 
     With the `current` (n,) itself what the sensor picks up of it is taken out. `power` is as in `fit_spectrum`.
     `ring_s` is about the time constant of the resonance; `clipped` (n,) marks samples of the response at the end of
@@ -378,7 +378,9 @@ def fit_decay(
     exact: bool = False,
     clipped: np.ndarray | None = None,
 ) -> ResonanceFit:
-    """Fit a resonance to the free decay in `response` (n,), of any sensor, after its largest value.
+    """Fit a resonance to the free decay, or to those of several plucks, in a `response` (n,) of any sensor.
+
+    A decay begins at its largest value.
 
     Raises
     ------
@@ -456,7 +458,7 @@ def unfitted_response(rate_hz: float, response: np.ndarray, squared_current: np.
 
 
 def rough_hz(rate_hz: float, response: np.ndarray, squared_current: np.ndarray | None = None) -> float:
-    """Estimate the resonance in Hz: the largest velocity, per excitation where there is one."""
+    """Estimate the resonance in Hz: where frequency times response, per excitation where there is one, is largest."""
     seen = unfitted_response(rate_hz, response, squared_current)
     return float(seen.frequency_hz[(np.abs(seen.data) * seen.frequency_hz).argmax()])
 
@@ -529,7 +531,7 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
 
 
 def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
-    """Return the delay of y after x in samples: where the impulse response, or a `mode` (Hz, Q) in it, begins."""
+    """Return the delay in samples of response after excitation: where impulse response or `mode` (Hz, Q) begins."""
     impulse = cross.impulse
     inside = cross.response != 0
     if mode is not None:
@@ -552,7 +554,7 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
 
 
 def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> MeasuredLines:
-    """Return the frequency response by about eight time constants of the impulse response, from `lag` on."""
+    """Return the frequency response by some eight time constants (`rings`, s) of impulse response from `lag` on."""
     impulse = cross.impulse
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
@@ -690,7 +692,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
 
 
 def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return slopes over all real parameters, caps last, and the noise variance over each one's prior variance."""
+    """Return slopes over all real parameters, clipped crests' caps last, and noise variance over prior variance."""
     caps = np.zeros((len(fit.residual), 0)) if fit.caps is None else fit.caps
     columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else []), caps], 1)
     prior = np.zeros(columns.shape[1])
@@ -699,7 +701,7 @@ def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, n
 
 
 def _covariance(fit: _Solved, power: int, phased: bool, unseen: np.ndarray) -> np.ndarray:
-    """Return the covariance of theta, then of the factors' real and of their imaginary parts, by the linear rule.
+    """Return the covariance of theta, then the factors' real and their imaginary parts, by linear error propagation.
 
     The residual of each line is its own measure of noise, so that noise of any colour counts where it is. `unseen`
     (n, k) is what errors of one sigma, which the residual need not show, add to the data.
@@ -965,7 +967,7 @@ def _are_resolved(fit: _Solved) -> bool:
 
 
 def _line_columns(fit: _Solved, power: int, place: int, width_hz: float) -> np.ndarray:
-    """Return columns (n, k) for a line of unsteady frequency near the `place`-th; in a spectrum, for that point.
+    """Return columns (n, k) for a sine of unsteady frequency near the `place`-th line; in a spectrum, for that point.
 
     They are neighbouring sines about that one which explains most of what neither the model nor its slopes do. Where a
     resonance of `width_hz` has lines to spare, the nearest ones are left out altogether.

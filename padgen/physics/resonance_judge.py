@@ -214,7 +214,7 @@ class ResonanceFit(NamedTuple):
 
 
 def judge_agreement(fit: CircleFit, check: CircleFit | None, needed: tuple[float, float]) -> bool:
-    """Return whether a fit agrees with the second method's; true where that has none.
+    """Return whether a fit agrees with the second method's `check` (None: true); refuse one that is too uncertain.
 
     The sigmas of `fit` are of noise alone. Refuses a resonance that noise leaves less known than `needed`, and one that
     the second method finds elsewhere.

@@ -140,7 +140,7 @@ class ModalTaxels(NamedTuple):
 
     @property
     def responses(self) -> int:
-        """Number of responses that are worked out for each line: one of each mode."""
+        """Number of resonator responses computed for each taxel and spectral line: one of each mode."""
         return self.frequency_hz.shape[1]
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
@@ -191,7 +191,7 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
 def felt_response(
     taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the felt amplitudes (rows, 3, lines) of taxels under lines of 1 N, in phase and a quarter behind.
+    """Return felt amplitudes (rows, 3, lines) of taxels under lines of 1 N, in phase and a quarter of a cycle behind.
 
     The parts are those of `felt_gains`: up, and by tilting about both axes. Under ``cos ωt`` a part moves as
     ``real cos ωt + imaginary sin ωt``.
@@ -218,7 +218,7 @@ def felt_response(
 def without_quiet_modes(
     taxels: ModalTaxels, own_hz: np.ndarray, line: np.ndarray, bias_ratio: float = 5.0, most: float = LEFT_OUT
 ) -> ModalTaxels:
-    """Return `taxels` without the modes that stay inaudible in every drive scheme, and with a bound on their effect.
+    """Return `taxels` without the modes that are negligible in every drive scheme, and with a bound on their effect.
 
     That is at most `most` of an OFF taxel's amplitude by its own mode.
 

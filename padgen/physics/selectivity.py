@@ -125,7 +125,7 @@ class Scheme(NamedTuple):
 
     @property
     def goes_with_level(self) -> bool:
-        """True where a tone of the current goes with its taxel's level, false where it goes with the level's root."""
+        """True where a current tone is proportional to its taxel's level, false where it is to the level's root."""
         return self.kind.CURRENT in ("biased", "linear")
 
     @property
@@ -156,14 +156,17 @@ class Responses(Protocol):
 
     @property
     def responses(self) -> int:
-        """Number of responses that are worked out for each line."""
+        """Number of resonator responses computed for each taxel and spectral line."""
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the energy (rows, lines) under lines, over that under a line of 1 at the taxel's own resonance."""
+        """Return the energy (rows, lines) of taxels under spectral lines, over that under one at their resonance.
+
+        All lines have one amplitude.
+        """
 
 
 class Lines(NamedTuple):
-    """Lines of i² and the channels that make them.
+    """Spectral lines of i² and the channels that make them.
 
     `hz` are the frequencies (k, l, …), `rest` their rounding errors, `square` the squared amplitudes in the unit of
     `Channels.line`. Each of l channels or pairs makes k lines; `makers` has one array (l,) of channels, or two.
@@ -260,7 +263,7 @@ def pair_lines(
 
 
 def line_energy(which: Channels, part: Lines, modes: Responses | None = None) -> np.ndarray:
-    """Return the energy (n, k, l) of taxels under lines, over that of their own ON states."""
+    """Return the energy (n, k, l) of each taxel under each spectral line, over its energy when ON."""
     return _line_response(which, part, modes, slice(None)) / which.line[:, None, None] ** 2
 
 
@@ -431,7 +434,7 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _line_response(which: Channels, part: Lines, modes: Responses | None, rows: slice) -> np.ndarray:
-    """Return the energy (rows, k, l, …) of taxels under lines, over that under a line of 1 at their own resonance."""
+    """Return the energy (rows, k, l, …) of taxels under lines, over that under amplitude 1 at their own resonance."""
     if modes is None:
         hz = which.resonance_hz[rows, None, None]
         q = which.q[rows, None, None]
@@ -442,5 +445,5 @@ def _line_response(which: Channels, part: Lines, modes: Responses | None, rows: 
 
 
 def _below_db(energy: float) -> float:
-    """Return in dB how far an OFF energy lies below 1, the smallest ON energy, of a taxel that is ON alone."""
+    """Return in dB how far an OFF energy lies below 1, which is the energy of a taxel that is ON alone."""
     return float(-10 * np.log10(energy)) if energy > 0 else float("inf")

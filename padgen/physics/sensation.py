@@ -34,7 +34,7 @@ class Threshold(NamedTuple):
     area: float = 0.0
 
     def at(self, hz: np.ndarray) -> np.ndarray:
-        """Return the threshold in dB re 1 µm at any frequencies; beyond the ends as the end pieces go."""
+        """Return the threshold in dB re 1 µm at any frequencies, extrapolated beyond the first and last known one."""
         x = np.log2(self.hz)
         at = np.log2(np.maximum(np.asarray(hz, float), LEAST_HZ))
         piece = np.clip(np.searchsorted(x, at) - 1, 0, len(x) - 2)
@@ -53,7 +53,10 @@ class Threshold(NamedTuple):
 
 
 def for_area(known: Sequence[Threshold], area: float) -> Threshold:
-    """Return the threshold for a contactor of `area` in m², interpolated from `known` ones, with the larger error."""
+    """Return the threshold for a contactor of `area` in m², between `known` ones by interpolation, else the nearest.
+
+    The error is the larger of those of the two that are used.
+    """
     known = sorted(known, key=lambda one: one.area)
     above = next((k for k, one in enumerate(known) if one.area >= area), len(known) - 1)
     upper = known[above]

@@ -32,7 +32,7 @@ def blend_slope(share: np.ndarray) -> np.ndarray:
 
 
 class Brake(NamedTuple):
-    """The end of a frame in which a taxel that goes OFF is stopped, by blends of `blend_s` seconds each.
+    """Braking of taxels that go OFF, at the end of a frame, by smooth steps of level of `blend_s` seconds each.
 
     The level goes from what it was to one below 0, which is counter-phase, and from there to 0; `through_zero` tells
     that it stops at 0 in between, as plain tones must, whose current has the root of the level.
@@ -77,7 +77,7 @@ def brake_for(tau_s: np.ndarray, blend_s: float, through_zero: bool) -> Brake:
 
 
 def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return forms for energy and final amplitude of taxels (n,) in a blend, by start amplitude and two levels.
+    """Return two forms in start amplitude and both levels of a blend: ∫ a² dt and end amplitude of taxels (n,).
 
     `energy` (n, 3, 3) is the quadratic form of start amplitude, level before and level after that gives ∫ a² dt in s,
     `after` (n, 3) the linear form of the amplitude at the end.
@@ -86,7 +86,7 @@ def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
-    """Return the weights (3, `STEPS` + 1, n) of start amplitude, level before and after in a blend's amplitudes."""
+    """Return weights (3, `STEPS` + 1, n) that give a blend's amplitudes from start amplitude and both levels."""
     tau = np.asarray(tau_s, float)
     step = seconds / STEPS
     keep = np.exp(-step / tau)

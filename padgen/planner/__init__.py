@@ -11,7 +11,7 @@ __all__ = ["Plan", "make_plan", "plan_from_json", "plan_to_json", "read_plan"]
 
 
 def __getattr__(name: str) -> Any:
-    """Return `make_plan`, which loads all that plans: a command that finds its plan in the cache needs none of it."""
+    """Import and return `make_plan` on first use, so that commands whose plan is cached do not load it."""
     if name != "make_plan":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from padgen.planner.make import make_plan

@@ -21,7 +21,7 @@ LIKE_SHARE = 0.3
 
 
 def ballast_findings(plan: Plan) -> Iterator[Finding]:
-    """Yield findings on rocking modes near tones, and on a mover that its recess does not centre."""
+    """Yield findings on rocking modes near tones, and on ballast too wide for the recess to centre the mover."""
     ballast = plan.spec.ballast
     if ballast is None:
         return

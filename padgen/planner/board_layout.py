@@ -378,7 +378,7 @@ def _rounded(point: Point) -> Point:
 
 
 def _levels(starts: list[float], ends: list[float], apart: float) -> tuple[list[int], int]:
-    """Return the level at which each track goes sideways, and the number of levels.
+    """Return the level (row between coils and connector) where each track runs sideways, and how many there are.
 
     Of tracks that go right the rightmost turns first, of those that go left the leftmost, so that none cross. A track
     that does not come within `apart` of the one that turned before it has the first level again.

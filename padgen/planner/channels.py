@@ -155,7 +155,7 @@ def site_wrenches(spec: Spec, pulled: PullAt, sites: Sequence[Site]) -> np.ndarr
 
 
 def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
-    """Return all modes of the taxels of one coil, driven at their resonances."""
+    """Return all modes of one coil's taxels, gains being relative to each taxel's motion at its resonance."""
     most = max(len(channel.modes_hz) for channel in channels) + 1
     frequency = np.ones((len(channels), most))
     gain = np.zeros((len(channels), most, 3))

@@ -26,7 +26,7 @@ SNAPPED_SHARE = 0.01
 
 
 class CoreRest(NamedTuple):
-    """Rest positions of n taxels that cores draw in: the gap in µm and the share of stiffness left there.
+    """Rest positions of n taxels whose magnets a core attracts: gap in µm and the share of stiffness left there.
 
     `gap_um` and `stiffness_share` are at rest; `snap_um` is the gap below which they would snap to the core,
     `least_n_per_m` the least stiffness of a spring that holds. The first three are nan for taxels that snap at once.
@@ -39,7 +39,7 @@ class CoreRest(NamedTuple):
 
 
 def core_rest(spec: Spec, gap_um: np.ndarray, distance_mm: Sequence[float], stiffness: np.ndarray) -> CoreRest | None:
-    """Return the rest positions of taxels with gaps `gap_um` without a core; None where no core draws them."""
+    """Return where taxels rest under the cores' pull, from gaps `gap_um` without it; None where no core pulls."""
     rest = getattr(mover_of(spec), "rest", None)
     if rest is None or not spec.coil.core_diameter_mm:
         return None
@@ -62,7 +62,7 @@ def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.
 def on_snapping(
     spec: Spec, sites: Sequence[Site], gap_um: np.ndarray, stiffness: np.ndarray, rest: CoreRest
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return a sentence on the mover that snaps most surely and the least gap at which none would, and cures."""
+    """Return a sentence (which mover is nearest to snapping, from which gap on none does), and cures."""
     gap_mm = float(spec.coil.gap_mm)
     worst = int(np.argmax(rest.least_n_per_m / stiffness))
     away = [site.coil_distance_mm for site in sites]
@@ -122,7 +122,7 @@ def core_findings(plan: Plan) -> Iterator[Finding]:
 
 
 def _springs(channels: Sequence[Channel], spec: Spec) -> tuple[np.ndarray, list[float], np.ndarray]:
-    """Return gaps in µm, distances in mm and stiffnesses in N/m of channels as if no core drew their movers."""
+    """Return gaps in µm, distances to the coil axis in mm, stiffnesses in N/m, all without the cores' pull."""
     share = np.array([(1 - channel.pull_shift) ** 2 for channel in channels])
     stiffness = np.array([channel.stiffness_n_per_m for channel in channels]) / share
     hanging_um = float(spec.coil.gap_mm) * MM / UM - np.array([channel.sag_um for channel in channels])

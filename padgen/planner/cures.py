@@ -46,7 +46,7 @@ Cure = dict[str, Any]
 
 
 def varied(spec: Spec, cure: Cure) -> Spec:
-    """Return `spec` with the fields of `cure` as if they were written in its file; raises as `make_spec` does."""
+    """Return the spec that results if `cure` is written into the file of `spec`; raises as `make_spec` does."""
     table = without_none(asdict(spec))
     if "printer" in cure and table["spread"] == catalogue("spread").get(spread_of(spec.printer)):
         del table["spread"]  # the file leaves it to the printer
@@ -109,7 +109,7 @@ UNUSUAL_TRIED = 3
 
 
 def named_breakdown(spec: Spec, error: SolverError, planned: Callable[[Cure], Any]) -> SolverError:
-    """Return `error` with the first field that, at its usual value, makes the plan computable; unchanged without one.
+    """Return an error naming the first field whose usual value makes the plan computable; `error` if none does.
 
     Usual is what the template pad-32 has; fields are tried in the order of their ratio to that, the largest first.
     """
@@ -251,7 +251,7 @@ def _unreached(spec: Spec, layout: Layout) -> str:
 
 
 def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
-    """Yield cures after which the parts have room: another grid, washer, printer or pad, freer beams, fewer taxels.
+    """Yield cures that make room: other grid, coil, mover, printer or pad, more outputs, freer beams, fewer taxels.
 
     Of the cures of a kind it is the first with room.
     """
@@ -298,7 +298,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
 
 
 def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
-    """Return the best layout of the spec with a cure, or None if no layout has room."""
+    """Return the best layout of `spec` changed by `cure`; None if the change is refused or no layout has room."""
     try:
         other = varied(spec, cure)
     except SpecError:

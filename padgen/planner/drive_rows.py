@@ -23,7 +23,7 @@ BIAS = "bias"
 
 
 def _headed(heading: str, unit: str = "") -> Any:
-    """Return a column with its heading where people read the table, and its unit."""
+    """Return the dataclass field of a table's column, with the heading and unit that people read."""
     return field(metadata={"heading": heading, "unit": unit})
 
 

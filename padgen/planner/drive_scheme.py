@@ -140,7 +140,7 @@ does, and takes no more counter-phase than a level of 1 on most pads (docs/frame
 
 
 def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
-    """Return the brake for taxels of time constants `tau_s`, where a transition takes `ramp_s`."""
+    """Return the brake (counter-phase before OFF) for time constants `tau_s` and a switching time `ramp_s`."""
     return brake_for(tau_s, BRAKE_SHARE * ramp_s, not scheme.at_resonance)
 
 
@@ -192,7 +192,7 @@ class _Switched(NamedTuple):
         return decibel(float(ratio.min()) ** 0.5)
 
     def highest_rate(self, kept_db: float, least_s: float) -> float | None:
-        """Return the highest frame rate in 1/s at which frames of `least_s` or more keep `kept_db`, or None."""
+        """Return the highest frame rate in 1/s, at most 1/`least_s`, that keeps `kept_db` dB; None if none does."""
         low = high = least_s
         while self.contrasts_db(high)[0] < kept_db:
             low = high
@@ -210,7 +210,7 @@ RATE_STEP = 1e-3
 
 
 def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selectivity) -> tuple[FrameRate, ...]:
-    """Return the `frame_rates` with the contrasts of their frames, for the schemes whose selectivity is known.
+    """Return all `frame_rates`; those of schemes with a known selectivity also have their frames' contrasts.
 
     The rates that keep a contrast are looked for with the chosen scheme alone.
     """
@@ -417,7 +417,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
 
 
 class _CoilSets(NamedTuple):
-    """A coil's sets of channels, as each kind of `_resonators`, and the modes that lines of the drive excite."""
+    """The channels of each set, as every kind of `_resonators`, and their modes that lines of the drive excite."""
 
     alike: list[Channels]
     placed: list[Channels]
@@ -459,7 +459,7 @@ def _scheme_figures(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) ->
 
 @lru_cache(maxsize=256)
 def _selectivity(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> Selectivity:
-    """Return the selectivity of channels under a scheme, without what the choice of the scheme adds."""
+    """Return the selectivity of channels under a scheme; `why`, `optimum_db` and `schemes` are left empty."""
     sets = _coil_sets(spec, planned)
     alone = sets.alone
     states = min((all_states(taxels, scheme) for taxels in sets.alike), key=lambda one: one.db)
@@ -639,7 +639,7 @@ class PushedEnergies(NamedTuple):
 def neighbour_energies(
     spec: Spec, channels: Sequence[Channel], pitch_mm: np.ndarray, grid: tuple[int, int], turned: str
 ) -> PushedEnergies:
-    """Return the energies of OFF taxels in the middle of the pad by forces between movers, such as magnets.
+    """Return the energies that forces between movers, such as magnets, give OFF taxels in the middle of the pad.
 
     Every two movers are joined by a spring of the mover's `coupling`, if it has one. A taxel's own stiffness is taken
     as it is, since taxels are measured in their places. At each channel's tone its other taxels are held at their
@@ -734,7 +734,7 @@ def _leakage(
 
 
 def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
-    """Return the energy (n,) by tones of the coils `some`, no two of one frequency, over that by the taxel's coil.
+    """Return the energy (n,) by coils in mask `some`, all tones of different frequency, over the taxel's coil's.
 
     Each coil then makes a line of its own, and with plain tones every two coils one more between theirs. Lines of
     different frequencies add as energies. With constant currents each coil's tone makes its line with all of them.
@@ -770,7 +770,7 @@ def _leak_error(
 
 
 def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:
-    """Return three energies (n,) of OFF taxels, over those when ON, as if a coil `steps` away were below them.
+    """Return three energies (n,) of each OFF taxel, over its ON energy, if the coil `steps` cells away lay below it.
 
     The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current
     with that of the own coil, which plays all channels but the OFF one.
@@ -792,7 +792,7 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
 
 
 def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
-    """Return a taxel's largest energy by twice the product of the currents of its coil and of another.
+    """Return a taxel's largest energy, over its ON one, by twice the product of its coil's and another's current.
 
     With tones or biased currents every two channels make a line at their sum and one at their difference; the caller
     counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
@@ -841,7 +841,7 @@ def cell_is_turned(turned: str, row: int, column: int) -> bool:
 
 
 def _distances_mm(spec: Spec, layout: Layout, channels: Sequence[Channel], turned: str) -> list[float]:
-    """Return all distances in mm between taxels of one channel in the nearest cells with it, the shortest first."""
+    """Return the distances in mm, rising, from each channel's taxel to those of that channel in the nearest cells."""
     sets = spec.coil.sets
     distances = []
     for row, column in product(range(sets + 1), range(-sets, sets + 1)):

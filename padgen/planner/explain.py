@@ -148,7 +148,7 @@ def _movers(spec: Spec) -> list[MoverRow]:
 
 
 def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
-    """Return the pad planned with a mover, its layout searched anew."""
+    """Return the figures of the pad planned anew with a mover and a coil, or why no such pad can be planned."""
     table = without_none(asdict(spec))
     for name in ("washer", "magnet", "mover", "coil", "resonances_hz"):
         table.pop(name, None)
@@ -239,7 +239,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
-    """Return a sort key: share of good prints up to `asked`, if below it their selectivity, then share good for life.
+    """Return a sort key: share of good prints up to `asked`, below that the dB they keep, then share good for life.
 
     Changes that are alike in this go by the channels that they buy, then by their cost.
     """
@@ -331,7 +331,7 @@ def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) ->
 
 
 class _Printed(NamedTuple):
-    """Figures that simulated prints keep: `Change.good_share`, `Change.life_share` and `Change.print_db`."""
+    """Figures of simulated prints: `Change.good_share`, `Change.life_share` and `Change.print_db`."""
 
     good_share: float | None
     life_share: float | None
@@ -342,7 +342,10 @@ NO_PRINTS = _Printed(None, None, None)
 
 
 def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> _Printed:
-    """Return what prints of `count` channels per coil on `grid` keep."""
+    """Plan `count` channels per coil on `grid` and return the figures of simulated prints, or `NO_PRINTS`.
+
+    It is `NO_PRINTS` where the spec is refused or the plan has errors.
+    """
     try:
         plan = make_plan(_with_grid(spec, grid, count, optimise), tries_cures=False)
     except SpecError:
@@ -351,7 +354,7 @@ def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = Fals
 
 
 def _printed(plan: Plan) -> _Printed:
-    """Return what prints of `plan` keep; `NO_PRINTS` where it has errors."""
+    """Return the figures of simulated prints of `plan`; `NO_PRINTS` where the plan has errors."""
     if any(finding.level == "error" for finding in plan.findings):
         return NO_PRINTS
     today = plan.retuned_prints
@@ -359,7 +362,7 @@ def _printed(plan: Plan) -> _Printed:
 
 
 def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
-    """Yield the limits that `held` + 1 channels per coil would break, in words."""
+    """Yield in words what `held` + 1 channels per coil would break, and what the plan itself exceeds or nears."""
     spec = plan.spec
     load = plan.load
     grid = (plan.coils.rows, plan.coils.columns)

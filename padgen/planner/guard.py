@@ -160,7 +160,7 @@ def _caught(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
 
 
 def _leaned_mm(channel: Channel) -> float:
-    """Return how far sideways the top of a pin moves until a push ends."""
+    """Return by how many mm a pin's top moves sideways until a stop ends a push; 0 where nothing stops it."""
     return channel.pin.lean * (channel.pin.stop_mm or 0.0)
 
 

@@ -100,7 +100,7 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
 
 
 def _only(level_db: float) -> str:
-    """Write by how much an OFF taxel vibrates less than an ON one, where that is too little."""
+    """Return in words how much less an OFF taxel vibrates than an ON one; with 'only' unless it vibrates more."""
     return f"{'only ' if level_db >= 0 else ''}{quieter(level_db)}"
 
 
@@ -127,7 +127,7 @@ def _named(channels: Iterable[Channel]) -> str:
 
 
 def _leak(plan: Plan) -> Iterator[Finding]:
-    """Yield a warning where leakage is too strong even after re-tuning, a note where only by the driver table."""
+    """Yield a warning if leakage stays too strong after re-tuning, a note if it is so by the driver table alone."""
     step = plan.reuse.leak_db
     asked = plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
@@ -332,7 +332,7 @@ def _spacing(plan: Plan) -> Iterator[Finding]:
 
 
 def _off_target(plan: Plan) -> Iterator[Finding]:
-    """Warn of resonances off their targets by over `SPACING_SHARE` of a slot, and reject those outside the band.
+    """Warn of resonances off target by over `SPACING_SHARE` of a slot; yield an error for any outside the band.
 
     Beams print in steps of width. At a large Q, or where these steps are coarse, a step moves a resonance that far.
     """

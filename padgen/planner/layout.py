@@ -164,7 +164,7 @@ def _with_room(spec: Spec, channel_limit: int, suspensions_version: int, group: 
 
 
 def full_smaller_layouts(spec: Spec, channel_limit: int) -> Iterator[Layout]:
-    """Yield layouts without empty places for fewer taxels than asked that have room, most taxels first."""
+    """Yield layouts with room for fewer taxels than asked and without empty places, most taxels first."""
     rows_, columns_ = most_coils(spec)
     plate = plate_shape(spec)
     most = min(spec.resolution - 1, int(spec.pad.width_mm * spec.pad.depth_mm / (plate.length_mm * plate.width_mm)))
@@ -330,7 +330,7 @@ def coil_room_mm(spec: Spec, rows: int) -> tuple[float, float]:
 
 
 def coil_reach_mm(spec: Spec) -> float:
-    """Return the largest distance in mm of a washer's axis from the coil's at which the two overlap.
+    """Return the largest distance in mm from a coil's axis at which a mover overlaps it or, if less, is pulled.
 
     For a mover with a `reach_m` it is that, if it is less: the pull on a magnet turns round within the overlap.
     """
@@ -359,7 +359,7 @@ def slots(layout: Layout) -> list[tuple[float, float]]:
 
 
 def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:
-    """Return the site of a taxel in its sub-cell, its washer as near to the coil axis as the ring allows.
+    """Return the site of a taxel in its sub-cell, its washer as near to the coil axis as room and `ring_mm` allow.
 
     The root lies on the side away from the coil. Where the cell is not divided along the beams, the roots lie on
     alternating sides so that the pad stays balanced.
@@ -458,7 +458,7 @@ def to_cell(points: np.ndarray, channel: Channel) -> np.ndarray:
 
 
 def outline(plan: Plan, channel: Channel) -> Outline:
-    """Return the rectangle of a channel's sub-cell in the taxel's axes, to 1e-9 mm so that layouts share taxels."""
+    """Return the rectangle of a channel's sub-cell in the taxel's axes, to 1e-9 mm so that equal ones match."""
     cosine, sine = TURNS[channel.site.along]
     dx, dy = (c - o for c, o in zip(channel.site.centre_mm, channel.site.origin_mm, strict=True))
     x = cosine * dx + sine * dy

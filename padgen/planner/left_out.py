@@ -94,7 +94,7 @@ class FrameAround(NamedTuple):
 
 
 def flexibility_bounds(plan: Plan, clamping: str) -> np.ndarray:
-    """Return bounds (n,) of the relative shifts of resonances by the flexible frame; inf near a frame mode.
+    """Return bounds (n,) of resonances' relative shifts by the flexible frame; inf near or above its lowest mode.
 
     `clamping` is a name in `SUPPORTS`: how the pad is held. The resonance is the peak of the taxel's own response.
     """
@@ -230,7 +230,7 @@ beams warns of it."""
 
 
 def left_out(plan: Plan) -> tuple[LeftOut, ...]:
-    """Return the effects that a plan's models leave out: with bounds, largest first, without, and those included.
+    """Return physical effects: left out of the plan with a bound (largest first), without one, and included in it.
 
     Each bound is of the channel where it is largest.
     """
@@ -267,7 +267,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
 
 
 def _plastic(material: Material) -> Iterator[LeftOut]:
-    """Yield moisture and frequency as effects on the plastic's stiffness, each bounded as a shift of resonances."""
+    """Yield moisture's and frequency's effects by the plastic on resonances: bounded, unbounded or included."""
     for term, ratio, is_planned_by in (
         ("moisture", material.wet_ratio, material.wet),
         ("modulus at the frequency of use", material.dynamic_ratio, material.dynamic),
@@ -298,14 +298,14 @@ def _ignored(entries: Sequence[LeftOut]) -> list[LeftOut]:
 
 
 def _size_text(entry: LeftOut) -> str:
-    """Return by how much an effect changes what."""
+    """Say by how much an effect changes which figure, or that the amount is unknown."""
     if entry.bound is None:
         return f"the {entry.of} changes by an unknown amount"
     return f"up to {percent(entry.bound)} of the {entry.of}"
 
 
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
-    """Yield a note on effects left out above `model.tolerance`, and a warning where shrinkage tightens beams."""
+    """Yield a note on left-out effects larger than `model.tolerance`, a warning where shrinkage tightens beams."""
     sentences = [
         f"{RUNGS[entry.term][0]}, {_size_text(entry)} (cure: {RUNGS[entry.term][1]})"
         for entry in _ignored(entries)
@@ -492,7 +492,7 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
 
 
 def _steel_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
-    """Bound the effects of saturation, eddy currents and other washers on the pull on steel."""
+    """Bound the effects of saturation, eddy currents, other washers and remanence on the pull on steel."""
     spec = plan.spec
     coil, washer = magnetic_parts(spec)
     offset = np.array([channel.site.coil_distance_mm for channel in channels]) * MM
@@ -589,7 +589,7 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
 
 
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:
-    """Bound the relative errors (n,) of force and resonance by pulls that are taken at the gap without current.
+    """Bound relative errors (n,) of force and resonance that come from taking pulls at the gap without current.
 
     In fact the mean pull draws a washer nearer, until the spring balances it, and the washer swings about that place.
     There the slope of the pull over the gap (of force and lever) softens the spring. Infinite where nothing balances.
@@ -609,7 +609,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return pulls on the modes over the planned, and relative errors of slope per µm and curvature per µm²."""
+        """Return pulls on working modes over planned ones, and errors of slope per µm and curvature per µm²."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
         return at.pull * share / here, at.slope_off * unsure * UM, at.bend_off * unsure * UM**2

@@ -104,7 +104,7 @@ class _Judged(NamedTuple):
 
 
 def _after(plan: Plan, design: Design, change_k: float, pads: int, least_share: float = 0.0) -> _Judged:
-    """Judge prints that are warmer by `change_k` than when they were re-tuned, aged, and with Q of their own.
+    """Judge prints that are `change_k` warmer than when re-tuned, aged, and with Q drawn at random.
 
     Once less than a `least_share` of them can be good, the rest may be left as good, with an infinite ratio.
     """
@@ -123,7 +123,7 @@ def _shift(spec: Spec, change_k: float) -> float:
 
 
 def _with_planned_modes(design: Design) -> Design:
-    """Return `design` with what other modes add taken from the plan for every print: several times faster."""
+    """Return `design` for faster simulation: other modes add in every print what they add in the plan."""
     return design._replace(modes=(None,) * len(design.coils))
 
 

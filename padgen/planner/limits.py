@@ -95,7 +95,7 @@ def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
 
 
 def _resting_um(spec: Spec, one: Moved) -> float:
-    """Return a mover's static deflection in µm: by weight and mean pull, or weight and the gap if it snaps.
+    """Return a mover's static deflection in µm by weight and mean pull; if it snaps, by weight and the whole gap.
 
     A magnet's includes the deflection by the core's pull at rest.
     """

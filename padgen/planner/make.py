@@ -153,7 +153,7 @@ BROKEN_DOWN = (ArithmeticError, np.linalg.LinAlgError)
 
 @contextmanager
 def numbers_hold() -> Iterator[None]:
-    """Raise `SolverError` where a computation divides by zero, overflows or gives NaN, instead of carrying on.
+    """Make computations in a `with` block raise `SolverError` where they divide by zero, overflow or give NaN.
 
     Code that means to has a `numpy.errstate` of its own, with the reason.
     """
@@ -173,7 +173,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
-    """Plan the pad of `spec`; with `tries_cures`, a third of the work, its findings name cures that were tried.
+    """Plan the pad of `spec`; its findings name tried cures only with `tries_cures`, which takes a third of the time.
 
     Raises
     ------
@@ -232,7 +232,7 @@ def choose(spec: Spec) -> Choice:
 
 
 def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
-    """Return the best layout with sized beams, or with `quick` the first; None where there is none.
+    """Return the best layout with sized beams (None if movers snap), or with `quick` the first; None without any.
 
     Where at most `most` are tried, the choice is returned without its runners-up.
     """
@@ -296,7 +296,7 @@ Driven = dict[int, tuple[Choice, tuple[Channel, ...], ChosenDrive]]
 
 
 class Tried(NamedTuple):
-    """Figures of a choice: an upper bound of its selectivity in dB, the share of prints that work, and their dB.
+    """Figures of a choice: a bound of its selectivity in dB, the share of prints that work, and the dB they keep.
 
     A negative `share` means that no prints were simulated. `unsure_share` is by how much more prints might change it;
     0 where they were simulated.
@@ -340,7 +340,7 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
 
 
 def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, Tried]]) -> Choice | None:
-    """Return the first of `rank`, or else with bent beams, whose prints work as asked; append others to `tried`.
+    """Return the first choice of `rank`, then of bent beams, whose prints work; append the others to `tried`.
 
     Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
     (`NO_HOPE_DB`, `MOST_FAR_SHORT`).
@@ -468,7 +468,7 @@ def _tried(
 
 @numbers_hold()
 def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
-    """Return what a decided spec keeps under touch when its faintest channel is `felt_db` above threshold."""
+    """Return dB kept and heat under touch, and the level that puts the weakest channel `felt_db` over threshold."""
     choice = _searched(spec, quick=True)
     if choice is None:
         raise InfeasibleError("no layout holds", "resolution")

@@ -173,7 +173,7 @@ def pad_mass(plan: Plan) -> PadMass:
 
 
 def _placed(body: RigidBody, channel: Channel, taxels: Sequence[Taxel]) -> RigidBody:
-    """Return one body of copies of `body`, given from its washer's axis, at the places of `taxels` on the pad."""
+    """Return copies of `body`, given from its washer's axis, at the places of `taxels` on the pad, as one body."""
     turns = np.array([_turn(channel, taxel) for taxel in taxels])
     at = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in taxels])
     mass = np.full(len(taxels), body.mass)

@@ -92,7 +92,7 @@ def pushed(pin: Pin, model: TaxelModel) -> Pin:
 
 
 def with_errors(pin: Pin, model: TaxelModel) -> Pin:
-    """Return `pin` with the errors of its lever and stiffness, which take as long as the rest of a taxel."""
+    """Return `pin` with the errors of its lever and stiffness, which are slow to compute and left out of searches."""
     lever_error, stiffness_error = model.contact_errors
     return replace(pin, lever_error=lever_error, stiffness_error=stiffness_error)
 
@@ -104,7 +104,7 @@ PUSH_N = 1.0
 def _stop(
     spec: Spec, arrangement: Arrangement, site: Site, at_mm: tuple[float, float], closed_mm: float
 ) -> tuple[str | None, float | None]:
-    """Return what ends a push on the contactor, and how far down, in mm."""
+    """Return what ends a push on the contactor and how far down in mm; None and None where nothing does."""
     ways = []
     if spec.guard.thickness_mm:
         ways.append((spec.contact_proud_mm + BULGE_SHARE * spec.guard_hole_mm, "guard"))

@@ -330,7 +330,7 @@ class SchemeFigures:
 
     @property
     def reached_db(self) -> float:
-        """All-state selectivity in dB with unequal pull and all modes counted; -inf where it was not computed."""
+        """All-state selectivity in dB, the lower of the plain and the placed figure; -inf where one is missing."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return float("-inf")
         return min(self.all_states_db, self.placed_all_states_db)
@@ -371,14 +371,14 @@ class Selectivity:
 
     @property
     def kept_db(self) -> float | None:
-        """All-state selectivity in dB that holds, unequal pull and all modes counted; None for one channel."""
+        """All-state selectivity in dB, the lower of the plain and the placed figure; None for one channel."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return None
         return min(self.all_states_db, self.placed_all_states_db)
 
     @property
     def placed_own_modes_db(self) -> float | None:
-        """All-state selectivity in dB with unequal pull, but each taxel's own mode alone; None for one channel."""
+        """All-state selectivity in dB with unequal pull, of the taxels' working modes alone; None for one channel."""
         db = self.placed_all_states_db
         return None if db is None else db + (self.modes_cost_db or 0.0)
 
@@ -450,7 +450,7 @@ class Reuse:
 
     @property
     def most_leak_db(self) -> float | None:
-        """Least distance in dB of the worst leakage below the taxel's own level, its error counted."""
+        """Distance in dB of the worst leakage below the taxel's ON level, less its error; None without leakage."""
         return None if self.leak_db is None else self.leak_db - decibel(1 + self.leak_error)
 
 
@@ -513,7 +513,7 @@ class Touched:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """The pad that is planned under a `contact`, which lies on every taxel that is compared (docs/touch.md).
+    """The pad as planned under touch: a `contact`, such as a fingertip, lies on every taxel that is compared.
 
     Under its typical skin, channels (n,) resonate at `resonance_hz` with `q`, and are driven by tones at `tone_hz`:
     those resonances where `tones` is 'touched', those of the bare taxels where it is 'untouched'. The contactors are
@@ -1082,9 +1082,9 @@ def passes(spec: Spec, scheme: Scheme) -> bool:
 
 
 def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
-    """Return the scheme for which resonances are chosen: the one in the spec.
+    """Return the scheme for which resonances are chosen: the spec's or, for 'auto', the simplest that will do.
 
-    For 'auto' it is plain tones if these keep the asked selectivity, else spur-free.
+    For 'auto' it is linear for magnets; else plain tones if these keep the asked selectivity, else spur-free.
     """
     if spec.drive.scheme != "auto":
         return scheme_named(spec, spec.drive.scheme)

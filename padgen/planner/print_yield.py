@@ -87,7 +87,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Cost of one spread of prints: the gain without it, with the same random numbers for the others."""
+    """Cost of one cause of print errors: the gains without it, with the same random numbers for the others."""
 
     spread: str
     sigma: float
@@ -236,7 +236,7 @@ def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:
 
 
 def _costliest(gains: dict[str, Gain]) -> tuple[str, str]:
-    """Return the costliest spread and the figure that shows it: the first with a gain above its `LEAST_GAINS`."""
+    """Return the costliest spread and the first figure with a gain over its `LEAST_GAINS`, or 'none' for both."""
     for figure, least in LEAST_GAINS.items():
         value = {name: getattr(gain, figure) or 0.0 for name, gain in gains.items()}
         best = max(value, key=lambda name: value[name])

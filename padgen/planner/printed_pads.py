@@ -203,7 +203,7 @@ class Design(NamedTuple):
 
 
 class Simulated(NamedTuple):
-    """Results of simulated pads (p,), by stage (s,) of knowledge.
+    """Results of simulated pads (p,) at each of `STAGES` (s,), from tones as planned to every taxel re-tuned.
 
     `ratio` (s, p) is the energy of ON over OFF of a pad's worst coil, inf where nothing moves OFF taxels. `good` (s, p)
     tells if a pad is good, `good_taxels` (s, p) counts its good taxels. `good_prints` (s, t) counts the pads in which a
@@ -364,7 +364,7 @@ def leaked_energy(plan: Plan) -> np.ndarray:
 
 
 def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
-    """Return the energy (n,) that other modes add to an OFF taxel, over that of its ON state, and the heard modes.
+    """Return the energy (n,) that other modes add to an OFF taxel, over its ON energy, and the modes that count.
 
     These are by the index of the channel, of those that hear more than their working mode.
     """
@@ -475,7 +475,7 @@ class Ratios(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """Changes of prints after re-tuning: `log_x` of ln f alike in all, as by warmth, and random ones by `life`."""
+    """Changes of prints after re-tuning: ln f shifts by `log_x` in all, as by warmth; f and Q at random by `life`."""
 
     log_x: float
     life: LifeTable

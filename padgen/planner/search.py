@@ -253,7 +253,7 @@ def _found(
 
 
 def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
-    """Return the optimised resonances for the part of the band that a room reaches, for equal masses and any beam.
+    """Return the optimised resonances in the part of the band that a room reaches, as for equal masses.
 
     None where the spec does not ask for optimised resonances, and for two sets or a single channel.
     """
@@ -344,7 +344,7 @@ MOST_SNAPPING = 4
 
 
 def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str, Any]]] | None:
-    """Return why movers snap to the coils' cores, with cures, for the first layout where they do, if any does.
+    """Return why movers snap to the coils' cores, and cures, for the first layout where they do; None if none do.
 
     At most `MOST_SNAPPING` layouts are tried.
     """
@@ -385,7 +385,7 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
-    """Return beams for the first ladder of resonances that prints; with optimised spacing, for the most selective."""
+    """Return beams for the first ladder of resonances that can be printed or, if optimised, the most selective."""
     bare = beams_only(spec)
     if spec.spacing == "optimised":
         bare = replace(bare, drive=spec.drive)
@@ -397,7 +397,7 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
 
 @lru_cache(maxsize=256)
 def _sized(spec: Spec, count: int, space: Room, changes: int) -> tuple[tuple[SizedChannel, ...], ...]:
-    """Return beams for the first ladder of resonances that prints; with optimised spacing, for all that print."""
+    """Return beams for the first ladder of resonances that can be printed; with optimised spacing, for all such."""
     undriven = replace(spec, drive=DriveTable())
     sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz, changes)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
@@ -439,7 +439,7 @@ tone in proportion to one over their distance, and at least."""
 
 
 def channel_limit(spec: Spec) -> int:
-    """Return how many channels per coil the paper's bound allows, at least one.
+    """Return how many channels per coil the paper's bound allows; raise for a band without room for one.
 
     Raises
     ------

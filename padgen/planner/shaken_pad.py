@@ -64,7 +64,7 @@ class HeardImages(NamedTuple):
 
 
 class ShakenPad:
-    """The pad of a plan on a mount."""
+    """The pad of a plan as a rigid body on a mount, which its ON taxels shake."""
 
     def __init__(self, plan: Plan, mount: MountTable | None = None, masses: PadMass | None = None) -> None:
         self.plan = plan
@@ -163,7 +163,7 @@ class ShakenPad:
 
     @cached_property
     def heard(self) -> list[np.ndarray]:
-        """For each tone, the matrix by which its taxels hear the pad (`MovingPad.listening_matrix`)."""
+        """For each tone, the matrix that gives how the pad shakes its taxels (`MovingPad.listening_matrix`)."""
         channels = [self.channel_of[np.argmax(self.tone_of == tone)] for tone in range(len(self.hz))]
         heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
         return [shaken.listening_matrix(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
@@ -198,7 +198,7 @@ class ShakenPad:
         return HeardImages(np.where(shown != 0, on, np.inf).min(-1), off)
 
     def _coil_mates(self, taxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return pairs (m,) of a place in `taxels` (i,) and a taxel over the same coil, itself included."""
+        """Return pairs (m,): an index into `taxels` (i,), and a taxel over the same coil, or that taxel itself."""
         by_coil = np.argsort(self.coil_of, kind="stable")
         sorted_coils = self.coil_of[by_coil]
         begin, end = (np.searchsorted(sorted_coils, self.coil_of[taxels], side) for side in ("left", "right"))

@@ -137,7 +137,7 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
 
 
 def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz: np.ndarray) -> list[_Option]:
-    """Return one beam of its `options` for each channel, chosen in rounds for the selectivity of the targets.
+    """Return one of each channel's `options`, exchanged in rounds until they are as selective as the targets.
 
     Each begins with the beam nearest to its target. One channel at a time then takes better beams, until the all-state
     selectivity reaches that of the targets.
@@ -227,7 +227,7 @@ class Reach:
         return np.where(np.isfinite(widths), np.exp(widths), np.nan)
 
     def spread(self, width_mm: np.ndarray, spec: Spec) -> np.ndarray:
-        """Return the relative spread of prints (n, T, L) at widths (n, T, L) in mm, inf where the width is nan.
+        """Return the relative sigma of f between prints (n, T, L) at widths (n, T, L) in mm, inf where width is nan.
 
         For beams with bends the exponents are the slopes of the grid at its nearest width, and another mode within the
         half-power width of the working one adds a spread of 100 %.
@@ -354,7 +354,7 @@ def _grid_hz(model: TaxelModel) -> np.ndarray:
 
 @lru_cache(maxsize=1024)
 def _bent_corners_hz(spec: Spec, topology: str, room: Room, changes: int) -> tuple[float, float] | None:
-    """Return the lowest and highest resonance in Hz of the corners of a grid; None for straight beams."""
+    """Return the lowest and highest resonance in Hz at a grid's corners; None for straight beams or without any."""
     grid = _grid(spec, topology, room)
     if grid is None:
         return None
@@ -429,7 +429,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
 
 
 def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> list[tuple[float, list[Pick]]]:
-    """Return the best choices of one topology that differ only in the dimensions of `step`, with the worst spread."""
+    """Return one topology's best choices that differ only in dimensions of `step`, each with its worst spread."""
     # For each value of the dimensions that all channels share, every channel takes its best value of the others.
     free = [axis for axis, name in ((1, "thickness"), (2, "length")) if name in step]
     best = spread.min(axis=tuple(free), keepdims=True) if free else spread

@@ -93,7 +93,7 @@ def plate_shape(spec: Spec) -> PlateShape:
 
 
 def shortest_mm(spec: Spec, topology: str) -> float:
-    """Return the length in mm of the shortest beam that fits the plate and that the printer lays as drawn."""
+    """Return the length in mm of the shortest beam that suits plate and pin and that the printer lays as drawn."""
     least = suspension(topology).shortest(plate_shape(spec), spec.printer.smallest_gap_mm)
     if spec.pin_share is None:
         return max(least, spec.printer.shortest_beam_mm)
@@ -195,7 +195,7 @@ def foot_fillet_mm(spec: Spec, beam_width_mm: float) -> float:
 
 
 def _rigid_top_mm(spec: Spec) -> float:
-    """Return the top in mm from the bed of a cylinder with the contactor's mass: below the top of a dome.
+    """Return the height in mm from the bed of a flat top with the contactor's mass: lower than that of a dome.
 
     The top of a dome lies d/6 above that of the cylinder.
     """
@@ -204,7 +204,7 @@ def _rigid_top_mm(spec: Spec) -> float:
 
 
 def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[TaxelModel], np.ndarray]":
-    """Make a method return a taxel's entry of its array's value, where the taxel belongs to one (`member_of`)."""
+    """Wrap a method so that a taxel that belongs to an array (`member_of`) takes its entry of the array's value."""
 
     @wraps(method)
     def value(model: "TaxelModel") -> np.ndarray:
@@ -291,11 +291,11 @@ class TaxelModel:
 
     @cached_property
     def body(self) -> RigidBody:
-        """The rigid moving body without the beams: plate, boss, washer and glue, less the recess."""
+        """The rigid moving body without beams: plate, boss, mover, ballast and glue, less recess and pocket."""
         return self.body_of(self.arrangement.blocks)
 
     def body_of(self, blocks: Sequence[Block]) -> RigidBody:
-        """Return one rigid body made of `blocks`, boss, washer and glue, less the recess."""
+        """Return one rigid body of `blocks`, boss, mover, ballast and glue, less recess and pocket."""
         spec = self.spec
         taxel = self.spec.taxel
         density = spec.material.density_g_per_cm3 * G_PER_CM3 * self.plastic_share
@@ -464,7 +464,7 @@ class TaxelModel:
 
     @cached_property
     def washer_point_m(self) -> np.ndarray:
-        """Place (…, 3) in m of the washer's axis at z = 0, where the pull acts and the finger touches."""
+        """Place (…, 3) in m of the washer's axis at z = 0, where the pull acts and a finger on the boss pushes."""
         x = np.asarray(self.arrangement.washer_x_mm * MM)
         return np.stack([x, 0 * x, 0 * x], -1)
 
@@ -556,7 +556,7 @@ class TaxelModel:
 
     @property
     def in_range(self) -> np.ndarray:
-        """True (…,) where the beams are within the range that the model was fitted to; elsewhere solve the solid."""
+        """True (…,) for straight beams within the range that the model was fitted to; elsewhere solve the solid."""
         return np.asarray(self.is_straight & within_fitted_range(*(np.asarray(side, float) for side in self.beam)))
 
     @cached_property

@@ -100,7 +100,7 @@ def contact_of(spec: Spec, which: str = "typical", factors: Mapping[str, np.ndar
 
 
 def contactor_of(spec: Spec) -> Contactor:
-    """Return the contactor of a spec's taxels, flat, in the guard plate's hole, and how far it presses the skin in."""
+    """Return the contactor, taken as flat: radius, guard's hole round it, and how far it presses the skin in."""
     diameter_mm = spec.contact_diameter_mm
     hole_ratio = spec.guard_hole_mm / diameter_mm if spec.guard_height_mm else inf
     return Contactor(diameter_mm / 2 * MM, hole_ratio, indentation_mm(spec) * MM)

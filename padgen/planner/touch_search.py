@@ -48,7 +48,7 @@ class TouchTrial(NamedTuple):
 
 
 class _TouchParts(NamedTuple):
-    """One choice for each part that is searched."""
+    """One combination of what is searched: mover, ballast, suspension, pin's place, resonances, and coil grid."""
 
     place: float | str
     ratio: float
@@ -63,7 +63,7 @@ START = _TouchParts(0.45, 2.5, "steel-rod-4x2", 150.0, False, "disc-4x2", "serpe
 
 
 def decided_under_touch(spec: Spec, tried: Callable[[Spec, float], TouchTrial]) -> Spec:
-    """Return a spec whose open parts are decided; the spec itself where none is open.
+    """Return `spec` with what `touch.search` leaves open chosen by trials, or `spec` itself if nothing is open.
 
     `tried` returns what a decided spec keeps with its faintest channel so many dB above what is just felt, and raises
     `PadgenError` where no pad can be laid out.
@@ -134,11 +134,11 @@ WIDE_HZ = 450.0
 
 
 def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], TouchTrial]) -> InfeasibleError:
-    """Return the refusal of a spec without a pad, with the cure of a wider pad or band in which the start works."""
+    """Return the refusal of a spec without a pad; its cure is a wider pad or band in which a first try works."""
     is_open = frozenset(spec.touch.search.split("+"))
 
     def works(change: Cure, place: float | str) -> bool:
-        """Tell if the search's start works in a spec with such a change, with pins at a place."""
+        """Return whether a first try works in the spec changed by `change`, with pins at `place`."""
         try:
             changed = varied(spec, change)
             parts = START._replace(mover=_movers(is_open)[0], place=place)
@@ -190,7 +190,7 @@ IN_ORDER = ("ratio", "ballast", "start_hz", "place")
 def _climbed(
     parts: _TouchParts, name: str, values: tuple[Any, ...], score: Callable[[_TouchParts], tuple[bool, float]]
 ) -> _TouchParts:
-    """Return the choice with the part `name` moved through its values as long as the score rises."""
+    """Return the choice with part `name` improved: step by step if its values have an order, else the best of all."""
     while True:
         best = max([parts, *(parts._replace(**{name: value}) for value in _next(name, values, parts))], key=score)
         if best == parts or name not in IN_ORDER:
@@ -199,7 +199,7 @@ def _climbed(
 
 
 def _next(name: str, values: tuple[Any, ...], parts: _TouchParts) -> tuple[Any, ...]:
-    """Return the values of one part that are tried next."""
+    """Return values of a part to try next: the neighbouring ones if its values have an order, else all others."""
     at = values.index(getattr(parts, name))
     if name in IN_ORDER:
         return values[max(at - 1, 0) : at] + values[at + 1 : at + 2]

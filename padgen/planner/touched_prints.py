@@ -80,7 +80,7 @@ between them are off by 1e-6 at most."""
 
 
 def touched_channels(spec: Spec, planned: Sequence[Channel], contact: Contact | None = None) -> tuple[Channel, ...]:
-    """Return channels as they are under a contact, by default the spec's typical skin, and driven there.
+    """Return channels under a contact, by default typical skin: touched resonances and Q, forces for their levels.
 
     Stiffness, mass, resonance and Q are those of the touched taxels, and forces and lines those that give them their
     levels by the level law. The working mode moves with them; other modes stay.
@@ -131,7 +131,7 @@ def touched_plan(plan: Plan) -> Plan:
 
 
 class Fingers(NamedTuple):
-    """Simulated pads (p,) under drawn skins: ON over OFF of the worst coil, and the weakest ON taxel, as energies.
+    """Simulated pads (p,) under random skins: ON over OFF of the worst coil, and the weakest ON taxel, as energies.
 
     The second is over that taxel's planned level. The first is inf where nothing moves OFF taxels.
     """
@@ -140,7 +140,7 @@ class Fingers(NamedTuple):
     weakest: np.ndarray
 
     def kept_db(self, share: float) -> float | None:
-        """Return the selectivity in dB that a `share` of the pads keep; None where no OFF taxel hears anything."""
+        """Return the dB of selectivity that a `share` of the pads keep; None if in any pad no OFF taxel moves."""
         return _reached_db(self.ratio, share) if np.isfinite(self.ratio).all() else None
 
     def errors(self, need: float, share: float) -> tuple[float, float]:
@@ -150,7 +150,7 @@ class Fingers(NamedTuple):
         return share_error(good, len(self.ratio)), quantile_error(kept_db, share)
 
     def weakest_db(self, share: float) -> float:
-        """Return the level in dB over the planned one that the weakest ON taxel of a `share` of the pads has."""
+        """Return the level in dB, over the planned one, that the weakest ON taxel has in a `share` of the pads."""
         return _reached_db(self.weakest, share)
 
 
@@ -176,7 +176,7 @@ class _Beside(NamedTuple):
 
 
 def _added_energies(plan: Plan, tones: str) -> _Beside:
-    """Return the energies that leakage, other modes and recoil add to OFF taxels, with `tones` of one of `TONES`."""
+    """Return the energies that leakage, other modes and recoil add to OFF taxels, driven by `tones` (of `TONES`)."""
     played = touched_plan(plan).channels if tones == TONES[0] else plan.channels
     modes = np.zeros(len(plan.channels))
     for own_set, played_set in zip(plan.sets, channel_sets(played, plan.spec.coil.sets), strict=True):
@@ -254,7 +254,7 @@ def _worst(on: np.ndarray, off: np.ndarray) -> np.ndarray:
 
 
 class _Skin:
-    """Drawn skin of a block of pads: a person and a pressing for each, and taxels that differ from place to place."""
+    """Random skin on a block of pads: a person and a depth of pressing for each pad, and differences among taxels."""
 
     def __init__(self, spec: Spec, number: int, pads: int, taxels: int, as_drawn: str) -> None:
         self.spec = spec
@@ -459,7 +459,7 @@ def planned_touch(plan: Plan, quick: bool = False) -> Touch | None:
 
 
 def _loose_db(plan: Plan, fingers: Fingers) -> float | None:
-    """Return what the asked share keeps where the pad lies loose; None where the spec says how it is held.
+    """Return the dB that the asked share of prints keeps lying loose; None where the spec says how the pad is held.
 
     Every OFF taxel is taken to hear the recoil, and the weakest ON taxel of a pad to be compared with it.
     """

@@ -201,7 +201,7 @@ def _shaken_sentence(plan: Plan) -> str:
 
 
 def _kept(db: float) -> str:
-    """Say how strongly ON taxels vibrate at least, in words after which the OFF ones are named."""
+    """Say how strongly ON taxels vibrate, as 'at least 20.7 dB more than', before OFF ones are named."""
     if abs(db) < SILENT_DB:
         return "at least as much as"
     return f"at {'least' if db > 0 else 'most'} {quieter(-db)} than"

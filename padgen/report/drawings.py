@@ -105,7 +105,7 @@ class Sheet:
         self.figure.suptitle(title, x=0.15 / size[0], y=1 - 0.12 / size[1], ha="left", va="top")
 
     def part(self, name: str, shapes: Iterable[Points], **style: Any) -> Any:
-        """Draw polygons (n, 2) in mm as one artist, filled as the part of this name is."""
+        """Draw polygons (n, 2) in mm as one matplotlib artist, in the fill colour of the part `name`."""
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path
 

@@ -37,7 +37,7 @@ def svg(figure: Figure) -> str:
 
 
 def _panel(panel: Panel, figure: Figure) -> tuple[str, int]:
-    """Return what is drawn of a panel, and its height in px."""
+    """Return the SVG elements of a panel, and its height in px."""
     if panel.kind == "rows":
         return _strip(panel, figure), STRIP_PX
     if panel.kind == "matrix":

@@ -100,7 +100,7 @@ class Live:
         return _page(plan.spec, fields, {**page_data(plan, live=True), **scene_data(plan)}, None)
 
     def bare_page(self, fields: Mapping[str, Any], error: PadgenError) -> str:
-        """Return the page with the form alone, and the `error` where the verdict would stand."""
+        """Return the form without a plan, `error` in the verdict's place; the original form for invalid `fields`."""
         try:
             spec = self.spec(fields)
         except PadgenError:
@@ -175,7 +175,7 @@ def _fields(body: bytes) -> Any:
 
 
 def _worked_out(live: Live, name: str, body: bytes) -> str:
-    """Call this method of `live` with the fields in a request's body, and return its page, or else JSON."""
+    """Call the method `name` of `live` with the fields in a request's body; return a page, or else JSON."""
     gc.set_threshold(MOST_OBJECTS)
     answer = getattr(live, name)(_fields(body))
     return answer if isinstance(answer, str) else json_line(answer)

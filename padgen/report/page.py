@@ -422,7 +422,7 @@ def page_html(
 
 
 def _section(name: str) -> str:
-    """Return the section of a figure, which the page's script fills."""
+    """Return the empty HTML section of a figure, which the page's script fills."""
     kind = FIGURES.get(name)
     sheet = ' class="sheet"' if "sheet" in kind.SHOWN_IN else ""
     return (

@@ -154,7 +154,7 @@ def _wave_text(report: "WaveReport") -> str:
 
 
 def _heat_text(times: float) -> str:
-    """Say how much heat something makes over that of another, to two digits."""
+    """Write a ratio of two heats for a sentence, to two digits: 'N times as much as', or 'as much as' for 1."""
     return "as much as" if about(times) == "1" else f"{about(times)} times as much as"
 
 

@@ -204,7 +204,7 @@ def _judged(
 
 
 def _tenths(level_db: float) -> str:
-    """Write decibels, rounded as in the report's figures first, so that both print alike."""
+    """Write decibels to one decimal, rounded to two first as the report's figures are, so that both print alike."""
     return f"{round(level_db, 2):.1f}"
 
 

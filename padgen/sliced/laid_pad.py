@@ -434,7 +434,7 @@ class PadMaps:
         self.corner = (self.low - washer)[self.channel]
 
     def cells(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return column and row of the sub-cell at each point (…, 2) on the pad, and a mask of points in any."""
+        """Return column and row of the sub-cell at points (…, 2) on the pad, and a mask of points that are in one."""
         pad = self.plan.spec.pad
         cell = self.plan.cell
         rows, columns = self.places.shape
@@ -461,7 +461,7 @@ class PadMaps:
         return taxel, along, self.first[channel] + at[0] * shape[1] + at[1]
 
     def from_gap_mm(self, taxel: np.ndarray, along: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-        """Return the distances (n,) of points from the middle of the nearest gap, with what `looked_up` returns."""
+        """Return distances (n,) in mm of points, as `looked_up` returns them, from the middle of the nearest gap."""
         pixel_mm = self.pixel_mm[self.channel[taxel]][:, None]
         x, y = ((along - self.corner[taxel]) % pixel_mm - pixel_mm / 2).T
         outward = self.outward[pixel]
@@ -754,7 +754,7 @@ def _with_others(maps: PadMaps, placing: Placing, layer: Layer, step_mm: float) 
 
 
 def _scale(maps: PadMaps, placing: Placing, layer: Layer) -> float:
-    """Return the ratio of a pad's size to the planned one where most of its lowest beads lie in planned plastic.
+    """Return the ratio of laid to planned size at which most of the lowest layer's beads lie in planned plastic.
 
     Beads lie half their width inside, so that many sizes have all of them there; the middle of these is returned, which
     wider or narrower walls do not change. It is no number where no size has all of them.
@@ -848,7 +848,10 @@ def _registered(maps: PadMaps, layer: Layer, height_mm: float) -> Placing:
 
 
 def _off_centre(start: np.ndarray, stop: np.ndarray, half_mm: np.ndarray) -> np.ndarray:
-    """Return the offset (2,) in mm of the midpoint between beads at opposite edges from the pad's middle."""
+    """Return how far (2,) in mm the middle between beads at opposite edges lies off the origin.
+
+    The origin is where the pad's centre is assumed.
+    """
     off = np.zeros(2)
     for k in (0, 1):
         along = np.abs(stop[:, k] - start[:, k]) < PARALLEL_MM

@@ -145,7 +145,7 @@ class Cells(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A piece of material that is `more` than planned, or missing: volume in mm³, middle and extent in mm."""
+    """A piece of material, surplus if `more`, else missing: its volume in mm³, middle and extent in mm."""
 
     more: bool
     volume_mm3: float
@@ -267,7 +267,7 @@ def same_faces(triangles_mm: np.ndarray, planned_mm: np.ndarray) -> bool:
 
 
 def differences(one: Any, other: Any) -> list[Difference]:
-    """Return the pieces in which two manifolds differ, largest first: more in `one`, or missing from it.
+    """Return the pieces in which two manifold3d solids differ, largest first: surplus in `one` or missing.
 
     See `SMALLEST_MM` for how small a piece is found.
     """

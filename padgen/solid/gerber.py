@@ -36,7 +36,7 @@ class _Layer:
             self._current = number
 
     def flash(self, at: Point, shape: str, function: str, net: str = "") -> None:
-        """Add a pad at a place, in the shape of an aperture such as ``C,1.7`` (a circle of 1.7 mm)."""
+        """Add a copper pad or mask opening at a place, shaped as an aperture such as ``C,1.7`` (a 1.7 mm circle)."""
         self._select(shape, function)
         self._net(net)
         self._commands.append(f"{_at(at)}D03*")
@@ -141,7 +141,7 @@ def drill_text(function: str, holes: Iterable[tuple[float, Point]]) -> str:
 
 
 def _pad(number: int, size_mm: float) -> str:
-    """Return the aperture of a pin's pad: square for pin 1."""
+    """Return the Gerber aperture of a pin's copper pad: square for pin 1, else round."""
     size = _number(size_mm)
     return f"R,{size}X{size}" if number == 1 else f"C,{size}"
 

@@ -129,7 +129,7 @@ def free_diameter(holes: list[np.ndarray], x: float, y: float) -> float:
 
 
 def _off(gauges: list[Dimension]) -> Iterator[Finding]:
-    """Report the dimensions that are not as planned."""
+    """Yield an error for each dimension that is not as planned."""
     for gauge in gauges:
         within_mm = BUILT_MM + gauge.facets_mm
         if not abs(gauge.built_mm - gauge.planned_mm) <= within_mm:

@@ -146,7 +146,7 @@ def _mm(value: float) -> str:
 
 
 def project_text(board: Board, house: dict[str, Any]) -> str:
-    """Return the text of the ``.kicad_pro``: a board house's design rules, with no check of KiCad's left out."""
+    """Return the text of the ``.kicad_pro``: a board house's design rules, which switch no check off."""
     ring_mm = round((house["via_mm"] - house["drill_mm"]) / 2, 6)
     net_class = {
         "clearance": house["space_mm"],

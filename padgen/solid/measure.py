@@ -206,7 +206,7 @@ def _all_clear(path: BeamPath, k: int, sign: int, share: float, pin: Pin | None)
 
 
 def _worst(runs: list[float], planned: float, span: float, one: float, other: float) -> float:
-    """Return the size in mm farthest from `planned`: ``span + one * a + other * b`` of each two runs a, b."""
+    """Return the farthest size from `planned` in mm; each is ``span + one * a + other * b`` of a pair of runs."""
     sizes = [span + one * a + other * b for a, b in zip(runs[::2], runs[1::2], strict=True)]
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
@@ -381,7 +381,7 @@ def _where(shape: Any, z_mm: float) -> NarrowSpot:
 
 
 def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:
-    """Return the width at which `narrower` turns from false to true, within 0.1 % of `bound_mm`, or `bound_mm`."""
+    """Return the width at which `narrower` turns true, within 0.1 % of `bound_mm`; `bound_mm` if it never does."""
     if not narrower(bound_mm):
         return bound_mm
     low = 0.0

@@ -280,7 +280,7 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the triangles by column of a grid in the plane, and for each how many of the next to compare.
+    """Return triangles sorted by columns of a grid, and with how many following ones each is to be compared.
 
     A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
     pair would meet in all of them.

@@ -321,7 +321,7 @@ def turned_grid(plan: Plan) -> np.ndarray:
 
 
 def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray) -> Mesh:
-    """Return the mesh of `tiles` placed by `grid` (rows, columns) of their indices in `border`, seams welded."""
+    """Return one mesh: `tiles` in `border`, placed by the indices in `grid` (rows, columns), seams welded."""
     rows, columns = grid.shape
     spec = plan.spec
     x = np.linspace(-spec.pad.width_mm / 2, spec.pad.width_mm / 2, columns + 1)
@@ -362,7 +362,7 @@ def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray)
 
 
 def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Remove the faces of a tile's seams.
+    """Drop a tile's triangles on its four sides, where it joins its neighbours.
 
     Return a mask of the vertices that are not on its corner edges, the step (V, 3) to the lattice point of those that
     are (0 or 1 per axis), and the triangles that stay.
@@ -377,7 +377,10 @@ def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tupl
 
 
 def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lattice numbers of the border's vertices (-1 off it), and its triangles without the inner sides."""
+    """Return each border vertex's index in the lattice of tile corners (-1 off it), and the triangles to keep.
+
+    Those of the inner sides, where tiles join, are dropped.
+    """
     v = mesh.vertices_mm
     inside = (np.abs(v[:, 0]) < x[-1] + SEAM_MM) & (np.abs(v[:, 1]) < y[-1] + SEAM_MM)
     step = [np.abs(v[:, i, None] - axis).argmin(1) for i, axis in enumerate((x, y, z))]

@@ -121,7 +121,7 @@ def tray_solid(tray: Tray, pad: PadTable) -> TraySolid:
 
 
 def _socket(tray: Tray, x: float, y: float) -> Any:
-    """Return the wire of a coil's socket: a circle with a slot for the leads towards +x +y."""
+    """Return a coil socket's outline, a build123d wire: a circle with a slot for the leads towards +x +y."""
     b = build123d()
     radius = tray.socket_diameter_mm / 2
     half = tray.lead.width_mm / 2
@@ -221,7 +221,7 @@ def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
 
 
 def _off(gauges: list[Dimension]) -> Iterator[Finding]:
-    """Report the dimensions that are not as planned."""
+    """Yield an error for each dimension that is not as planned."""
     for g in gauges:
         within_mm = BUILT_MM + g.facets_mm
         if not abs(g.built_mm - g.planned_mm) <= within_mm:

@@ -107,7 +107,7 @@ def ballast_solid(plan: Plan, channel: Channel) -> Any:
 
 
 def _beam(path: BeamPath, fillet: float) -> Any:
-    """Extrude the outline on both sides of a beam's path, with a flare of radius `fillet` on each side of its root."""
+    """Return a beam's solid along its path, with a flare of radius `fillet` in mm on each side of its root."""
     b = build123d()
     half = float(path.width_mm) / 2
     edges = []
@@ -204,7 +204,7 @@ def _disc(diameter: float, x: float, low: float, high: float) -> Any:
 
 
 def _prism(ballast: Ballast, x: float, low: float, high: float) -> Any:
-    """Return the ballast's solid without its bore, `low` to `high` mm; a hexagon's corners lie beside the beam."""
+    """Return the ballast's solid, its bore filled, from `low` to `high` mm; a hexagon's corners point across x."""
     b = build123d()
     if ballast.shape == "round":
         return _disc(ballast.width_mm, x, low, high)

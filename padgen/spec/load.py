@@ -78,7 +78,7 @@ SLACK_MM = 1e-9
 
 
 def _q_rule(spec: Spec, is_in_db: bool = False) -> Rule:
-    """Return the rule that Q suffices for the asked ON over OFF, which may stand in the spec in decibels."""
+    """Return the rule that `q_min` exceeds a quarter of `delta_y`; with `is_in_db` it is worded in decibels."""
     bound = spec.delta_y / 4
     name = IN_DB if is_in_db else "delta_y"
     asked = 20 * log10(spec.delta_y) if is_in_db else spec.delta_y
@@ -325,7 +325,7 @@ def _ballast_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _flatter(spec: Spec, top_mm: float, widest_mm: float = inf) -> list[dict[str, Any]]:
-    """Return, as a cure, the catalogue's heaviest ballast that ends below `top_mm`, at most `widest_mm` wide."""
+    """Return one cure or none: the heaviest ballast that ends at `top_mm` or below, at most `widest_mm` wide."""
     fitting = {}
     for name in catalogue("ballast"):
         ballast = _catalogue_entry("ballast", name, OWN)
@@ -455,7 +455,7 @@ def _contactor_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _finer_printers(spec: Spec) -> Iterator[dict[str, Any]]:
-    """Yield the printers of the catalogue that print the spec's pin, the coarsest first."""
+    """Yield cures: each printer of the catalogue that prints the spec's pin, the coarsest first."""
     makers = {
         name: entry["smallest_pin_mm"]
         for name, entry in catalogue("printer").items()
@@ -528,7 +528,7 @@ LEAST_PRINTED_MM = 0.01
 
 
 def _printed_rules(spec: Spec) -> list[Rule]:
-    """Return the rules that the smallest beam still prints where beams print thinner or narrower than drawn."""
+    """Return the rules that the printer's offsets leave the smallest beam `LEAST_PRINTED_MM` thick and wide."""
     printer = spec.printer
     thickness = spec.suspension.thickness_mm or printer.height_mm(printer.smallest_beam_layers)
     return [
@@ -657,7 +657,7 @@ SEARCHED = ("mover", "magnet", "washer", "coil", "ballast", "suspension", "conta
 
 
 def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTable:
-    """Return `touch` with an automatic search spelt out: the parts that the spec leaves open.
+    """Return `touch` with `search` "auto" replaced by the parts that the spec leaves open, or "none".
 
     `given` are the names that the spec has, `kind` is the mover's.
     """
@@ -979,7 +979,7 @@ def parse_toml(text: str, where: str) -> dict[str, Any]:
 
 
 def _refuse_unknown(table: dict[str, Any]) -> None:
-    """Raise SpecError for a key that no spec has, among them the paper's word for the pad's size."""
+    """Raise SpecError for an unknown key; if it contains "area", name the fields of the pad's size."""
     known = [*(item.name for item in fields(Spec)), IN_DB]
     for key in table:
         if key not in known:
@@ -1087,7 +1087,7 @@ def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def is_of_spec(recorded: Spec, asked: Spec) -> bool:
-    """Return whether the spec recorded in a plan is the `asked` one.
+    """Return whether a plan's recorded spec answers the `asked` one: the same but for model and searched values.
 
     The model may differ, and values that `asked` leaves to the search are taken from the plan.
     """
@@ -1106,7 +1106,7 @@ def is_of_spec(recorded: Spec, asked: Spec) -> bool:
 
 
 def spread_of(printer: Printer) -> str:
-    """Return the name of the typical spread of `printer` in the catalogue, or of its process if it has none."""
+    """Return the name of a printer's typical spread; where it has none, that of its process's usual printer."""
     typical = f"{printer.name}-typical"
     return typical if typical in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
 
@@ -1161,7 +1161,7 @@ IN_NOZZLES = (
 
 
 def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
-    """Return a printer's fields scaled to its nozzle from the catalogue's printer with the nearest nozzle.
+    """Return default fields of a printer: those of the catalogue's nearest in nozzle size, scaled to its nozzle.
 
     What is no nozzle or process is refused where the field is read.
     """

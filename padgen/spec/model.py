@@ -277,7 +277,7 @@ class Spread:
 
     @property
     def bed_field_mm(self) -> float:
-        """Standard deviation in mm of the smooth thickness error over the bed, which may be meshed or not."""
+        """Standard deviation in mm of the thickness error that varies smoothly over the bed, meshed or not."""
         return self.field_z_mm if self.bed_meshed else self.unmeshed_field_z_mm
 
 
@@ -359,7 +359,10 @@ class Ballast:
 
     @property
     def corners_mm(self) -> float:
-        """Largest width in mm: the diameter, or a hexagon's size across corners, which lie beside the beams."""
+        """Largest width in mm: a round part's diameter, or a hexagon's size across corners.
+
+        A hexagon's corners point across the beam.
+        """
         return self.width_mm * (2 / sqrt(3) if self.shape == "hexagon" else 1.0)
 
     @property
@@ -555,7 +558,7 @@ class DriveTable:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """The model of the resonances and their largest error (docs/accuracy.md)."""
+    """The model of the resonances, and the relative error above which plans warn (docs/accuracy.md)."""
 
     structure: str = choice(
         "auto",
@@ -597,7 +600,7 @@ class LifeTable:
 
     @property
     def changes_text(self) -> str:
-        """These changes as the rest of a sentence after 'when'."""
+        """Words for these changes that end a sentence after 'when', such as 'the plastic has aged'."""
         changes = []
         if self.temperature_range_k:
             changes.append(f"the room is {number(self.temperature_range_k)} K warmer or colder")
@@ -726,7 +729,7 @@ class TouchTable:
 
     @property
     def prints_text(self) -> str:
-        """Words for the random prints that a pad is judged by, and for what lies on them where the spec names it."""
+        """Words for the random samples that a pad is judged by: 'prints', or under touch 'prints and fingers'."""
         return f"prints{PRINTS_AND.get(self.contact, '')}"
 
 
@@ -918,7 +921,7 @@ class Spec:
 
     @property
     def may_have_found_scheme(self) -> bool:
-        """True where the search for the fewest coils may have named `drive.scheme`, not who wrote the spec."""
+        """True where `drive.scheme` may come from the search for the fewest coils, not from the spec's author."""
         return self.leaves_layout_free and self.force_order == 2 and self.drive.scheme in FOUND_SCHEMES
 
     @property

@@ -46,7 +46,7 @@ MOST_ITERATIONS = 12
 
 @dataclass(frozen=True)
 class CoupledSystem:
-    """Resonators over one coil, arrays (n,) in SI units; `make_system` broadcasts.
+    """Resonators that one coil pulls, as arrays (n,) in SI units; made by `make_system`.
 
     `pull_n_per_a2` is c at rest, `inductance_h` of the whole coil at rest.
     """
@@ -66,7 +66,7 @@ class CoupledSystem:
         return 2 * np.pi * self.frequency_hz
 
     def slopes(self, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return dL/dz in H/m and d²L/dz² in H/m² at z (n, k): twice the pull per A² and its own slope."""
+        """Return dL/dz in H/m (twice the pull per A²) and d²L/dz² in H/m² for washers at z (n, k)."""
         m = self.exponent[:, None]
         gap = self.gap_m[:, None]
         near = 1 / (1 - z_m / gap)

@@ -84,7 +84,7 @@ LOST_VOLUME = 1e-9
 
 
 class Fineness(NamedTuple):
-    """Fineness of a mesh: its layers round singular edges, and the size and growth of its tetrahedra.
+    """Fineness of a mesh: layers of elements round singular edges, size and growth of its tetrahedra.
 
     `levels` of layers, each `factor` as thick as the last, in tetrahedra of at most `largest_mm` and `per_face` times
     the root of a face's area, that grow by `grading` (0 slow, 1 fast).
@@ -150,7 +150,7 @@ def _xyz(point: Any) -> tuple[float, float, float]:
 
 
 def clamped_shape(shape: Any, clamp: str) -> Any:
-    """Return the shape with the faces that `clamp` (of `CLAMPS`) holds named ``clamped``.
+    """Name ``clamped`` the faces of the shape that `clamp`, one of `CLAMPS`, holds; return the shape.
 
     Raises
     ------
@@ -240,7 +240,9 @@ def mirrored_part(shape: Any, mirrors: tuple[Mirror, ...], clamp: str) -> Any:
 
 
 def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
-    """Return the NGSolve mesh of `shape` (see `clamped_shape`) with layers along edges; `assembled` curves it.
+    """Return the NGSolve mesh of `shape` (see `clamped_shape`), refined in layers towards singular edges.
+
+    `assembled` curves it.
 
     It has layers along the edges named in `layered`, all singular ones by default. Where Netgen fails, or its layers
     leave an element without volume, slightly other meshes are tried.
@@ -268,7 +270,7 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
 
 
 def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple[Any, Fineness]]:
-    """Yield Netgen's meshes of `shape`, and how fine each is: as asked, then slightly other ones; at least one."""
+    """Yield Netgen's meshes of `shape`, each with its fineness: as asked, then slightly varied; at least one."""
     failure: SolverError | None = None
     for face in shape.faces:
         # Long thin faces bend: no element longer than a share of a square of the same area.
@@ -569,7 +571,7 @@ def factored(system: System) -> Solver:
 
 
 def accurate(system: System, solve: Solver, loads: np.ndarray, answers: np.ndarray) -> bool:
-    """Tell whether `answers` (n, k) to `loads` (n, k) are accurate, by the energy of the softest one's correction.
+    """Tell whether solutions `answers` (n, k) under `loads` (n, k) are accurate, judged by the most compliant one.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
     solid lie more than about 1e8 apart, without a word.
@@ -698,7 +700,7 @@ def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]
 
 
 class FineSetting(NamedTuple):
-    """Order of the elements, levels of layers, and their largest size (`Fineness.per_face`)."""
+    """Order of the elements, number of layers round edges, and largest element size (`Fineness.per_face`)."""
 
     order: int
     levels: int
@@ -745,12 +747,12 @@ class SolidTaxel(NamedTuple):
 
     @property
     def where(self) -> str:
-        """Beginning of refusals."""
+        """The taxel's name, or its file's where it has none, with which error messages begin."""
         return self.name or str(self.step)
 
     @property
     def materials(self) -> dict[str, Elastic]:
-        """Materials by name of solid, the glue's mass in the washer's density."""
+        """Materials by name of solid; the washer's density includes the glue's mass."""
         density = self.washer.density_kg_per_m3 + self.glue_kg / (self.washer_volume_mm3 * 1e-9)
         ballast = {BALLAST: self.ballast} if self.ballast else {}
         return {PRINTED: self.printed, WASHER: self.washer._replace(density_kg_per_m3=density), **ballast}
@@ -916,7 +918,7 @@ class Draft(NamedTuple):
 
 
 class SolvedDraft(NamedTuple):
-    """The system solved, loads (n, k) on the washer, the static answers (n, k) to them, and the modes.
+    """A solved `Draft`: system, loads (n, k) on the washer, static displacements (n, k) under them, and modes.
 
     `copies`: how often the meshed part goes into the solid.
     """

@@ -82,7 +82,7 @@ def solve_scalar(
     weight: Any = 1.0,
     start: ScalarField | None = None,
 ) -> ScalarField:
-    """Solve for the scalar magnetic potential on `mesh`: `steels` by material, air elsewhere, far faces ``far``.
+    """Solve for the scalar magnetic potential on `mesh`: `steels` by material, else air; outer faces named ``far``.
 
     `source` is T in A/m as a coefficient function; it may jump at faces of the mesh only. `start` is a
     solution on the same mesh to begin with.
@@ -111,7 +111,7 @@ def solve_scalar(
 
 
 def _energy_density(steel: Steel, field: Any, of_flux: bool = False) -> Any:
-    """Return the co-energy in J/m³ of a field H in A/m, or the energy of a flux density B in T."""
+    """Return the co-energy in J/m³ of a field H in A/m or, if `of_flux`, the energy of a flux density B in T."""
     square = ng.InnerProduct(field, field)
     if isinstance(steel, BHCurve):
         along, across = (axis.tolist() for axis in (steel.samples()[::-1] if of_flux else steel.samples()))
@@ -421,7 +421,7 @@ class PlacedWasher(NamedTuple):
 
 
 class SolidForce(NamedTuple):
-    """Wrench (washers, 6) on each washer: force in N and moment in N·m about its axis at its underside.
+    """Wrench (washers, 6) on each washer: force in N, and moment in N·m about its underside's centre.
 
     Axes as `PlacedWasher`'s; `surface` is the same by a second method (`BodyWrench`), `error` the
     larger of their disagreement and the step from elements of one order less, relative to the force.
@@ -551,7 +551,7 @@ def _tube(foot: tuple[float, float, float], inner: float, outer: float, height: 
 
 @dataclass(frozen=True)
 class PullQuestion:
-    """A question to the models of pull: a coil at `current_a` pulls a washer `offset_m` off its axis over `gap_m`.
+    """A case for all models of pull: a coil at `current_a`, a washer `offset_m` off its axis, at `gap_m`.
 
     A steel of None is linear, with the part's permeability.
     """

@@ -292,7 +292,9 @@ def _with_near(
     modes: tuple[np.ndarray, np.ndarray],
     time: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Add pairs (p,) of a resonator and a tone near its poles to `moved` (n, k); return it and the steady phasors.
+    """Add to `moved` (n, k) the motion of pairs (p,) of resonator and nearby tone; return it and steady phasors.
+
+    A tone is near where it is close to a pole of its resonator; the phasors are (p,).
 
     `which` are the resonators, `detunings` the exponents ``a − s₁`` and ``a − s₂``.
     """

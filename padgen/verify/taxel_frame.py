@@ -76,7 +76,10 @@ class _Builder:
         self.elements.append(Element(start, end, section, self.modulus, shear_modulus, self.density))
 
     def beam(self, index: int, elements: int, *, with_yoke: bool) -> int:
-        """Add one beam, clamped at its root, and return the index of its tip's node."""
+        """Add one beam with elastic hinges at both ends, its root clamped; return the index of its tip's node.
+
+        `with_yoke` gives the tip the compliance of the crossbar, which has no elements of its own then.
+        """
         placement = self.model.placements[index]
         path = self.model.arrangement.beams[index]
         section = placement.section if with_yoke else self.model.beside_yoke(placement.section)

@@ -74,7 +74,7 @@ unregister = FORMATS.unregister
 
 
 def in_order(names: Iterable[str]) -> dict[str, DriveFormat]:
-    """Return the formats of these names, in the order in which they are written.
+    """Return the drive formats of these names, keyed by name, in the order in which their files are written.
 
     Raises
     ------

@@ -233,7 +233,7 @@ def _defines(plan: Plan, drive: PadDrive, kinds: int, channels: int) -> str:
 
 
 def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
-    """Return what coil and amplifier bear, and how a sample's voltage moves a coil's current and heat.
+    """Return C macros, by name: limits of coil and amplifier, and coefficients of a coil's current and heat.
 
     With x = exp(−R dt/L) and u = v/R the current goes from b to a = u + (b − u) x, and the mean of its square is
     u² + 2 u (b − u) (1 − x)/k + (b − u)² (1 − x²)/(2k), k = R dt/L: written in a and b, a sum of terms alike in size.
@@ -308,7 +308,7 @@ def _kind_tables(drive: PadDrive, kinds: list[CoilDrive], slots: list[tuple[int,
 
 
 def _by_kind(declared: str, channels: int, entries: Iterable[list[str]], empty: str) -> str:
-    """Write a table with a row for each kind, filled up with `empty`."""
+    """Return a C table with a row for each kind of coil, each row filled up with `empty` to `channels` entries."""
     rows = [_braces([*entry, *[empty] * (channels - len(entry))]) + "," for entry in entries]
     return _rows(f"{declared}[PADGEN_KINDS][PADGEN_CHANNELS]", rows)
 
@@ -329,7 +329,7 @@ def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
 
 
 def _states_table(name: str, groups: int, states: int, tables: Iterable[Iterable[Iterable[float]]]) -> str:
-    """Write the constants of all states of each group of channels, a row for each kind."""
+    """Return a C table of constants in A², by kind of coil, group of channels, and on/off state of the group."""
     rows = []
     for table in tables:
         known = list(table)
@@ -339,7 +339,7 @@ def _states_table(name: str, groups: int, states: int, tables: Iterable[Iterable
 
 
 def _sweep(table: FirmwareSweep, rate_hz: int) -> Iterable[str]:
-    """Yield the sweep that measures a coil's taxels: frequencies and amplitudes in even steps of time."""
+    """Yield the C table of the firmware's sweep: rows of frequency in Hz and voltage amplitude in V, even in time."""
     yield f"#define PADGEN_SWEEP_SAMPLES {ceil(table.seconds * rate_hz)}u\n#define PADGEN_SWEEP_ROWS {len(table.hz)}\n"
     rows = [f"{{{_float(hz)}, {_float(volts)}}}," for hz, volts in zip(table.hz, table.volts, strict=True)]
     yield _rows("float padgen_sweep[PADGEN_SWEEP_ROWS][2]", rows)
@@ -351,7 +351,7 @@ def _turns(turns: float) -> int:
 
 
 def _float(value: float) -> str:
-    """Write a C float, as exact as it can be."""
+    """Return the C literal of `value` rounded to a single-precision float."""
     text = f"{float(np.float32(value)):.9g}"
     return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 

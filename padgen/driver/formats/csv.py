@@ -37,7 +37,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def drive_rows(plan: Plan) -> tuple[DriveRow, ...]:
-    """Return the rows of the driver table: one per channel, and one per set where the current has a constant part."""
+    """Return the driver table's rows: one per channel, then the constant current of each set of channels, if any."""
     plan = played_plan(plan)
     spec = plan.spec
     scheme = plan.scheme
@@ -59,5 +59,5 @@ def planned_carrier_hz(plan: Plan) -> float | None:
 
 
 def drive_csv(plan: Plan) -> str:
-    """Write the table as CSV."""
+    """Return the driver table as CSV text."""
     return table_csv(COLUMNS, (astuple(row) for row in drive_rows(plan)))

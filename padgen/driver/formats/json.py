@@ -39,7 +39,9 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def coil_states(plan: Plan) -> list[dict[str, Any]]:
-    """Return every state of a coil of each set, the lowest channel changing slowest; none above `LARGEST_TABLE`.
+    """Return every on/off state of a coil, for each set of channels; none if a set has more than `LARGEST_TABLE`.
+
+    The lowest channel changes slowest.
 
     `set` says of which coils (see `CoilGrid`), `state` has a 1 for every channel that is on, the lowest first. `lines`
     of the force are wanted, `spurs` are not: their force is on a washer that is pulled like those of their own channels
@@ -91,7 +93,7 @@ def _spurs(scheme: Scheme, channel_set: tuple[Channel, ...], on: list[Channel]) 
 
 
 def drive_json(plan: Plan) -> str:
-    """Write the table as JSON, with the current's recipe, the states of a coil, and where coils and taxels lie.
+    """Return the driver table as JSON, with the current's formula, a coil's states, places of coils and taxels.
 
     States of more than six channels are left out. A pixel is [row, column] of an image of the pad, from its top left.
     Places are from the pad's centre, x to the right and y upwards seen from the touch side.

@@ -154,8 +154,8 @@ FILE = "drive_syntacts.py"
 class _TimedStretch(NamedTuple):
     """Samples between two keyframes, `key` and the next; t counts from `start_s` on.
 
-    The share of the way from one to the other is ``clamp(0, offset + speed t, 1)``; `turn` is what a line of
-    harmonic 1 has turned by, in half samples of the comb's period, when t is 0.
+    The share of the way from one to the other is ``clamp(0, offset + speed t, 1)``. `half_samples` is the time from the
+    beginning of the file to t = 0, in half samples.
     """
 
     key: int

@@ -164,7 +164,7 @@ CHECKED_BLOCK = 1 << 12
 
 @dataclass(frozen=True, slots=True)
 class WaveReport:
-    """Figures of a written wave: sample 1 is `full_scale`, in V or A as `signal` says; WAV channels are the coils.
+    """Figures of a written wave: a sample of 1.0 is `full_scale`, in V or A (`signal`); WAV channels are the coils.
 
     `rms_current_a`, `copper_loss_w` are each coil's over the file, `loss_over_tones` what all coils' is over that of
     plain tones with the same lines. `alias_db`: see `PadDrive`.
@@ -299,7 +299,7 @@ def full_scale(drive: PadDrive, signal: str = "voltage") -> float:
 
 
 def _round_up(value: float) -> float:
-    """Return the next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    """Round up to 1, 1.5, 2, 3, 5 or 7 times a power of ten; return 1 for 0 and below."""
     if value <= 0:
         return 1.0
     power = floor(log10(value))

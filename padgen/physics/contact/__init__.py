@@ -82,17 +82,17 @@ class Scaled(NamedTuple):
     mass: Array = 1.0
 
     def impedance(self, hz: Array, contactor: Contactor) -> Impedance:
-        """Return what the contact adds at frequencies `hz` in Hz."""
+        """Return the scaled load of the contact on a taxel at frequencies `hz` in Hz, under a contactor."""
         added = self.contact.impedance(hz, contactor)
         return Impedance(added.stiffness * self.stiffness, added.damping * self.damping, added.mass * self.mass)
 
     def error(self, hz: Array, contactor: Contactor) -> Array:
-        """Return the relative error of the contact that is scaled."""
+        """Return the relative error of the unscaled contact's dynamic stiffness, which the factors leave as it is."""
         return self.contact.error(hz, contactor)
 
 
 class ContactModel(Protocol):
-    """A model of contact: a module, or any object, with this name."""
+    """A model of contact: a module, or any object, with the function `made_of`."""
 
     def made_of(self, fields: Mapping[str, Any]) -> Contact:
         """Return the contact with the data of a catalogue row or of a user's table."""
@@ -194,11 +194,13 @@ class LoadedTaxels(NamedTuple):
 
     @property
     def responses(self) -> int:
-        """Number of responses that are worked out for each line."""
+        """Number of resonator responses computed for each taxel and spectral line: one."""
         return 1
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the energy (rows, lines) of touched taxels under lines, over that of untouched ones at resonance.
+        """Return the energy (rows, lines) of touched taxels under lines, over their untouched energy at resonance.
+
+        A line is a sine of the force at a `frequency`; all have one amplitude.
 
         `rest`, the rounding error of a frequency, does not count at a Q as low as that of touched taxels.
         """

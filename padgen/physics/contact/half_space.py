@@ -46,7 +46,7 @@ class HalfSpace(NamedTuple):
     time: Array
 
     def impedance(self, hz: Array, contactor: Contactor) -> Impedance:
-        """Return what the skin adds at frequencies `hz` in Hz."""
+        """Return the load of the skin on a taxel at frequencies `hz` in Hz, under a contactor."""
         wide = np.asarray(contactor.radius) + self.layer
         stiffness = 2 * self.modulus * wide * guard_factor(contactor.hole_ratio)
         stiffness = stiffness * preload_factor(contactor.indentation)

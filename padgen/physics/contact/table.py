@@ -27,7 +27,7 @@ class Table(NamedTuple):
     relative_error: float = 0.0
 
     def impedance(self, hz: Array, contactor: Contactor) -> Impedance:
-        """Return what the contact adds at frequencies `hz` in Hz, whatever the contactor."""
+        """Return the load at frequencies `hz` in Hz, interpolated from the table; `contactor` has no effect."""
         at = np.log(np.maximum(np.asarray(hz, float), self.hz[0]))
         known = np.log(self.hz)
 

@@ -35,7 +35,7 @@ __all__ = [
 
 
 class DriveScheme(Protocol):
-    """A drive scheme: a module, or any object, with these names.
+    """A drive scheme: a module, or any object, with the attributes and functions below.
 
     An `ORDER` may set its place in lists; a `SIMPLICITY` may set when an automatic choice tries it, the lowest first.
     Schemes without these come last. A `FORCE_ORDER` of 1 is for forces in proportion to the current; without one it is
@@ -61,7 +61,10 @@ class DriveScheme(Protocol):
         """Return the mean of i² in A² with the channels `on` (n,)."""
 
     def current_lines_a(self, scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
-        """Return the peak current (n,) in A of each channel."""
+        """Return the peak current (n,) in A of each channel's tone, or of the coil with that channel alone on.
+
+        The latter is for currents that are no sum of tones, such as the root of a force.
+        """
 
     def peak_current_a(self, scheme: Scheme, line_a2: np.ndarray, headroom: float) -> float:
         """Return an upper bound in A of the current: all peaks at one moment."""
@@ -83,12 +86,15 @@ unregister = SCHEMES.unregister
 
 
 def in_order(force_order: int = SQUARE) -> tuple[str, ...]:
-    """Return the names of the schemes for forces of `force_order` in the current, in the order of a plan's lists."""
+    """Return the names of schemes for forces that go as current^`force_order`, in the order of a plan's lists."""
     return _sorted(force_order, lambda scheme: getattr(scheme, "ORDER", inf))
 
 
 def simplest_first(force_order: int = SQUARE) -> tuple[str, ...]:
-    """Return the names of the schemes for forces of `force_order`, simplest electronics first, turn-takers last."""
+    """Return the names of schemes for forces that go as current^`force_order`, simplest electronics first.
+
+    Schemes whose channels take turns come after all others.
+    """
     return _sorted(force_order, lambda scheme: (scheme.TAKES_TURNS, getattr(scheme, "SIMPLICITY", inf)))
 
 
@@ -126,7 +132,7 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 
 def mean_pull_line(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
-    """Return the mean of what pulls the movers: of i² in A², or of i, which is 0.
+    """Return the mean of i² in A² where i² pulls the movers; 0 where the force goes with i itself.
 
     Times a force constant it is the mean pull.
     """
@@ -134,7 +140,7 @@ def mean_pull_line(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
-    """Return the peak current (n,) in A of each channel's tone; spur-free, of the coil with that channel alone on."""
+    """Return the peak current (n,) in A of each channel's tone; if spur-free, of the coil with it alone on."""
     return scheme.kind.current_lines_a(scheme, line_a2, headroom)
 
 

@@ -27,7 +27,7 @@ HAS_PAIR_SPURS = True
 
 
 def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-    """Return the squared amplitude of two tones' spurs, I_a I_b: twice the geometric mean of their lines I²/2."""
+    """Return the squared amplitude of two tones' spurs, ``(I_a I_b)² = 4 a b``, their lines being ``a = I_a²/2``."""
     return 4 * (a * b)
 
 

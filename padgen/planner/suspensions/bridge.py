@@ -29,7 +29,7 @@ BEAMS = 2
 
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Return the length in mm of the longest beam."""
+    """Return the length in mm of the longest beam; negative where none fits."""
     return min(room.length_mm / 2, room.before_washer_mm, room.behind_washer_mm) - plate.length_mm / 2
 
 

@@ -34,7 +34,7 @@ CROSSBAR_HEIGHT_PER_BEAM = 2.5
 
 
 def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Return the length in mm of the longest beam."""
+    """Return the length in mm of the longest beam; negative where none fits."""
     end = CROSSBAR_MM + gap_mm
     return min(room.length_mm - end, 2 * room.before_washer_mm, 2 * (room.behind_washer_mm - end))
 

@@ -270,7 +270,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Facts:
-    """A small table beside a figure on the page, its first column the names; a long one is folded."""
+    """A small table beside a figure on the page, names in its first column; collapsible if `is_folded`."""
 
     caption: str
     rows: tuple[tuple[str, ...], ...]
@@ -309,9 +309,9 @@ class FigureKind(Protocol):
     """Some of `MEDIA`."""
 
     def make(self, plan: "Plan", quick: bool) -> tuple[Figure, ...]:
-        """Return the figure of a plan, or several to choose between; files and notebooks show the first.
+        """Return a plan's figure, or several to choose from; if `quick`, without what takes long to compute.
 
-        If `quick`, what takes more than some milliseconds is left out.
+        Of several, files and notebooks show the first.
         """
 
 
@@ -327,7 +327,9 @@ def figure_names(medium: str) -> tuple[str, ...]:
 
 
 def figures_of(plan: "Plan", name: str, medium: str, quick: bool = False) -> tuple[Figure, ...]:
-    """Return the figures of the kind named `name`, with only the parts that `medium` shows.
+    """Return the figures of the kind `name` with only the parts that `medium` shows; if `quick`, without slow parts.
+
+    `quick` leaves out what takes more than some milliseconds.
 
     Raises
     ------

@@ -425,7 +425,7 @@ def _png(pixels: np.ndarray) -> bytes:
 
 
 def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pixels with their centres in triangles (n, 3, 3), and the triangle and its depth at each."""
+    """Return indices of pixels whose centres lie in triangles (n, 3, 3), each with its triangle and depth."""
     low = corners[..., 1].min(1)
     high = corners[..., 1].max(1)
     owner, row = _runs(np.maximum(np.ceil(low - 0.5), 0), np.minimum(np.floor(high - 0.5), height - 1))

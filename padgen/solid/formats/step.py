@@ -25,7 +25,7 @@ _UNNAMED = "unnamed taxel of padgen"
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add a STEP file for each channel's taxel of the pad, or of a part's solid if it has one."""
+    """Add a STEP file for each channel's taxel if the job is the pad, else one of the part's solid, if any."""
     if job.pad is not None:
         for channel in job.plan.channels:
             out.write_by(f"taxel-{channel.index}.step", partial(write_taxel_step, job.plan, channel))
