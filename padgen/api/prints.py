@@ -56,7 +56,7 @@ def retune(
     measured : path, or sequence of paths
         A CSV (resonances, spectra or time series), a WAV, several of these or a folder of them, named after taxels.
     excitation : {'current', 'voltage'}
-        Quantity in the first channel of a WAV that has one channel more than taxels.
+        What the first channel of a WAV is where the others are taxels: the coil's current or its voltage.
     sensor : {'displacement', 'velocity', 'acceleration'}, optional
         Quantity that was measured, where the files do not say; by default recognised where that is possible.
     nearest : bool

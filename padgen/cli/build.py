@@ -25,7 +25,12 @@ __all__ = ["add_build", "add_check"]
 
 def add_build(commands: Any) -> None:
     """Declare ``padgen build`` and its options."""
-    parser = commands.add_parser("build", help="model the pad, check it, and write its files and its driver table")
+    parser = commands.add_parser(
+        "build",
+        help="model the pad, check it, and write its files and its driver table",
+        description="Plan the pad, model and check it, and write its folder: the files to print, order and drive it."
+        " The format board is the printed circuit board of its coils, for KiCad and board houses.",
+    )
     add_spec(parser)
     parser.add_argument(
         "--formats",
@@ -45,7 +50,12 @@ def add_build(commands: Any) -> None:
 
 def add_check(commands: Any) -> None:
     """Declare ``padgen check`` and its options."""
-    parser = commands.add_parser("check", help="whether an STL or 3MF prints, or what a slicer's G-code makes of a pad")
+    parser = commands.add_parser(
+        "check",
+        help="whether an STL or 3MF prints, or what a slicer's G-code makes of a pad",
+        description="Measure a mesh and say whether it prints, and with --spec whether it is the pad of a plan; or say"
+        " what a slicer's G-code would make of the pad. Nothing is written.",
+    )
     parser.add_argument("mesh", metavar="MESH", nargs="?", help="an STL, 3MF, OBJ or PLY file")
     parser.add_argument(
         "--gcode",

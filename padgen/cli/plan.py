@@ -25,7 +25,12 @@ USUAL_PADS = 100_000
 
 def add(commands: Any) -> None:
     """Declare ``padgen plan`` and its options."""
-    parser = commands.add_parser("plan", help="search coils, resonances and beams, and say whether the pad works")
+    parser = commands.add_parser(
+        "plan",
+        help="search coils, resonances and beams, and say whether the pad works",
+        description="Search coils, resonances and beams for a pad, say whether it works and what would help, and write"
+        " plan.json.",
+    )
     add_spec(parser)
     parser.add_argument(
         "--explain",

@@ -50,8 +50,9 @@ def add_retune(commands: Any) -> None:
         "measured",
         metavar="MEASURED",
         nargs="*",
-        help="a CSV (resonances, spectra or time series) or a WAV (the coil's current and the sensor; or a pluck), or"
-        " several or a folder of them, each named after its taxel or coil",
+        help="a CSV (resonances, spectra or time series) or a WAV (the coil's current in the first channel, then the"
+        " sensor; or a pluck alone); or several or a folder of them, each named after its taxel, as r0c1k0.wav, or"
+        " coil, as r0c1.wav",
     )
     add_option(parser, retune, "coupon", metavar="FILE")
     add_option(parser, fit_touch, "touched", metavar="FILE", nargs="+", default=None)

@@ -34,7 +34,7 @@ __all__ = ["Board", "HeaderPin", "Hole", "Label", "Track", "Via", "board_finding
 PIN_MM = 2.54
 PIN_DRILL_MM = 1.0
 PIN_PAD_MM = 1.7
-"""HeaderPin headers of 0.1 inch: pitch, hole and pad."""
+"""Pin headers of 0.1 inch: pitch, hole and pad."""
 WIDEST_LANE_MM = 0.5
 """Width of the tracks to the connector where there is room: much wider than the coils' own, they add little to them."""
 LABEL_MM = 1.0

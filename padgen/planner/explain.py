@@ -47,6 +47,7 @@ PATIENCE = 2
 WORTH_DB = 0.1
 WORTH_SHARE = 0.01
 COSTS = ("a line of the spec", "another print", "other parts", "another pad")
+ANOTHER_PRINT = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +200,10 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
         after = figures.kept_db if figures else None
         gained_db = after - now if after is not None and now is not None else None
         more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(changed) - in_band
-        prints = _prints(changed, grid, count, optimise) if figures else NO_PRINTS
+        again = _planned(changed, grid, count, optimise) if figures else None
+        prints = _printed(again) if again else NO_PRINTS
+        if again and not _is_same_print(plan, again):
+            cost = max(cost, ANOTHER_PRINT)
         change = Change(
             as_lines(cure), COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints
         )
@@ -341,16 +345,21 @@ class _Printed(NamedTuple):
 NO_PRINTS = _Printed(None, None, None)
 
 
-def _prints(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> _Printed:
-    """Plan `count` channels per coil on `grid` and return the figures of simulated prints, or `NO_PRINTS`.
-
-    It is `NO_PRINTS` where the spec is refused or the plan has errors.
-    """
+def _planned(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> Plan | None:
+    """Return the plan of `spec` with `count` channels per coil on `grid`; None where the spec is refused."""
     try:
-        plan = make_plan(_with_grid(spec, grid, count, optimise), tries_cures=False)
+        return make_plan(_with_grid(spec, grid, count, optimise), tries_cures=False)
     except SpecError:
-        return NO_PRINTS
-    return _printed(plan)
+        return None
+
+
+def _is_same_print(plan: Plan, other: Plan) -> bool:
+    """Return whether two plans have the same beams, and taxels at the same places."""
+    prints = [
+        ([channel.beam for channel in one.channels], [(taxel.x_mm, taxel.y_mm, taxel.channel) for taxel in one.taxels])
+        for one in (plan, other)
+    ]
+    return prints[0] == prints[1]
 
 
 def _printed(plan: Plan) -> _Printed:
@@ -370,8 +379,6 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     if held >= MOST_TRIED:
         yield f"nothing that was tried: no more than {MOST_TRIED} channels were"
         return
-    if spec.resonances_hz:
-        yield "resonances_hz: the spec lists them; for other numbers of channels padgen chooses them"
     band = f"{number(spec.band_hz[0])} … {number(spec.band_hz[1])} Hz"
     figures = _figures(spec, grid, more)
     if figures is not None and figures.kept_db is not None and figures.kept_db < figures.asked_db:

@@ -281,7 +281,7 @@ def spacer_mm(plan: Plan) -> float:
 
 
 def washer_underside_mm(plan: Plan) -> float:
-    """Return the height in mm of the glued washers' undersides above the pad's underside."""
+    """Return the height in mm of the undersides of washers or magnets, glued in, above the pad's underside."""
     return plan.spec.mover_low_mm
 
 

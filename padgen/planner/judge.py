@@ -435,7 +435,10 @@ def _life(plan: Plan) -> Iterator[Finding]:
     if life.print_db is None or life.print_db >= asked_db:
         do = "move every taxel by more than 0.7 of its level"
         kept = ""
-    when = "ageing and Q alone are too much: re-tune it from time to time"
+    when = (
+        "even in a room of constant temperature ageing and Q leave too few of them: re-tune it before each use, and"
+        " when the room gets warmer or colder"
+    )
     if life.retune_k > 0:
         when = f"re-tune it after every change of {number(life.retune_k)} K"
     yield Finding(
@@ -570,13 +573,14 @@ def _places(plan: Plan) -> Iterator[Finding]:
     if plan.pitch.ratio > EVEN_RATIO:
         steps = [(name, step) for name, step in (("columns", plan.pitch.x_mm), ("rows", plan.pitch.y_mm)) if step]
         name, (low, high) = max(steps, key=lambda item: item[1][1] / item[1][0])
+        across = "rows" if name == "columns" else "columns"
         yield Finding(
             "warning" if plan.pitch.ratio > HOLE_RATIO else "note",
             "layout.pitch",
             "pad",
-            f"images come out uneven: {name} of taxels lie {low:.2f} to {high:.2f} mm apart ({about(high / low, 3)} :"
-            f" 1, even is up to {EVEN_RATIO:g} : 1), since {plan.spec.mover.kind}s hang as near to their coil's axis as"
-            " their beams allow",
+            f"images come out uneven: seen along the {across}, neighbouring {name} of taxels lie {low:.2f} to"
+            f" {high:.2f} mm apart ({about(high / low, 3)} : 1, even is up to {EVEN_RATIO:g} : 1), since"
+            f" {plan.spec.mover.kind}s hang as near to their coil's axis as their beams allow",
         )
 
 

@@ -409,6 +409,14 @@ def explain(spec: Spec, layout: Layout) -> str:
     reach_mm = coil_reach_mm(spec)
     least = coil_room_mm(spec, layout.rows)
     short_mm = 2 * spec.printer.smallest_gap_mm - (inside.width_mm - plate.width_mm)
+    too_wide = (
+        f"the {spec.mover.kind} {washer.name} ({number(washer.outer_diameter_mm)} mm) with its walls and two gaps of"
+        f" {number(spec.printer.smallest_gap_mm)} mm is {number(short_mm)} mm too wide"
+    )
+    if short_mm <= 0:
+        too_wide = (
+            f"the plate ({number(plate.width_mm)} mm) leaves too little width for a beam ({number(-slack)} mm short)"
+        )
     with_tracks = f", with tracks beside it {number(least[0])} x {number(least[1])} mm"
     if max(least) <= spec.coil.outer_diameter_mm:
         with_tracks = ""
@@ -417,8 +425,7 @@ def explain(spec: Spec, layout: Layout) -> str:
         f" {number(pitch)} mm",
         "reach": f"the farthest {spec.mover.kind} lies {number(reach_mm - slack)} mm off the coil axis,"
         f" beyond the coil's reach of {number(reach_mm)} mm",
-        "width": f"{sub}, the {spec.mover.kind} {washer.name} ({number(washer.outer_diameter_mm)} mm) with its walls"
-        f" and two gaps of {number(spec.printer.smallest_gap_mm)} mm is {number(short_mm)} mm too wide",
+        "width": f"{sub}, {too_wide}",
         "length": f"{sub}, the plate ({number(plate.length_mm)} mm) leaves no length for a beam"
         f" ({number(-slack)} mm short)",
     }

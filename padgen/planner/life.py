@@ -71,9 +71,10 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
 
 
 def _life(plan: Plan, design: Design, pads: int, least_share: float = 0.0) -> Life:
-    """Return what `pads` prints keep, re-tuned only once; `retune_k` is 0 if fewer are good than asked.
+    """Simulate `pads` prints, re-tuned once, then warmer or colder, aged and with another Q; return what they keep.
 
-    Once less than a `least_share` of them can be good, the others may be left unjudged.
+    `retune_k` is the spec's whole range, or 0 where fewer prints than asked stay good. Once less than a `least_share`
+    of them can be good, the others may be left unjudged.
     """
     spec = plan.spec
     range_k = spec.life.temperature_range_k

@@ -496,7 +496,7 @@ def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
 
 
 def searched_to(scheme: Scheme) -> int:
-    """Return the largest count of channels that is tried for the all-state capacity of a scheme."""
+    """Return the largest count that is tried of channels that keep what is asked in all on/off states of a scheme."""
     return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
 
 

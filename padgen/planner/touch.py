@@ -333,8 +333,8 @@ def judge_felt(plan: Plan) -> Iterator[Finding]:
             "warning",
             "felt.off",
             f"channel {loudest.index}",
-            f"OFF, it is felt in the worst state: it vibrates {above_db:.1f} dB above what {through} at those"
-            f" frequencies, ± {felt.error_db[loudest.index]:.0f} dB; the faintest ON taxel is {abs(below_db):.1f} dB"
+            f"OFF, it is felt in the worst state: at the frequencies of ON taxels it vibrates {above_db:.1f} dB above"
+            f" what {through}, ± {felt.error_db[loudest.index]:.0f} dB; the faintest ON taxel is {abs(below_db):.1f} dB"
             f" {'above' if below_db <= 0 else 'below'} what is felt at its own frequency",
             tuple(_softer(plan, above_db)) if below_db + above_db < 0 else (),
         )
@@ -345,7 +345,7 @@ def _or_silent(db: float | None) -> float:
 
 
 def _louder(plan: Plan, below_db: float) -> Iterator[dict[str, float | str]]:
-    """Yield levels at which every ON taxel would be felt: by equal sensation, then a higher level of all taxels."""
+    """Yield changes of the spec by which every ON taxel would be felt: equal sensation, then a higher level of all."""
     level_um = plan.spec.drive.level_um
     lowest_um = plan.felt.threshold_um[0] * 10 ** ((plan.channels[0].level_loss_db + MARGIN_DB) / 20)
     equal: dict[str, float | str] = {"drive.level_law": SENSATION}

@@ -241,7 +241,7 @@ def _touched_sentence(plan: Plan) -> str:
         return f"Under a finger, {skin}, {moved}."
     heard = f"OFF taxels vibrate {quieter(kept_db)} than ON ones; {moved}."
     if plan.touch is not None and kept_db > 0:
-        return f"With {_contact_text(plan.touch)} on every taxel {heard}"
+        return f"With {_contact_text(plan.touch)} on every taxel, {heard}"
     heard = f"{skin} {heard}"
     if kept_db >= plan.selectivity.asked_db:
         return f"Under a finger it works, too: {heard}"

@@ -76,7 +76,7 @@ class Note(NamedTuple):
 
 
 class Sheet:
-    """A figure with a single axis in mm, to scale, without ticks; `mm` is how many mm an inch shows.
+    """A figure to scale with one plot whose axes are in mm, without ticks; `mm` is how many mm an inch shows.
 
     Around the `area` in mm is room in inches for words: (left, right, below, above). `most` is the largest width and
     height in inches.

@@ -50,7 +50,18 @@ def summary_text(plan: "Plan") -> str:
     if len(plan.channels) > SHOWN_CHANNELS:  # those in the middle are left out
         heading_rows = len(rows) - len(plan.channels)
         rows[heading_rows + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
-    return "\n".join([verdict_text(plan.verdict), "", pad_line(plan), "", *rows, "", *_power_lines(plan)])
+    return "\n".join(
+        [verdict_text(plan.verdict), "", pad_line(plan), "", *rows, *_folds(plan), "", *_power_lines(plan)]
+    )
+
+
+def _folds(plan: "Plan") -> list[str]:
+    """Return a line on what the number in the name of a serpentine means; none for other suspensions."""
+    for topology in dict.fromkeys(channel.beam.topology for channel in plan.channels):
+        if topology.startswith("serpentine-"):
+            legs = topology.removeprefix("serpentine-")
+            return [f"{topology}: a beam of {legs} legs side by side; l is its length along all of them."]
+    return []
 
 
 def verdict_text(verdict: Verdict) -> str:
@@ -272,11 +283,10 @@ def _power_lines(plan: "Plan") -> list[str]:
         where = "on its mount" if plan.spec.mount.is_said else "lying loose"
         by_table = works_by_table(plan)
         held = f"{prints.planned_db if by_table else prints.print_db:z.1f}"
-        instead = ", as much" if held == f"{left_db:z.1f}" else f" instead of {held} dB"
-        lines.append(
-            f"The dB that prints keep are of a pad that is held still; {where} it recoils, and keeps"
-            f" {left_db:z.1f} dB{instead}."
-        )
+        keeps = f"keeps {left_db:z.1f} dB instead of {held} dB"
+        if held == f"{left_db:z.1f}":
+            keeps = "loses nothing by that"
+        lines.append(f"The dB that prints keep are of a pad that is held still; {where} it recoils, and {keeps}.")
     return lines
 
 
@@ -620,7 +630,7 @@ def serious_text(findings: Iterable[Finding], verbose: bool = False) -> str:
     parts = [f for f in serious if f.level == "warning" and f.code.startswith(COUNTED_IN_PRINTS)]
     lines = [_finding_line(f) for f in serious if f not in parts]
     more = (
-        (len(parts), "more warning", " (counted in the dB that prints keep)"),
+        (len(parts), "more warning", " (of effects that are counted in the dB above)"),
         (len(ordered) - len(serious), "note", ""),
     )
     if counts := [f"{count} {word}{plural(count)}{about}" for count, word, about in more if count]:
@@ -685,8 +695,8 @@ EXPLAINED = (
     "still\ngood\nlater",
     "prints\nkeep dB",
     "more\nchannels",
-    "more if\nthere is\nroom",
-    "dB won if\nprints were\nperfect",
+    "more, were\nthere room",
+    "dB gained\nif prints\nwere perfect",
 )
 
 

@@ -192,7 +192,11 @@ def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
 
 
 def _stress_on(solved: ScalarField, shift: Any, at_mm: tuple[float, float, float]) -> np.ndarray:
-    """Return force and moment (6,) ``−∫ σ·∇g`` by Maxwell's stress σ = μ0 (H⊗H − ½ H²), with the displacement g."""
+    """Return force and moment (6,) ``−∫ σ·∇shift`` on the body on which the weight `shift` is 1.
+
+    The integral is over the air, where `shift` falls to 0, with Maxwell's stress σ = μ0 (H⊗H − ½ H²); the moment is
+    about `at_mm`.
+    """
     slope = ng.grad(shift)
     field = solved.field
     density = MU_0 * (ng.InnerProduct(field, field) / 2 * slope - ng.InnerProduct(field, slope) * field)

@@ -21,7 +21,15 @@ from hypothesis import strategies as st
 
 import padgen as pg
 from padgen.physics.ladder import LevelLaw, geometric_ladder, paper_ladder
-from padgen.physics.schemes import bias_a, current_lines_a, in_order, mean_square_a2, peak_current_a, peak_voltage_v
+from padgen.physics.schemes import (
+    bias_a,
+    current_lines_a,
+    formula,
+    in_order,
+    mean_square_a2,
+    peak_current_a,
+    peak_voltage_v,
+)
 from padgen.physics.selectivity import (
     Channels,
     Scheme,
@@ -305,6 +313,16 @@ def test_the_order_of_channels_does_not_matter(resonance, q, p, scheme, random):
         for index in (np.arange(len(order)), np.array(order))
     )
     assert after.db == pytest.approx(before.db, abs=1e-9)
+
+
+def test_a_scheme_that_takes_turns_has_the_formula_of_its_current_in_turns():
+    in_turns = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
+    assert formula(Scheme("time-shared")) == in_turns
+
+    class BiasedTurns(Scheme):
+        takes_turns = True
+
+    assert formula(BiasedTurns("biased")).startswith("i(t) = B + b_j sin(2 pi resonance_hz_j t) in the slot of each ON")
 
 
 @SETTINGS

@@ -81,6 +81,20 @@ def test_the_pad_as_it_is_is_the_plan(name):
     assert figures == (plan.prints.good_share, plan.life.good_share, plan.prints.print_db)
 
 
+def test_a_line_of_the_spec_that_changes_beams_costs_another_print(explained):
+    spec, plan, explanation = explained
+    made = {as_lines(cure): varied(plan.spec, cure) for _, cure in _changes(plan)}
+    costs = {change.change: change.cost for change in explanation.changes}
+    spec_lines = [name for name, cost in costs.items() if cost == "a line of the spec"]
+    for name in costs:
+        if name.startswith(("suspension.", "spacing")):
+            assert costs[name] == "another print"
+    for name in spec_lines:
+        again = make_plan(replace(made[name], coil=replace(made[name].coil, grid=(2, 2))))
+        assert [channel.beam for channel in again.channels] == [channel.beam for channel in plan.channels]
+    assert spec.name == "four" and spec_lines
+
+
 def test_one_more_channel_that_the_coil_does_not_pull_is_a_limit():
     plan = pg.plan("magnet-6")
     (limit,) = [limit for limit in _limits(plan, 6, "linear") if limit.startswith("pull: ")]

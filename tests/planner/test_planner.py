@@ -200,6 +200,13 @@ def test_whole_grids_come_before_empty_places():
         (128, 50, 200, "", "128 taxels .* room for 25 coils .* at most 4 channels, .*; .*resolution = .* would do"),
         (100000, 20, 1000, "", "room for 25 coils of 10 mm; .* allow each at most 11 channels"),
         (32, 50, 200, 'washer = "iso7089-m3"\n', "washer iso7089-m3 .* mm too wide; washer = .* would do"),
+        (
+            12,
+            50,
+            200,
+            "suspension = 'serpentine-3'\ncoil = {grid = [2, 2]}\npad = {width_mm = 33, depth_mm = 33}\n",
+            r"the plate \(4.65 mm\) leaves too little width for a beam \(0.0833\d* mm short\)",
+        ),
         (64, 50, 400, "", "leaves no length for a beam .*pad.width_mm = .* with pad.depth_mm = .* would do"),
         (16, 5, 9, "", "can be printed for .* Hz .asked: "),
         (

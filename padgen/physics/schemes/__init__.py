@@ -108,14 +108,16 @@ FORMULAS = {
     "root": "i(t) = sqrt(a0 + sum over ON channels of a_j cos(2 pi resonance_hz_j t))",
     "biased": "i(t) = B + sum over ON channels of b_j sin(2 pi resonance_hz_j t)",
     "tones": "i(t) = sum over ON channels of I_j sin(2 pi drive_hz_j t)",
-    "turns": "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other",
 }
 """The formula of each kind of current: a_j are `line_a2`, B is `bias_a`, b_j and I_j are `current_lines_a`."""
 
 
 def formula(scheme: Scheme) -> str:
     """Return the formula of a coil's current over time, as text."""
-    return FORMULAS["turns" if scheme.takes_turns else scheme.kind.CURRENT]
+    text = FORMULAS[scheme.kind.CURRENT]
+    if not scheme.takes_turns:
+        return text
+    return f"{text.replace('sum over ON channels of ', '')} in the slot of each ON channel j, one after the other"
 
 
 def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
