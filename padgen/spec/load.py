@@ -1135,7 +1135,11 @@ def _catalogue_entry(table: str, value: Any, default: str) -> Any:
     if table == "magnet":
         overrides = {**_of_grade(overrides.get("grade", entries.get(name, {}).get("grade"))), **overrides}
     if name in entries:
-        return build(kind, overrides, table, entries[name])
+        entry = entries[name]
+        if table == "printer" and overrides.get("nozzle_mm", entry["nozzle_mm"]) != entry["nozzle_mm"]:
+            of_nozzle = _of_nozzle({"process": entry["process"], **overrides})
+            entry = {**entry, **{field: of_nozzle[field] for field in (*IN_NOZZLES, "source")}}
+        return build(kind, overrides, table, entry)
     optional = {f.name for f in fields(kind) if f.default is not MISSING}
     required = {f.name for f in fields(kind)} & set(next(iter(entries.values()))) - optional
     missing = [f.name for f in fields(kind) if f.name in required - set(overrides) - {"name"}]

@@ -251,6 +251,14 @@ def test_a_printer_of_one_s_own_is_given_by_its_nozzle():
     whole = {f.name: getattr(own, f.name) for f in fields(own) if f.default is MISSING}
     table = "".join(f"{name} = {json.dumps(value)}\n" for name, value in whole.items())
     assert parse_spec(lines + "[printer]\n" + table).printer.hole_loss_mm == 0 < own.hole_loss_mm
+    # One of the catalogue with another nozzle keeps its bed, and lays lines of that nozzle.
+    other = parse_spec(lines + '[printer]\nname = "ender-3-0.4"\nnozzle_mm = 0.6\nlayer_mm = 0.2\n').printer
+    assert (other.name, other.nozzle_mm, other.layer_mm) == ("ender-3-0.4", 0.6, 0.2)
+    ender = parse_spec(lines + 'printer = "ender-3-0.4"\n').printer
+    wide = parse_spec(lines + 'printer = "fdm-0.6"\n').printer
+    assert (other.bed_x_mm, other.bed_y_mm) == (ender.bed_x_mm, ender.bed_y_mm)
+    assert (other.line_width_mm, other.smallest_gap_mm) == (wide.line_width_mm, wide.smallest_gap_mm)
+    assert ender.line_width_mm < other.line_width_mm
     pixel = parse_spec(lines + '[printer]\nname = "my-resin"\nprocess = "resin"\nnozzle_mm = 0.04\n').printer
     assert pixel.process == "resin"
     assert pixel.line_width_mm < known.line_width_mm
