@@ -74,20 +74,21 @@ def add_spec(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("spec", metavar="SPEC", help="a TOML file, the name of a template, or a plan.json")
 
 
-def add_model(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that choose the model of the resonances."""
+def add_model(parser: argparse.ArgumentParser, in_folder: bool = True) -> None:
+    """Declare the options that choose the model of the resonances; a plan `in_folder` may have chosen it already."""
+    recorded = ", or as the plan in the folder was made" if in_folder else ""
     parser.add_argument(
         "--model",
         metavar="auto|beam|solid",
-        help="how resonances are computed: by the beam model; by finite elements of the printed solid, to which the"
-        " beams are then tuned (slower); or auto: by the beam model, or with --tolerance by finite elements where the"
-        " beam model may be off by more (default: as the spec says, or as the plan in the folder was made)",
+        help="how resonances are computed. beam: by the beam model; solid: by finite elements of the printed solid, to"
+        " which the beams are then tuned (slower); auto: by the beam model, or with --tolerance by finite elements where"
+        f" the beam model may be off by more (default: as the spec says{recorded})",
     )
     parser.add_argument(
         "--tolerance",
         metavar="SHARE",
         help="largest relative error of a resonance, as 1%% or 0.01: where the beam model may be off by more, finite"
-        " elements are solved",
+        " elements are solved, or with --model beam a warning says so",
     )
 
 

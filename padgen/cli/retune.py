@@ -275,7 +275,7 @@ def add_calibrate(commands: Any) -> None:
         help="the printer's file that is written (default: my-printer.toml)",
     )
     parser.add_argument("--json", action="store_true", help="one JSON object on standard output")
-    add_model(parser)
+    add_model(parser, in_folder=False)
     parser.set_defaults(command=_calibrate)
 
 

@@ -559,11 +559,12 @@ def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
     measured = [taxel for taxel in tuning.taxels if taxel.measured]
     if low := [taxel for taxel in measured if taxel.q < LOW_Q * planned[taxel.id].q]:
         worst = min(low, key=lambda taxel: taxel.q)
+        of_worst = f" ({worst.id})" if len(low) > 1 else ""
         yield Finding(
             "warning",
             "retune.q",
             _named([taxel.id for taxel in low]),
-            f"Q is as low as {number(worst.q)} ({worst.id}), planned: {number(plan.channels[0].q)}; soft glue, a crack"
+            f"Q is as low as {number(worst.q)}{of_worst}, planned: {number(plan.channels[0].q)}; soft glue, a crack"
             f" at a root or a beam that touches the frame would explain it; a spec with q_min = {at_most(worst.q)}"
             " plans for it",
         )

@@ -650,7 +650,7 @@ def explanation_text(explanation: "Explanation") -> str:
     lines = [
         f"{explanation.channels} {keep} what was asked (driven {explanation.drive}); what stops one more:",
         *(f"  - {limit}" for limit in explanation.limits or ["nothing that was tried"]),
-        f"prints in which a re-tuned taxel keeps what was asked: {shares}",
+        f"untouched prints in which a re-tuned taxel keeps what was asked: {shares}",
         f"channels that a coil could have in this band with which prints keep what was asked: {stages} measured",
     ]
     if explanation.changes:
@@ -736,9 +736,9 @@ def yield_text(result: "PrintYield") -> str:
         "",
         "good taxels\n(95 % interval)",
         "good pads\n(95 % interval)",
-        "worst 5 %\nbelow dB",
+        "ON over OFF,\n5 % below dB",
         "median\ndB",
-        "best 5 %\nabove dB",
+        "5 %\nabove dB",
         "90 %\nreach dB",
     )
     rows = [
@@ -758,15 +758,16 @@ def yield_text(result: "PrintYield") -> str:
         "without this error\nof prints",
         "its\nsigma",
         "more good\ntaxels, %",
-        "more good taxels,\nre-tuned, %",
-        "more good pads,\nre-tuned, %",
+        "more good\npads, %",
+        "taxels,\nre-tuned, %",
+        "pads,\nre-tuned, %",
         "median dB,\nre-tuned",
     )
     costs = [
         (
             _error_text(cost.spread),
             number(round(cost.sigma, 6)),
-            *(f"{100 * gain:+z.1f}" for gain in (cost.planned.taxels, cost.retuned.taxels, cost.retuned.pads)),
+            *(f"{100 * gain:+z.1f}" for of in (cost.planned, cost.retuned) for gain in (of.taxels, of.pads)),
             _decibels(cost.retuned.median_db, "+"),
         )
         for cost in result.costs

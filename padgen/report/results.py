@@ -58,8 +58,8 @@ def driven_text(
     done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
         done = (
-            f"Played on a simulated {name}, drive.wav has {heard.selectivity_db:.1f} dB of ON over OFF"
-            f" (asked: {heard.asked_db:.1f} dB)"
+            f"Played on a simulated {name}, drive.wav has {heard.selectivity_db:.1f} dB of ON over OFF,"
+            f" faintest over loudest of all that it shows (asked: {heard.asked_db:.1f} dB)"
         )
     picture = ""
     place = plain(str(driven.folder))
@@ -77,7 +77,7 @@ def driven_text(
         key = "seen from the touch side (# ON, + between, . OFF, blank: no taxel)"
         picture = f"{frame_count}, {key}:\n{frames_text(plan, shown)}"
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
-        picture = f"the taxel at each pixel of an image, seen from the touch side:\n{map_text(plan)}\n"
+        picture = f"the taxel at each pixel of an image, seen from the touch side (- where none is):\n{map_text(plan)}\n"
     errors = [finding for finding in plan.findings if finding.level == "error"]
     lines = [
         outcome_line(done, [*errors, *driven.findings]),
@@ -203,8 +203,8 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
             )
         )
     gap = ", with the pull growing as the gap closes" if heard.with_gap else ""
-    leak = plan.reuse.leak_db
-    leaked = "" if leak is None or not plan.reuse.is_known else f", by the plan {-leak:.1f} dB or less"
+    leak = plan.reuse.most_leak_db
+    leaked = "" if leak is None or not plan.reuse.is_known else f", by the plan {-leak:.1f} dB of ON or less"
     slot = heard.slot_contrast
     held = heard.held_contrast
     frames = "" if slot is None else f"\nheard: on average over a frame, {slot[0]:.1f} dB of ON over OFF or more"
@@ -242,7 +242,7 @@ def excitation_text(played: "Excitation", folder: Path, findings: "Sequence[Find
         f" {played.seconds:.3g} s in all at {played.rate_hz} Hz; taxels reach {share}their planned levels\n"
         "record each taxel's motion with the current or voltage beside it, and give the recording to padgen retune\n"
         + "".join(f"{findings_text([finding])}\n" for finding in findings)
-        + f"written to {plain(str(folder))}: excitation.wav, excitation.json"
+        + f"written to {plain(str(folder))}: plan.json, excitation.wav, excitation.json"
     )
 
 
