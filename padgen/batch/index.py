@@ -395,7 +395,7 @@ FRONT_LABELS = {
 
 
 def _is_wide(overview: Overview, objective: int) -> bool:
-    """Tell whether the values of an objective spread over ratios, so that a logarithmic axis shows them better."""
+    """Tell whether a logarithmic axis shows an objective better: one of `RATIOS` whose values span over `WIDE` : 1."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
     has_ratio = overview.objectives[objective] in RATIOS and finite.size and finite.min() > 0

@@ -68,7 +68,7 @@ IMPORTS = ("padgen.planner",)
 
 
 class StoppedError(PadgenError):
-    """The executor makes no more variants."""
+    """The sweep cannot go on: its executor makes no more variants, or its disk is full."""
 
 
 class LostError(PadgenError):

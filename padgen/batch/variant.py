@@ -213,7 +213,7 @@ def plan_figures(plan: "Plan") -> dict[str, Any]:
         "frames_per_s": {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive],
         "reachable_level_um": plan.load.reachable_level_um,
         "voltage_v": plan.load.voltage_peak_v,
-        "power_w": plan.load.copper_loss_w * coils,
+        "power_w": plan.heat_w,
         "largest_print_spread": max(c.print_spread for c in plan.channels),
         "largest_sag_um": max(c.sag_um for c in plan.channels),
     }

@@ -81,9 +81,10 @@ def _build(options: argparse.Namespace) -> int:
         built = pad.save(folder, options.formats, options.instances, options.force, options.report)
     from padgen.report.plans import built_text
 
-    drive = f"padgen drive {plain(options.spec)} --state all --hear"
+    into = f" -o {plain(options.output)}" if options.output else ""
+    drive = f"padgen drive {plain(options.spec)} --state all --hear{into}"
     is_whole = code_of(built.findings) == DONE
-    following = f"next: print it, then {drive}" if built.verdict.is_worth_printing and is_whole else ""
+    following = f"next: print and assemble it, then {drive}" if built.verdict.is_worth_printing and is_whole else ""
     answer(options, built, built_text(built, options.verbose), following)
     return code_of(built.findings)
 

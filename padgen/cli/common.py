@@ -81,8 +81,8 @@ def add_model(parser: argparse.ArgumentParser, in_folder: bool = True) -> None:
         "--model",
         metavar="auto|beam|solid",
         help="how resonances are computed. beam: by the beam model; solid: by finite elements of the printed solid, to"
-        " which the beams are then tuned (slower); auto: by the beam model, or with --tolerance by finite elements where"
-        f" the beam model may be off by more (default: as the spec says{recorded})",
+        " which the beams are then tuned (slower); auto: by the beam model, or with --tolerance by finite elements"
+        f" where the beam model may be off by more (default: as the spec says{recorded})",
     )
     parser.add_argument(
         "--tolerance",

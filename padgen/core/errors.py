@@ -103,7 +103,7 @@ class OlderPlanError(FileError):
 
 
 class GeometryError(PadgenError):
-    """A geometry kernel refused a part."""
+    """A solid or mesh cannot be made, or a file that was written does not hold it."""
 
     code = "geometry"
 

@@ -236,7 +236,7 @@ class ExtremeStudy:
 
     @property
     def holds(self) -> bool:
-        """True where no case is wrong."""
+        """True where no extreme case is off by more than the error that it states, or breaks down."""
         return all(verdict.verdict != WRONG for verdict in self.verdicts)
 
     def text(self) -> str:

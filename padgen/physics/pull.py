@@ -558,7 +558,7 @@ def _coarse_rings(coil: CoilSource) -> np.ndarray:
 
 
 def _coil_potential(rings: np.ndarray, away: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Return the potential of a coil's rings and its slope along z (2, …), `away` (…, 2) m from its axis."""
+    """Return the magnetic potential of a coil's rings of charge and its slope along z (2, …), `away` m off the axis."""
     value, _, along_z = rings_potential(rings, np.hypot(away[..., 0], away[..., 1]), height)
     return np.stack([value, along_z])
 

@@ -298,7 +298,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
 
 
 def _best_layout(spec: Spec, limit: int, cure: Cure) -> Layout | None:
-    """Return the best layout of `spec` changed by `cure`; None if the change is refused or no layout has room."""
+    """Return the first layout in rank that works for `spec` changed by `cure`; None if it is refused or none works."""
     try:
         other = varied(spec, cure)
     except SpecError:

@@ -255,13 +255,27 @@ def _lowest_or_none(rates: Sequence[float | None]) -> float | None:
 
 
 def coil_load(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> CoilLoad:
-    """Return currents, voltage and heat of a coil with all channels on, and the largest level that all limits allow.
+    """Return currents, voltage and heat of coils with all channels on, and the largest level that all limits allow.
 
-    With two sets of channels, the figures are of the coil that allows the lower level.
+    With two sets of channels, each figure is of the set that takes most, and the level the lower one.
     """
     carrier = carrier_hz(spec, scheme, max(c.resonance_hz for c in channels))
-    loads = (_load(spec, channel_set, scheme, carrier) for channel_set in channel_sets(channels, spec.coil.sets))
-    return min(loads, key=lambda load: load.reachable_level_um)
+    loads = [_load(spec, channel_set, scheme, carrier) for channel_set in channel_sets(channels, spec.coil.sets)]
+    tightest = min(loads, key=lambda load: load.reachable_level_um)
+    most = {name: max(getattr(load, name) for load in loads) for name in MOST_OF_SETS}
+    mean_w = sum(load.copper_loss_w for load in loads) / len(loads)
+    return replace(tightest, **most, mean_copper_loss_w=mean_w)
+
+
+MOST_OF_SETS = (
+    "current_peak_ma",
+    "current_rms_ma",
+    "voltage_peak_v",
+    "copper_loss_w",
+    "idle_w",
+    "pull_in_share",
+)
+"""Figures of a `CoilLoad` that are the largest of the coils' sets of channels."""
 
 
 def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: float | None) -> CoilLoad:
@@ -304,6 +318,7 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
         pull_in_share=max(pull_in_share(spec, channel, pulling) for channel in channels),
         reachable_level_um=spec.drive.level_um * factors[tightest],
         reachable_by=tightest,
+        mean_copper_loss_w=loss_w,
     )
 
 
@@ -330,8 +345,8 @@ def fitting_parts(plan: Plan) -> Parts:
 
 def coil_demand(load: CoilLoad, coils: int, moved: tuple[Moved, ...] = ()) -> Demand:
     """Return what a plan asks of one coil and of `coils` coils with all taxels on; `moved` are taxels to judge."""
-    watts = load.copper_loss_w
-    return Demand(load.voltage_peak_v, load.current_peak_ma * MA, watts, watts * coils, moved)
+    pad_w = load.mean_copper_loss_w * coils
+    return Demand(load.voltage_peak_v, load.current_peak_ma * MA, load.copper_loss_w, pad_w, moved)
 
 
 def is_fed(spec: Spec, load: CoilLoad) -> bool:

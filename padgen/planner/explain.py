@@ -166,7 +166,7 @@ def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
         coil=coil,
         coils=coils,
         channels=len(plan.channels) // plan.coils.sets,
-        heat_w=plan.load.copper_loss_w * coils,
+        heat_w=plan.heat_w,
         peak_v=plan.load.voltage_peak_v,
         print_db=prints.print_db,
         good_share=prints.good_share,
@@ -175,7 +175,10 @@ def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
 
 
 def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
-    """Find the limits of `plan` and try changes of its spec, on the same coil grid; resonances are chosen anew."""
+    """Find the limits of `plan`, try changes of its spec on its coil grid, and plan other movers on grids of their own.
+
+    Resonances are chosen anew, but those that the spec lists for as many channels stay.
+    """
     spec = plan.spec
     grid = (plan.coils.rows, plan.coils.columns)
     count = len(plan.sets[0])

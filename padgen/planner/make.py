@@ -484,12 +484,17 @@ def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
     coils = bare.coils.rows * bare.coils.columns
     # Heat goes with the square of what pulls: the current, or its square.
     louder = (level_um / spec.drive.level_um) ** (2 / spec.force_order)
-    load = replace(load, copper_loss_w=load.copper_loss_w * louder * UNSURE_HEAT)
+    hotter = louder * UNSURE_HEAT
+    load = replace(
+        load,
+        copper_loss_w=load.copper_loss_w * hotter,
+        mean_copper_loss_w=load.mean_copper_loss_w * hotter,
+    )
     demand = coil_demand(load, coils)._replace(beam_rise_k=planned_warmth(replace(bare, load=load)).beam_rise_k)
     is_borne = not any(one.limit.planned == "error" for one in exceeded(spec, demand))
     within = load.reachable_level_um >= level_um and is_borne
     kept_db = -inf if touch.print_db is None else touch.print_db
-    return TouchTrial(kept_db, load.copper_loss_w * coils, level_um, within)
+    return TouchTrial(kept_db, load.mean_copper_loss_w * coils, level_um, within)
 
 
 UNSURE_HEAT = 1.4

@@ -385,11 +385,13 @@ class Selectivity:
 
 @dataclass(frozen=True, slots=True)
 class CoilLoad:
-    """Load of one coil and its amplifier with all channels on.
+    """Load of the coils and their amplifier with all channels on.
 
-    `pull_in_share` is the mean pull over the pull at which the softest washer snaps to the coil. `reachable_level_um`
-    is the largest `drive.level_um` that all limits of a coil allow, `reachable_by` the limit that it then meets.
-    `idle_w` is the power that the scheme's constant current takes with all taxels OFF.
+    Where coils have two sets of channels by turns, each figure is of the coil that takes most. `mean_copper_loss_w` is
+    the heat of the coils' mean: times their number it is the pad's. `pull_in_share` is the mean pull over the pull at
+    which the softest washer snaps to the coil. `reachable_level_um` is the largest `drive.level_um` that all limits of
+    a coil allow, `reachable_by` the limit that it then meets. `idle_w` is the power that the scheme's constant current
+    takes with all taxels OFF.
     """
 
     current_peak_ma: float
@@ -400,6 +402,7 @@ class CoilLoad:
     pull_in_share: float
     reachable_level_um: float
     reachable_by: str
+    mean_copper_loss_w: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -855,6 +858,11 @@ class Plan:
     def scheme(self) -> Scheme:
         """The drive scheme with the settings of the spec."""
         return scheme_named(self.spec, self.selectivity.drive, self.channels)
+
+    @property
+    def heat_w(self) -> float:
+        """Heat in W of all coils with all taxels on at their planned levels, in copper at 20 °C."""
+        return self.load.mean_copper_loss_w * self.coils.rows * self.coils.columns
 
     @property
     def retuned_prints(self) -> "Prints | Touch":

@@ -290,7 +290,7 @@ UnsizedLayout = tuple[Layout, Callable[[], SizedLayout | None]]
 
 
 def layouts_to_size(spec: Spec, options: Iterable[Layout], most: int | None = None) -> Iterator[UnsizedLayout]:
-    """Yield the `options` in their order, each with a call that sizes its beams, until `most` of them work.
+    """Yield the `options` in their order, each with a call that sizes its beams, until `most` work or many were tried.
 
     The call returns None for a layout that does not work. Of each grid and count of channels only the first division of
     the cell that works is taken.

@@ -198,7 +198,7 @@ class ShakenPad:
         return HeardImages(np.where(shown != 0, on, np.inf).min(-1), off)
 
     def _coil_mates(self, taxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return pairs (m,): an index into `taxels` (i,), and a taxel over the same coil, or that taxel itself."""
+        """Return all pairs (m,) of an index into `taxels` (i,) and a taxel over that one's coil, itself included."""
         by_coil = np.argsort(self.coil_of, kind="stable")
         sorted_coils = self.coil_of[by_coil]
         begin, end = (np.searchsorted(sorted_coils, self.coil_of[taxels], side) for side in ("left", "right"))

@@ -46,7 +46,10 @@ LEAST_SHARE = 0.1
 
 
 def planned_warmth(plan: Plan) -> Warm:
-    """Return the temperatures of a plan's pad with all taxels on for good at their planned level."""
+    """Return the temperatures of a plan's pad with all taxels on for good at their planned level.
+
+    As if each coil had the heat of the one that has most of it.
+    """
     spec = plan.spec
     room_c = spec.limits.room_c
     layers = warm_layers(plan)

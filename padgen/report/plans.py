@@ -91,7 +91,7 @@ def pad_line(plan: "Plan") -> str:
     ]
     is_even = pitch.ratio <= EVEN
     nearest_mm = nearest_taxels_mm(plan)
-    nearest = "nearest taxels " + "-".join(dict.fromkeys(f"{v:.1f}" for v in nearest_mm)) + " mm apart"
+    nearest = "each taxel " + "-".join(dict.fromkeys(f"{v:.1f}" for v in nearest_mm)) + " mm from its nearest"
     is_full = pitch.taken > 1 - 1e-9
     spaced = ""
     if sides and is_full:
@@ -162,7 +162,7 @@ def feeding_line(plan: "Plan") -> str:
         f"Sound card{f' ({named})' if named else ''}, output k → amplifier ({amplifier}), input k; its output k → both"
         f" leads of coil k, {count} times. The supply feeds the amplifier alone, which gives each coil up to"
         f" {load.voltage_peak_v:.2g} V and {load.current_peak_ma:.3g} mA peak, and all of them"
-        f" {about(count * load.copper_loss_w)} W with all taxels on."
+        f" {about(plan.heat_w)} W with all taxels on."
     )
 
 
@@ -241,9 +241,9 @@ def _power_lines(plan: "Plan") -> list[str]:
     prints = plan.prints
     count = plan.coils.rows * plan.coils.columns
     lines = [
-        f"Drive: {plan.selectivity.drive}. All taxels on: {count * load.copper_loss_w:.2g} W in the coils"
-        f" (per coil {load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and {load.voltage_peak_v:.2g} V"
-        " peak);"
+        f"Drive: {plan.selectivity.drive}. All taxels on: {plan.heat_w:.2g} W in the coils"
+        f" (a coil takes up to {load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and"
+        f" {load.voltage_peak_v:.2g} V peak);"
         f" idle: {count * load.idle_w:.2g} W."
     ]
     warm = plan.warm
@@ -651,7 +651,7 @@ def explanation_text(explanation: "Explanation") -> str:
         f"{explanation.channels} {keep} what was asked (driven {explanation.drive}); what stops one more:",
         *(f"  - {limit}" for limit in explanation.limits or ["nothing that was tried"]),
         f"untouched prints in which a re-tuned taxel keeps what was asked: {shares}",
-        f"channels that a coil could have in this band with which prints keep what was asked: {stages} measured",
+        f"channels per coil with which prints would keep what was asked, spread over the whole band: {stages} measured",
     ]
     if explanation.changes:
         rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
@@ -682,8 +682,8 @@ def explanation_text(explanation: "Explanation") -> str:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot} / {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else _law_text(law).split()[-1] for law in laws)]
     heading = (
-        "most channels that a coil could have in the band with perfect prints and room for all (with one channel ON /"
-        " in all on/off states), by how the levels of its channels go with frequency:"
+        "most channels of a coil that would keep what was asked with perfect prints and room for all (with one channel"
+        " ON / in all on/off states), by how the levels of its channels go with frequency:"
     )
     return "\n".join([*lines, "", heading, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 

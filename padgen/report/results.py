@@ -77,7 +77,7 @@ def driven_text(
         key = "seen from the touch side (# ON, + between, . OFF, blank: no taxel)"
         picture = f"{frame_count}, {key}:\n{frames_text(plan, shown)}"
     elif max(taxel_grid(plan).shape) <= MOST_MAPPED:
-        picture = f"the taxel at each pixel of an image, seen from the touch side (- where none is):\n{map_text(plan)}\n"
+        picture = f"the taxel at each pixel of an image, seen from the touch side (-: none):\n{map_text(plan)}\n"
     errors = [finding for finding in plan.findings if finding.level == "error"]
     lines = [
         outcome_line(done, [*errors, *driven.findings]),

@@ -240,7 +240,7 @@ class AxisymmetricForce(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Relative difference of the forces by the two potentials; inf for no force."""
+        """Relative difference of the forces by the scalar and the vector potential; inf if their mean is 0."""
         return abs(self.scalar_n - self.vector_n) / abs(self.force_n) if self.force_n else float("inf")
 
 

@@ -466,8 +466,25 @@ def test_mean_pull_and_heat_of_each_scheme_by_hand(scheme, text):
             forces = [slack_um * (gap_um / (gap_um - z)) ** channel.pull_exponent for z in near]
             softer = np.sqrt(1 - (forces[0] - forces[1]) / 2e-3)
             assert 1 - channel.pull_shift == pytest.approx(softer, abs=channel.pull_shift**2)
-    # The load is that of the coil that allows less, here the hotter one.
     assert plan.load.copper_loss_w == pytest.approx(max(losses))
+    # Coils of the sets lie by turns.
+    assert plan.heat_w == pytest.approx(np.mean(losses) * plan.coils.rows * plan.coils.columns)
+
+
+@pytest.mark.parametrize("name", ["magnet-32", "pad-32", "palm-24"])
+def test_a_load_is_that_of_the_set_of_channels_that_takes_most(name):
+    """Of magnet-32 and palm-24 the set that takes more current is not the one with less room to grow."""
+    plan = pg.plan(name)
+    rows = drive_rows(plan)
+    currents = [[rows[c.index].current_ma_peak for c in one] for one in plan.sets]
+    if not plan.scheme.is_root:  # whose tones are lines of the squared current
+        assert plan.load.current_peak_ma == pytest.approx(max(map(sum, currents)))
+        rms = [sum(i**2 / 2 for i in one) ** 0.5 for one in currents]
+        assert plan.load.current_rms_ma == pytest.approx(max(rms))
+        watts = [plan.spec.coil.resistance_ohm * (i * 1e-3) ** 2 for i in rms]
+        assert plan.load.copper_loss_w == pytest.approx(max(watts))
+        assert plan.heat_w == pytest.approx(np.mean(watts) * plan.coils.rows * plan.coils.columns)
+    assert plan.load.mean_copper_loss_w < plan.load.copper_loss_w
 
 
 def test_softening_beyond_a_quarter_of_a_slot_is_found():

@@ -323,9 +323,9 @@ def test_no_words_of_the_section_collide_and_all_labels_point_into_their_parts(n
 
 def test_the_first_table_says_how_far_nearest_taxels_are_apart():
     """paper-32's lie like the squares of one colour: 8.84 mm is the diagonal of 6.25 mm."""
-    assert "(even; staggered like a chessboard, nearest taxels 8.8 mm apart)" in pad_line(pg.plan("paper-32"))
+    assert "(even; staggered like a chessboard, each taxel 8.8 mm from its nearest)" in pad_line(pg.plan("paper-32"))
     uneven = pad_line(pg.plan("wide-11"))
-    assert ", unevenly spaced, nearest taxels 8.8-16.2 mm apart;" in uneven
+    assert ", unevenly spaced, each taxel 8.8-16.2 mm from its nearest;" in uneven
 
 
 @pytest.mark.parametrize("name", TEMPLATES)

@@ -49,7 +49,7 @@ CODE = ("physics/magnetics.py", "physics/pull.py")
 
 
 def steel_ring(washer: Washer, ballast: Ballast | None = None) -> SteelRing:
-    """Return the washer of a spec in SI units, with the steel of ballast on top of it, a hexagon as a disc of its area.
+    """Return a washer in SI units with any magnetic ballast on it; hexagonal ballast is a disc of as large an area.
 
     Of both the permeability is the washer's.
     """

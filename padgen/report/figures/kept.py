@@ -25,7 +25,7 @@ MOST_DB = 200.0
 
 
 def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
-    """Return the histogram of the simulated prints behind the plan's figures; if `quick`, its table alone."""
+    """Return the histogram of simulated prints and a table of the dB kept at each stage; if `quick`, only the table."""
     prints = plan.prints
     asked_db = plan.selectivity.asked_db
     stages_db = (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db)
