@@ -288,7 +288,7 @@ def pads() -> None:
             seconds = time.process_time() - started
             coils = plan.coils.rows * plan.coils.columns
             load = plan.load
-            watts = load.copper_loss_w * coils
+            watts = plan.heat_w
             kept_db = plan.prints.print_db
             share = plan.prints.good_share
             coupling = "DC" if plan.scheme.has_constant else "AC or DC"
