@@ -44,8 +44,8 @@ __all__ = [
 ]
 
 DEPTHS = ("24", "float")
-BRAKED = ("csv", "json", "wav")
-"""Formats that go with a brake: the WAV that has it, and tables, which show no frames."""
+WAV_AND_TABLES = ("csv", "json", "wav")
+"""Formats that go with what only a WAV plays, a brake or taxels crossed: the WAV, and tables, which show no frames."""
 UNSIGNED = "has all taxels of a channel in step: with the signs that keep the pad still it"
 
 
@@ -291,17 +291,17 @@ class Drive:
             raise SpecError("listens to the WAV: add wav to --formats", "--hear")
         if self.loop and (self.frames is None or len(self.frames) != 1):
             raise SpecError("repeats one state without a seam; add --state with one", "--loop")
-        unbraked = [name for name in written if name not in BRAKED]
+        others = [name for name in written if name not in WAV_AND_TABLES]
         if self.brake:
             rules = (
                 (self.frames is None, "is of a WAV; add --state or --frames"),
                 (self.loop, "is for the end of a frame, a loop has none"),
-                (bool(unbraked), f"is in a WAV only; {', '.join(unbraked)} of --formats cannot have it"),
+                (bool(others), f"is in a WAV only; {', '.join(others)} of --formats cannot have it"),
             )
             for broken, sentence in rules:
                 if broken:
                     raise SpecError(sentence, "--brake")
-        if self.crossed and (hear or set(written) - {"csv", "json", "wav"}):
+        if self.crossed and (hear or others):
             raise SpecError(
                 f"{CROSSED!r} is played from a WAV; leave out --hear and formats for other players", "--pattern"
             )
