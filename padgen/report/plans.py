@@ -235,13 +235,14 @@ SHOWN_CHANNELS = 12
 
 def _power_lines(plan: "Plan") -> list[str]:
     """Return lines on the pad's power, warmth and touch, and on the selectivity that its prints keep."""
+    from padgen.physics.schemes import in_words
     from padgen.planner.verdict import moving_pad_db, works_by_table
 
     load = plan.load
     prints = plan.prints
     count = plan.coils.rows * plan.coils.columns
     lines = [
-        f"Drive: {plan.selectivity.drive}. All taxels on: {plan.heat_w:.2g} W in the coils"
+        f"Drive: {plan.selectivity.drive}, {in_words(plan.scheme)}. All taxels on: {plan.heat_w:.2g} W in the coils"
         f" (a coil takes up to {load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and"
         f" {load.voltage_peak_v:.2g} V peak);"
         f" idle: {count * load.idle_w:.2g} W."

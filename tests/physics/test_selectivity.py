@@ -26,6 +26,7 @@ from padgen.physics.schemes import (
     current_lines_a,
     formula,
     in_order,
+    in_words,
     mean_square_a2,
     peak_current_a,
     peak_voltage_v,
@@ -318,6 +319,8 @@ def test_the_order_of_channels_does_not_matter(resonance, q, p, scheme, random):
 def test_a_scheme_that_takes_turns_has_the_formula_of_its_current_in_turns():
     in_turns = "i(t) = I_j sin(2 pi drive_hz_j t) in the slot of each ON channel j, one after the other"
     assert formula(Scheme("time-shared")) == in_turns
+    assert in_words(Scheme("time-shared")) == "sines at half the resonances, one channel at a time"
+    assert in_words(Scheme("linear")) == "sines at the resonances"
 
     class BiasedTurns(Scheme):
         takes_turns = True

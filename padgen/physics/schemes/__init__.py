@@ -22,6 +22,7 @@ __all__ = [
     "current_lines_a",
     "formula",
     "in_order",
+    "in_words",
     "mean_pull_line",
     "mean_square_a2",
     "on_carrier_v",
@@ -118,6 +119,20 @@ def formula(scheme: Scheme) -> str:
     if not scheme.takes_turns:
         return text
     return f"{text.replace('sum over ON channels of ', '')} in the slot of each ON channel j, one after the other"
+
+
+IN_WORDS = {
+    "linear": "sines at the resonances",
+    "root": "the square root of the wanted force",
+    "biased": "a constant and sines at the resonances",
+    "tones": "sines at half the resonances",
+}
+"""What each kind of current is."""
+
+
+def in_words(scheme: Scheme) -> str:
+    """Return what a coil's current is, in a few words."""
+    return IN_WORDS[scheme.kind.CURRENT] + (", one channel at a time" if scheme.takes_turns else "")
 
 
 def bias_a(scheme: Scheme, line_a2: np.ndarray) -> float:
