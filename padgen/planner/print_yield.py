@@ -189,7 +189,7 @@ def _criterion(plan: Plan, design: Design) -> str:
     alone = "a taxel with a coil to itself while its tone moves it by 1/sqrt(2) of its level"
     counts = {len(coils.channels) for coils in design.coils}
     if counts == {1}:
-        return f"no coil has a second channel, so that OFF taxels hear other coils only: {alone} is good"
+        return f"no coil has a second channel, so that there is no selectivity within a coil: {alone} is good"
     return f"{asked}, {alone}" if 1 in counts else asked
 
 

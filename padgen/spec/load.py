@@ -1164,6 +1164,10 @@ IN_NOZZLES = (
 """Fields of a printer that go with its nozzle, or with its pixel."""
 
 
+WIDER_THAN_ANY_MM = 1e6
+"""A nozzle beyond this is no basis for other fields; it is refused by its bound."""
+
+
 def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
     """Return default fields of a printer: those of the catalogue's nearest in nozzle size, scaled to its nozzle.
 
@@ -1172,7 +1176,8 @@ def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
     nozzle_mm = printer["nozzle_mm"]
     every = list(catalogue("printer").values())
     entries = [row for row in every if row["process"] == printer.get("process", "fdm")]
-    if isinstance(nozzle_mm, bool) or not isinstance(nozzle_mm, (int, float)) or not 0 < nozzle_mm < inf or not entries:
+    is_number = isinstance(nozzle_mm, (int, float)) and not isinstance(nozzle_mm, bool)
+    if not is_number or not 0 < nozzle_mm < WIDER_THAN_ANY_MM or not entries:
         return every[0]
     nearest = min(entries, key=lambda row: abs(log(row["nozzle_mm"] / nozzle_mm)))
     share = nozzle_mm / nearest["nozzle_mm"]

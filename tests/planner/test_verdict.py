@@ -164,7 +164,7 @@ def test_only_a_pad_that_works_is_to_be_printed(tmp_path, monkeypatch, capsys):
         assert cli.run(["build", "tiny.toml"]) == (words == "does not work")
         told = capsys.readouterr().out
         assert told.startswith(f"tiny {words}")
-        assert ("next: print it" in told) == (words == "works")
+        assert ("next: print and assemble it" in told) == (words == "works")
 
 
 def test_the_deepest_cause_of_a_shortfall_is_named(paper_plan):
