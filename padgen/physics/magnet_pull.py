@@ -93,7 +93,7 @@ RULE_SHARES = (2e-5, 2e-4)
 
 
 class _Core(NamedTuple):
-    """How a coil's core responds to magnets, by orders m of the angle round its axis (cos mφ), at the core's nodes.
+    """Responses of a coil's core to magnets, by orders m of the angle round its axis (cos mφ), at the core's nodes.
 
     `along` (m, K, 3, nodes) times J_m(k offset) exp(−k gap) is a magnet's potential in A at the nodes and its first and
     second slope with the gap. `across` (m, K, 2, nodes) times J_m' exp(−k gap) is its slope with the offset, with its

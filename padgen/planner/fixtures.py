@@ -44,7 +44,6 @@ __all__ = [
     "screw_for",
     "spacer_mm",
     "tray_findings",
-    "washer_underside_mm",
 ]
 
 SUFFIX = "-coupon"
@@ -244,7 +243,7 @@ def plan_tray(plan: Plan) -> Tray:
         )
     # Whole layers: enough for the floor, and as near as they come to the height above it.
     floor = printer.height_mm(printer.layers_up_to(FLOOR_MM))
-    layers = int((coil.length_mm + coil.gap_mm - washer_underside_mm(plan)) / printer.layer_mm + 0.5 + 1e-6)
+    layers = int((coil.length_mm + coil.gap_mm - plan.spec.mover_low_mm) / printer.layer_mm + 0.5 + 1e-6)
     height = round(floor + layers * printer.layer_mm, 6)
     clear = round(height - floor - coil.length_mm, 6)
     _refuse(plan, clear)
@@ -259,7 +258,7 @@ def plan_tray(plan: Plan) -> Tray:
         socket_top_mm=round(floor + depth, 6),
         coil_top_mm=round(floor + coil.length_mm, 6),
         height_mm=height,
-        gap_mm=round(clear + washer_underside_mm(plan), 6),
+        gap_mm=round(clear + plan.spec.mover_low_mm, 6),
         clear_mm=clear,
         socket_diameter_mm=coil.outer_diameter_mm + printer.smallest_gap_mm,
         seat_hole_mm=HOLE_SHARE * coil.outer_diameter_mm,
@@ -277,12 +276,7 @@ def plan_tray(plan: Plan) -> Tray:
 
 def spacer_mm(plan: Plan) -> float:
     """Return the height in mm of the spacers between the pad's underside and the coils' tops on a board."""
-    return round(plan.spec.coil.gap_mm - washer_underside_mm(plan), 6)
-
-
-def washer_underside_mm(plan: Plan) -> float:
-    """Return the height in mm of the undersides of washers or magnets, glued in, above the pad's underside."""
-    return plan.spec.mover_low_mm
+    return round(plan.spec.coil.gap_mm - plan.spec.mover_low_mm, 6)
 
 
 def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
@@ -310,7 +304,7 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
                 f"channel {lowest.index}",
                 f"its plate comes down by {number(travel)} mm (amplitude, sag, static pull), the coils lie"
                 f" {number(tray.clear_mm)} mm below it; a gap of"
-                f" {at_least(travel + washer_underside_mm(plan) + spec.printer.layer_mm)} mm would do",
+                f" {at_least(travel + plan.spec.mover_low_mm + spec.printer.layer_mm)} mm would do",
             )
         )
     pad = spec.pad
@@ -340,7 +334,7 @@ def _refuse(plan: Plan, clear_mm: float) -> None:
     smallest = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
     shortest = LEAST_SOCKET_LAYERS * printer.layer_mm
     needed = outer + printer.smallest_gap_mm + wall
-    inside = washer_underside_mm(plan)
+    inside = plan.spec.mover_low_mm
     rules = (
         (
             outer >= smallest - 1e-9,

@@ -78,12 +78,12 @@ def _life(plan: Plan, design: Design, pads: int, least_share: float = 0.0) -> Li
     """
     spec = plan.spec
     range_k = spec.life.temperature_range_k
-    worse = _after(plan, design, range_k, pads, least_share)
-    if worse.good.mean() >= least_share:
+    judged = _after(plan, design, range_k, pads, least_share)
+    if judged.good.mean() >= least_share:
         colder = _after(plan, design, -range_k, pads, least_share)
-        worse = _Judged(np.minimum(worse.ratio, colder.ratio), worse.good & colder.good)
-    share = float(worse.good.mean())
-    kept_db, reached = rising_db(worse.ratio, spec.print_share)
+        judged = _Judged(np.minimum(judged.ratio, colder.ratio), judged.good & colder.good)
+    share = float(judged.good.mean())
+    kept_db, reached = rising_db(judged.ratio, spec.print_share)
     is_heard = plan.retuned_prints.print_db is not None and bool(np.isfinite(kept_db).all())
     return Life(
         temperature_range_k=range_k,

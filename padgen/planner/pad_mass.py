@@ -17,7 +17,7 @@ import numpy as np
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import COPPER_KG_PER_M3, COPPER_OHM_M, G_PER_CM3, GRAM, MG, MM
 from padgen.physics.modes import RigidBody, box, combine, gathered, ring
-from padgen.planner.fixtures import Tray, plan_tray, washer_underside_mm
+from padgen.planner.fixtures import Tray, plan_tray
 from padgen.planner.layout import coil_axis_mm, corner_groove
 from padgen.planner.plan import TURNS, Channel, Plan, Taxel
 from padgen.planner.suspensions import BeamPath, BeamShape, PathPoint, PlateShape
@@ -90,7 +90,7 @@ class PadMass:
         if self.tray:
             return self.tray.height_mm
         coil = self.plan.spec.coil
-        return coil.gap_mm + coil.length_mm - washer_underside_mm(self.plan)
+        return coil.gap_mm + coil.length_mm - self.plan.spec.mover_low_mm
 
     @cached_property
     def tray_body(self) -> RigidBody | None:
@@ -102,7 +102,7 @@ class PadMass:
         """All coils: copper and cores."""
         plan = self.plan
         coil = plan.spec.coil
-        top = (washer_underside_mm(plan) - coil.gap_mm) * MM
+        top = (plan.spec.mover_low_mm - coil.gap_mm) * MM
         low = top - coil.length_mm * MM
         mean_m = pi * (coil.outer_diameter_mm + coil.inner_diameter_mm) / 2 * MM
         wire_m = coil.turns * mean_m

@@ -699,8 +699,9 @@ class Recoil:
 class Warm:
     """Temperatures in °C of the pad with all taxels on for good at their planned level, in air at `room_c`.
 
-    `heat_w` is the heat of all coils at 20 °C; the rest counts the copper's rise of resistance. `coil_c`, `beam_c`
-    and `gap_c` are of the warmest coil, the warmest beams and the air between them, `mean_coil_c` and `mean_beam_c` of
+    `heat_w` is the heat of all coils at 20 °C, as if each took what the one that takes most does, which with two sets
+    of channels is more than `Plan.heat_w`; the rest counts the copper's rise of resistance. `coil_c`, `beam_c` and
+    `gap_c` are of the warmest coil, the warmest beams and the air between them, `mean_coil_c` and `mean_beam_c` of
     all coils and all beams.
     Rises over the room have the relative error `error`. They reach two thirds of their end after `warm_up_min` on a
     table that takes up no heat, later on one that does.

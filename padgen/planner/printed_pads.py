@@ -607,8 +607,7 @@ def printed(
         many = min(unit, pads - number * unit)
         drawn = drawn_prints(design, spreads, seed, number, many)
         later = None if drift is None else drawn_later(drift, taxels, seed, number, many)
-        _judge_drawn(design, drawn, number * unit, stages, prints, later, least_share)
-        if prints.good[-1].mean() < least_share:
+        if not _judge_drawn(design, drawn, number * unit, stages, prints, later, least_share):
             break
     return prints
 
@@ -662,10 +661,11 @@ def _judge_drawn(
     prints: Simulated,
     later: Later | None = None,
     least_share: float = 0.0,
-) -> None:
+) -> bool:
     """Judge drawn prints at the given stages, and enter the results into `prints` after those of `before` pads.
 
-    With `later` they are judged as they are then, with the tones and lines of now. `least_share` is that of `printed`.
+    With `later` they are judged as they are then, with the tones and lines of now. Stops, and returns False, once less
+    than a `least_share` of all prints can be good at the last stage.
     """
     known = [STAGES.index(stage) for stage in stages]
     step = max(BLOCK // len(design.channel), 1)
@@ -682,7 +682,8 @@ def _judge_drawn(
         for coils, modes in zip(design.coils, design.modes, strict=True):
             _judge(design, coils, modes, now, Ratios(tones, pulls), stages, prints, block)
         if prints.good[-1].mean() < least_share:
-            return
+            return False
+    return True
 
 
 def _judge(

@@ -20,7 +20,7 @@ from padgen.physics.warmth import (
     plate_on_half_space,
     temperatures,
 )
-from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE, washer_underside_mm
+from padgen.planner.fixtures import FLOOR_MM, HOLE_SHARE, SOCKET_SHARE
 from padgen.planner.pad_mass import PadMass
 from padgen.planner.plan import TURNS, Plan, Warm, carrier_hz
 from padgen.spec.model import Material
@@ -234,6 +234,6 @@ def _tray_heights_mm(plan: Plan) -> tuple[float, float, float, float]:
     tray = PadMass(plan).tray
     if tray is None:
         coil = plan.spec.coil
-        height_mm = FLOOR_MM + coil.length_mm + coil.gap_mm - washer_underside_mm(plan)
+        height_mm = FLOOR_MM + coil.length_mm + coil.gap_mm - plan.spec.mover_low_mm
         return FLOOR_MM, FLOOR_MM + SOCKET_SHARE * coil.length_mm, FLOOR_MM + coil.length_mm, height_mm
     return tray.floor_mm, tray.socket_top_mm, tray.coil_top_mm, tray.height_mm

@@ -12,7 +12,7 @@ import numpy as np
 
 from padgen.core.display import COLOURS, INK, PALE
 from padgen.core.errors import InfeasibleError, number, plural
-from padgen.planner.fixtures import plan_tray, washer_underside_mm
+from padgen.planner.fixtures import plan_tray
 from padgen.planner.guard import pin_places
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, outline, to_cell
 from padgen.planner.pins import felt_parts
@@ -307,7 +307,7 @@ def draw_section(plan: Plan) -> Any:
     length = float(arrangement.window_mm[0])
     x = float(arrangement.washer_x_mm)
     thin = channel.beam.thickness_mm
-    low = washer_underside_mm(plan)
+    low = plan.spec.mover_low_mm
     pin = channel.pin
     proud = pin.top_mm
     guard = plan.spec.guard_height_mm

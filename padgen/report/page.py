@@ -33,7 +33,7 @@ from padgen.driver.frames import taxel_grid
 from padgen.make.pad import Pad
 from padgen.planner.ballast import ballast_size, ballast_step
 from padgen.planner.drive_rows import COLUMNS, HEADINGS
-from padgen.planner.fixtures import plan_tray, spacer_mm, washer_underside_mm
+from padgen.planner.fixtures import plan_tray, spacer_mm
 from padgen.planner.guard import plan_guard
 from padgen.planner.layout import coil_axis_mm
 from padgen.planner.movers import assembly_of
@@ -253,7 +253,7 @@ def _pad(plan: Plan) -> dict[str, Any]:
         "hole_mm": pad.hole_diameter_mm,
         "cell_mm": [plan.cell.width_mm, plan.cell.depth_mm],
         "gap_mm": coil.gap_mm,
-        "washer_underside_mm": washer_underside_mm(plan),
+        "washer_underside_mm": plan.spec.mover_low_mm,
         "washer_mm": [washer.outer_diameter_mm, washer.inner_diameter_mm, washer.thickness_mm],
         "coil_mm": [coil.outer_diameter_mm, coil.length_mm],
     }

@@ -29,7 +29,6 @@ from padgen.planner.fixtures import (
     coupon_plan,
     plan_tray,
     tray_findings,
-    washer_underside_mm,
 )
 from padgen.planner.plan import Plan
 from padgen.solid.checks import (
@@ -239,7 +238,7 @@ def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterat
     spec = plan.spec
     seat = np.array([g.built_mm for g in gauges if g.name == "seat height"])
     rim = np.array([g.built_mm for g in gauges if g.name == "rim height"])
-    offset = washer_underside_mm(plan) - spec.coil.length_mm
+    offset = plan.spec.mover_low_mm - spec.coil.length_mm
     low = float(rim.min() - seat.max()) + offset
     high = float(rim.max() - seat.min()) + offset
     figures["gap_mm"] = [low, high]

@@ -11,7 +11,7 @@ import manifold3d
 import numpy as np
 
 from padgen.core.errors import InfeasibleError
-from padgen.planner.fixtures import plan_tray, washer_underside_mm
+from padgen.planner.fixtures import plan_tray
 from padgen.planner.guard import plan_guard
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, hexagon, outline, to_cell
 from padgen.planner.plan import TURNS, Channel, Plan
@@ -220,7 +220,7 @@ def _coils(plan: Plan) -> SceneParts:
     """Return windings and cores, their tops a gap below the washers."""
     coil = plan.spec.coil
     grid = plan.coils
-    top = washer_underside_mm(plan) - coil.gap_mm
+    top = plan.spec.mover_low_mm - coil.gap_mm
     places = [coil_axis_mm(grid, r, c) for r, c in product(range(grid.rows), range(grid.columns))]
     inner = min(coil.inner_diameter_mm, coil.outer_diameter_mm - 0.1)
     sides = _sides(len(places))

@@ -22,7 +22,6 @@ from padgen.planner.fixtures import (
     plan_tray,
     screw_for,
     tray_findings,
-    washer_underside_mm,
 )
 from padgen.solid.checks import check_pad
 from padgen.solid.formats import ExportJob
@@ -444,7 +443,7 @@ def test_every_template_has_a_tray_and_a_coupon(name):
     own = coupon_plan(plan)
     assert tray_findings(plan, tray) == ()
     assert tray.gap_mm == pytest.approx(plan.spec.coil.gap_mm, abs=1e-9)
-    assert tray.clear_mm + washer_underside_mm(plan) == pytest.approx(tray.gap_mm)
+    assert tray.clear_mm + plan.spec.mover_low_mm == pytest.approx(tray.gap_mm)
     assert len(tray.coils_mm) == plan.coils.rows * plan.coils.columns
     assert len(own.taxels) == len(plan.channels)
     # Two sets of channels alternate between coils: a cell of each.

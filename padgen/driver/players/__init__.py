@@ -53,7 +53,7 @@ class Player(Protocol):
     PLAYS: str
     """``"frames"``: its job is a `FramesJob`; ``"wav"``: a `WavJob`."""
     ADDRESS: str
-    """What the option of `padgen play` takes, for its help, such as ``"PORT"``; in brackets if it may be left out."""
+    """Name in the help of the value of its option, such as ``"PORT"``; in brackets if the value may be left out."""
     ABOUT: str
     """Help of that option."""
 

@@ -127,7 +127,7 @@ IN_WORDS = {
     "biased": "a constant and sines at the resonances",
     "tones": "sines at half the resonances",
 }
-"""What each kind of current is."""
+"""The kinds of current in words, for people."""
 
 
 def in_words(scheme: Scheme) -> str:
