@@ -181,15 +181,19 @@ def suspended_modes(
     mass: Any = _inertia(body)
     # Most beams share a section, and with it the matrices.
     sections = {id(beam.section): beam.section for beam in beams}
-    known = {key: tip_matrices(section, modulus, poisson, density) for key, section in sections.items()}
+    at_pins = {key: pin_motion(section, modulus, poisson) for key, section in sections.items() if section.pin}
+    known = {
+        key: tip_matrices(section, modulus, poisson, density, at_pins.get(key)) for key, section in sections.items()
+    }
     for beam in beams:
-        at_tip, tip_masses = known[id(beam.section)]
+        key = id(beam.section)
+        at_tip, tip_masses = known[key]
         carry = to_tip(beam, body.centroid)
         carried = np.swapaxes(carry, -1, -2)
         stiffness = stiffness + carried @ at_tip @ carry
         mass = mass + carried @ tip_masses @ carry
         if beam.pin:
-            ridden = _at_centroid(beam.pin) @ pin_motion(beam.section, modulus, poisson).shape @ carry
+            ridden = _at_centroid(beam.pin) @ at_pins[key].shape @ carry
             mass = mass + np.swapaxes(ridden, -1, -2) @ _inertia(beam.pin) @ ridden
     # Of the flexibility form M φ = (1/ω²) K φ the largest values are the lowest modes, which are exact to rounding
     # however far above them the stiffest mode is.

@@ -7,7 +7,6 @@ the faintest channel as strong as it must be to be felt. Parts whose values have
 
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import islice
 from math import ceil, isfinite
 from typing import Any, NamedTuple
 
@@ -137,7 +136,7 @@ def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], 
     """Return the refusal of a spec without a pad; its cure is a wider pad or band in which a first try works."""
     is_open = frozenset(spec.touch.search.split("+"))
 
-    def works(change: Cure, place: float | str) -> bool:
+    def works_at(change: Cure, place: float | str) -> bool:
         """Return whether a first try works in the spec changed by `change`, with pins at `place`."""
         try:
             changed = varied(spec, change)
@@ -146,20 +145,39 @@ def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], 
         except PadgenError:
             return False
 
+    def works(change: Cure) -> bool:
+        return any(works_at(change, place) for place in COOL_PLACES)
+
     low, high = spec.band_hz
-    wider = [{f"pad.{side}_mm": round(getattr(spec.pad, f"{side}_mm") * share, 1) for side in SIDES} for share in WIDER]
-    bands: list[Cure] = [{"band_hz": [low, WIDE_HZ]}] if high < WIDE_HZ else []
-    changes = [*wider, *bands, *({**band, **sides} for band in bands for sides in wider)]
-    cures = list(islice((change for change in changes if any(works(change, place) for place in COOL_PLACES)), 1))
+    pad = spec.pad
+    wider: list[Cure] = [
+        {f"pad.{side}_mm": round(getattr(pad, f"{side}_mm") * more, 1) for side in SIDES} for more in WIDER
+    ]
+    wide_band: Cure = {"band_hz": [low, WIDE_HZ]}
+    cure = _first_between(wider, works)
+    if cure is None and high < WIDE_HZ:
+        cure = _first_between([wide_band, *(wide_band | sides for sides in wider)], works)
     searched = spec.touch.search.replace("+", ", ")
     contact = spec.touch.contact
     under = "its own contact" if contact == "own" else f"a {contact}"
     message = (
         f"no pad of {spec.resolution} taxel{plural(spec.resolution)} that works under {under} was found on"
-        f" {number(spec.pad.width_mm)} x {number(spec.pad.depth_mm)} mm in band_hz = [{number(low)}, {number(high)}]"
+        f" {number(pad.width_mm)} x {number(pad.depth_mm)} mm in band_hz = [{number(low)}, {number(high)}]"
         f" (searched: {searched}; first refusal: {why.message}); touch.search = 'none' plans the spec as it is"
     )
-    return InfeasibleError(message, "touch", cures)
+    return InfeasibleError(message, "touch", [] if cure is None else [cure])
+
+
+def _first_between(changes: list[Cure], works: Callable[[Cure], bool]) -> Cure | None:
+    """Return the first of `changes`, in rising order, that works; None if neither the first nor the last does.
+
+    What lies between two that fail is not worth its time.
+    """
+    if works(changes[0]):
+        return changes[0]
+    if not works(changes[-1]):
+        return None
+    return next((change for change in changes[1:-1] if works(change)), changes[-1])
 
 
 def _scored(decided: Spec, trial: TouchTrial) -> tuple[tuple[bool, float], Spec | None]:
