@@ -1,4 +1,4 @@
-"""Public functions on what drives a pad: drive, excite, check_wiring, play and play_wav."""
+"""Public functions that compute, write and play the signals of a pad's coils, and check how they are wired."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,14 +28,14 @@ def _silent(step: str) -> None:
 
 
 def read_tuning(path: "str | Path", plan: "Plan") -> "Tuning":
-    """Read a tuning.json of `plan`; raises `FileError` where the file is no tuning, or of another pad."""
+    """Read a print's resonances, Q and responses from its tuning.json; raise `FileError` if it is not of `plan`."""
     from padgen.measured.tuning import read_tuning as read
 
     return read(Path(path), plan)
 
 
 def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan", warm: bool = False) -> "Tuning | None":
-    """Return the given tuning, or the one in the given file; if `warm`, as the warm pad has it."""
+    """Return the tuning of a print, read from a file if a path is given; if `warm`, that of the pad at its warmest."""
     from padgen.measured.tuning import warm_tuning
 
     known = read_tuning(tuning, plan) if isinstance(tuning, (str, Path)) else tuning
@@ -43,7 +43,7 @@ def _tuning_of(tuning: "Tuning | str | Path | None", plan: "Plan", warm: bool = 
 
 
 def read_frames(paths: "str | Path | Sequence[str | Path]", plan: "Plan") -> "Frames":
-    """Read images of a pad, a pixel a taxel: levels (k, taxels) in 0 … 1, and notes about what was left out.
+    """Read images, a pixel a taxel, as levels (k, taxels), 0 … 1 of the ON amplitude, and notes on pixels left out.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def drive(
     brake: bool = False,
     warm: bool = False,
 ) -> "Drive":
-    """Drive the coils of a plan with a state or with frames; ``.save`` writes tables, waveforms or firmware.
+    """Return a `Drive`, the coil signals for on/off states, images or text; ``.save`` writes tables, WAV or firmware.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def drive(
 
 
 class Excited(NamedTuple):
-    """The excitation that `excite` wrote: how it is played, and findings where it is beyond a limit."""
+    """The excitation signal that `excite` wrote, and a finding for each limit that it makes the pad exceed."""
 
     excitation: "Excitation"
     findings: tuple[Finding, ...]
@@ -154,7 +154,7 @@ def excite(
     seconds: float | None = None,
     together: bool = False,
 ) -> Excited:
-    """Write a file that shakes every taxel, to measure a print by: ``excitation.wav`` and ``excitation.json``.
+    """Write ``excitation.wav``, a chirp or noise that shakes every taxel of a print to measure it, and its JSON file.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def excite(
 
 
 def check_wiring(plan: "Plan", felt: "str | Path") -> list[Finding]:
-    """Say which coils are swapped, by what was felt or recorded while one taxel after the other was played.
+    """Return findings on swapped or silent coils, from a record of which taxel moved as each one was played in turn.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def play(
     player: str = "port",
     on_shown: Callable[[int, int], None] = lambda shown, total: None,
 ) -> "Played":
-    """Show frames on a pad whose microcontroller runs the firmware of `drive`, over a serial port.
+    """Show states, images, text or a pattern on a pad through the serial port of the microcontroller that drives it.
 
     Parameters
     ----------
@@ -325,7 +325,7 @@ def play_wav(
 
 
 def _player(name: str, plays: str) -> Any:
-    """Return the player of that name, which must play ``"frames"`` or a ``"wav"``."""
+    """Return the registered player `name`; raise `SpecError` unless what it plays is `plays`, "frames" or "wav"."""
     player = PLAYERS.get(name, "player")
     if plays != player.PLAYS:
         raise SpecError(f"{name!r} plays {player.PLAYS}, not {plays}", "player")

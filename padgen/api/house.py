@@ -1,4 +1,4 @@
-"""Public functions on what padgen keeps and knows: its cache, half-written folders, and the schema of specs."""
+"""Public functions for the cache, for folders that a killed run left half-written, and for the schema of a spec."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,14 +28,14 @@ def cache_info() -> "CacheInfo":
 
 
 def clear_cache() -> "CacheInfo":
-    """Remove all entries of the cache of results, and return what it held."""
+    """Remove all entries of the cache of computed results, and return how many entries and bytes it had."""
     from padgen.core import cache
 
     return cache.clear()
 
 
 def restore(folder: "str | Path") -> bool:
-    """Put a folder back as it was before a run that was killed; returns False where nothing had to be changed.
+    """Undo the changes that a killed run left unfinished in a folder; return False if there were none.
 
     Raises
     ------

@@ -169,7 +169,7 @@ def read_plan(path: "str | Path") -> "Plan":
 
 
 def explain(plan: "Plan", *, progress: Progress = _silent) -> "Explanation":
-    """Tell what keeps a coil of a plan from one more channel, and what changes of the spec would gain.
+    """Return the limits that keep a coil of a plan from one more channel, and the gain by each change of the spec.
 
     Every change is tried: its figures are those of a layout on the same coil grid with resonances chosen anew.
 
@@ -185,7 +185,7 @@ def explain(plan: "Plan", *, progress: Progress = _silent) -> "Explanation":
 
 
 def print_yield(plan: "Plan", pads: int = 100_000, seed: int = 0) -> "PrintYield":
-    """Print a pad many times in the computer, and say how many prints keep what is asked.
+    """Simulate many prints of a pad, and return the share that is selective enough, before and after re-tuning.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def recoil(
     q: float | None = None,
     images: int = 100,
 ) -> "Recoil":
-    """Tell how much the taxels that are ON shake the pad that they hang on, and what OFF taxels hear of that.
+    """Return how many dB of ON over OFF amplitude a pad keeps while the recoil of its ON taxels shakes the whole pad.
 
     The driver table moves all taxels of a channel in step; a plan's verdict counts that where its spec has a mount.
     What `drive` writes chooses signs, frame by frame.
@@ -279,7 +279,7 @@ def recoil(
 
 
 class SavedPlan(NamedTuple):
-    """Result of `save_plan`: its files, the text of plan.json, and whether files of an older plan lie beside them."""
+    """Files that `save_plan` wrote, the text of plan.json, and whether files built from an older plan remain."""
 
     files: tuple[str, ...]
     plan_json: str
@@ -330,7 +330,7 @@ def build(
     tolerance: float | str | None = None,
     progress: Progress = _silent,
 ) -> "Pad":
-    """Make the pad of a plan or a spec; it is modelled once its mesh, checks or files are needed.
+    """Return the pad of a plan or a spec; its solid is computed only when its mesh, checks or files are asked for.
 
     Parameters
     ----------
@@ -576,7 +576,7 @@ def write_report(
 
 
 def _recorded(folder: Path) -> "Plan":
-    """Return the plan of a folder in full precision: planned anew from its spec where that gives the same plan."""
+    """Return the plan recorded in a folder, with unrounded numbers if planning its spec anew gives the same plan."""
     from contextlib import suppress
 
     from padgen.core.errors import PadgenError

@@ -1,4 +1,4 @@
-"""Public functions on prints as they were measured: retune, simulate_print, bench and calibrate."""
+"""Public functions for measured prints: measure, simulate a measurement, re-tune, fit a printer or a finger."""
 
 from collections.abc import Callable, Sequence
 from math import floor
@@ -87,7 +87,7 @@ def retune(
 
 
 class SimulatedPrint(NamedTuple):
-    """A print that the computer made: its true figures, a lab's measurement of it as CSV, and how it was measured."""
+    """A simulated print: its true resonances, Q and responses, a measurement of it as CSV, and how that was made."""
 
     truth: "Tuning"
     measurement_csv: str
@@ -97,7 +97,7 @@ class SimulatedPrint(NamedTuple):
 
 
 def simulate_print(plan: "Plan", seed: int, *, kind: str = "spectrum", snr_db: float = 30.0) -> SimulatedPrint:
-    """Print a pad in the computer and measure it, to try re-tuning by; the same seed gives the same print.
+    """Simulate a print of a plan and a measurement of it, to try re-tuning on; the same seed gives the same print.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def save_retuned(
 
 
 def _louder_text(plan: "Plan", simulated: SimulatedPrint, nearest: bool, progress: Progress) -> str:
-    """Return the advice that ends a refusal of a simulated print: the least ``--snr`` that was tried and does."""
+    """Return advice on a simulated print that cannot be fitted: the least ``--snr`` that was tried and suffices."""
     from padgen.measured.fits import fitted
     from padgen.measured.read import read_measured_text
 
@@ -249,7 +249,7 @@ def fit_touch(
 
 
 def save_touch(plan: "Plan", finger: "FingerFit", folder: "str | Path") -> tuple[str, ...]:
-    """Write a finger as ``touch.toml``, a ``[touch]`` table for a spec, and as ``touch.json`` with all taxels.
+    """Write a finger's fitted stiffness, damping and mass to ``touch.toml``, for a spec, and with all taxels to JSON.
 
     Raises
     ------
@@ -280,7 +280,7 @@ def bench(
     baud: int = 115_200,
     tuning: "Tuning | str | Path | None" = None,
 ) -> "Bench":
-    """Begin a session at the bench, or go on with one: each taxel is shaken, recorded by a sensor, and fitted at once.
+    """Start or resume a session that measures a print: each taxel is shaken, recorded by a sensor, and fitted at once.
 
     Parameters
     ----------
@@ -319,7 +319,7 @@ def bench(
 
 
 def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":
-    """Fit a printer's offsets of height and width, and the modulus, to measured prints of a plan.
+    """Fit how much thicker and wider than drawn a printer makes beams, and the plastic's modulus, to measured prints.
 
     Parameters
     ----------
@@ -348,7 +348,7 @@ def calibrate(plan: "Plan", measured: "Sequence[str | Path]") -> "Calibration":
 
 
 def save_printer(plan: "Plan", calibration: "Calibration", path: "str | Path") -> None:
-    """Write a printer's file: a spec beside it that says ``printer = "my-printer.toml"`` is planned for that printer.
+    """Write a calibrated printer as a TOML file, which a spec beside it names as ``printer = "my-printer.toml"``.
 
     Raises
     ------

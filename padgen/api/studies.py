@@ -33,7 +33,7 @@ def study(
     folder: "str | Path | None" = None,
     progress: Progress = _silent,
 ) -> "Study":
-    """Measure error against run time of the models behind a plan, each rung in a process of its own.
+    """Measure the error and run time of each model behind a plan, from coarse to fine, each in a process of its own.
 
     After an interruption (Ctrl-C) the measured part is returned, and ``.missing`` names the rungs that were not run.
     Times are the best of a few runs in a process that has imported its modules (``.about["times"]``).
@@ -97,7 +97,7 @@ def sweep(
     workers: int | None = None,
     **axes: Any,
 ) -> "SweepTable":
-    """Make a variant of a spec for each combination of field values, by default with one process per core.
+    """Plan, or also build or study, a variant of a spec for each combination of field values, on all cores by default.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ def read_sweep(path: "str | Path") -> "Sweep":
 
 
 class RanSweep(NamedTuple):
-    """Result of `run_sweep` with the files of its Pareto front, and the reason where the front has no picture."""
+    """Result of `run_sweep`, names of the files with its Pareto front, and the reason if that front was not plotted."""
 
     result: "SweepResult"
     files: tuple[str, ...]
@@ -169,7 +169,7 @@ def run_sweep(
     retry: bool = False,
     on_event: "Callable[[Event], None]" = lambda event: None,
 ) -> RanSweep:
-    """Make a sweep's variants in a folder, with index and Pareto front and, unless switched off, a folder each.
+    """Compute a sweep's variants, and write a table of them, their Pareto front and, by default, a folder for each.
 
     Parameters
     ----------

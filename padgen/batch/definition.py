@@ -1,4 +1,4 @@
-"""`Sweep`: which variants of a base spec are to be made, from TOML, as frozen plain data; and these variants.
+"""Read a sweep from TOML: which fields of a base spec vary over which values; and list the variants that result.
 
 They are all combinations, or a seeded sample that fills the space evenly. A sample is drawn by `scipy.stats.qmc`: Latin
 hypercube (McKay 1979), or Sobol's sequence with Owen's scrambling. Variants are numbered before constraints take some
@@ -122,7 +122,7 @@ def parse_expression(text: str, spec: Spec) -> Expression:
 
 
 def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
-    """Raise `SpecError` unless the node is a condition's: fields, comparisons, arithmetic, and, or, not."""
+    """Raise `SpecError` unless a condition has only fields, constants, comparisons, arithmetic, logic, known calls."""
     if isinstance(node, NAMES):
         _field(ast.unparse(node), spec, where)
         return
@@ -141,7 +141,7 @@ def _refuse(node: ast.expr, spec: Spec, where: str) -> None:
 
 
 def _value(node: ast.expr, values: Mapping[str, Any], spec: Spec) -> Any:
-    """Return the value of a node that `_refuse` has let pass."""
+    """Evaluate a condition's syntax tree for a variant: varied fields from `values`, other fields from `spec`."""
 
     def of(part: ast.expr) -> Any:
         return _value(part, values, spec)
@@ -196,7 +196,7 @@ DEEPEST = 4
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """A range of values of a field, from `low` to `high`, in `steps` for a grid."""
+    """A range of a field's values from `low` to `high`; a grid takes `steps` of them, both ends included."""
 
     low: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
     high: float = quantity(unit="1", low=-LARGEST, high=LARGEST, doc="of a range")
@@ -217,7 +217,7 @@ class Axis:
     whole: bool = False
 
     def at(self, share: float, even: bool = False) -> tuple[Any, ...]:
-        """Return the axis's values at a share 0 … 1 of it; if `even`, whole numbers take equal parts of it."""
+        """Return the fields' values at `share` (0 … 1) along the axis; `even` makes whole numbers equally likely."""
         if self.range is None:
             return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
         low, high = self.range.low, self.range.high
@@ -238,7 +238,7 @@ class PointSample:
 
 @dataclass(frozen=True, slots=True)
 class VariantLimits:
-    """Limits of one variant, beyond which it is given up."""
+    """Limits on run time in s and memory in MB of one variant, beyond which it is stopped and counted as failed."""
 
     time_s: float = quantity(600.0, unit="s", low=0.1, high=1e6, doc="run time of one variant")
     memory_mb: float = quantity(4000.0, unit="MB", low=100, high=1e7, doc="memory of a worker")
@@ -258,7 +258,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep: `base` is the table of a spec whose fields variants change, `spec` the spec that this table makes."""
+    """A sweep as read: the base spec (`base` as a table, `spec` checked), varied fields, constraints and limits."""
 
     settings: Settings
     base: dict[str, Any]
@@ -470,7 +470,7 @@ def _is_plain(value: Any, depth: int = 0) -> bool:
 
 
 def _spec_field(name: str) -> "Field[Any]":
-    """Return a field of a spec, or a whole table, by its dotted name; raise where it cannot be varied."""
+    """Return the definition (dataclass `Field`) of a spec's field or table; raise `SpecError` if it cannot vary."""
     where = f"axes.{name}"
     kind = Spec
     if name in ("name", "padgen"):
@@ -497,7 +497,7 @@ class Variant(NamedTuple):
 
 
 def count_points(sweep: Sweep) -> int:
-    """Return the number of points, before constraints.
+    """Return the number of variants of a sweep, before constraints take any away.
 
     Raises
     ------
@@ -511,7 +511,7 @@ def count_points(sweep: Sweep) -> int:
 
 
 def variants(sweep: Sweep) -> Iterator[Variant]:
-    """Yield the variants that the constraints leave, in the order of their numbers."""
+    """Yield the variants of a sweep that meet all its constraints, in the order of their numbers."""
     count_points(sweep)
     points = product(*(axis.values for axis in sweep.axes)) if sweep.sample.method == "grid" else _sample(sweep)
     names = [name for axis in sweep.axes for name in axis.fields]
@@ -526,7 +526,7 @@ def variants(sweep: Sweep) -> Iterator[Variant]:
 
 
 def variant_table(sweep: Sweep, variant: Variant) -> dict[str, Any]:
-    """Return the table of a variant's spec: the base's with the varied fields and a name of its own."""
+    """Return the spec of a variant as a table: the base spec with the varied fields and the variant's name put in."""
     return laid_over(sweep.base, variant.values) | {"name": sweep.name_of(variant.number)}
 
 

@@ -53,7 +53,7 @@ __all__ = [
 
 
 class Objective(NamedTuple):
-    """One objective of a front: whether the most or the least of it is best, and its word, heading and axis label."""
+    """A figure by which variants are compared: whether more or less of it is best, and its names in text and plots."""
 
     best: str
     word: str
@@ -90,7 +90,7 @@ MOST_VECTORS = 1000
 
 
 class RefusedVariants(NamedTuple):
-    """The reason for which a number of `variants` are refused, and the names of the first.
+    """Variants that were refused for the same reason: that reason, their number, and the names of the first few.
 
     `sentence` is theirs, without the details that follow its second colon where they differ in these (not `is_whole`).
     """
@@ -130,11 +130,11 @@ class Overview:
 
     @property
     def points(self) -> np.ndarray:
-        """Objective values (points, objectives) of the made variants that are kept: the front and some others."""
+        """Objective values (points, objectives) of the Pareto front and of the other variants held for plotting."""
         return np.concatenate([self.values, self.beaten, self.short, self.faulty])
 
     def best(self) -> dict[str, int]:
-        """Return the front's best row (of equals the first) by objective, for objectives in which variants differ."""
+        """Return, by objective in which variants differ, the index of the front's best row (the first of equals)."""
         if not self.rows:
             return {}
         scores, every = (_scores(values, self.objectives) for values in (self.values, self.points))
@@ -143,7 +143,7 @@ class Overview:
 
 
 def front_mask(scores: np.ndarray) -> np.ndarray:
-    """Return a mask of the rows of `scores` (variants, objectives; more is better) that no other row beats.
+    """Return a mask (variants,) of the Pareto-optimal rows of `scores` (variants, objectives; more is better).
 
     Rows are compared in lexicographic order, best first, so that only what is already on the front can
     beat the next: of the order of rows times front, in blocks.
@@ -159,7 +159,7 @@ def front_mask(scores: np.ndarray) -> np.ndarray:
 
 
 def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Count for each of `rows` (losses) the `others` that are at least as good in every objective."""
+    """Return for each of `rows` how many of `others` are at least as good in every objective, where less is better."""
     good = np.ones((len(rows), len(others)), dtype=bool)
     for values, other in zip(rows.T, others.T, strict=True):
         good &= other[None, :] <= values[:, None]
@@ -167,14 +167,14 @@ def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
-    """Return values with signs such that more is better; missing ones are the worst, or best where `UNBOUNDED`."""
+    """Return objective values signed so that more is better; a missing one is -inf, or inf for those in `UNBOUNDED`."""
     signs = [1.0 if OBJECTIVES[name].best == "most" else -1.0 for name in objectives]
     empty = [np.inf if name in UNBOUNDED else -np.inf for name in objectives]
     return np.where(np.isnan(values), empty, values * signs)
 
 
 class _Pool:
-    """A collector of variants of one kind, added in blocks: the front with its rows, and a part of the others."""
+    """The Pareto front of the variants of one kind, updated block by block, and a thinned set of the other variants."""
 
     def __init__(self, objectives: Sequence[str]) -> None:
         self.objectives = tuple(objectives)
@@ -183,7 +183,7 @@ class _Pool:
         self.stride = 1
 
     def add(self, pairs: Sequence[tuple[VariantRecord, tuple[str, ...]]]) -> None:
-        """Take in some records with their rows."""
+        """Add variants, each as its record and its row of the index, and update the Pareto front."""
         if not pairs:
             return
         figures = [[record.figures.get(name) for name in self.objectives] for record, _ in pairs]
@@ -240,7 +240,7 @@ def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tu
 
 
 def _add_refusal(refused: dict[str, RefusedVariants], name: str, sentence: str) -> None:
-    """Add a refused variant to those of the same reason, up to a second colon; of new reasons only the first few."""
+    """Count a refused variant under its reason, the sentence up to a second colon; only a few reasons are kept."""
     place, colon, reason_and_details = sentence.partition(": ")
     head = place + colon + reason_and_details.partition(": ")[0]
     before = refused.get(head)
@@ -258,7 +258,7 @@ KINDS = ("works", "short", "faulty")
 
 
 def _kind(record: VariantRecord) -> str:
-    """Return which of `KINDS` a made variant is, by the errors in its record and the verdict on its plan."""
+    """Return 'works', 'short' or 'faulty' for a computed variant, by its record's errors and its plan's verdict."""
     level = record.figures.get("verdict")
     if record.errors or level == "error":
         return "faulty"
@@ -275,7 +275,7 @@ def pareto_csv(overview: Overview) -> str:
 
 
 def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str, ...], str]:
-    """Write the front of a sweep beside its index.
+    """Write the Pareto front of a sweep as CSV, and as SVG and PNG if variants differ in two objectives or more.
 
     Return the names of the files, and why there is no picture, empty where there is one.
 
@@ -298,7 +298,7 @@ def write_pareto(folder: Path, name: str, overview: Overview) -> tuple[tuple[str
 
 
 def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
-    """Draw the front as SVG and PNG; None where fewer than two objectives differ.
+    """Return plots of the Pareto front as SVG and PNG, or None if variants differ in fewer than two objectives.
 
     One panel for every two objectives that differ among variants: coloured is the front, grey what it
     beats, a triangle what falls short of what it asks, a cross what does not work. A line joins those that
@@ -338,7 +338,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
 
 
 def _with_places(overview: Overview) -> Overview:
-    """Return the overview for drawing: a value missing since nothing limits it is put beyond all others."""
+    """Return a copy of the overview for plotting, with unlimited (missing) values put beyond the largest finite one."""
     parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "short", "faulty")}
     for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
         finite = overview.points[np.isfinite(overview.points[:, i]), i]
@@ -395,7 +395,7 @@ FRONT_LABELS = {
 
 
 def _is_wide(overview: Overview, objective: int) -> bool:
-    """Tell whether a logarithmic axis shows an objective better: one of `RATIOS` whose values span over `WIDE` : 1."""
+    """Tell whether an objective needs a logarithmic axis: one of `RATIOS`, positive, and spanning over `WIDE` : 1."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]
     has_ratio = overview.objectives[objective] in RATIOS and finite.size and finite.min() > 0
@@ -431,7 +431,7 @@ FORGOTTEN = "forgotten"
 
 
 class Journal:
-    """The journal of a sweep's folder: the last record of each variant; a context manager, open for writing.
+    """The file to which a sweep appends each variant's result as it ends; a context manager that opens it for writing.
 
     Of each variant only the place of its line is held in memory.
 
@@ -496,7 +496,7 @@ class Journal:
         self._places[record.number] = self._write(one_line)
 
     def forget(self, number: int) -> None:
-        """Leave a variant's record out for the rest of this run."""
+        """Treat a variant as having no record for the rest of this run; the journal's file is not changed."""
         self._places[number] = NOWHERE
 
     def invalidate(self, number: int) -> None:
@@ -512,7 +512,7 @@ class Journal:
         raise FileError("was removed while the sweep ran", str(self.path))
 
     def _write(self, table: VariantRecord | dict[str, int]) -> int:
-        """Append a line without buffers, so that a crash can tear the last one only; return its place in the file."""
+        """Append a line unbuffered, so that a crash can damage the last line only; return the line's byte offset."""
         place = self._file.seek(0, os.SEEK_END)
         rest = (json_line(table) + "\n").encode()
         try:
@@ -565,7 +565,7 @@ def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
 
 
 def _parsed(line: bytes) -> VariantRecord | int | None:
-    """Return the record in a line, or the number of an invalidated one; None where the line holds neither."""
+    """Parse a line of the journal: a record, or the number of a variant whose record was invalidated, else None."""
     try:
         table = json.loads(line)
         if isinstance(table.get(FORGOTTEN), int):

@@ -1,4 +1,4 @@
-"""Run a sweep over any executor: a bounded window of tasks, every record kept at once, whatever breaks down.
+"""Run a sweep on any executor: submit a limited number of tasks at a time, save each result at once, survive failures.
 
 What is submitted makes variants in a watched worker process (`padgen.core.runner`), on this machine or wherever the
 executor's own workers are. Of an executor only ``submit`` is used; of its futures ``result``, ``done`` and, where
@@ -76,7 +76,7 @@ class LostError(PadgenError):
 
 
 class Window:
-    """An executor with its unfinished lists of tasks; the caller keeps them to `most` at a time.
+    """An executor with the lists of tasks submitted to it; the caller keeps at most `most` of them unfinished.
 
     For each list of tasks it calls ``function(tasks, *rest)``.
     """
@@ -161,13 +161,13 @@ def error_text(error: Any) -> str:
 
 
 def run_tasks(tasks: list[Task], work: Work, limits: VariantLimits) -> list[VariantRecord]:
-    """Make variants in a worker that this process starts; this is what a caller's executor is given to run."""
+    """Make the variants of `tasks` in a worker process of the process that calls this, and return their records."""
     return make_variants(_own_runner(os.getpid()), tasks, work, limits)
 
 
 @cache
 def _own_runner(process: int) -> Runner:
-    """Return this process's runner, one for each process id: a fork must not share its parent's pipes."""
+    """Return this process's pool of workers, cached by process id, as a fork must not use the pool of its parent."""
     import atexit
 
     runner = Runner(imports=IMPORTS)
@@ -237,7 +237,7 @@ class Counts:
 
 @dataclass(frozen=True)
 class Event(Counts):
-    """One step of a sweep.
+    """A progress report of a running sweep: its start, a variant's end, a second without one, or the sweep's end.
 
     ``start`` comes first, and counts what earlier runs have finished; then one of ``done``, ``refused`` and
     ``failed`` for each variant that ends, with its `record`, and ``progress`` when a second went by without
@@ -251,7 +251,7 @@ class Event(Counts):
     reused: bool = False
 
     def table(self) -> dict[str, Any]:
-        """Return the event as plain data for one line of JSON, with the fields `TOLD` of its record."""
+        """Return the event as a dict for one line of JSON, with the main fields of its variant's record, if any."""
         table = {"kind": self.kind, **vars(self)}
         record = table.pop("record")
         if record is None:
@@ -262,7 +262,7 @@ class Event(Counts):
 
 @dataclass(frozen=True)
 class SweepResult(Counts):
-    """The result of a sweep.
+    """The result of a sweep: counts of variants, files, a summary of the index, and why variants are left, if any are.
 
     `stopped` is the sentence why variants are left, empty when none is; `interrupted`, whether that was Ctrl-C.
     `overview` is of the index, empty where that could not be written.
@@ -419,7 +419,7 @@ def run_to_table(sweep: Sweep, folder: Path | None, workers: int | None) -> Swee
 
 @contextmanager
 def sole_sweep(folder: Path) -> Iterator[None]:
-    """Keep other sweeps out of a folder, which is made when it is not there.
+    """Lock a folder against other sweeps during the block, and make the folder if it is not there.
 
     The lock is the system's: there are no stale ones. On a file system without locks the word in its file takes its
     place; after a power cut that has to be removed by hand, and the sentence says so.
@@ -453,7 +453,7 @@ def sole_sweep(folder: Path) -> Iterator[None]:
 
 
 class _Run:
-    """The state of a running sweep: the state of each variant, and the counts of done, refused and failed ones."""
+    """A running sweep: which variants are recorded or to be made, and the counts of done, refused and failed ones."""
 
     def __init__(self, sweep: Sweep, folder: Path, journal: Journal, on_event: Callable[[Event], None]) -> None:
         self.sweep = sweep
@@ -466,7 +466,7 @@ class _Run:
         self._start = time.monotonic()
 
     def survey(self, resume: bool, retry: bool) -> None:
-        """Determine which variants there are and which are finished; leave out records that no longer hold."""
+        """Find out which variants there are and which are finished; ignore records whose inputs or files changed."""
         for variant in variants(self.sweep):
             record = self.journal.record(variant.number)
             self.total = self.total + 1
@@ -484,7 +484,7 @@ class _Run:
                 self.journal.forget(absent)
 
     def _holds(self, record: VariantRecord, variant: Variant) -> bool:
-        """Tell whether a record is of the variant's present inputs, and the files that it stands for are there."""
+        """Tell whether a variant's record is still valid: its inputs are the same and its files are all there."""
         task = task_of(self.sweep, variant, self.folder)
         whole = record.status != "done" or not task.out or is_whole(Path(task.out), task.stage)
         return record.key == task.key and whole
@@ -498,7 +498,7 @@ class _Run:
                 yield task_of(self.sweep, variant, self.folder)
 
     def keep(self, record: VariantRecord) -> None:
-        """Add a variant's record to the journal and the counts; remove a folder that it should not have.
+        """Add a variant's record to journal and counts; remove its folder if it failed, was refused or is to have none.
 
         A second record of a variant is ignored. Raise StoppedError where the disk is full.
         """
@@ -522,7 +522,7 @@ class _Run:
 
     @property
     def counts_now(self) -> dict[str, Any]:
-        """The number of variants of each kind, and the seconds since the start."""
+        """The numbers of variants by status: total, done, refused, failed, kept, left; and the seconds since start."""
         left = self.total - sum(self.counts.values())
         seconds = time.monotonic() - self._start
         return {"total": self.total, **self.counts, "kept": self.kept, "left": left, "seconds": seconds}

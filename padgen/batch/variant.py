@@ -1,4 +1,4 @@
-"""One variant, from its table to its record: what a worker does, and the figures by which variants are compared."""
+"""Make one variant: plan, build or study its spec, and return the figures by which variants are compared."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -76,7 +76,7 @@ class VariantRecord:
 
 
 def task_of(sweep: Sweep, variant: Variant, out: Path) -> Task:
-    """Make the task of a variant; its folder lies in `out`."""
+    """Return the task that makes a variant; the folder of the variant's files, if it gets one, is to lie in `out`."""
     stage = sweep.settings.stage
     table = variant_table(sweep, variant)
     formats = names_in(sweep.settings.formats, PAD_FORMATS.names(), "formats") if stage == "build" else ()
@@ -110,7 +110,7 @@ def is_whole(folder: Path, stage: str) -> bool:
 
 
 def _threshold(table: dict[str, Any], folder: Path) -> str:
-    """Return the hash of the threshold curve's file that a spec names, since the file may change under its name."""
+    """Return the hash of the file that a spec names for the vibrotactile threshold curve, empty if it names none."""
     drive = table.get("drive")
     name = drive.get("threshold_file") if isinstance(drive, dict) else None
     if not isinstance(name, str):
@@ -122,7 +122,7 @@ def _threshold(table: dict[str, Any], folder: Path) -> str:
 
 
 def run_task(task: Task) -> VariantRecord:
-    """Make one variant as far as its stage asks for; a refusal is in its record."""
+    """Make one variant up to its stage (plan, yield, build or study) and return its record, also if it is refused."""
     figures: dict[str, Any] = {}
     findings: tuple[Finding, ...] = ()
     status = "done"

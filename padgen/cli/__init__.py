@@ -1,4 +1,4 @@
-"""Run the ``padgen`` command; no other room prints or sets exit codes.
+"""Run the ``padgen`` command; no other package of padgen prints or sets exit codes.
 
 Exit codes: 0 done and every check holds; 1 done, but a check fails; 2 bad input or usage. Each command has a function
 that declares its options, and one that runs it.

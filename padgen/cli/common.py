@@ -39,7 +39,7 @@ WIDTH = 100
 
 
 def add_option(parser: Any, function: Callable[..., Any], parameter: str, flag: str = "", **settings: Any) -> None:
-    """Declare the option of a function's parameter, with the help of its docstring and its default.
+    """Declare the command-line option of a function's parameter, with its default and its docstring's text as help.
 
     The option is `flag`, by default the parameter's name. A parameter that is False by default is a switch.
     """
@@ -75,7 +75,7 @@ def add_spec(parser: argparse.ArgumentParser) -> None:
 
 
 def add_model(parser: argparse.ArgumentParser, in_folder: bool = True) -> None:
-    """Declare the options that choose the model of the resonances; a plan `in_folder` may have chosen it already."""
+    """Declare ``--model`` and ``--tolerance``; if `in_folder`, the help says that a recorded plan sets the default."""
     recorded = ", or as the plan in the folder was made" if in_folder else ""
     parser.add_argument(
         "--model",
@@ -117,7 +117,7 @@ def add_shared(
 
 
 def names(text: str) -> tuple[str, ...]:
-    """Return the names of a list with commas between."""
+    """Return the names in a comma-separated text."""
     return tuple(text.split(","))
 
 
@@ -140,7 +140,7 @@ def spec_and_folder(options: argparse.Namespace, recorded: bool = True) -> tuple
 
 
 def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -> Any:
-    """Return the plan that the command line asks for; `recorded` is as in `spec_and_folder`."""
+    """Return the plan that the command line asks for; if `recorded`, by default with its folder's recorded model."""
     from padgen.api.pads import plan
 
     return plan(spec_and_folder(options, recorded)[0], tolerance=options.tolerance, progress=progress)
@@ -198,7 +198,7 @@ def code_of(findings: Any) -> int:
 
 @contextmanager
 def progress_line(log: bool = False) -> Iterator[Any]:
-    """Give a function that shows the current step: on one line of a terminal, elsewhere a line each if `log`.
+    """Yield a function that shows the current step: on one line of a terminal, else on a line per step if `log`.
 
     A step that knows its share (`core.display.Step`) has a bar.
     """
@@ -209,7 +209,7 @@ def progress_line(log: bool = False) -> Iterator[Any]:
     from rich.progress import BarColumn, Progress, SpinnerColumn, Task, TextColumn, TimeElapsedColumn
 
     class ShareColumn(BarColumn):
-        """A bar where the share that is done is known, else nothing."""
+        """A progress bar that shows nothing while it is unknown which share of the step is done."""
 
         def render(self, task: Task) -> Any:
             return "" if task.total is None else super().render(task)

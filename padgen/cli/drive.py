@@ -79,7 +79,7 @@ def add_drive(commands: Any) -> None:
 
 
 def _add_frames(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that choose what to show: `SHOWN`."""
+    """Declare the options that say what the pad shows (state, frames, text or pattern) and for how many seconds."""
     shown = parser.add_mutually_exclusive_group()
     add_option(shown, drive, "state", metavar="BITS")
     add_option(shown, drive, "frames", metavar="FILE", nargs="+")
@@ -103,7 +103,7 @@ def _shown_of(options: argparse.Namespace, plan: Any) -> tuple[dict[str, Any], t
 
 
 def _shows(options: argparse.Namespace) -> bool:
-    """Tell whether something to show is asked for."""
+    """Tell whether the command line asks to show a state, frames, text or a pattern."""
     return any(getattr(options, name) is not None for name in SHOWN)
 
 
@@ -236,7 +236,7 @@ def add_play(commands: Any) -> None:
 
 
 def _address(player: str) -> str:
-    """Return the name under which the parsed options have the address of a player."""
+    """Return the attribute of the parsed options that holds a player's address, such as a serial port or sound card."""
     return f"address of {player}"
 
 

@@ -95,7 +95,7 @@ def _retune(options: argparse.Namespace) -> int:
 
 
 def _touched(options: argparse.Namespace) -> int:
-    """Fit a finger to touched and untouched taxels, and write its table."""
+    """Run ``padgen retune --touched``: fit a finger's stiffness, damping and mass; write them as a spec's table."""
     with progress_line() as progress:
         plan = plan_of(options, progress)
         progress("fitting the finger")
@@ -122,7 +122,7 @@ def _touched(options: argparse.Namespace) -> int:
 
 
 def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
-    """Print what a re-tuned folder holds, and return the exit code."""
+    """Print the results and files of a re-tuned print, and return the exit code."""
     from padgen.report.results import retuned_text
 
     place = plain(str(written.folder))
@@ -229,7 +229,7 @@ def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
 
 
 def _asks() -> bool:
-    """Tell whether there is somebody at a terminal to ask."""
+    """Tell whether standard input is a terminal, so that the user can be asked."""
     return sys.stdin is not None and sys.stdin.isatty()
 
 

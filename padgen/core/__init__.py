@@ -1,1 +1,1 @@
-"""Code that all rooms share: errors, units, findings, files, the cache, processes, registries."""
+"""Code that all other packages of padgen share: errors, units, findings, files, the cache, processes, registries."""

@@ -175,7 +175,7 @@ def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T
 
 @contextmanager
 def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
-    """Lock keys of the cache during the block, so that other processes wait; look into the cache again inside.
+    """Lock cache keys during the block, so that other processes wait for their results; look them up again inside.
 
     A claim saves time and guarantees nothing: where the folder has no locks, or another process keeps one for more than
     `PATIENCE_S`, the block runs without it. The system releases the claim of a process that dies.
@@ -192,7 +192,7 @@ def claimed(kind: str, keys: Iterable[str]) -> Iterator[None]:
 
 
 def trim(most_bytes: int | None = None) -> int:
-    """Remove least recently used entries of a cache above `most_bytes` until 80 % of it is left; return how many.
+    """If the cache exceeds `most_bytes`, remove its least recently used entries down to 80 % of that; return how many.
 
     By default `most_bytes` is the cache's limit.
     """

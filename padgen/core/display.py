@@ -1,4 +1,4 @@
-"""Text tables, run times, and the colours, fonts and bytes of plots: the same figures give the same bytes anywhere."""
+"""Text tables, times as text, and padgen's style of plots, whose files have the same bytes on every machine."""
 
 import io
 from collections.abc import Iterable, Sequence

@@ -125,7 +125,7 @@ LEVELS = ("note", "warning", "error")
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing to say of a pad: a note, a warning or an error.
+    """A note, warning or error about a pad, with its code, the object that it is about, and spec changes that help.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ VERDICTS = ("error", "short", "retune", "good")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The verdict on a pad: that it does its job, by how much, or why not, in one line.
+    """The verdict on a pad, in one line: whether its prints reach the asked selectivity, by how many dB, or why not.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def _toml(value: Any) -> str:
 
 
 def shown(value: Any) -> str:
-    """Write a value for a sentence: as Python writes it, dates as in TOML, shortened where it is long.
+    """Return a value as text for a message: as Python writes it, dates as in TOML, shortened where it is long.
 
     >>> shown("pla"), shown(16**9999)
     ("'pla'", 'a value too large to be shown')
@@ -261,7 +261,7 @@ def shown(value: Any) -> str:
 
 
 def number(value: float) -> str:
-    """Write a number for a sentence: whole numbers in full, others with at most five significant digits.
+    """Return a number as text for a message: whole numbers in full, others with at most five significant digits.
 
     >>> number(4.0), number(0.123456), number(100_000)
     ('4', '0.12346', '100000')
@@ -288,7 +288,7 @@ def listed(words: Sequence[str]) -> str:
 
 
 def about(value: float, digits: int = 2) -> str:
-    """Write a number with some significant digits.
+    """Return a number as text, rounded to `digits` significant digits.
 
     >>> about(4.4917), about(123.4)
     ('4.5', '120')
@@ -297,7 +297,7 @@ def about(value: float, digits: int = 2) -> str:
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """Write a share as per cent with some significant digits, ``?`` where it is unknown.
+    """Return a share (0.02) as text in per cent (2 %) with `digits` significant digits, ``?`` where it is unknown.
 
     >>> percent(0.0031), percent(0.02)
     ('0.31 %', '2 %')
@@ -306,7 +306,7 @@ def percent(share: float, digits: int = 2) -> str:
 
 
 def quieter(level_db: float) -> str:
-    """Write by how many decibels something vibrates less, or, where the level is negative, more.
+    """Return a level difference in dB as text: ``20.9 dB less``, or ``7.3 dB more`` where it is negative.
 
     >>> quieter(20.94), quieter(-7.3)
     ('20.9 dB less', '7.3 dB more')
@@ -315,7 +315,7 @@ def quieter(level_db: float) -> str:
 
 
 def at_least(value: float) -> str:
-    """Write the smallest acceptable value, rounded up to four digits so that it is acceptable.
+    """Return a lower bound as text with four significant digits, rounded up, so that the written value meets it.
 
     >>> at_least(1.11201)
     '1.113'
@@ -324,7 +324,7 @@ def at_least(value: float) -> str:
 
 
 def at_most(value: float) -> str:
-    """Write the largest acceptable value, rounded down to four digits so that it is acceptable.
+    """Return an upper bound as text with four significant digits, rounded down, so that the written value meets it.
 
     >>> at_most(380.149)
     '380.1'

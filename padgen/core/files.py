@@ -1,4 +1,4 @@
-"""Output files that are complete or absent, also after a kill; JSON as files have it; reading within bounds.
+"""Write a folder's files all at once or, if killed, not at all; format JSON and CSV; read files up to a size limit.
 
 `OutputFolder` collects the files of one run in a hidden folder aside. `commit` puts a journal into the folder, moves
 the files in one by one, and removes the journal, which commits the change; the replaced files lie aside until then.
@@ -212,7 +212,7 @@ class _Moves:
         return {*self.new, *self.away, *self.kept, *self.kept.values()}
 
     def sealed_text(self, path: Path) -> bytes:
-        """Return the bytes to seal: the moves and the identity of their folder, so that no copied journal passes."""
+        """Return the bytes that a journal's seal covers: its moves and its folder's identity, so that a copy fails."""
         place = [os.path.realpath(path), path.stat().st_ino, (path / self.aside).lstat().st_ino]
         return json.dumps([self.aside, self.new, self.away, self.kept, place], sort_keys=True).encode()
 
@@ -466,7 +466,7 @@ def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
 
 
 def _state(folder: Path) -> tuple[object, ...]:
-    """Return what every commit changes: whether there is a journal, and inode, time and size of the manifest."""
+    """Return a folder's stamp, which every commit changes: if a journal is there; inode, time, size of the manifest."""
     try:
         manifest = (folder / MANIFEST).lstat()
     except (OSError, ValueError):
@@ -507,13 +507,13 @@ def _make_aside(path: Path) -> Path:
 
 
 def _remove_aside(folder: Path) -> None:
-    """Remove a folder of files that are not needed, as far as the disk allows."""
+    """Remove a temporary folder with its files, as far as this succeeds; errors are ignored."""
     with suppress(OSError):  # closing the folder may fail even with ignore_errors
         shutil.rmtree(folder, ignore_errors=True)
 
 
 def _read_journal(path: Path) -> _Moves | None:
-    """Return the journal in a folder, None where there is none or it is not padgen's."""
+    """Return the file moves of the unfinished commit that a folder's journal records, None without a valid journal."""
     try:
         moves = _Moves(**_read_json_table(path / JOURNAL))
         texts = all(map(PLAIN_NAME.fullmatch, moves.names())) and all(map(HASH.fullmatch, moves.new.values()))
@@ -551,7 +551,7 @@ def _free_name(path: Path) -> Path:
 
 
 def _say_kept(path: Path, there: Path) -> None:
-    """Log the new name of a user's file."""
+    """Log a warning that a user's file was renamed, since an output file takes its name."""
     import logging
 
     logging.getLogger("padgen").warning("padgen: %s is not padgen's or was changed; kept as %s", path, there.name)
@@ -599,7 +599,7 @@ LONGEST_PIPE_S = 10.0
 
 
 def json_text(table: Any) -> str:
-    """Return data as a file's JSON text: floats outside `spec` with ten digits, null for NaN and infinity.
+    """Return data as JSON text for a file: floats with ten digits, in full inside `spec`; null for NaN and infinity.
 
     An entry called `spec` is input, not a result: its numbers are written in full, so that they read back unchanged.
     Takes plain data and dataclasses; other values become text.
@@ -639,7 +639,7 @@ def _escaped(text: str) -> str:
 
 
 def _plain(value: Any, in_full: bool = False) -> Any:
-    """Return a value as plain data, its numbers rounded or `in_full`."""
+    """Return a value as JSON data (dicts, lists, text, numbers), floats to ten digits or, if `in_full`, unrounded."""
     if isinstance(value, float):
         if not isfinite(value):
             return None
@@ -726,7 +726,7 @@ class OutputFolder:
         return tuple(self._hashes)
 
     def commit(self, built_from: dict[str, Any] | None = None, remove: Iterable[str] = ()) -> list[str]:
-        """Move all added files and the manifest in; return an earlier build's files that the new plan outdates.
+        """Move all added files and a new manifest into the folder; return names of built files now out of date.
 
         A changed plan removes the files that came of the old one, except `MEASURED_FILES` and those of an earlier
         build, which the next build removes. Only unchanged files of padgen are removed.

@@ -48,14 +48,14 @@ _tables: list[dict[str, Any]] = []
 
 
 def table_of_registered() -> dict[str, Any]:
-    """Return a new, empty table for registered extensions, which `is_extended` then watches."""
+    """Return a new dict for registered extensions; `is_extended` is true as soon as any of these dicts has an entry."""
     table: dict[str, Any] = {}
     _tables.append(table)
     return table
 
 
 def is_extended() -> bool:
-    """Return whether results of this process may depend on registered code, which no key of the cache knows."""
+    """Return whether extensions are registered in this process, whose code may change results but not cache keys."""
     plugin_code()
     return any(_tables)
 

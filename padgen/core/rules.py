@@ -1,4 +1,4 @@
-"""Rules: what must hold of a spec, a command's options, a recording, a mesh, a signal or a plan, in one form for all.
+"""Rules: conditions that a spec, options, a recording, a mesh, a signal or a plan must meet, each with its message.
 
 A `Rule` is a condition that was looked at, and what to say where it does not hold. `refuse` makes an error of the first
 that is broken, `broken_rules` a finding of each. A `RuleBook` has the functions that yield the rules of one kind of
@@ -38,7 +38,7 @@ class Rule(NamedTuple):
 
 
 def refuse(*rules: Rule, error: type[PadgenError] = SpecError) -> None:
-    """Raise the first of `rules` that does not hold, as an `error`."""
+    """Raise an exception of type `error` with the message of the first of `rules` that does not hold, if any."""
     _raise_first(rules, error)
 
 
@@ -86,7 +86,7 @@ class RuleBook(Generic[T]):
         return broken_rules(self._rules(thing))
 
     def refuse(self, thing: T, error: type[PadgenError] = SpecError) -> None:
-        """Raise the first rule that the thing breaks, as an `error`."""
+        """Raise an exception of type `error` with the message of the first rule that the thing breaks, if any."""
         _raise_first(self._rules(thing), error)
 
     def _rules(self, thing: T) -> Iterator[Rule | Finding]:

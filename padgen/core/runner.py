@@ -399,7 +399,7 @@ class _Worker:
         self._messages.put(None)
 
     def _cause_of_end(self) -> str:
-        """Return a sentence on the end of the process."""
+        """Return a sentence on why the worker process ended: its signal, or its exit code and last line of output."""
         code = self._process.returncode
         if code == -9:
             return "its process was killed (signal 9), most likely by the system for lack of memory"
@@ -535,13 +535,13 @@ def _end_family(pid: int) -> None:
 
 
 def _broken(error: BaseException) -> Answer:
-    """Return the answer for an exception that is not a `PadgenError`."""
+    """Return a failed `Answer` that names an unexpected exception, any that is not a `PadgenError`."""
     text = "not enough memory for it" if isinstance(error, MemoryError) else " ".join(str(error).split())
     return Answer("failed", error=SolverError(f"broke down ({type(error).__name__}: {text}".rstrip(": ") + ")"))
 
 
 def _is_life_line(descriptor: int) -> bool:
-    """Return whether a worker can notice by this pipe that its parent has ended: on Linux, if no standard stream."""
+    """Return whether this pipe tells a worker that its parent has ended: only on Linux, and if no standard stream."""
     return sys.platform == "linux" and descriptor > 2
 
 
@@ -550,7 +550,7 @@ _answers: IO[bytes] | None = None
 
 
 def tell(step: str) -> None:
-    """Send what the present job is doing to the `hear` of `Runner.run`; do nothing outside a worker."""
+    """Send a progress message from a worker to the callback `hear` of `Runner.run`; do nothing outside a worker."""
     if _answers is not None:
         _send(_answers, pickle.dumps(step))
 
@@ -629,7 +629,7 @@ def _send(stream: IO[bytes], data: bytes) -> None:
 
 
 def _received(stream: IO[bytes]) -> bytes | None:
-    """Return the next message, None at the end."""
+    """Read from a stream the next message that `_send` wrote; return None at the end of the stream."""
     head = stream.read(HEAD)
     data = stream.read(int.from_bytes(head, "little"))
     return data if len(head) == HEAD and len(data) == int.from_bytes(head, "little") else None

@@ -1,4 +1,4 @@
-"""Seals on what a later run is to trust: made with a secret of this user's on this machine, so that nobody else can.
+"""Seals: keyed hashes by which a later run knows that a text was written by this user on this machine.
 
 Any file in a folder may be a stranger's, out of an archive or a repository. The secret lies in the user's state folder,
 for nobody else to read; it is made when padgen first seals something. Where it cannot be kept, nothing is sealed, and a
@@ -22,7 +22,7 @@ _aside_numbers = count(1)
 
 
 def folder() -> Path:
-    """Return the folder of the secret: ``PADGEN_STATE``, or the user's state folder."""
+    """Return the folder of the secret key for seals: the variable ``PADGEN_STATE``, or the user's state folder."""
     named = os.environ.get(VARIABLE)
     if named:
         return Path(named)
@@ -61,7 +61,7 @@ def is_sealed(text: bytes, seal: str) -> bool:
 
 
 def _read(path: Path) -> bytes:
-    """Return the secret; raise OSError for a file that other users own or may access."""
+    """Return the secret key in file `path`; raise OSError for a file that other users own or may access."""
     file = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
     try:
         status = os.fstat(file)
@@ -75,7 +75,7 @@ def _read(path: Path) -> bytes:
 
 
 def _make(path: Path) -> None:
-    """Make the secret, unless another process does so at the same time."""
+    """Write a new random secret key to file `path`, unless another process writes one at the same time."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     aside = path.with_name(f"{SECRET}.{os.getpid()}-{next(_aside_numbers)}")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)

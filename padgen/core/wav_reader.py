@@ -68,7 +68,7 @@ class Wave:
         return (raw[start : start + step].tobytes() for start in range(0, self.count, step))
 
     def _raw(self) -> np.ndarray:
-        """Return the file's bytes (count, channels, bytes of a sample)."""
+        """Return the bytes of all samples of the file, as an array (count, channels, bytes of a sample)."""
         shape = self.count, self.channels, self.width
         if self.held is None and self.count:
             return np.memmap(self.path, np.uint8, "r", self.offset, shape)

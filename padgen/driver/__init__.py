@@ -1,1 +1,1 @@
-"""Plan → what drives the pad: tones, states, tables, waveforms, and the devices that play them."""
+"""All that drives a planned pad: tones, on/off states, tables and waveforms, and the devices that play them."""

@@ -1,4 +1,4 @@
-"""A session that measures a print: every coil in turn plays a sweep, and an input hears the taxels.
+"""A session that measures a printed pad: coils play a sweep in turn, and an audio input records the taxels.
 
 A recording has the coil's current, as it is known to be played, and what was heard, so that the files are what ``padgen
 retune`` reads. Delay and clock between the two are found by the fit. A file is kept once it is fitted: a session that
@@ -66,7 +66,7 @@ class Bench:
 
     @property
     def by_hand(self) -> bool:
-        """True where the audio output has fewer channels than coils; each in turn is plugged into channel 1."""
+        """True where the audio output has fewer channels than coils: the user then plugs each coil into channel 1."""
         return self.sink is not None and self.sink.channels < self.plan.coils.rows * self.plan.coils.columns
 
     def names(self, by_coil: bool = False) -> tuple[str, ...]:
@@ -80,7 +80,7 @@ class Bench:
         return (self.recordings / f"{name}.wav").exists()
 
     def take(self, name: str, attempt: int, nearest: bool, notify: Told) -> tuple[TaxelFit, ...]:
-        """Record the taxel or coil `name`, fit its resonances, and keep the file; each `attempt` has a longer sweep.
+        """Record the taxel or coil `name` and return its fitted resonances; each `attempt` plays a longer sweep.
 
         The firmware's sweep has the same length each time. `nearest` is that of `fit_measured`.
 

@@ -1,4 +1,4 @@
-"""`Drive`: what the coils of a plan are to show, and the folder of files that make them show it.
+"""`Drive`: frames or on/off states for the coils of a plan, and the folder of files that make a pad play them.
 
 Tables, waveforms, what a microcontroller or another program needs. Made is what was asked for and nothing else; every
 file is read back where it can be.
@@ -51,7 +51,7 @@ UNSIGNED = "has all taxels of a channel in step: with the signs that keep the pa
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Driven:
-    """Result of writing a drive: its files, findings, what a simulated finger feels of the WAV, and predictions.
+    """Result of writing a drive: its files and findings, with the contrast, recoil and warming that they predict.
 
     `contrast` is that of its frames, and `outputs` those that it needs, None where the spec names what feeds the coils.
     `recoil` is what the moving pad keeps of its frames. `beam_rise_k` is the most by which a WAV that is played over
@@ -219,7 +219,7 @@ class Drive:
 
     @property
     def played(self) -> tuple[str, ...]:
-        """Names of the tones that the frames of a `crossed` drive play, for `padgen.check_wiring`; else empty."""
+        """Name of the tone in each frame of a drive of the pattern 'crossed', for `padgen.check_wiring`; else empty."""
         return crossed_names(self.plan) if self.crossed else ()
 
     def save(

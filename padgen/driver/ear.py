@@ -1,4 +1,4 @@
-"""The simulated ear: what fingers feel when a WAV file is played on a pad. From the file, not from the plan's drive.
+"""The simulated ear: what a finger feels at each taxel when a WAV file plays, computed from the file's samples.
 
 Samples → what a sound card's high-pass leaves of them → the coil's current through R and L → the pull by i² + ρ i (ρ by
 remanence, the largest of a coil's washers) → every taxel's motion, all modes → what is felt on the boss in every state
@@ -83,7 +83,7 @@ MOST_PULLS = 20
 
 
 class Span(NamedTuple):
-    """One state that the file holds: switching begins at `begin_s`, it is held from `start_s` to `stop_s`.
+    """A state that a WAV file holds: switching to it begins at `begin_s`, and it lasts from `start_s` to `stop_s`.
 
     Levels are taken from `window_s` on, over a `whole` period of the comb or not. `in_turns` tells that it is a frame
     of slots. `levels` (taxels,) are shares of the ON amplitudes, `signs` those of the motion.
@@ -100,7 +100,7 @@ class Span(NamedTuple):
 
 
 class Shaken(NamedTuple):
-    """Felt levels as in `Heard`, but with the pad recoiling on its mount; how it is mounted, and the moving mass."""
+    """Levels that a finger feels at the taxels of a pad that recoils on its mount; the mount, and the moving mass."""
 
     mount: str
     is_stated: bool
@@ -148,7 +148,7 @@ class Heard:
 
     @property
     def slot_contrast(self) -> tuple[float, int, int] | None:
-        """Least ON over OFF in dB within a coil, averaged over a frame, with the indices of frame and coil.
+        """Least ratio of ON to OFF vibration within a coil in dB, rms over a frame; with indices of frame and coil.
 
         Both are root mean squares over the whole frame, switching and ringing included. None where no coil has taxels
         ON and OFF in one frame.
@@ -157,7 +157,7 @@ class Heard:
 
     @property
     def held_contrast(self) -> tuple[float, int, int] | None:
-        """Least ON over OFF in dB within a coil at the end of a held state, with the indices of span and coil.
+        """Least ratio of ON to OFF vibration within a coil in dB, late in a held state; indices of span and coil.
 
         None where no coil has taxels ON and OFF in one span.
         """
@@ -165,23 +165,23 @@ class Heard:
 
     @property
     def shares(self) -> np.ndarray:
-        """Levels (h, n) that the file plays, as shares of the ON amplitudes."""
+        """Levels (h, n) that the file asks of each taxel in each span, as shares of the taxel's ON amplitude."""
         return np.array([span.levels for span in self.spans])
 
     @property
     def relative(self) -> np.ndarray:
-        """Felt levels (h, n) over what is wanted at level 1."""
+        """Felt levels (h, n), each divided by the level that the same taxel is to have when it is fully ON."""
         return np.asarray(self.level_um / self.wanted_um)
 
     @property
     def on(self) -> np.ndarray:
-        """Felt levels (h, n) of ON taxels, each divided by what is wanted at its played level; NaN for OFF taxels."""
+        """Felt levels (h, n) of ON taxels, each divided by the level that the file asks of it; NaN for OFF taxels."""
         shares = self.shares
         return np.asarray(np.divide(self.relative, shares, out=np.full(shares.shape, np.nan), where=shares > 0))
 
     @property
     def off(self) -> np.ndarray:
-        """Felt levels (h, n) of OFF taxels, each over its own planned ON level; NaN for taxels that are ON."""
+        """Felt levels (h, n) of OFF taxels, each divided by the same taxel's planned ON level; NaN for ON taxels."""
         return np.where(self.shares > 0, np.nan, self.relative)
 
     @property
@@ -317,7 +317,7 @@ def hear(
 
 
 def _joined_figures(groups: "Sequence[_Alike]") -> list[np.ndarray]:
-    """Return the results of all `groups`, joined, with taxels in the plan's order."""
+    """Return levels and other results of all `groups` of taxels, joined in one array each, in the plan's order."""
     order = np.argsort(np.concatenate([group.which for group in groups]))
     figures = zip(*(group.figures() for group in groups), strict=True)
     return [np.concatenate(parts, axis=-1)[..., order] for parts in figures]
@@ -329,7 +329,7 @@ def _largest_of(course_m: np.ndarray, at_s: np.ndarray, span: Span) -> np.ndarra
 
 
 class _Recoil:
-    """The recoiling pad and the taxels that it shakes; no taxels where the model is too large (see `refused`)."""
+    """Simulation of the pad's recoil and the taxels that it shakes; no taxels if the model is too large (`refused`)."""
 
     def __init__(
         self,
@@ -358,7 +358,7 @@ class _Recoil:
         self.reacts = -taxels.momentum / np.where(pull > 0, pull, np.inf)[:, None]
 
     def take_block(self, first: int, square_a2: np.ndarray) -> None:
-        """Simulate the recoil, and the taxels under it, for a block of i² (coils, s) from sample `first` on."""
+        """Simulate the pad's recoil, and taxels shaken by it, for a block of i² (coils, s) from sample `first` on."""
         if self.groups:
             shaken = self.reacts @ self.motion.acceleration(square_a2)
             for group in self.groups:
@@ -366,7 +366,7 @@ class _Recoil:
 
 
 def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> np.ndarray:
-    """Return root mean squares (f, n) of a `course` (t, n) between `edges_s` (f + 1,), by the trapezoidal rule."""
+    """Return rms levels (f, n) of taxels between times `edges_s` (f + 1,), from levels over time `course` (t, n)."""
     square = course**2
     steps = np.diff(at_s)[:, None] * (square[1:] + square[:-1]) / 2
     total = np.concatenate([np.zeros((1, course.shape[1])), steps.cumsum(0)])
@@ -375,7 +375,7 @@ def _slot_levels(at_s: np.ndarray, course: np.ndarray, edges_s: np.ndarray) -> n
 
 
 def _spans(sidecar: Mapping[str, Any], slots: int, tau_s: float, lowest_hz: float) -> tuple[Span, ...]:
-    """Split a file into its held states; where channels take turns, into frames of `slots` turns.
+    """Return the spans of a WAV file: the states that it holds or, where channels take turns, frames of `slots` turns.
 
     `tau_s` is the slowest taxel's time constant: windows begin, where they can, once it has settled.
     """
@@ -421,7 +421,7 @@ def _play(
     gap: bool,
     recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
-    """Simulate the file on all groups of taxels and the recoiling pad; return each coil's currents and losses.
+    """Simulate coil currents, the taxels of all `groups` and the recoiling pad; return each coil's current and loss.
 
     Each row also has the signal's peak and mean.
     """
@@ -495,7 +495,7 @@ def high_pass(corner_hz: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]
 
 
 def circuit_filter(resistance_ohm: float, inductance_h: float, rate_hz: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return numerator and denominator of the filter from coil voltage to current, ``AROUND − 1`` samples late."""
+    """Return numerator and denominator of a digital filter, coil voltage to current, ``AROUND − 1`` samples late."""
     inductance_h = max(inductance_h, resistance_ohm / STIFFEST / rate_hz)
     pole = -resistance_ohm / inductance_h / rate_hz
     off = WITHIN - np.arange(AROUND, -AROUND, -1)[:, None]
@@ -518,7 +518,7 @@ def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.nda
 
 
 class _Alike:
-    """Taxels of equal channel, level and tuning, simulated together: filters of their modes, sums of their motion."""
+    """Simulation of taxels of equal channel, ON level and tuning: filters of their modes, sums of their motion."""
 
     def __init__(
         self,
@@ -578,7 +578,7 @@ class _Alike:
         self.tail = np.zeros((3, len(which), 0))
 
     def take_block(self, first: int, square_a2: np.ndarray, shaken_a2: np.ndarray | float = 0.0) -> None:
-        """Simulate the taxels for a block of i² (coils, s), or of i where force goes with i, from sample `first` on.
+        """Simulate the taxels for a block of i² (coils, s), or i if force is proportional to i, from sample `first`.
 
         `shaken_a2` (taxels, s) is what would pull as the moving pad does.
         """
@@ -607,7 +607,7 @@ class _Alike:
             self.tail = joined[:, :, count * self.step :]
 
     def _felt(self, square_a2: np.ndarray, shaken_a2: np.ndarray | float) -> np.ndarray:
-        """Return the felt motion (3, taxels, s) in m for i² (taxels, s); its first part is vertical, at the axis."""
+        """Return the felt motion (3, taxels, s) in m for i² (taxels, s): vertical at the boss's axis, and two tilts."""
         from scipy.signal import lfilter
 
         pull = square_a2
@@ -631,7 +631,7 @@ class _Alike:
         return felt
 
     def figures(self) -> tuple[np.ndarray, ...]:
-        """Return levels, tone amplitudes, peaks (h, n), course (t, n), wanted levels (n,) in m; pulled-in flags."""
+        """Return levels, tone amplitudes, peaks (h, n), levels over time (t, n), ON levels (n,) in m; pull-in flags."""
         level_m = np.sqrt(2 * np.maximum((self.square - self.mean**2).sum(1), 0.0))
         tone_m = 2 * np.sqrt((np.abs(self.tone) ** 2).sum(1))
         return level_m, tone_m, self.peak_m, np.concatenate(self.course_m), self.wanted_m, self.pulled_in
@@ -642,7 +642,7 @@ MISSED_DB = 0.5
 
 
 def heard_table(heard: Heard) -> dict[str, Any]:
-    """Make plain data for a JSON file: summary, coils, rows, and the levels of every taxel in every span.
+    """Return a simulated hearing as a dictionary for JSON: summary, coils, rows, levels of every taxel in every span.
 
     In the summary `tone_low_db`, `tone_high_db` are how far ON taxels' own lines are off what they are to be, `rise_s`
     is the slowest switching on, `peak_um` the largest motion of a washer; currents and losses are of the coil that has
@@ -712,7 +712,7 @@ def _shaken_table(heard: Heard) -> dict[str, Any] | None:
 
 
 def _rows(heard: Heard) -> Iterator[dict[str, Any]]:
-    """Yield a row for each span, in the order of the file, and each coil that has taxels.
+    """Yield a dictionary for each span, in the order of the file, and each coil: its state, ON and OFF levels in dB.
 
     `state` has a sign for every taxel, the lowest line first: 1 is ON, 0 is OFF, + in between. `on_db` is the smallest
     ON level, over what that taxel is to have there, `off_db` the loudest OFF level over the taxel's own ON level; None
@@ -749,7 +749,7 @@ def _level_mark(level: float) -> str:
 
 
 def ear_findings(heard: Heard) -> Iterator[Finding]:
-    """Judge what is felt of the file: pull-in, missed levels, low selectivity, recoil, states held too briefly."""
+    """Yield findings on what is felt: pull-in, wrong levels, low selectivity, recoil, states held too briefly."""
     if heard.pulled_in.any():
         yield Finding(
             "error",
@@ -829,5 +829,5 @@ def _db(ratio: np.ndarray) -> np.ndarray:
 
 
 def _largest(values: np.ndarray, sign: float = 1.0) -> float | None:
-    """Return the largest of `values`, leaving NaN out, multiplied by `sign`; None where all are NaN."""
+    """Return `sign` times the largest of `values`, leaving out NaN; None where all values are NaN."""
     return None if np.isnan(values).all() else sign * float(np.nanmax(values))

@@ -1,4 +1,4 @@
-"""Excitation files: the currents of `measured/shaking.py` as volts, to be played while resonances are measured.
+"""Excitation files: voltages that make coils play a chirp or noise while the taxels' resonances are measured.
 
 One chirp or one stretch of noise (`padgen.measured.shaking`), followed by the silence in which the slowest taxel comes
 to rest; each coil in turn, or all at once. The volts are those that drive the current through the coil's resistance and
@@ -38,7 +38,7 @@ BLOCK_SAMPLES = 1 << 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
-    """The current and voltage that the coils play while taxels are measured, and how strong they are.
+    """Current and voltage of a coil's chirp or noise that shakes taxels for measuring, and their strength.
 
     `current_a`, `voltage_v` (samples,) are of one coil's turn; `coils` (row, column) in the order of the columns of
     `blocks`. `level_share` is how strongly taxels are shaken over their planned levels; `copper_loss_w` the mean of a
@@ -60,7 +60,7 @@ class Excitation:
 
     @property
     def samples(self) -> int:
-        """Number of samples of the excitation: one coil's, times the number of coils unless all play together."""
+        """Number of samples of the whole excitation: one coil's, times the number of coils if they play in turn."""
         return len(self.current_a) * (1 if self.together else len(self.coils))
 
     @property
@@ -160,7 +160,7 @@ def excitation(
 
 
 def _corrected_for_high_pass(volts: np.ndarray, corner_hz: float, rate_hz: int) -> np.ndarray:
-    """Return periodic `volts` (n,) pre-corrected for a sound card's high-pass: each line times ``1 − j f_h/f``.
+    """Return periodic `volts` (n,) that cancel a sound card's high-pass of corner f_h: each line times ``1 − j f_h/f``.
 
     The mean, which no high-pass passes, is left out.
     """
@@ -187,7 +187,7 @@ class FirmwareSweep:
     volts: np.ndarray
 
     def voltage_v(self, rate_hz: float) -> np.ndarray:
-        """Return the voltage (n,), its frequency and amplitude interpolated linearly between the rows."""
+        """Return the sweep's voltage (n,) at `rate_hz`, frequency and amplitude linear between rows of the table."""
         at = np.arange(ceil(self.seconds * rate_hz)) / (self.seconds * rate_hz) * (len(self.hz) - 1)
         rows = np.arange(len(self.hz))
         hz = np.interp(at, rows, self.hz)

@@ -248,7 +248,7 @@ MOST_LEVELS = 1 << 25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """`levels` (k, taxels) of k frames in 0 … 1, taxels as in the plan, and sentences on what was left out."""
+    """Levels (k, taxels) in 0 … 1 of k frames, taxels in the plan's order, and notes on lit pixels without a taxel."""
 
     levels: np.ndarray
     notes: tuple[str, ...]
@@ -502,7 +502,7 @@ def text_frames(plan: Plan, text: str) -> np.ndarray:
 
 
 def _pixel(rows: int, columns: int, aspect: float) -> tuple[float, float]:
-    """Return height and width of a font's pixel in rows and columns; `aspect` is a row's step over a column's."""
+    """Return a letter pixel's height and width in taxel rows and columns; `aspect` is row pitch over column pitch."""
     high = rows / GLYPH_ROWS
     if rows >= GLYPH_ROWS:
         high = max(int(min(high, columns / GLYPH_COLUMNS / aspect)), 1)
@@ -512,7 +512,7 @@ def _pixel(rows: int, columns: int, aspect: float) -> tuple[float, float]:
 
 
 def _scaled(pixels: np.ndarray, size: float) -> np.ndarray:
-    """Stretch `pixels` (…, n) along the last axis by the factor `size`; each new pixel is the mean under it."""
+    """Resample `pixels` (…, n) along the last axis to `size` times as many, each the mean of what it covers."""
     count = pixels.shape[-1]
     edge = np.minimum(np.arange(int(np.ceil(count * size - 1e-9)) + 1) / size, count)
     pixel = np.minimum(edge.astype(int), count - 1)

@@ -1,4 +1,4 @@
-"""Bound what is asked of coils and taxels by all that is written or played, and judge it by the limits before it is.
+"""Upper bounds on what a signal asks of coils and taxels, judged by all limits before it is written or played.
 
 What is judged is what is shown (a timeline), or where that is not known the worst of whatever a host may send to the
 firmware: a `Load`.
@@ -96,7 +96,7 @@ the 0.2 to 0.3 mm of air between a coil and the lower half of its printed socket
 
 
 class Load(NamedTuple):
-    """Largest demands of a signal on coils and taxels; of any one coil where nothing else is said.
+    """Largest voltage, current and mean i² that a signal asks of any coil, and the largest level of each taxel.
 
     `peak_v` in V and `peak_a` in A; mean i² in A² of the strongest state of each coil, `square_a2` (coils,), and of all
     coils together, `total_a2`; `warm_a2` (coils,), the steady i² that warms a coil as much (`_warm_a2`); `level`
@@ -113,7 +113,7 @@ class Load(NamedTuple):
 
 
 class _Asked(NamedTuple):
-    """A coil's largest levels (n,), and its mean square `square_a2` (spur-free its largest constant of i²)."""
+    """Largest levels (n,) of a coil's channels, and largest mean i², `square_a2` (spur-free: constant part of i²)."""
 
     level: np.ndarray
     square_a2: float
@@ -135,7 +135,7 @@ def heat_s(coil: Coil) -> float:
 
 
 def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
-    """Return the steady i² (coils,) in A² that warms coils as much as `squares` (coils, k) at a timeline's keyframes.
+    """Return the constant i² (coils,) in A² that warms coils as far as i² of `squares` (coils, k) at keyframes does.
 
     A coil may be as warm as it may ever be when the file begins, since another may have been played before. Its heat
     ``h' = (i² − h)/T`` then stays within a limit P/R if, from the beginning to any time t, the mean of i² weighted by
@@ -155,7 +155,7 @@ def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
 
 
 def load_of(plan: Plan, drive: PadDrive, shown: Timeline | None = None) -> Load:
-    """Bound the load that a timeline puts on the coils; None: the worst that a host may send to the firmware."""
+    """Return bounds on the load that a timeline puts on the coils; None: of any frames that a host may send."""
     ramp = ramp_s(plan) if shown is None else min(ramp_s(plan), _shortest_s(shown))
     if shown is None:
         asked = [_largest_demand(drive, coil) for coil in drive.coils]
@@ -192,7 +192,7 @@ def _limit_a(plan: Plan) -> float:
 
 
 def excitation_load(plan: Plan, played: Excitation) -> Load:
-    """Bound what an excitation asks of the coils, over its sweep."""
+    """Return bounds on the load that an excitation puts on the coils, with the mean of i² over its sweep."""
     sweep = played.current_a[: round(played.sweep_s * played.rate_hz)]
     squares = np.full(len(played.coils), float((sweep**2).mean()))
     peak_v = float(np.abs(played.voltage_v).max(initial=0.0)) / played.between
@@ -234,7 +234,7 @@ def _tones_v(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
 
 
 def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
-    """Bound a coil's voltage at all times, through transitions too."""
+    """Return an upper bound in V of a coil's voltage, in held states and in transitions of `ramp` seconds."""
     if not len(coil.taxels):
         return 0.0
     if drive.scheme.is_root:
@@ -247,7 +247,7 @@ def _bound_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> fl
 
 
 def _ramp_v(drive: PadDrive, coil: CoilDrive, asked: _Asked, ramp: float) -> float:
-    """Bound the voltage that a transition adds: L times the peak current times the blend's steepest slope."""
+    """Return an upper bound in V of what a transition adds: L times peak current times steepest slope of a blend."""
     return drive.inductance_h * _bound_a(drive, coil, asked) * STEEPEST / ramp
 
 
@@ -262,7 +262,7 @@ def _bound_a(drive: PadDrive, coil: CoilDrive, asked: _Asked) -> float:
 
 
 def _root_bound_v(drive: PadDrive, coil: CoilDrive, states: np.ndarray, constant_a2: np.ndarray) -> np.ndarray:
-    """Return bounds (s,) in V on a spur-free coil's voltage in held `states` (s, n), by ``F'² ≤ 2 F max F''``.
+    """Return upper bounds (s,) in V of a spur-free coil's voltage in held `states` (s, n), by ``F'² ≤ 2 F max F''``.
 
     That holds for any force F ≥ 0.
     """
@@ -289,7 +289,7 @@ def _shown_peak(drive: PadDrive, timeline: Timeline, signal: str) -> float:
 
 
 def _bound_any_levels_v(drive: PadDrive, ramp: float) -> float:
-    """Bound the voltage under any levels that a host may send, and through changes between them."""
+    """Return an upper bound in V of the coils' voltage under any levels that a host may send, changes included."""
     alike = {coil.harmonic.tobytes() + coil.line_a2.tobytes(): coil for coil in drive.coils if len(coil.taxels)}
     each = ((_bound_v(drive, c, _largest_demand(drive, c), ramp), key) for key, c in alike.items())
     bounds = sorted(each, reverse=True)
@@ -324,7 +324,7 @@ def _points(harmonic: np.ndarray) -> int:
 
 
 def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
-    """Return the largest voltage of a spur-free coil over all on/off states; a bound where channels are many."""
+    """Return the largest voltage in V of a spur-free coil in any on/off state; an upper bound for many channels."""
     count = len(coil.line_a2)
     if count > MOST_CHANNELS:
         largest = np.array([_largest_constant_a2(drive, coil)])
@@ -357,14 +357,14 @@ def _states(count: int) -> np.ndarray:
 
 
 def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
-    """Return the firmware's least constants in A² with all on and in all states of each group; and the group size."""
+    """Return least constants of i² in A² with all channels on, and in each state of each group; a group's size."""
     size = channels_per_group(max(len(c.taxels) for c in drive.coils))
     all_on, groups = least_constants(coil, size)
     return all_on, [np.array(group) for group in groups], size
 
 
 def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """Return the constant part (2ⁿ,) of i² in A² that the firmware takes in each of `_states`, margin included."""
+    """Return the constant part (2ⁿ,) of i² in A² that the firmware adds in each on/off state, margin included."""
     all_on, groups, size = _groups(drive, coil)
     states = _states(len(coil.line_a2))
     which = np.arange(len(states))
@@ -374,7 +374,7 @@ def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
 
 
 def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
-    """Return the largest constant part of i² in A² that the firmware may take; an upper bound for many channels."""
+    """Return the largest constant part of i² in A² that the firmware adds in any state; a bound for many channels."""
     if len(coil.line_a2) <= MOST_CHANNELS:
         return float(_constants_a2(drive, coil).max())
     all_on, groups, _ = _groups(drive, coil)
@@ -387,7 +387,7 @@ def channels_per_group(channels: int) -> int:
 
 
 def least_constants(coil: CoilDrive, size: int) -> tuple[float, tuple[tuple[float, ...], ...]]:
-    """Return a coil's least constant with all channels on, and those of each group of `size` in every state, in A²."""
+    """Return least constants of i² in A² of a coil: with all channels on, and in each state of each group of `size`."""
     return _least_constants(*(tuple(part.tolist()) for part in (coil.harmonic, coil.line_a2, coil.phase_rad)), size)
 
 
@@ -417,7 +417,7 @@ def channels_per_signed_group(channels: int) -> int:
 
 
 def signed_constants(coil: CoilDrive, size: int) -> tuple[tuple[float, ...], ...]:
-    """Return the least constants in A² of each group of `size` channels, by state: a base-3 digit for each channel.
+    """Return the least constants of i² in A² of each group of `size` channels, by state: one base-3 digit a channel.
 
     A digit is 0 for off, 1 for on, 2 for in counter-phase; the first channel's is the lowest.
     """
@@ -449,7 +449,7 @@ def judge_limits(
 
 
 def refuse_frames(plan: Plan, frames: np.ndarray, tuning: Tuning | None = None) -> None:
-    """Raise if frames (k, taxels) that the firmware is to show are beyond a limit: what harms a coil is not played.
+    """Raise SpecError if frames (k, taxels) that the firmware is to show would exceed a limit of coils or taxels.
 
     Levels below 0 are of taxels that move in counter-phase.
     """
@@ -495,7 +495,7 @@ def judge_warmth(where: str, plan: Plan, beam_rise_k: float) -> Iterator[Finding
 
 
 def _demand(plan: Plan, load: Load, tuning: Tuning | None) -> Demand:
-    """Return what a load asks of the coils and of the taxels as they are printed.
+    """Return the peak voltage, peak current and heat that a load asks of the coils, and the motion of printed taxels.
 
     Before coils are as warm as the tuning has them, voltages let more current flow: its peak and the mean pull count
     so.
@@ -532,7 +532,7 @@ def _level_text(plan: Plan, drive: PadDrive, shown: Timeline | None, tuning: Tun
 
 
 def carrier_text(plan: Plan, shown: Timeline, rate_hz: int | None, tuning: Tuning | None) -> str:
-    """Tell, as a clause, whether the lowest carrier that is accepted keeps all limits."""
+    """Return a clause that tells whether a drive on the lowest carrier frequency that is accepted keeps all limits."""
     hz = at_least(CARRIER_OVER_RESONANCE * highest_hz(plan, tuning))
     try:
         drive = drive_at(plan, RATES_HZ, rate_hz, tuning, float(hz))

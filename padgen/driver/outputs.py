@@ -1,4 +1,4 @@
-"""The outputs that a drive needs, and what an AC-coupled sound card would leave of it where its spec names none."""
+"""The amplifier outputs that a drive needs, and what an AC-coupled sound card leaves of it if the spec names none."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -40,7 +40,7 @@ class Outputs:
 
 
 def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> Outputs:
-    """Return the outputs that a drive needs, with what an ordinary AC-coupled sound card would leave of it."""
+    """Return number and coupling of the outputs that a drive needs, and what an AC-coupled sound card leaves of it."""
     count = len(drive.coils)
     if not drive.has_constant:
         return Outputs(count, "AC or DC")
@@ -74,7 +74,7 @@ def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) ->
 
 
 def _states(count: int) -> list[np.ndarray]:
-    """Return the on/off states (n,) to try: of few channels all but silence, of more one on, one off, and all on."""
+    """Return the on/off states (n,) to try: all but silence, or of many channels only one on, one off, and all on."""
     if count <= MOST_SPELLED_OUT:
         return [np.array(state) for state in product((False, True), repeat=count) if any(state)]
     one = np.eye(count, dtype=bool)
@@ -84,7 +84,7 @@ def _states(count: int) -> list[np.ndarray]:
 def _left(
     drive: PadDrive, coil: CoilDrive, on: np.ndarray, resonance_hz: np.ndarray, q: np.ndarray, corner_hz: float
 ) -> tuple[np.ndarray, float]:
-    """Return what a high-pass leaves: lines (n,) of i² at the tones in dB of the wanted ones, and selectivity in dB.
+    """Return lines (n,) of i² after a high-pass, in dB of the wanted ones, and the selectivity in dB that is left.
 
     Each taxel is one resonance; the spur-free current is held.
     """

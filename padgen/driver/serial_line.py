@@ -107,7 +107,7 @@ class Kind(IntEnum):
 
 
 class State(IntEnum):
-    """The states of a device, as its ACKs tell."""
+    """What a device's coils do, as its acknowledgements (ACK) tell: silent, switching or holding a frame."""
 
     SILENT = 0
     SWITCHING = 1
@@ -167,7 +167,7 @@ class Fault(IntFlag):
 
 
 class Refusal(NamedTuple):
-    """The kind of message that was refused (0 unknown), why, and the sequence number that is due."""
+    """A device's refusal: kind of the refused message (0 unknown), reason, and the sequence number that it expects."""
 
     kind: int
     reason: int
@@ -175,7 +175,7 @@ class Refusal(NamedTuple):
 
 
 def plan_hash(plan: Plan, tuning: Tuning | None = None) -> bytes:
-    """Return the SHA-256 of plan and tuning, cut short: computer and device know by it that they mean one pad."""
+    """Return the shortened SHA-256 of plan and tuning: if computer and device have the same, they mean the same pad."""
     text = plan_to_json(plan) + ("" if tuning is None else tuning_to_json(tuning))
     return sha256(text.encode()).digest()[:HASH_BYTES]
 
@@ -284,7 +284,7 @@ def play_frames(
     greet_s: float = GREET_S,
     on_shown: Callable[[int], None] = lambda shown: None,
 ) -> Played:
-    """Show frames (k, taxels) of levels in 0 … 1, each for `frame_s` (None: the device's), then silence.
+    """Show frames (k, taxels) of levels in 0 … 1, each for `frame_s` (None: the device's frame time), then silence.
 
     Taxels of one frequency have the signs with which they shake the pad least. The device must hold the firmware of
     this plan and `tuning`. `on_shown` hears how many are shown. An answer is waited for `reply_s` (None: by what the
@@ -324,7 +324,7 @@ def play_frames(
 
 
 def _signs(plan: Plan, frames: np.ndarray, each_s: float | None, tuning: Tuning | None) -> np.ndarray:
-    """Return signs (k, taxels) of motion with which the pad recoils least; all +1 if those exceed a limit."""
+    """Return signs (k, taxels) of motion in frames that shake the pad least; all +1 if those exceed a limit."""
     drive = drive_at(plan, CONTROLLER_RATES_HZ, tuning=tuning)
     held_s = (each_s or planned_frame_s(plan)) - ramp_s(plan) / 2
     signs = choose_signs(PlayedPad(plan, drive, tuning), frames, held_s, plan.scheme.takes_turns)
@@ -353,7 +353,7 @@ def excite(port: str, plan: Plan, coil: int, *, tuning: Tuning | None = None, ba
 def _playing(
     port: str, plan: Plan, tuning: Tuning | None, baud: int, reply_s: float, greet_s: float, what: str
 ) -> "Iterator[_Link]":
-    """Open a serial line and greet its device for a block; on any error the device is silenced if it can be."""
+    """Open a serial line and check the device's plan, for a ``with`` block; silence the device on any error in it."""
     serial = _serial()
     try:
         line = serial.Serial(port, baud, timeout=0, write_timeout=2.0, exclusive=True)
@@ -391,7 +391,7 @@ class _Link:
         self._what_then = "the device is as it was"
 
     def greet(self, plan: Plan, tuning: Tuning | None, greet_s: float) -> None:
-        """Ask the device for its pad and scheme; raise unless it holds the same plan and tuning."""
+        """Ask the device what it holds; raise FileError unless that is this plan and tuning, without faults."""
         wanted = plan_hash(plan, tuning)
         end = time.monotonic() + greet_s
         answer = None
@@ -443,7 +443,7 @@ class _Link:
 
     @contextmanager
     def closing_in(self, what: str) -> Iterator[None]:
-        """Raise a `FileError` with one sentence where the serial line is lost within the block."""
+        """Raise FileError, which says that `what` was under way, if the serial line is lost within the block."""
         try:
             yield
         except LINE_ERRORS as error:
@@ -464,7 +464,7 @@ class _Link:
             time.sleep(BUSY_S)
 
     def _show(self, message: Message) -> None:
-        """Send a frame until the device has it; one that is busy with the frame before is asked again."""
+        """Send a frame until the device has accepted it; while it is busy with the frame before, send it again."""
         end = time.monotonic() + 2 * self.device.least_frame_us * 1e-6 + TRIES * self._reply_s
         while True:
             answer = self._ask(message, (Reason.DUPLICATE, Reason.BUSY))
@@ -483,7 +483,7 @@ class _Link:
         time.sleep(max(left, 0.0))
 
     def _ask(self, message: Message, expected: tuple[Reason, ...] = ()) -> Message:
-        """Send a message until it is answered; an answer that is neither ACK nor expected is an error."""
+        """Send a message until it is answered; raise FileError for a refusal that is not among the `expected` ones."""
         for attempt in range(TRIES):
             self.resent += attempt > 0
             answer = self._once(message)
@@ -520,7 +520,7 @@ class _Link:
 
 
 def _answers(answer: Message, message: Message) -> bool:
-    """Return whether this reply answers this message; a damaged reply answers none."""
+    """Return whether a reply is the one to this message, or one that says that a message came damaged."""
     if answer.version != VERSION:
         return message.kind == Kind.HELLO and answer.kind >= Kind.GREETING
     if answer.kind in (Kind.ACK, Kind.NAK) and len(answer.payload) >= (2 if answer.kind == Kind.ACK else REFUSAL.size):

@@ -1,4 +1,4 @@
-"""Signs of the ON taxels of frames, with which those of one frequency keep the pad still, and what the pad then keeps.
+"""Signs of the motion of ON taxels, chosen so that they shake the pad least, and the contrast that it then keeps.
 
 Whether a taxel begins upwards or downwards is free: a sign of −1 is its line in counter-phase, of the same force. Frame
 by frame, signs are chosen with which what the pad tells the taxels of a frequency nearly cancels
@@ -26,7 +26,7 @@ __all__ = ["PlayedPad", "PlayedRecoil", "choose_signs", "mount_text", "played_re
 
 
 class PlayedRecoil(NamedTuple):
-    """Smallest ON over largest OFF amplitude in dB of the worst frame, with the pad recoiling on its mount.
+    """Least ratio of ON to OFF amplitude in dB of all frames, on a pad that recoils on its mount, by choice of signs.
 
     `signed_db` is with the signs that are played, `in_step_db` without, `clamped_db` of a pad that does not move; None
     where no taxel is OFF beside one that is ON. `turned` counts taxels that stay ON and turn over. `mount` says how the
@@ -42,7 +42,7 @@ class PlayedRecoil(NamedTuple):
 
 
 class PlayedPad(ShakenPad):
-    """The pad of a plan on its mount, as a drive plays it: its tones, and the print's taxels.
+    """The pad of a plan as a rigid body on its mount, shaken by the lines of a drive, with the taxels of a print.
 
     What comes from different coils at one frequency adds with its phases.
     """
@@ -78,7 +78,7 @@ NEVER = 1e9
 
 
 def choose_signs(pad: PlayedPad, frames: np.ndarray, held_s: float = inf, in_turns: bool = False) -> np.ndarray:
-    """Return signs (k, n), +1 or −1, of the taxels' motion in frames of levels (k, n); OFF taxels have +1.
+    """Return signs (k, n), +1 or −1, of taxels' motion that shake the pad least in frames of levels (k, n); OFF: +1.
 
     No taxel turns over that has not `TURNED_TAUS` in the `held_s` from the middle of a transition to the end of what is
     held. `in_turns`: every frame begins in silence, so that none are kept.
@@ -95,7 +95,7 @@ def choose_signs(pad: PlayedPad, frames: np.ndarray, held_s: float = inf, in_tur
 
 
 def played_recoil(pad: PlayedPad, frames: np.ndarray, signs: np.ndarray) -> PlayedRecoil:
-    """Return the worst frame's ON over OFF on the recoiling pad with `signs` (k, n), without them, and held still.
+    """Return the worst frame's ratio of ON to OFF amplitude: with `signs` (k, n), without, and on a pad held still.
 
     `frames` (k, n) are levels.
     """
@@ -125,7 +125,7 @@ def mount_text(pad: ShakenPad) -> str:
 
 
 def _worst_db(pad: ShakenPad, driven: np.ndarray, clamped: bool) -> float | None:
-    """Return the least ON over OFF in dB of frames of signed levels (k, n); None where none has taxels ON and OFF.
+    """Return the least ratio of ON to OFF amplitude in dB in frames of signed levels (k, n); None if none has both.
 
     If `clamped`, the pad does not move.
     """

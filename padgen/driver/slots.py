@@ -1,4 +1,4 @@
-"""Contrast of frames over their whole slots and at their ends, predicted for a timeline from its levels in closed form.
+"""Contrast of ON over OFF taxels in a timeline's frames, on average over a frame and at its end, in closed form.
 
 Each taxel's amplitude under its own line follows the levels (`padgen.physics.switching`); what it hears of its coil's
 other lines and spurs follows them without delay, and adds as energy: blends are slow against beats. With modes where
@@ -40,7 +40,7 @@ class FrameContrast(NamedTuple):
 
 
 def slots_of(time_s: np.ndarray, levels: np.ndarray, frame_s: float, turns: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return the frame index (k − 1,) of each stretch between keyframes, and the levels (f, taxels) of each frame.
+    """Return the frame index (k − 1,) of each interval between keyframes, and the levels (f, taxels) of each frame.
 
     A frame is what it holds, in turns the most that each taxel has. The stretch that leads into silence is in no frame.
     """
@@ -52,14 +52,14 @@ def slots_of(time_s: np.ndarray, levels: np.ndarray, frame_s: float, turns: bool
 
 
 def _held(levels: np.ndarray, slot: np.ndarray, frame: int) -> int:
-    """Return the index of the last keyframe at which a frame's state is held, before a brake."""
+    """Return the index of the keyframe up to which the state of frame number `frame` is held, before any brake."""
     inside = np.flatnonzero(slot == frame)
     held = inside[(levels[inside] == levels[inside + 1]).all(1)]
     return int((held if len(held) else inside)[-1]) + 1
 
 
 def worst_contrast(levels: np.ndarray, energy: np.ndarray, coil_of: np.ndarray) -> tuple[float, int, int] | None:
-    """Return the least ON over OFF in dB, its frame and coil; None where no coil ever has both.
+    """Return the least ratio of ON to OFF level within a coil in dB, its frame and coil; None if no coil has both.
 
     `levels` (k, taxels) of frames are shares of the ON amplitudes, `energy` (k, taxels) their squares as felt.
     """
@@ -134,7 +134,7 @@ def _beats(
     slot: np.ndarray,
     amplitude: np.ndarray,
 ) -> np.ndarray:
-    """Return what beats between a coil's taxels and others' lines add to ∫ a² dt (frames, n) in s during switching.
+    """Return what beats of taxels' motion with other lines of their coil add to ∫ a² dt (frames, n) in s in switching.
 
     What rings and what is heard of a line beside it have not the time to average out: the sum has their phases. With
     tones the spur of a pair lies between the two, and sounds while one takes the other's place.
@@ -192,7 +192,7 @@ def _beats(
 
 
 class _Heard(NamedTuple):
-    """Energies `tones` (n, n) of a coil's taxels under each other's lines, over the energy of each at its ON level.
+    """Energies `tones` (n, n) of a coil's taxels under lines meant for the others, over each taxel's energy when ON.
 
     `spurs` (n, l) are of those that the pairs `makers`, two arrays (l,), make together; None where there are none.
     """
@@ -224,7 +224,7 @@ def slot_findings(
     tuning: Tuning | None = None,
     signs: np.ndarray | float = 1.0,
 ) -> tuple[Finding, ...]:
-    """Warn of frames too short to keep the asked contrast over their slots; name a length that is enough, if any.
+    """Return a warning if frames are too short for the asked contrast, with a length that is enough, if any.
 
     Asked is `drive.delta_y`, and no more than `SLOT_DB`.
     """

@@ -194,7 +194,7 @@ def recorded(
     begin: Callable[[], None] | None = None,
     on_progress: Callable[[float], None] = lambda seconds: None,
 ) -> np.ndarray:
-    """Record the first channel of an input for some seconds, as (n,), while `played` (k,) sounds on a `sink`.
+    """Return samples (n,) of an input's first channel, recorded for `seconds` while `played` (k,) sounds on a `sink`.
 
     It sounds on one `channel` of `outputs`, the others are silent. Where there is `begin`, it is called once the input
     runs, and the seconds count from its end. `on_progress` hears how many are recorded. An interrupt fades out

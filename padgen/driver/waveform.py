@@ -1,4 +1,4 @@
-"""`PadDrive`, the lines of every coil of a pad as planned or as measured, and its volts in time under a `Timeline`.
+"""`PadDrive`: the spectral lines that drive each coil of a planned or measured pad, and its volts over a `Timeline`.
 
 Frequencies lie on a *comb*, whole multiples of 1/period, so that what is written can be looped without a seam and the
 smallest constant of a spur-free force is known for all times. A line that the comb moves off its taxel's resonance is
@@ -103,7 +103,7 @@ RATE_OVER_RESONANCE = 8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoilDrive:
-    """One coil's part of a drive; arrays (n,), its lowest channel first.
+    """Lines of i² that drive the taxels over one coil: frequency, amplitude and phase (n,), the lowest channel first.
 
     `taxels` are indices into the plan's. A taxel at level 1 gets the line ``line_a2 cos(2π force_hz t + phase_rad)``
     of i²; `force_hz` is ``harmonic / period``. `bias_a` is the constant current of the biased scheme, else 0;
@@ -123,7 +123,7 @@ class CoilDrive:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PadDrive:
-    """The drive of a pad: its coils, row by row, its scheme, and frequencies that are multiples of 1/`period_s`.
+    """The drive of a pad: its scheme, and its coils, row by row, with lines at whole multiples of 1/`period_s`.
 
     `rate_hz` is that of the samples; a period is a whole number of them. `resistance_ohm`, `inductance_h`
     are each coil's. With a `carrier_hz` (spur-free only) the current is ``√(2F) cos(2π carrier_hz t)``, for amplifiers
@@ -145,7 +145,7 @@ class PadDrive:
 
     @property
     def period_samples(self) -> int:
-        """Samples of one period of the comb."""
+        """Number of samples in `period_s`, after which all lines of the drive repeat."""
         return round(self.period_s * self.rate_hz)
 
     @property
@@ -164,7 +164,7 @@ class PadDrive:
 
 
 def coil_lines(drive: PadDrive, coil: CoilDrive) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lines of a coil's current in A or, spur-free, of i² in A², without the constant part.
+    """Return harmonics and complex amplitudes (n,) of the lines of a coil's current in A or, spur-free, of i² in A².
 
     They are harmonics and complex amplitudes (n,), ``Re amplitude exp(2πi harmonic t / period)`` at level 1. They go
     with the level; where the scheme has no constant, with its root, at half the force's frequency.
@@ -222,7 +222,7 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
 
     @cache
     def shaped(harmonics: tuple[int, ...], lines: tuple[float, ...]) -> tuple[np.ndarray, RootMargin]:
-        """Return phases (n,) and margin of a coil; many coils of a pad are alike."""
+        """Return the phases (n,) of a coil's lines and the margin of its constant, cached for coils that are alike."""
         k = np.array(harmonics, int)
         line = np.array(lines)
         if scheme.at_resonance:
@@ -309,7 +309,7 @@ def drive_at(
     tuning: Tuning | None = None,
     carrier_hz: float | None = None,
 ) -> PadDrive:
-    """Make the drive at `rate_hz`, or where that is None at the first of `rates_hz` that will do.
+    """Make the drive of `plan` at `rate_hz`, or where that is None at the first of `rates_hz` that is high enough.
 
     `carrier_hz` None: on the carrier that the spec's amplifier needs, if it needs one.
     """
@@ -352,7 +352,7 @@ class Timeline:
 
     @property
     def signed(self) -> np.ndarray:
-        """Levels (k, taxels) with their signs: the shares of the lines that are played."""
+        """Levels (k, taxels) times the signs of motion: shares of the taxels' lines, below 0 in counter-phase."""
         return self.levels * self.signs
 
     @property
@@ -362,13 +362,13 @@ class Timeline:
 
 
 def frame_s(plan: Plan, brake: bool = False) -> float:
-    """Return the seconds of a frame at the planned refresh rate of the plan's scheme, or at its rate with a brake."""
+    """Return a frame's duration in s at the planned refresh rate, or with `brake` at the rate that braking allows."""
     rate = next(one for one in plan.refresh if one.scheme == plan.selectivity.drive)
     return 1 / (rate.braked_frames_per_s if brake and rate.braked_frames_per_s else rate.frames_per_s)
 
 
 def ramp_s(plan: Plan) -> float:
-    """Return the length in s of a transition or, where channels take turns, the least that half a turn may last."""
+    """Return the duration in s of a transition between frames, or the least of half a turn if channels take turns."""
     return switch_ms(plan.channels, plan.coils.sets) * MS
 
 
@@ -379,7 +379,7 @@ def taus_s(plan: Plan, tuning: Tuning | None = None) -> np.ndarray:
 
 
 def brake_of(plan: Plan, tuning: Tuning | None = None) -> Brake:
-    """Return the brake that stops every taxel of the plan, or of a print.
+    """Return the brake, a stretch of drive in counter-phase, that stops every taxel of the plan or of a print.
 
     Raises
     ------
@@ -395,7 +395,7 @@ def brake_of(plan: Plan, tuning: Tuning | None = None) -> Brake:
 
 
 def braked_s(plan: Plan, tuning: Tuning | None = None) -> float:
-    """Return the shortest time in s of a braked frame: switched in, held for one blend of the brake, and braked."""
+    """Return the least duration in s of a frame that is switched in, held for one step of its brake, and braked."""
     brake = brake_of(plan, tuning)
     return ramp_s(plan) + brake.blend_s + brake.seconds
 
@@ -464,7 +464,7 @@ def timeline(
 def _signed(
     time_s: np.ndarray, levels: np.ndarray, length: float, frames: np.ndarray, signs: np.ndarray | float
 ) -> Timeline:
-    """Return the timeline of `levels` at `time_s`; `signs` (k, n) of a frame (`length` s) hold up to its end."""
+    """Return the timeline with `levels` at `time_s`, where each frame of `length` s has its own `signs` (k, n)."""
     frame = np.ceil(time_s / length - 1e-9).astype(int) - 1
     of_frames = np.broadcast_to(signs, frames.shape)
     return Timeline(time_s, levels, False, length, of_frames[np.clip(frame, 0, len(frames) - 1)])
@@ -607,7 +607,7 @@ def edges(drive: PadDrive, timeline: Timeline) -> list[int]:
 
 
 def _ramp(drive: PadDrive, timeline: Timeline, where: _Stretch) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the weights (s, 1) of the keyframes before and after, and the slope of the latter's weight in 1/s."""
+    """Return the weights (s, 1) at samples of the keyframes before and after, and the latter's slope in 1/s."""
     return _ramp_between(drive, where, timeline.time_s[where.key], timeline.time_s[where.key + 1])
 
 
@@ -660,7 +660,7 @@ def _blended(
     where: _Stretch,
     constant: tuple[np.ndarray | float, np.ndarray | float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sum of lines, blended between two keyframes with its constants, and L/R times the sum's slope.
+    """Return a group's sum of lines and constant, blended from one keyframe to the next, and L/R times its slope.
 
     With a sound card's corner the second also has the high-pass correction (`group.slope`).
     """
@@ -722,7 +722,7 @@ def _linear(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
 
 
 def is_fed(timeline: Timeline, key: int) -> bool:
-    """Return whether the constant current flows at a keyframe: not at silent ends of a timeline without loop."""
+    """Return whether the biased drive's constant current flows at a keyframe: not at silent ends without a loop."""
     ends = key in (0, len(timeline.time_s) - 1)
     return timeline.loops or not ends or bool(timeline.levels[key].any())
 
@@ -751,14 +751,14 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
 
 
 def _turned(group: _Group, levels: np.ndarray) -> np.ndarray:
-    """Return the tones' complex amplitudes (m, n), a quarter of a period late where `levels` (m, n) are below 0."""
+    """Return the tones' complex amplitudes (m, n), delayed by a quarter period where `levels` (m, n) are below 0."""
     return group.weight * np.where(levels < 0, -1j, 1)
 
 
 def _blends(
     drive: PadDrive, timeline: Timeline, where: _Stretch, before: np.ndarray, after: np.ndarray
 ) -> Iterator[tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]]:
-    """Yield blends in which no level (m, n) changes sign: levels before and after, and the ramp between them.
+    """Yield parts of a transition in which no level (m, n) changes sign: levels before and after, and their weights.
 
     Levels that change sign go to 0 in the first half of the transition, and from there in the second.
     """

@@ -55,7 +55,7 @@ def _silenced(coil: CoilDrive) -> CoilDrive:
 
 
 def crossed_frames(plan: Plan) -> np.ndarray:
-    """Return levels (k, taxels) with which the `crossed` drive plays each output's tones, the lowest first.
+    """Return frames of levels (k, taxels), each with one tone of one output of the `crossed` drive, the lowest first.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def crossed_names(plan: Plan) -> tuple[str, ...]:
 
 
 def _crossed(plan: Plan) -> list[tuple[str, Coil, int]]:
-    """Return each 'crossed' tone's name, its output's coil, and the index of the taxel that it is for, in order."""
+    """Return name, output's coil and taxel index of each tone of the pattern 'crossed', in the order of play."""
     taxels = coils_of(plan)
     tones = []
     for coil in sorted(taxels):
@@ -158,7 +158,7 @@ Rows = Iterator[tuple[int, tuple[str, str]]]
 
 
 def _heard_rows(plan: Plan, path: Path) -> Rows:
-    """Yield row number, taxel played and taxel felt of each recording; '' for felt where the taxel hardly moved."""
+    """Yield row number and played taxel of each recording, and the felt taxel: the same, or '' if it hardly moved."""
     from padgen.measured.fits import fitted
     from padgen.measured.read import read_measured
 
@@ -241,7 +241,7 @@ def _moved_findings(plan: Plan, places: dict[Coil, Coil]) -> Iterator[Finding]:
 
 
 def _whole_orders(rows: int, columns: int) -> dict[str, Callable[[int, int], Coil]]:
-    """Return wrong orders of all plugs: in words, each with the coil that the output of (row, column) then feeds."""
+    """Return wrong orders of all plugs, by their words: functions from an output's (row, column) to its coil."""
     count = rows * columns
     orders: dict[str, Callable[[int, int], Coil]] = {
         "in the opposite order, the last first": lambda r, c: (rows - 1 - r, columns - 1 - c),

@@ -1,1 +1,1 @@
-"""Error against run time: every ladder of models measured alike (`padgen study`)."""
+"""Ladders of models, coarse to fine, each measured for error against run time (`padgen study`)."""

@@ -140,7 +140,7 @@ class Cantilever(NamedTuple):
 
 
 def frame_answer(beam: Cantilever) -> Solved:
-    """Return the lowest frequencies in Hz of bending in the upright plane by the frame; other modes are left out.
+    """Return the lowest frequencies in Hz of a cantilever's upright bending modes, by a frame of Timoshenko elements.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def frame_answer(beam: Cantilever) -> Solved:
 
 
 def exact_frequencies(beam: Cantilever, guess_hz: np.ndarray | None = None) -> np.ndarray:
-    """Return the roots in Hz of Timoshenko's frequency equation nearest to `guess_hz` (default: the frame's).
+    """Return the roots in Hz of a cantilever's frequency equation nearest to `guess_hz` (default: of `frame_answer`).
 
     They are computed with `DIGITS` digits. The state (deflection, rotation, moment, shear) is carried along the beam by
     the exponential of its equations (Huang, J. Appl. Mech. 28, 1961, in the form of a transfer matrix).
@@ -284,7 +284,7 @@ def beam_answer(topology: str, beam: BeamShape, figures: tuple[float, ...], wash
 
 
 def structure_cases() -> Iterator[ExtremeCase]:
-    """Yield all cases of the domain 'structure': cantilevers by the frame, then taxels by the beam model."""
+    """Yield all cases of the domain 'structure': cantilevers by frame elements, taxels by the planner's beam model."""
     plain = Cantilever(1e-3, 1e-3, 10e-3)
     beams = {}
     for per_length in (1 / 500, 1 / 100, 1 / 20, 1 / 5, 1 / 2, 1.0):
@@ -333,7 +333,7 @@ class BlockTaxel(NamedTuple):
     washer: Elastic = STEEL
 
     def written(self, folder: Path) -> SolidTaxel:
-        """Write the taxel as STEP file in `folder`. Imports netgen."""
+        """Write the taxel to `folder` as a STEP file and return it for finite elements; this imports netgen."""
         outer, inner, thick = RING_MM
         low = -self.step_mm
         middle = self.length + BLOCK_MM / 2
@@ -445,7 +445,7 @@ def force_cases() -> Iterator[ExtremeCase]:
 
 
 def random_pull(index: int) -> PullQuestion:
-    """Draw coil, washer and place number `index`: gap 0.2 … 5 mm, offset 0 … 15 mm, core 0 … 20 mm.
+    """Return random pull problem `index`: coil of core 0 … 20 mm, washer at a gap of 0.2 … 5 mm, offset 0 … 15 mm.
 
     The same ones on every machine.
     """
@@ -494,7 +494,7 @@ def _off_axis(pull: PullQuestion) -> Solved:
 
 
 def _near_pull_in(share: float) -> ExtremeCase:
-    """Make a case of a static balance at `share` of the squared pull-in current, pull as 1/gap²: a cubic's root."""
+    """Return a case of a washer's static deflection at `share` of the squared pull-in current, pull as 1/gap²."""
     gap_m = 1e-3
 
     def solve() -> Solved:
@@ -577,7 +577,7 @@ def exact_displacement(frequency_hz: float, q: float, mass_kg: float, force: Dec
 
 
 def _over_largest(values: np.ndarray) -> np.ndarray:
-    """Divide displacements (n, k) by each resonator's largest."""
+    """Return displacements (n, k) of resonators over time, each divided by that resonator's largest amount."""
     return np.asarray(values / np.abs(values).max(1, keepdims=True))
 
 
@@ -614,7 +614,7 @@ def _phasor_near_resonance() -> ExtremeCase:
 
 
 def _many_oscillators() -> ExtremeCase:
-    """Make a case of 2,048 resonators, displacements over static ones, so that slow and fast ones count alike."""
+    """Return a case of 2,048 resonators, each displacement divided by the static one, so that all count alike."""
     hz = np.geomspace(0.1, 1000, 2048)
     force = tones(hz[::32], 1e-5, np.arange(64))
     seen = np.linspace(0, len(hz) - 1, 16).astype(int)
@@ -633,7 +633,7 @@ def _many_oscillators() -> ExtremeCase:
 
 
 def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -> Solved:
-    """Return displacements of a coupled run, with ten times their difference from a finer run as stated error.
+    """Return the simulated motion of taxels and circuit, with ten times its difference from a finer run as error.
 
     Both are over each resonator's largest displacement in the finer run.
     """
@@ -646,7 +646,7 @@ def _refined(system: CoupledSystem, voltage: DecayingTones, times: np.ndarray) -
 
 
 def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
-    """Make a case of a pull too weak for the motion to act back on the circuit: the linear model is exact."""
+    """Return a case of a circuit of time constant `constant_s` and a pull so weak that the linear model is exact."""
     inductance = RESISTANCE_OHM * constant_s
     weak = 1e-12
     voltage = tones([0.0, 500.0, 380.0], [1.0, 2.0, 2.0], [0.0, 0.3, 0.2])
@@ -762,7 +762,7 @@ in no figure of a plan."""
 
 
 def spec_cases() -> Iterator[ExtremeCase]:
-    """Yield all cases of the domain 'specs': random groups, taxels of some by finite elements, impossible specs."""
+    """Yield all cases of the domain 'specs': random specs, taxels of some by finite elements, and impossible specs."""
     for first in range(0, GROUPS * IN_GROUP, IN_GROUP):
         name = f"random {first} … {first + IN_GROUP - 1}"
         source = "a plan of finite figures, or one sentence"
@@ -783,7 +783,7 @@ def spec_cases() -> Iterator[ExtremeCase]:
 
 
 def _group_answer(first: int) -> Solved:
-    """Return 0 if `IN_GROUP` random specs from `first` on are answered rightly, else raise `ValueError`."""
+    """Return 0 if each of `IN_GROUP` random specs from `first` on is planned or refused without fault, else raise."""
     outcomes = {number: fault_of(random_table(number)) for number in range(first, first + IN_GROUP)}
     wrong = [f"random {number}: {fault}" for number, fault in outcomes.items() if fault]
     if wrong:
@@ -825,7 +825,7 @@ def _solid(number: int, setting: tuple[int, int] | None, error: float) -> Solved
 
 
 def random_table(number: int, most_odd: int = MOST_ODD) -> dict[str, Any]:
-    """Draw spec number `number`, as a table with up to `most_odd` odd fields; the same on every machine."""
+    """Return random spec `number` as a table, alike on each machine; up to `most_odd` fields take any allowed value."""
     random = Random(number)
     draw = random.random
     low = 10 * 20 ** draw()
@@ -886,7 +886,7 @@ AT_CORNERS = 0.4
 
 
 def odd_table(number: int) -> dict[str, Any]:
-    """Draw the odd spec of this `number`: four lines or a template, with some fields anywhere in their bounds.
+    """Return test spec `number` as a table: four lines or a template, with some fields drawn from all that they allow.
 
     At most `MOST_TOGETHER` fields are drawn. The first specs have one field each, at its lowest, at its highest, or one
     of its words.
@@ -913,7 +913,7 @@ def _corners() -> list[tuple[str, "Field[Any]", Any]]:
 
 
 def _odd_base(number: int) -> dict[str, Any]:
-    """Return the table of template `number` without its model, or four lines where there is no such template."""
+    """Return the table of template `number` without [model], or of a four-line spec if there is no such template."""
     paths = list(template_paths().items())
     if 0 <= number < len(paths):
         table = read_toml(paths[number][1], paths[number][0])
@@ -978,7 +978,7 @@ PER_LINE = 16
 
 
 def selectivity_cases() -> Iterator[ExtremeCase]:
-    """Yield all cases of the domain 'selectivity': an OFF taxel's energy in the worst state, the paper's capacity."""
+    """Yield all cases of the domain 'selectivity': an OFF taxel's energy in the worst state, and channel counts."""
     for q in (1.0, 15.0, 1e3, 1e5, 1e7):
         yield _energy(f"32 channels in 20 … 1000 Hz, Q = {q:g}", (20.0, 1000.0), 32, q, "spur-free", 16)
     wide = "of 2,048 channels over 10⁴ in frequency, Q ="

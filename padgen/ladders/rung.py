@@ -1,4 +1,4 @@
-"""Ladders of models: what they are made of, how a rung is measured, and errors, orders and picks from that.
+"""Ladders of models: their parts, how a rung is run and timed, errors, orders of convergence and recommended rungs.
 
 A rung runs in a process of its own, on one thread: a crash of an engine costs one rung, netgen and build123d never
 meet in one process, and the peak of memory is the rung's own.
@@ -70,7 +70,7 @@ class Scene(NamedTuple):
     aside: Path
 
     def step(self, channel: Channel) -> Path:
-        """Return where `write_steps` puts the STEP file of a channel's taxel."""
+        """Return the path of the STEP file that `write_steps` writes of a channel's taxel."""
         return self.aside / f"taxel-{channel.index}.step"
 
 
@@ -81,7 +81,7 @@ def distinct_channels(plan: Plan) -> tuple[Channel, ...]:
 
 
 def chosen_channels(plan: Plan) -> tuple[Channel, ...]:
-    """Return at most `MOST_SUBJECTS` of the distinct channels, spread from the lowest to the highest."""
+    """Return at most `MOST_SUBJECTS` channels of distinct beams, spread from the lowest to the highest channel."""
     every = distinct_channels(plan)
     if len(every) <= MOST_SUBJECTS:
         return every
@@ -118,7 +118,7 @@ class Solved(NamedTuple):
 
 
 class Theory(NamedTuple):
-    """The order with which the errors of a series should fall with its `step`, and why.
+    """Theoretical order of convergence of a series of rungs, the power of `step` with which errors fall, and why.
 
     `same_limit` where the series converges to what the ladder's reference does: then errors are
     against that, else the series' own differences are looked at.
@@ -317,7 +317,7 @@ def _uncertainty(ladder: Ladder, measured: Sequence[RungFigures], solved: Sequen
 
 
 def _distance(ladder: Ladder, one: RungFigures, other: RungFigures, to: RungFigures | None = None) -> float:
-    """Return the largest difference of two answers, relative to `to` (by default `other`) as the ladder says.
+    """Return the largest difference of two answers, relative to each value, or the largest, of `to` (default `other`).
 
     inf where they have no common shape.
     """
@@ -360,13 +360,13 @@ def observed_order(steps: Sequence[float], differences: Sequence[float]) -> floa
 
 
 def recommended_row(result: Judged, tolerance: float) -> int | None:
-    """Return the index of the quickest row whose error is at most `tolerance`, None where none is known to be."""
+    """Return the index of the quickest rung that is known to err by at most `tolerance`; None if there is none."""
     held = [i for i, row in enumerate(result.rows) if _holds(row, tolerance)]
     return min(held, key=lambda i: result.rows[i].measured.seconds, default=None)
 
 
 def recommended_for(result: Judged, tolerances: Sequence[float]) -> list[list[float]]:
-    """Return for each row the tolerances for which it is the `recommended_row`."""
+    """Return, for each rung of a ladder, the tolerances for which it is the quickest one that meets them."""
     best = [recommended_row(result, tolerance) for tolerance in tolerances]
     return [[tol for tol, at in zip(tolerances, best, strict=True) if at == i] for i in range(len(result.rows))]
 
@@ -415,7 +415,7 @@ TIMES = (
 
 
 class Timed(NamedTuple):
-    """The result of timed work, its shortest times among `runs`, and the memory that its peak added."""
+    """Result of timed work: its value, least wall and processor time in s of `runs`, and peak memory added in MB."""
 
     value: Any
     seconds: float
@@ -462,7 +462,7 @@ def timed(
 
 
 def measured(rung: Rung) -> RungFigures:
-    """Run a rung and measure it; a refusal or a crash is a `RungFigures` with its sentence."""
+    """Run a rung in a new process and return its values and run time; a refusal or a crash is told in `note`."""
     answer = timed(rung.solve, rung.imports, rung.limit_s, prepare=rung.prepare)
     if answer.kind != "value":
         return RungFigures(note=("refused: " if answer.kind == "refused" else "") + answer.sentence)

@@ -1,4 +1,4 @@
-"""Make what a study compares: for each question (channels, mesh, pull, resonance, motion) the models, coarse to fine.
+"""Build the ladders of `padgen study`: models, coarse to fine, of selectivity, mesh, pull, skin, resonance and motion.
 
 Allocation: how far a coil's channels can be told apart in the band, from Eq. 12 to the optimum. Geometry: the mesh that
 is printed against the B-rep that was modelled. Force: the coil's pull on a washer, from the paper's Eq. 4 to field
@@ -90,7 +90,7 @@ RING_UPS = 3.0
 
 @dataclass(frozen=True)
 class DynamicsQuestion:
-    """One coil with its taxels, what it is driven with, and the times (k,) in s to answer for.
+    """Input of the models of motion: one coil, its taxels, its current, and the times (k,) in s of the displacements.
 
     `current` in A is of schemes that are sums of tones, None where it is the root of `squared_current` in A².
     """
@@ -103,7 +103,7 @@ class DynamicsQuestion:
 
     @property
     def force(self) -> DecayingTones:
-        """The pull in N on each washer held where it rests, as tones with amplitudes (n, m)."""
+        """Pull in N on each of n washers while it is held at its rest position, as m tones with amplitudes (n, m)."""
         lines = self.squared_current
         return lines._replace(amplitude=self.system.pull_n_per_a2[:, None] * lines.amplitude)
 
@@ -128,7 +128,7 @@ class DynamicsQuestion:
 
 
 def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder on taxels' motion for each set of channels, in the worst state; none without a pull."""
+    """Yield a ladder of models of the taxels' motion for each channel set in its worst state, if a washer is pulled."""
     for set_index in range(len(scene.plan.sets)):
         try:
             question = dynamics_question(scene.plan, coil_set=set_index)
@@ -151,7 +151,7 @@ def dynamics_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 0) -> DynamicsQuestion:
-    """Make the question on one coil in its worst state: two periods of its lowest channel, from `after_s` on.
+    """Return the input of motion models: a coil in its worst state, two periods of its lowest channel from `after_s`.
 
     Three ring-ups of the slowest channel unless told otherwise.
 
@@ -196,7 +196,7 @@ def dynamics_question(plan: Plan, after_s: float | None = None, coil_set: int = 
 
 
 def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, Callable[[], Solved]]]:
-    """Yield model, resolution and the function that solves it: coarsest first, the coupled one last.
+    """Yield name, resolution and solving function of each model of motion, from steady state to coupled equations.
 
     Answers are displacements (n, k) in m; they can be sent to another process.
     """
@@ -228,7 +228,7 @@ def _coupled(question: DynamicsQuestion, tolerance: float) -> Solved:
 
 
 def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
-    """Estimate what the linear models leave out, as a share of the amplitude.
+    """Estimate the relative error of linear models of motion, which leave out that motion changes pull and inductance.
 
     The mean pull softens a spring by ``m z/g``, and its resonance, met within 1/Q, feels that Q
     times; the swing itself does so in second order; and it changes the coil's inductance.
@@ -259,7 +259,7 @@ EFFORTS = (0.1, 0.3, 1.0)
 
 
 def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder on selectivity, smallest ON over largest OFF amplitude; none for one channel per coil.
+    """Yield a ladder of models of the selectivity of a coil's channels in the band; nothing for one channel per coil.
 
     It is of all states, with equal masses.
     """
@@ -297,7 +297,7 @@ def bound_promise(spec: Spec, count: int) -> Solved:
 
 
 def even_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
-    """Return ON over OFF amplitude for geometric resonances: in all states or, if `one_hot`, one channel on."""
+    """Return smallest ON over largest OFF amplitude of resonances in geometric series: all states or one channel on."""
     which = _resonators(spec, geometric_ladder(*spec.band_hz, count))
     scheme = scheme_named(spec, drive)
     return _as_ratio(one_hot_db(which, scheme) if one_hot else all_states(which, scheme).db, count)
@@ -325,7 +325,7 @@ CHORD = "mesh, chord and angle together"
 
 
 def geometry_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder: the volumes of all distinct taxels, with the frame of their sub-cells."""
+    """Yield a ladder of meshes and exact integrals for the volumes of distinct taxels with their sub-cells' frames."""
     from padgen.solid.mesh import ANGLE_RAD, CHORD_MM
 
     count = len(distinct_channels(scene.plan))
@@ -377,7 +377,7 @@ def taxel_solids(plan: Plan) -> list[Any]:
 
 
 def mesh_volumes(chord_mm: float, angle_rad: float, solids: list[Any]) -> Solved:
-    """Return volumes in mm³ of the solids' triangles."""
+    """Return the volumes in mm³ inside triangle meshes of the solids, for tolerances of chord and angle."""
     from padgen.solid.mesh import signed_volume_mm3, tessellated
 
     meshes = [tessellated(solid, chord_mm, angle_rad) for solid in solids]
@@ -413,7 +413,7 @@ LEAST_OFFSET_MM = 1e-3
 
 
 def force_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder of the pull for each distance of a washer of `chosen_channels` from the coil's axis."""
+    """Yield a ladder of models of the coil's pull for each distance of a studied washer from the coil's axis."""
     coil, washer = magnetic_parts(scene.plan.spec)
     gap = scene.plan.spec.coil.gap_mm
     distances = {round(c.site.coil_distance_mm, 3) for c in chosen_channels(scene.plan)}
@@ -448,7 +448,7 @@ def _resolution(order: int, levels: int) -> str:
 
 
 def paper_pull(pull: PullQuestion) -> Solved:
-    """Return the pull in N/A² by the paper's Eq. 4 as printed, with the area of the core or, without, of the bore."""
+    """Return the pull in N/A² by the paper's Eq. 4 as printed, with the core's area or, without a core, the bore's."""
     diameter = pull.coil.core_diameter or min(winding.inner_diameter for winding in pull.coil.windings)
     return Solved(np.array([paper_force_constant(pull.coil, pi / 4 * diameter**2)]))
 
@@ -460,7 +460,7 @@ def charges_pull(pull: PullQuestion) -> Solved:
 
 
 def axisymmetric_pull(pull: PullQuestion, order: int = 5, levels: int = 4, scalar: bool = False) -> Solved:
-    """Return the pull in N/A² by axisymmetric elements of `order`: the mean of two potentials' answers.
+    """Return the pull in N/A² by axisymmetric finite elements of `order`: the mean of solutions by two potentials.
 
     These are the scalar and the vector potential; with `scalar`, the scalar one's answer alone.
     """
@@ -494,7 +494,7 @@ ENGINE = ("ngsolve", "netgen.occ", "scipy.sparse.linalg", "padgen.verify.elastic
 
 
 def structure_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder on the working resonance of the taxel of each of the `chosen_channels`."""
+    """Yield a ladder of models of a taxel's working resonance, point mass to 3-D elements, for each studied channel."""
     plan = scene.plan
     for place, channel in enumerate(chosen_channels(plan)):
         taxel = (plan.spec, channel)
@@ -544,7 +544,7 @@ def beam_hz(spec: Spec, channel: Channel) -> Solved:
 
 
 def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool = False) -> Solved:
-    """Return a taxel's resonance in Hz by a frame of `elements` along each beam, of higher order if `inner`."""
+    """Return a taxel's resonance in Hz by beam elements, `elements` along each beam, of higher order if `inner`."""
     from padgen.verify.frame import frame_modes
     from padgen.verify.taxel_frame import taxel_frame
 
@@ -561,7 +561,7 @@ def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool = False) -
 
 
 def graded_hz(plan: Plan, channel: Channel, step: Path, order: int, levels: int) -> Solved:
-    """Return the resonance by 3-D elements of `order`, refined `levels` times at the edges that hold energy."""
+    """Return a taxel's resonance in Hz by 3-D elements of `order`, refined `levels` times at edges of high energy."""
     from padgen.make.solid_tuning import solid_taxel
     from padgen.verify.elasticity import solve_modes
 
@@ -577,7 +577,7 @@ FRAME_ENGINE = ("ngsolve", "netgen.occ", "scipy.linalg", "padgen.verify.pad_fram
 
 
 def pad_ladders(scene: Scene) -> Iterator[Ladder]:
-    """Yield one ladder on resonances on the pad's elastic frame: each channel's, of its most central taxel.
+    """Yield a ladder of models of the resonance of each channel's most central taxel on the pad's elastic frame.
 
     The frame is held by its screws or, without holes, glued down.
     """
@@ -655,7 +655,7 @@ def skin_ladders(scene: Scene) -> Iterator[Ladder]:
 
 
 def lumped_skin(contactor: Contactor, hz: Sequence[float], is_layered: bool) -> Solved:
-    """Return real and imaginary part of the dynamic stiffness by closed forms, with or without the outer layer."""
+    """Return real and imaginary part of skin's dynamic stiffness in N/m in closed form, with or without outer layer."""
     outer, below = LAYERED
     layer = layer_radius(outer.thickness, outer.shear, below.shear) if is_layered else 0.0
     skin = HalfSpace(4 * below.shear, layer, below.time)
@@ -664,7 +664,7 @@ def lumped_skin(contactor: Contactor, hz: Sequence[float], is_layered: bool) -> 
 
 
 def layered_skin(contactor: Contactor, hz: Sequence[float], order: int, finest: float) -> Solved:
-    """Return real and imaginary part of the dynamic stiffness by finite elements of the layers."""
+    """Return real and imaginary part of skin's dynamic stiffness in N/m by finite elements of its layers."""
     asked = (SkinQuestion(float(contactor.radius), each, LAYERED, float(contactor.hole_ratio)) for each in hz)
     answers = [solve_skin(question, order, finest) for question in asked]
     stiffness = np.array([answer.stiffness for answer in answers])

@@ -1,4 +1,4 @@
-"""`padgen study`: run the ladders rung by rung, judge them, and leave the files: CSV, JSON and pictures.
+"""`padgen study`: time every model of a plan, measure its error against the finest, and write CSV, JSON and pictures.
 
 Rungs run one after the other, never in parallel: they are timed. Ctrl-C ends the running, and files are written of
 what was measured until then; before the first rung's end it leaves everything as it was. The stiff and extreme cases
@@ -102,7 +102,7 @@ MISSING = "not run"
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """The verdict on an extreme case, a row of the table of cases; `error` is relative to the case's reference.
+    """Verdict on a model in one extreme case: its relative `error` against a reference, and whether it states as much.
 
     'right': within the stated error; 'refused': one sentence instead of an answer; 'WRONG': worse than
     stated, no number, or no end; 'unchecked': the reference itself could not be computed; 'not run'.
@@ -122,19 +122,19 @@ class CaseVerdict:
 
 
 def named_cases(sets: Sequence[CaseSet] = SETS) -> list[tuple[CaseSet, int, ExtremeCase]]:
-    """Return all cases of `sets`, each with its set and its index there, since a case itself need not pickle."""
+    """Return all extreme cases of `sets`, each with its set and index, by which another process can make it anew."""
     return [(cases, place, case) for cases in sets for place, case in enumerate(cases())]
 
 
 def _asked(cases: CaseSet, place: int, what: str) -> Solved:
-    """Return the answer of a case's model ('solve') or of its 'reference'; run in a process of its own."""
+    """Return the answer of the extreme case at index `place` of `cases`: its model's ('solve') or its 'reference'."""
     answer = getattr(list(cases())[place], what)()
     answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
     return answer._replace(values=np.atleast_1d(np.asarray(answer.values)))
 
 
 def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S) -> CaseVerdict:
-    """Run a case of `named_cases` and its reference, and compare them, allowing for the reference's own error."""
+    """Return the verdict on one extreme case: solve its model and its reference, each within `limit_s`, and compare."""
     cases, place, case = named
     say: Callable[..., CaseVerdict] = partial(CaseVerdict, case.domain, case.name, case.model, source=case.source)
     answer = timed(partial(_asked, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
@@ -161,7 +161,7 @@ def relative_error(values: np.ndarray, reference: np.ndarray) -> float:
 
 
 def judged_error(error: float, stated: float, allowed: float = 0.0) -> tuple[str, str]:
-    """Judge an error by the `stated` one plus `allowed`, the reference's; return the verdict, and why if wrong."""
+    """Return 'right' if `error` is at most `stated` plus the reference's own error `allowed`, else 'WRONG' and why."""
     if isnan(error):
         return WRONG, "the answer is not a number, or not of the reference's shape"
     if not isfinite(stated):
@@ -196,7 +196,7 @@ class Study:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Rungs that were not run because the study was stopped; none where it was not."""
+        """Names of the models that were not run because the study was stopped; empty if it ran to its end."""
         return tuple(
             f"{result.ladder.name}, {result.ladder.subject}: {row.rung.model}, {row.rung.resolution}"
             for result in self.ladders
@@ -206,7 +206,7 @@ class Study:
 
     @property
     def total(self) -> int:
-        """Number of rungs, of all ladders."""
+        """Number of rungs (one model at one resolution each) in all ladders of the study."""
         return sum(len(result.rows) for result in self.ladders)
 
     @property
@@ -228,7 +228,7 @@ class Study:
 
 @dataclass(frozen=True)
 class ExtremeStudy:
-    """The verdicts on the extreme cases; `holds` where none is worse than it states."""
+    """Verdicts on all extreme cases of the models; `holds` where no model's error exceeds the one that it states."""
 
     folder: Path
     files: tuple[str, ...]
@@ -236,11 +236,11 @@ class ExtremeStudy:
 
     @property
     def holds(self) -> bool:
-        """True where no extreme case is off by more than the error that it states, or breaks down."""
+        """True where no extreme case is 'WRONG': an error beyond the one that the model states, or no answer."""
         return all(verdict.verdict != WRONG for verdict in self.verdicts)
 
     def text(self) -> str:
-        """Return the verdicts as a table, what is wrong, and how many cases there are of each, for people."""
+        """Return the verdicts as a table, a sentence on each that has a note, and the number of cases by verdict."""
         return _extreme_text(self)
 
     @property
@@ -255,7 +255,7 @@ class ExtremeStudy:
 
 
 def parse_only(text: str | None) -> tuple[str, ...]:
-    """Read ladders from a comma-separated list, in the order in which they run; None means all.
+    """Return the names of ladders in a comma-separated list, in the order in which they run; all names for None.
 
     Raises
     ------
@@ -271,7 +271,7 @@ def measured_study(
     tolerance: float | None = None,
     progress: Progress = lambda step: None,
 ) -> Study:
-    """Measure on `plan` the ladders named in `only`, or all if it is empty; nothing is written.
+    """Return run time and error of the models in the ladders of `plan` that `only` names (all if empty); write nothing.
 
     Interrupted (Ctrl-C), it returns what it has, and `missing` names the rungs that were not run.
 
@@ -323,7 +323,7 @@ def run_study(
 
 
 def run_ladders(ladders: Sequence[Ladder], progress: Progress = lambda step: None) -> list[Judged]:
-    """Run all rungs of some ladders, one at a time, and judge them; after Ctrl-C, judge those that were run."""
+    """Run all models of `ladders` one at a time and return their errors; after Ctrl-C, of those that were run."""
     figures: list[list[RungFigures]] = [[] for _ in ladders]
     total = sum(len(ladder.rungs) for ladder in ladders)
     done = 0
@@ -408,7 +408,7 @@ EXTREME_COLUMNS = tuple(item.name for item in fields(CaseVerdict))
 
 
 def study_csv(study: Study) -> str:
-    """Return a study as CSV: one row per rung, in the order of the ladders; no number is an empty cell."""
+    """Return a study as CSV: one row per rung, in the order of the ladders; a missing number is an empty cell."""
     rows = []
     for result in study.ladders:
         ladder = result.ladder
@@ -542,7 +542,7 @@ def _table_row(row: JudgedRung, holds: Sequence[float]) -> tuple[str, ...]:
 
 
 def picks_text(picks: Iterable[Pick], undecided: Container[str] = ()) -> str:
-    """Write the recommended rung of each ladder for each tolerance; of `undecided` ladders some rungs were not run."""
+    """Return a table of the recommended model by ladder and tolerance; `undecided` ladders were not run to the end."""
     rows = []
     for pick in picks:
         none = "not decided: the study was stopped" if pick.ladder in undecided else "none is known to be so accurate"
@@ -554,7 +554,7 @@ def picks_text(picks: Iterable[Pick], undecided: Container[str] = ()) -> str:
 
 
 def _extreme_text(study: ExtremeStudy) -> str:
-    """Return the verdicts on extreme cases as text: a table, a sentence on each that has a note, and counts."""
+    """Return the verdicts on extreme cases as text: a table, the notes, and the number of cases by verdict."""
     rows = []
     for case_verdict in study.verdicts:
         figures = case_verdict.error, case_verdict.stated_error, case_verdict.residual, case_verdict.condition

@@ -1,1 +1,1 @@
-"""Plan a spec by the right model, tune plans to the printed solid, and build a pad with its folder."""
+"""Plan a spec by the beam model or by finite elements, tune beams to the printed solid, and write a pad's folder."""

@@ -117,7 +117,7 @@ class Pad:
 
     @cached_property
     def solid(self) -> "PadSolid":
-        """The modelled pad: its mesh, exact volume and distinct tiles.
+        """Solid model of the pad: its mesh, exact volume, and the tile (a sub-cell with its taxel) of each channel.
 
         Raises
         ------
@@ -152,7 +152,7 @@ class Pad:
 
     @cached_property
     def beside(self) -> "tuple[Part, ...]":
-        """The parts that go with the pad, modelled and checked."""
+        """The extra printed parts that `parts` names (coupon, trays, guard), each modelled and checked."""
         if not self.parts:
             return ()
         from padgen.solid.parts import build_part

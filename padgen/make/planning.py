@@ -1,4 +1,4 @@
-"""Find the spec that is meant and plan it by the right model, for every command and for `padgen.plan`.
+"""Load a spec by template name, file or tables, and plan it by the beam model or by finite elements; for all commands.
 
 Finite elements are solved only on request: by ``model = "solid"`` in the spec, or by a tolerance that the beam model's
 own error estimate exceeds. Otherwise the beam model plans, and a finding warns where its error may exceed
@@ -103,7 +103,7 @@ def with_found_layout(spec: Spec, folder: Path) -> Spec:
 
 
 def _as_recorded(spec: Spec, folder: Path) -> Spec:
-    """Return the spec that the plan in `folder` records where it answers `spec`, else `spec`."""
+    """Return the spec in `folder`/plan.json if it is `spec` but for its model and searched values, else `spec`."""
     wait_for_commit(folder, PLAN)  # else a plan that is half-written would count as none
     try:
         recorded = load_spec(str(folder / PLAN))

@@ -54,7 +54,7 @@ Task = tuple[Channel, int]
 
 
 class SolvedTaxel(NamedTuple):
-    """Modes of one taxel, the finite elements' own estimate of their relative error, and their `setting`.
+    """Modes of one taxel by finite elements, their estimated relative error, and the index of the mesh setting used.
 
     The setting is the index in `verify.elasticity.SETTINGS`.
     """
@@ -78,7 +78,7 @@ class Trial(NamedTuple):
 
 
 def plan_tuned_to_solid(spec: Spec, progress: Progress = lambda step: None) -> Plan:
-    """Return the plan of `spec` whose channels have resonances and modes of the printed solids.
+    """Return the plan of `spec` with beam widths tuned until finite elements give the channels' target resonances.
 
     A channel keeps the beam model's figures where the solid's error estimate is no smaller than the beam model's;
     findings name such channels, and those whose error exceeds `asked_error`.
@@ -178,7 +178,7 @@ class TaxelSolver:
             self._runner.close()
 
     def solve(self, plan: Plan, settings: Sequence[int]) -> list[SolvedTaxel]:
-        """Return the modes of every channel's taxel; `settings` are the first settings of the elements to try."""
+        """Return the modes of every channel's taxel; `settings` has for each the mesh setting to start from."""
         tasks = list(zip(plan.channels, settings, strict=True))
         keys = [cache.key_of(self._inputs(plan, *task)) for task in tasks]
         known = _from_cache(keys)
@@ -210,7 +210,7 @@ class TaxelSolver:
         }
 
     def _computed(self, plan: Plan, tasks: Sequence[Task]) -> list[SolvedTaxel]:
-        """Model taxels and solve them, as many at a time as there are cores."""
+        """Return the modes of the tasks' taxels: model each as a STEP file and solve several at a time."""
         if self._runner is None:
             from padgen.core.runner import Runner, core_count
             from padgen.verify import require

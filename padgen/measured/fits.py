@@ -267,7 +267,7 @@ class Recording(NamedTuple):
 
 
 def _unit_rules(recording: Recording) -> Iterator[Rule]:
-    """Yield rules that refuse frequencies nearly all in kHz or mHz, or of the current instead of the motion."""
+    """Yield rules that refuse a measurement whose frequencies look like kHz, mHz, or those of the current."""
     measured, channels = recording
     if measured.stated:
         return

@@ -148,7 +148,7 @@ def _model(plan: Plan, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _scatter(
     plan: Plan, prints: Sequence[Sequence[TaxelFit]], index: Sequence[np.ndarray], channel: np.ndarray
 ) -> np.ndarray:
-    """Return the covariance of all measured ln f.
+    """Return the covariance of the logarithms of all measured resonances.
 
     The spread of prints correlates taxels of one print, the model's own error taxels of one channel.
     """
@@ -165,7 +165,7 @@ def _scatter(
 
 
 def _before(spec: Spec) -> tuple[tuple[str, str, float], ...]:
-    """Return name, unit and assumed systematic error of each term before the calibration."""
+    """Return name, unit and assumed bias of height offset, width offset and modulus before a calibration."""
     bias = spec.spread
     return (
         ("offset of height", "mm", bias.z_bias_mm),
@@ -175,7 +175,7 @@ def _before(spec: Spec) -> tuple[tuple[str, str, float], ...]:
 
 
 def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
-    """Refuse terms that are known hardly better than before the calibration."""
+    """Raise SolverError if an offset or the modulus would be known hardly better than before the calibration."""
     for (name, unit, before), known in zip(_before(spec), sigma.tolist(), strict=True):
         if known > REQUIRED * before:
             raise SolverError(
@@ -187,7 +187,7 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
 
 
 def _refuse_far(spec: Spec, change: np.ndarray, sigma: np.ndarray) -> None:
-    """Refuse fitted offsets or a modulus beyond any printer of this kind, as measurements of another pad give."""
+    """Raise SolverError if an offset or the modulus is off by more than any printer is: another pad was measured."""
     for (name, unit, before), far, known in zip(_before(spec), change.tolist(), sigma.tolist(), strict=True):
         most = FARTHEST_SIGMAS * float(np.hypot(before, known))
         if abs(far) > most:

@@ -232,7 +232,7 @@ FEWEST_LEFT = 64
 
 
 def _averaging_factor(rate_hz: float, count: int, ids: tuple[str, ...], plan: Plan) -> int:
-    """Return the factor by which a record of `count` samples may be averaged down for the taxels `ids`."""
+    """Return how many samples of a record may be averaged into one and still show the resonances of taxels `ids`."""
     highest = max(plan.channels[taxel.channel].resonance_hz for taxel in plan.taxels if taxel.id in ids)
     return max(min(int(rate_hz / (SAMPLES_OF_PLANNED * highest)), count // FEWEST_LEFT), 1)
 
@@ -667,7 +667,7 @@ def _taxel_columns(
 
 
 def _refuse_not_rising(sheet: _Sheet, values: np.ndarray, skip: int, axis: int, unit: str) -> None:
-    """Refuse an axis that does not rise, or frequencies at or below 0; `skip` lines of the body are left out."""
+    """Raise FileError if times or frequencies do not rise, or a frequency is not above 0, `skip` lines left out."""
     column = values[:, axis]
     name = sheet.names[axis]
     bad = np.flatnonzero(np.diff(column, prepend=0.0 if unit == "Hz" else -np.inf) <= 0)

@@ -1,4 +1,4 @@
-"""Currents that shake taxels while they are measured: chirps and noise with their fades, as strong as the plan needs.
+"""Coil currents that excite taxels to be measured: chirps and noise, faded in and out, as strong as ON tones.
 
 The force on steel goes with i², so the current is designed by i². A chirp ``i = I sin(φ/2)`` gives ``i² = I²/2 (1 − cos
 φ)``: a chirp of the force without harmonics, at twice the current's frequency. Noise is the root of a constant and
@@ -56,7 +56,7 @@ def ring_s(plan: Plan) -> float:
 
 
 def shaking_line_a2(plan: Plan) -> Line:
-    """Return a function of frequency: the line of i² in A² that moves a taxel resonant there by its ON level.
+    """Return a function of frequency in Hz: the amplitude in A² of i² that moves a taxel resonant there by its level.
 
     It is exact at the channels' resonances, and straight between them on logarithmic axes.
 

@@ -91,7 +91,7 @@ MOST_WITH_SPURS = 64
 
 @dataclass(frozen=True, slots=True)
 class RetunedCoil:
-    """One coil of the print: its selectivity with the planned tones and with the new ones, and the new tones' load.
+    """One coil of a print: its selectivity with planned and new tones, and the current, voltage and heat of the latter.
 
     `after_low_db` is the selectivity in all states that 95 of 100 prints exceed with the new tones, prints that differ
     from the measured one by the errors of the measurement; None for a coil of one channel.
@@ -326,7 +326,7 @@ class TrimStep:
 
 @dataclass(frozen=True, slots=True)
 class Trim:
-    """The advice for one coil: its steps, and its selectivity in all states with re-tuned tones.
+    """Advice on which resonances of one coil to lower, with its selectivity in all states before and after that.
 
     `before_db` is without the steps, `after_db` with them, `needed_db` would be enough.
     """
@@ -340,12 +340,12 @@ class Trim:
 
     @property
     def reaches(self) -> bool:
-        """True where the steps are enough, within rounding."""
+        """True where lowering the resonances gives the coil the selectivity that it needs, within 0.05 dB."""
         return self.after_db >= self.needed_db - 0.05
 
 
 def needed_db(plan: Plan) -> float:
-    """Return the dB that are enough for a coil: those asked for or, where the plan keeps less, 1 dB below the plan."""
+    """Return the selectivity in dB that a coil needs: that asked for or, if the plan keeps less, the plan's − 1 dB."""
     figures = plan.selectivity
     planned = figures.placed_all_states_db
     if planned is None or planned >= figures.asked_db:
@@ -354,7 +354,7 @@ def needed_db(plan: Plan) -> float:
 
 
 def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Trim, ...]:
-    """Return advice on lowering resonances for coils that keep too little after re-tuning (figures `after`).
+    """Return advice on lowering resonances for coils whose selectivity after re-tuning (`after`) is below `needed_db`.
 
     Where no trim that was tried is enough, the advice is the one that helps most. A coil that no lowering helps gets
     none.
@@ -386,13 +386,13 @@ def trims(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> tuple[Tri
 
 
 def _lowered_shares(plan: Plan, tuning: Tuning, index: Sequence[int], figures: CoilFigures, need: float) -> np.ndarray:
-    """Search the shares (n,) by which to lower a coil's resonances, so that it keeps `need` dB or loses least."""
+    """Return the relative drops (n,) of a coil's resonances that give it `need` dB of selectivity, or come closest."""
     known = (tuning.taxels[i] for i in index)
     hz, q, response = np.array([(t.resonance_hz, t.q, t.response_um_per_a2) for t in known]).T[..., None]
     mass = np.array([[plan.channels[plan.taxels[i].channel].effective_mass_g] for i in index])
 
     def energies(share: np.ndarray) -> np.ndarray:
-        """Return OFF energies (n, columns) for resonances lowered by shares, with tones on the resonances."""
+        """Return largest OFF over ON energy of each taxel (n, columns), resonances and tones lowered by `share`."""
         lower = hz * (1 - share)
         line = levels_um(plan, lower.ravel()).reshape(lower.shape) / response
         return off_energy(Channels(lower, q, line), plan.scheme)
@@ -515,7 +515,7 @@ def _close(
 
 
 def _trim_text(trim: Trim) -> str:
-    """Return a clause that says how to mend a coil."""
+    """Return a clause that says which resonances of a coil to lower, by what weight or filing, and what that gives."""
     if any(step.to_hz < LOWEST_TRIM * step.from_hz for step in trim.steps):
         return f"to part them enough one would have to be lowered by more than {1 - LOWEST_TRIM:.0%}: print them again"
     steps = " and ".join(
@@ -554,7 +554,7 @@ def _level(plan: Plan, after: Sequence[CoilFigures], loads: Sequence[CoilLoad]) 
 
 
 def _of_taxels(plan: Plan, tuning: Tuning) -> Iterator[Finding]:
-    """Find taxels that came out unlike the plan, or that are not known well enough."""
+    """Yield findings on taxels of low Q, in swapped order, far off their planned resonance, or known too coarsely."""
     planned = {taxel.id: plan.channels[taxel.channel] for taxel in plan.taxels}
     measured = [taxel for taxel in tuning.taxels if taxel.measured]
     if low := [taxel for taxel in measured if taxel.q < LOW_Q * planned[taxel.id].q]:
@@ -655,7 +655,7 @@ Progress = Callable[[str], None]
 
 
 class UnfittedError(FileError):
-    """The data of a taxel do not show one resonance, as `fit_measured` finds; they are drawn in the folder."""
+    """Error that a taxel's data do not show one resonance; a picture of the data is in the folder."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""One print of a plan: as measured (`Tuning`, and its JSON file), warm, as predicted under given tones, as simulated.
+"""Resonance, Q and response of all taxels of one print, as measured, warm or simulated, and its predicted selectivity.
 
 Predictions are of the ON and OFF amplitudes and of the selectivity of every coil. The tones need not lie on the print's
 resonances; the planned tones do not. All else is as in `padgen.physics.selectivity`: motion is steady, and lines of
@@ -119,7 +119,7 @@ class Tuning:
 
 
 def planned_response_um_per_a2(channel: Channel, resonance_hz: float | None = None, q: float | None = None) -> float:
-    """Return the amplitude in µm at resonance per A² of the line of i², with the planned mass and pull.
+    """Return the amplitude in µm at resonance per A² of the spectral line of i² there, with the planned mass and pull.
 
     `resonance_hz` and `q` are those of a print (None: as planned). A print is taken to change the stiffness and not the
     mass. The result is 0 for a washer that the coil does not pull.
@@ -177,7 +177,7 @@ def _warmed(plan: Plan, channel: Channel, cold: TunedTaxel) -> TunedTaxel:
 
 
 def played_tuning(plan: Plan, bare: Tuning | None = None) -> Tuning:
-    """Return the tuning that a drive is made for: `bare`, or under typical skin where the plan's tones are for touch.
+    """Return the taxels' figures that a drive is made for: untouched or, for a plan tuned for touch, under skin.
 
     `bare` is the print as measured untouched (None: as planned).
     """
@@ -272,7 +272,7 @@ def tuning_from_json(text: str, plan: Plan, where: str = "tuning.json") -> Tunin
 
 
 def refuse_tuning(tuning: Tuning, plan: Plan, where: str) -> None:
-    """Refuse figures that no print of `plan` has.
+    """Raise FileError if a resonance, Q, response, error or coil temperature is beyond that of any print of `plan`.
 
     Raises
     ------
@@ -319,14 +319,14 @@ UNPULLED = 1e-12
 
 
 class WantedLines(NamedTuple):
-    """The lines of i² that are to move the taxels (t,), in the plan's order: frequency in Hz, amplitude in A²."""
+    """Spectral line of i² that drives each taxel (t,), in the plan's order: frequency in Hz, amplitude in A²."""
 
     hz: np.ndarray
     line_a2: np.ndarray
 
 
 class TaxelEnergies(NamedTuple):
-    """Energies (n,) of the taxels of a coil, each over the energy of its wanted level.
+    """Vibration energies (n,) of the taxels of a coil, ON and OFF, each over the energy at its wanted ON level.
 
     `on` is by the taxel's own tone alone, `off` the largest over all states in which the taxel is OFF, `alone` the
     largest with only one other channel on, and `loudest` the index of that channel.
@@ -391,7 +391,7 @@ def one_coil_spec(plan: Plan) -> Spec:
 
 
 def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
-    """Return the taxels of a print as channels, one for each taxel of the plan.
+    """Return one `Channel` for each taxel of the plan, with the resonance, Q and pull of that taxel of the print.
 
     The response gives the pull. The effects of the mean pull are those of the coil below the taxel.
     """
@@ -407,7 +407,7 @@ def printed_channels(plan: Plan, tuning: Tuning) -> tuple[Channel, ...]:
 
 
 def _printed_channel(channel: Channel, tuned: TunedTaxel, level_um: float) -> Channel:
-    """Return the channel of one taxel of a print; what the mean pull does to it is left as planned.
+    """Return a channel with resonance, Q and response of one printed taxel; effects of the mean pull stay as planned.
 
     Masses are the plan's, so stiffness goes with the square of the resonance, and sag with its inverse.
     """
@@ -438,7 +438,7 @@ def _printed_channel(channel: Channel, tuned: TunedTaxel, level_um: float) -> Ch
 
 
 def taxel_energies(truth: Channels, tones: Channels, scheme: Scheme, modes: ModalTaxels | None = None) -> TaxelEnergies:
-    """Return the energies of the taxels `truth` of one coil under `tones`.
+    """Return the vibration energies, ON and OFF, of the real taxels `truth` of one coil when it plays `tones`.
 
     ``truth.line`` is the amplitude of i² (A²) that moves a taxel by its wanted level at its own resonance;
     ``tones.line`` is played at ``tones.resonance_hz``.

@@ -388,7 +388,7 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
 
 
 def curl(slenderness: Array) -> tuple[Array, Array]:
-    """Return the shares of ν² by which two clamped ends lower the flexibility of a thin strip in bending.
+    """Return two factors s, by kind of moment: clamped ends lower a thin strip's bending flexibility by a share s ν².
 
     The first is for a constant moment, the second for one that is zero at half the length and grows evenly towards both
     ends; any moment from loads at the ends is a sum of the two. `slenderness` is length over width. Both are 1 for a
@@ -498,7 +498,7 @@ def tip_matrices(
 
 
 def _held_by_pin(stiffness: np.ndarray, at_pin: "PinMotion") -> np.ndarray:
-    """Return the tip's stiffness (…, 6, 6) of a beam without its pin, less the flexibility that the pin takes away."""
+    """Return a pinned beam's tip stiffness (…, 6, 6), from that without the pin and the flexibility the pin removes."""
     return np.linalg.inv(np.linalg.inv(stiffness) - at_pin.held)
 
 
@@ -869,7 +869,7 @@ def piece_twist(straight: Array, warping: Array) -> Array:
 
 
 def doubtful_energies(section: BeamSection, load: np.ndarray, modulus: Array, poisson: Array) -> tuple[Array, Array]:
-    """Return twice the energies (…) in J that two laws of bent beams leave in doubt, for a `load` (…, 6) on the tip.
+    """Return twice the possible errors (…) in J of a bent beam's energy, by two laws, for a `load` (…, 6) on the tip.
 
     The first is what the rest of the series of `bend_stiffening` would take from bending and twist of the bends. The
     second is what twist would add to the straight pieces, were their ends free to warp (`piece_twist`).
@@ -959,7 +959,7 @@ class YokeSize(NamedTuple):
 
 
 class Surroundings(NamedTuple):
-    """The parts that hold a beam's ends, in m.
+    """Sizes in m of the parts that hold a beam's ends: the frame at the root, and the plate's wall or yoke at the tip.
 
     `frame` is the depth of the frame behind the root, up to the part that holds the frame. The plate at the tip has a
     `wall` between its edge and the recess, which is `recess_depth` deep and has `recess_radius`; or a `yoke` in place
@@ -1040,7 +1040,7 @@ def within_fitted_range(width: Array, thickness: Array, length: Array) -> Array:
 
 
 def _wall_compliance(section: BeamSection, around: Surroundings) -> Array:
-    """Return the compliance in bending of the wall between the plate's edge and its recess, as a length in m of beam.
+    """Return the length in m of beam that bends as much as the wall between the plate's edge and its recess does.
 
     The wall hangs from the roof of the recess like a plate, as high as the recess is deep, and spreads the moment over
     that height. A thick beam reaches the roof itself.
@@ -1070,7 +1070,7 @@ def _yoke_compliance(section: BeamSection, yoke: YokeSize, poisson: Array) -> tu
 
 
 def _crossbar_twist(section: BeamSection, yoke: YokeSize, poisson: Array) -> tuple[Array, Array]:
-    """Return a crossbar's twist as a length in m of equally compliant bending beam, and the cut by held warping.
+    """Return the length in m of beam that bends as much as a yoke's crossbar twists, and what free warping would add.
 
     The second is what the length would gain if the crossbar's ends were free to warp.
     """

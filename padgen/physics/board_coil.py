@@ -79,12 +79,12 @@ class BoardCoil(NamedTuple):
 
     @property
     def bore_via_radius(self) -> float:
-        """Distance in m from the axis of the vias in the bore, as close together as the board house allows."""
+        """Distance in m from the coil's axis to the vias in its bore, packed as the board house allows."""
         return 0.0 if self.bore_vias == 1 else (self.via + self.space) / (2 * sin(pi / self.bore_vias))
 
     @property
     def side_via_radius(self) -> float:
-        """Distance in m from the axis of the vias beside the coil."""
+        """Distance in m from the coil's axis to the vias beside the coil."""
         return self.outer_diameter / 2 + self.space + self.via / 2
 
     @property
@@ -200,7 +200,7 @@ def rings_of(coil: BoardCoil) -> Rings:
 
 @lru_cache(maxsize=64)
 def inductance(coil: BoardCoil) -> float:
-    """Return the inductance in H at low frequencies, of turns that share a current as `shares` says."""
+    """Return the inductance in H of a board coil at low frequencies; parallel layers share the current by `shares`."""
     rings = rings_of(coil)
     at, weight = gauss(FILAMENTS)
     across = coil.track * (at - 0.5)
@@ -228,7 +228,7 @@ def inductance(coil: BoardCoil) -> float:
 
 
 def board_source(coil: BoardCoil) -> CoilSource:
-    """Return the coil as flat windings of even current, one a layer; valid some track pitches away and farther."""
+    """Return the coil as one flat winding of uniform current density a layer, valid from some track pitches away on."""
     share = shares(coil)
     windings = []
     for k, layer in enumerate(board_layers(coil)):

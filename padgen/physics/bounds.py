@@ -88,7 +88,7 @@ def beam_inertia(
 def _missed_energy(
     section: BeamSection, tip: np.ndarray, square: np.ndarray, modulus: float, poisson: float, density: float
 ) -> tuple[Any, Any, Any]:
-    """Return the share of a mode's kinetic energy that `tip_mass` misses of a beam: value, doubt, possible excess.
+    """Return the kinetic energy of a beam that `tip_mass` omits, over its mode's: estimate, ± doubt, possible excess.
 
     The second counts either way, the third only upwards. `tip` (…, 6) is the motion of the beam's tip.
     """
@@ -217,7 +217,7 @@ def washer_magnetised(
 
 
 def core_polarisation(coil: CoilSource) -> tuple[float, float]:
-    """Return the core's largest mean polarisation in T/A over a section, and its χN (N: demagnetising factor).
+    """Return the core's mean polarisation in T/A at its most polarised section, and its χN (N: demagnetising factor).
 
     The flux through a section is the magnetic charge on the core above it. It rises by 1/(1 + χN) of a relative rise of
     χ: a charge ``σ = −S⁻¹ (1/χ + P)⁻¹ P u`` (`steel_body`) rises by ``σ + R S σ`` per d ln χ. (A uniform field along
@@ -298,7 +298,7 @@ def motional_voltage(
 def ring_down_error(
     static: np.ndarray, pulse: np.ndarray, resonance: np.ndarray, q: np.ndarray, quiet: np.ndarray, lag: float
 ) -> np.ndarray:
-    """Bound the relative error (n,) of the ring-down time from the mean pull's release and the current's decay.
+    """Bound the relative error (n,) of a ring-down time that omits release from the mean pull and decay of the current.
 
     Beside its vibration the taxel is released from the mean pull, `static` over its ON amplitude, and still pushed by
     the decaying current. The current falls with the time constant `lag` = L/R in s, and the pull with L/2R, from the

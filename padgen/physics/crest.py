@@ -1,4 +1,4 @@
-"""Phases with which a spur-free force needs the least constant, its margin, and the period after which a drive repeats.
+"""Phases that minimise the constant part of a spur-free force, its margin above zero, and the period of a looped drive.
 
 The force is ``F₀ + Σ A_j cos(2π k_j t/T + φ_j)`` and may not be negative. F₀ is therefore at least the depth of the
 sum's deepest dip, and copper loss and mean pull are proportional to F₀. Everything is over one period T, at the angle x
@@ -139,7 +139,7 @@ def _grid_size(harmonic: np.ndarray, per_cycle: int = PER_CYCLE) -> int:
 
 
 def _depths(harmonic: np.ndarray, amplitude: np.ndarray, phase: np.ndarray, points: int) -> np.ndarray:
-    """Return `least_constant` of states, none of which is silent, starting from a grid of `points`."""
+    """Return for each state (s,) how far its waveform dips below zero, found by refining a grid of `points`."""
     wave = waveform(harmonic, amplitude, phase, points)
     size = np.abs(amplitude)
     total = size.sum(1)
@@ -304,7 +304,7 @@ CHUNK = 1 << 15
 
 
 def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: int) -> float:
-    """Return the shortest period in s with harmonics within `MOST_OFF` half bandwidths of all resonances, if any.
+    """Return the shortest period in s with a harmonic within `MOST_OFF` half bandwidths of each resonance, or the best.
 
     Lines (n,) are on whole multiples of ``step/period``. The period is a whole number of samples at `rate_hz`, at least
     `SHORTEST_S` and at least `LEAST_PERIODS` of the lowest line. Every period from ``step max Q/f / MOST_OFF`` on keeps
@@ -342,7 +342,7 @@ def comb_period_s(resonance_hz: np.ndarray, q: np.ndarray, step: int, rate_hz: i
 
 
 def off_resonance(resonance_hz: np.ndarray, q: np.ndarray, period_s: float, step: int) -> np.ndarray:
-    """Return the distance (n,) of the comb's nearest line from each resonance, in half bandwidths."""
+    """Return the distance (n,), in half bandwidths, of each resonance from the nearest multiple of `step/period_s`."""
     line_hz = on_comb(resonance_hz, period_s, step) / period_s
     return np.abs(line_hz / np.asarray(resonance_hz, float) - 1) * 2 * np.asarray(q, float)
 
@@ -380,7 +380,7 @@ PEAKS = 12
 
 
 class RootMargin(NamedTuple):
-    """Margins (n,) over the least constant, as shares of each line's amplitude, and their effect on the voltage.
+    """Margins (n,) that lift a force above zero, as shares of each line's amplitude, and the coil voltage that follows.
 
     With lines of amplitude A (n,), levels included, ``F = least_constant + share @ A + Σ A cos``. `alias_db` is the
     voltage above the amplifier's band (root of the sum of squares) over its largest line, the worst of all channels on
@@ -425,7 +425,7 @@ def root_margin(
     bandwidth_hz: float | None = None,
     most_constant: float = np.inf,
 ) -> RootMargin:
-    """Return the smallest margin with which the current √F meets `ALIAS_DB` and, if possible, the voltage limit.
+    """Return the smallest force margin for which the coil voltage meets `ALIAS_DB` and, if possible, its limit.
 
     Lines (n,) are at harmonics of 1/period. The amplifier passes frequencies below half of `rate_hz`, or below
     `bandwidth_hz`. Where no margin up to `MOST_SHARE` keeps `ALIAS_DB` the result is `MOST_SHARE`; where none keeps the
@@ -489,7 +489,7 @@ def _margin_share(coil: _Coil, margin: float) -> np.ndarray:
 def _deepest_piece(
     omegas: np.ndarray, line: np.ndarray, phase: np.ndarray, period_s: float, finer_hz: float, coarse: np.ndarray
 ) -> _Sampled:
-    """Return a piece of a long period at its deepest dip, to stand for the whole."""
+    """Return samples of a sum of lines round its deepest dip, to stand for a period too long to sample whole."""
     time = int(coarse.argmin()) / len(coarse) * period_s + (np.arange(PIECE) - PIECE // 2) / finer_hz
     force = np.zeros(PIECE)
     slope = np.zeros(PIECE)
@@ -535,7 +535,7 @@ def _together_db(coil: _Coil, margin: float) -> float:
 
 
 def _alone_db(coil: _Coil, margin: float) -> float:
-    """Return the largest ratio in dB, of any one channel alone, of voltage above the band to the largest line."""
+    """Return the ratio in dB of voltage above the amplifier's band to its largest line, worst of the channels alone."""
     energy = np.abs(np.fft.rfft(_alone_v(coil, margin), axis=1)) ** 2
     hz = coil.hz[:, None] * np.arange(energy.shape[1])
     above = np.where(hz > coil.band_hz, energy, 0.0).sum(1)

@@ -29,7 +29,7 @@ __all__ = [
 
 
 class LevelLaw(NamedTuple):
-    """ON displacement against frequency.
+    """Law of how far ON taxels move at each resonance: a power of frequency, or in proportion to a detection threshold.
 
     Either a power law ``D ∝ f^−p`` (p = 0 equal displacement, 1 velocity, 2 acceleration), or equal sensation: in
     proportion to a detection threshold that is given at a few frequencies, `curve_hz` and `curve_um`, and joined by
@@ -48,19 +48,19 @@ class LevelLaw(NamedTuple):
         return np.asarray(resonance_hz, float) ** -self.exponent
 
     def threshold_um(self, resonance_hz: np.ndarray) -> np.ndarray | None:
-        """Return the threshold in µm at `resonance_hz`; None for a power law."""
+        """Return the detection threshold in µm at `resonance_hz`, or None where the law is a power of frequency."""
         if not self.curve_hz:
             return None
         return np.exp(np.interp(np.log(resonance_hz), np.log(self.curve_hz), np.log(self.curve_um)))
 
 
 def slot_half_width(q: float, delta_y: float) -> float:
-    """Return half the relative bandwidth that a channel needs, ``a = Δy/(4Q)``; 1 or more means no capacity."""
+    """Return half the relative bandwidth ``a = Δy/(4Q)`` of a channel for the ON/OFF ratio Δy; none fits if a ≥ 1."""
     return delta_y / (4 * q)
 
 
 def ladder_ratio(q: float, delta_y: float) -> float:
-    """Return the smallest ratio of neighbouring resonances, ``(1+a)/(1−a)``; infinite where a ≥ 1."""
+    """Return the smallest ratio of neighbouring resonances, ``(1+a)/(1−a)``, a = Δy/(4Q); infinite where a ≥ 1."""
     a = slot_half_width(q, delta_y)
     return (1 + a) / (1 - a) if a < 1 else inf
 
@@ -78,7 +78,7 @@ def capacity(low_hz: float, high_hz: float, q: float, delta_y: float) -> float:
 
 
 def paper_ladder(low_hz: float, count: int, q: float, delta_y: float) -> np.ndarray:
-    """Return `count` resonances in Hz at the closest spacing; the band of the lowest channel begins at `low_hz`."""
+    """Return `count` resonances in Hz at ratios `ladder_ratio`; the band of the lowest channel begins at `low_hz`."""
     return low_hz / (1 - slot_half_width(q, delta_y)) * ladder_ratio(q, delta_y) ** np.arange(count)
 
 
@@ -90,7 +90,7 @@ def geometric_ladder(lowest_hz: float, highest_hz: float, count: int) -> np.ndar
 
 
 def whole_channels(capacity_: float) -> int:
-    """Return the capacity rounded down; a capacity that is whole but for rounding counts as whole."""
+    """Return a number of channels rounded down to an integer, with a relative tolerance for rounding errors."""
     return floor(capacity_ * (1 + 1e-12))
 
 
@@ -124,7 +124,7 @@ CLOSEST = 1e-3
 
 
 class _Case(NamedTuple):
-    """One problem: ln of the band's ends in Hz, number of channels, Q, level law and drive scheme."""
+    """Problem of `optimal_ladder`: ln of the band's ends in Hz, number of channels, Q, level law and drive scheme."""
 
     low: float
     high: float
@@ -134,7 +134,7 @@ class _Case(NamedTuple):
     scheme: Scheme
 
     def log_energy(self, log_hz: np.ndarray) -> np.ndarray:
-        """Return ln of the OFF energies (m, sets) to be minimised, for sets of log resonances (n, sets)."""
+        """Return ln of OFF taxels' energies (m, sets) over their ON energies, for sets of ln resonances (n, sets)."""
         hz = np.exp(log_hz)
         which = channels(hz, self.q, self.law(hz))
         if self.scheme.takes_turns:  # each line by itself, since a maximum has no slope where two lines are equal
@@ -222,7 +222,7 @@ def _search_by_exchange(case: _Case, work: float) -> np.ndarray:
 
 
 def _descend(case: _Case, start: np.ndarray, steps: int) -> np.ndarray:
-    """Return log resonances (n,) near `start` (n,) that minimise the largest log energy, in up to `steps` steps.
+    """Return ln resonances (n,) near `start` (n,) that locally minimise the largest OFF energy, in up to `steps` steps.
 
     The largest energy is a variable of its own, which no log energy exceeds, and is minimised by sequential quadratic
     programming.

@@ -59,7 +59,7 @@ AT_ONCE = 1 << 17
 
 
 class MagnetPull(NamedTuple):
-    """Effect of a coil on a magnet at n places, as arrays (n,).
+    """Forces and moments of a coil and its core on a magnet at n places, with slopes and error bounds, as arrays (n,).
 
     Per ampere: `force` towards the coil in N/A, its `slope` with the gap in N/(A·m), `side` force in N/A away from the
     coil's axis, `moment` in N·m/A about a horizontal axis through the middle of the magnet's underside at right angles
@@ -93,7 +93,7 @@ RULE_SHARES = (2e-5, 2e-4)
 
 
 class _Core(NamedTuple):
-    """Responses of a coil's core to magnets, by orders m of the angle round its axis (cos mφ), at the core's nodes.
+    """Potential of a magnet at the surface nodes of a coil's core, and the charge it induces there, by angular order m.
 
     `along` (m, K, 3, nodes) times J_m(k offset) exp(−k gap) is a magnet's potential in A at the nodes and its first and
     second slope with the gap. `across` (m, K, 2, nodes) times J_m' exp(−k gap) is its slope with the offset, with its
@@ -107,7 +107,7 @@ class _Core(NamedTuple):
 
 
 class _Spectrum(NamedTuple):
-    """Fields of a coil and a magnet over wave numbers k (K,), with weights: integrals over k are sums of products.
+    """Hankel spectra over wave numbers k (K,): of a coil's potential and, with quadrature weights, of a magnet.
 
     `faces` is the magnet as it takes part in energies, `turned` in moments; `coil` is Φ₀ per ampere, `doubt` its change
     by fewer nodes on the core.
@@ -124,7 +124,7 @@ class _Spectrum(NamedTuple):
 def magnet_pull(
     coil: CoilSource, magnet: DiscMagnet, gap: Any, offset: Any, steel: SteelRing | None = None
 ) -> MagnetPull:
-    """Return the pull on a magnet, its underside at gaps (n,) over the coil's top and axis at offsets (n,), in m.
+    """Return a coil's pull on a magnet, its underside `gap` (n,) m above the coil's top, `offset` (n,) m off the axis.
 
     Bounds of the errors are in docs/magnets.md. Offsets are not negative; gaps below `LEAST_GAP` count as that. `steel`
     lies on top of the magnet and moves with it (`magnets.steel_charges`).
@@ -175,7 +175,7 @@ def _turning(around: np.ndarray) -> np.ndarray:
 
 
 def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Return pull to the core, stiffness, side force and moment (4, n) by the charge a magnet induces on it.
+    """Return the core's pull, stiffness, side force and moment (4, n) on a magnet, by charge the magnet induces on it.
 
     The energy is half that of the magnet in the field of this charge, which is linear in the magnet's potential u: its
     slope is that of u in the field of the charge as it lies, and the second one also has that of the charge itself.
@@ -190,7 +190,7 @@ def _core_pulls(core: _Core, fall: np.ndarray, around: np.ndarray, turns: np.nda
 
 
 def _drawn(core: _Core, waves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
-    """Return pull and stiffness (n,) by the charge a magnet induces on a core, and that charge (n, nodes) by order.
+    """Return a magnet's pull and stiffness (n,) by charge it induces on a core, and that charge (n, nodes) per order.
 
     `waves` (n, K) are J_m(k offset) exp(−k gap) of its places.
     """
@@ -208,7 +208,7 @@ def _drawn(core: _Core, waves: Sequence[np.ndarray]) -> tuple[np.ndarray, np.nda
 def _spectrum(
     coil: CoilSource, magnet: DiscMagnet, gap: float, offset: float, steel: SteelRing | None = None
 ) -> _Spectrum:
-    """Return the spectrum for gaps from `gap` on and offsets up to `offset`, in m; close values share one."""
+    """Return a spectrum valid for all gaps ≥ `gap` and offsets ≤ `offset` in m; similar calls share a cached one."""
     low = LEAST_GAP * STEPS ** int(log(gap / LEAST_GAP) / log(STEPS))
     finest = magnet.outer_diameter / 16
     reach = finest * STEPS ** ceil(log(max(offset, finest) / finest) / log(STEPS))
@@ -250,7 +250,7 @@ def _kept_spectrum(
 
 
 def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
-    """Return the terms (2, K) in Wb of rings of charge (`magnets.steel_charges`) in a magnet's energy and moment."""
+    """Return what `magnets.steel_charges` adds to the spectra of a magnet's energy and moment, (2, K) in Wb."""
     radius, height, charge = rings
     around = bessel(k[:, None] * radius, 1)
     fall = MU_0 * charge * np.exp(-k[:, None] * height)
@@ -258,7 +258,7 @@ def _ring_wave(rings: np.ndarray, k: np.ndarray) -> np.ndarray:
 
 
 def _wound(winding: Winding, k: np.ndarray) -> np.ndarray:
-    """Return the spectrum Φ₀ of a winding's potential per ampere, by rings of current integrated over its section."""
+    """Return the Hankel spectrum Φ₀ (K,) of a winding's potential per ampere, integrated over its cross-section."""
     inner = winding.inner_diameter / 2
     outer = max(winding.outer_diameter / 2, inner + 1e-9)
     rings = _integral_of_rings(k, inner, outer) / (outer - inner)
@@ -283,14 +283,14 @@ def _integral_of_rings(k: np.ndarray, inner: float, outer: float) -> np.ndarray:
 
 
 def _integral_of_wave(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Return ∫ x J₁(x) dx from `start` to `end`, at most a panel apart."""
+    """Return ∫ x J₁(x) dx from `start` to `end`, which lie at most `PANEL_PHASE` apart."""
     node, weight = gauss(PANEL_NODES)
     x = start[..., None] + (end - start)[..., None] * node
     return np.asarray((x * bessel(x, 1)[1]) @ weight * (end - start))
 
 
 def _core_wave(body: SteelBody, charge: np.ndarray, step: float, k: np.ndarray) -> np.ndarray:
-    """Return the spectrum Φ₀ of a charged core's potential per ampere, with rings `step` m apart on its top."""
+    """Return the Hankel spectrum Φ₀ (K,) of a charged core's potential per ampere; rings on top lie `step` m apart."""
     radius, height, shares = fine_rings(body, step)
     total = 2 * pi * radius * (shares @ charge)
     return (bessel(k[:, None] * radius, 1)[0] * np.exp(k[:, None] * height)) @ total / (4 * pi)
@@ -309,7 +309,7 @@ def _core(body: SteelBody, k: np.ndarray, faces: np.ndarray, turned: np.ndarray)
 def shared_core(
     coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, places: np.ndarray, polarity: np.ndarray
 ) -> Coupling:
-    """Return the coupling of equal magnets at `places` (n, 2) in m from a core's axis, by charge induced on it.
+    """Return a core's pulls on equal magnets at `places` (n, 2) in m from its axis, and the stiffness coupling them.
 
     `force` (n,) in N is the pull of each towards the coil, by what it draws itself (`MagnetPull.core_pull`) and by what
     the others draw; the stiffness has both, too. `gap` (n,) is in m, `polarity` (n,) 1 or −1.
@@ -363,7 +363,7 @@ NEAREST = 0.2
 def rest_on_spring(
     coil: CoilSource, magnet: DiscMagnet, gap: np.ndarray, offset: np.ndarray, stiffness: np.ndarray
 ) -> RestOnSpring:
-    """Return the equilibrium of magnets (n,) on springs of `stiffness` in N/m; `gap` in m is without any pull."""
+    """Return where magnets (n,) on springs of `stiffness` in N/m rest over a core; `gap` in m is without any pull."""
     gap, offset, stiffness = np.broadcast_arrays(*map(np.atleast_1d, (gap, offset, stiffness)))
     lowest = np.maximum(NEAREST * gap, np.minimum(gap, LEAST_GAP))
     at = gap * (lowest / gap) ** np.linspace(0, 1, FINE)[:, None]
@@ -410,7 +410,7 @@ def _core_pull_between(
 
 @lru_cache(maxsize=1024)
 def _core_levels(coil: CoilSource, magnet: DiscMagnet, offsets: tuple[float, ...], block: int) -> np.ndarray:
-    """Return the core's pull in N and its slope in N/m (2, LEVELS, n) at a block of gaps, at offsets (n,) in m."""
+    """Return the core's pull in N and its slope in N/m (2, LEVELS, n) at the gaps of one `block`, offsets (n,) in m."""
     gap = LEAST_GAP * np.exp((block * LEVELS + np.arange(LEVELS)) * LEVEL_STEP)
     spectrum = _spectrum(coil, magnet, float(gap[0]), offsets[-1])
     if not spectrum.cores:

@@ -1,4 +1,4 @@
-"""Coils, washers and steels as data, a coil's impedance, the balance of pull and spring, and fields of charge.
+"""Data of coils, washers and steels, a coil's impedance, balance of pull and spring, and fields of magnetic charge.
 
 The pull itself is in `physics.pull`; paper Eq. 4 has no air gap and is wrong by seven decades. Heights are above the
 coil's top face. Magnetisation curves are flux density against field, monotone, saturated beyond the last point.
@@ -135,7 +135,7 @@ def solenoid(
     core_diameter: float = 0.0,
     core_permeability: float = 1.0,
 ) -> CoilSource:
-    """Return a coil of one winding with a core of its length, or without one for `core_diameter` 0; lengths in m."""
+    """Return a coil of one winding and a core as long as the winding, or none if `core_diameter` is 0; sizes in m."""
     winding = Winding(outer_diameter, inner_diameter, 0.0, -length, turns)
     return CoilSource((winding,), core_diameter, length, core_permeability)
 
@@ -160,11 +160,11 @@ class SteelRing(NamedTuple):
 
     @property
     def alone(self) -> "SteelRing":
-        """The washer without its crown."""
+        """The washer without the ballast ring (crown) that may lie on top of it."""
         return SteelRing(*self[:4])
 
     def outline(self, nodes: tuple[int, int]) -> "tuple[Side, ...]":
-        """Return the sides of washer and crown, underside at height 0; `nodes` are those on each face and rim."""
+        """Return the sides of washer and ballast ring, underside at height 0; `nodes` are counts per face and rim."""
         outer = self.outer_diameter / 2
         inner = self.inner_diameter / 2
         top = self.thickness
@@ -198,7 +198,7 @@ def paper_force_constant(coil: CoilSource, area: float) -> float:
 
 
 def deflection_without_growth(deflection: float, gap: float, exponent: float) -> float:
-    """Return the deflection if the pull, which grows until balance at `deflection`, stayed as at zero deflection.
+    """Return the deflection if the pull stayed as at zero deflection, from the real equilibrium `deflection`.
 
     For a pull ``c I² (g/(g − z))^m`` against a spring this is ``z (1 − z/g)^m``. All in the unit of `gap`.
     """
@@ -269,7 +269,7 @@ class BHCurve:
         return np.sign(field_a_per_m) * (inside + beyond)
 
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return some 160 fields and flux densities from the origin on, close enough for straight lines between.
+        """Return some 160 points of the curve, fields in A/m and flux densities in T, dense enough to join by lines.
 
         The last point is at a thousand times the last field, on the line of slope μ0.
         """
@@ -407,7 +407,7 @@ class RingPotential(NamedTuple):
 def ring_potential(
     radius: np.ndarray, height: np.ndarray, ring_radius: np.ndarray, ring_height: np.ndarray, most: int, at_ring: bool
 ) -> RingPotential:
-    """Return potentials of rings in orders 0 … `most` at points, with slopes there or, if `at_ring`, at the rings.
+    """Return potentials at points of rings of charge ∝ cos mφ, m ≤ `most`; slopes are by point or (`at_ring`) by ring.
 
     The four arrays, in m, broadcast. A radius on the axis is replaced by a ten-thousandth of the ring's.
     """
@@ -424,7 +424,7 @@ def ring_potential(
 def _of_pairs(
     radius: np.ndarray, height: np.ndarray, ring_radius: np.ndarray, ring_height: np.ndarray, most: int, at_ring: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the three parts of `ring_potential` for points and rings (n,) in pairs."""
+    """Return potential and both slopes, as `ring_potential` does, for n pairs of one point and one ring."""
     ring_radius = np.maximum(ring_radius, 1e-12)
     radius = np.maximum(radius, 1e-4 * ring_radius)
     gap = height - ring_height
@@ -447,7 +447,7 @@ POINTS_ABOVE = 16
 
 
 class Side(NamedTuple):
-    """A straight side of the outline, (r, z) in m from `start` to `end`, with its outward `normal`.
+    """A straight side of the outline of a body of revolution: `start` to `end`, (r, z) in m, and outward `normal`.
 
     `nodes` is the number of unknowns. A start on the axis is no edge of the body.
     """
@@ -463,11 +463,11 @@ class Side(NamedTuple):
         return float(np.hypot(self.end[0] - self.start[0], self.end[1] - self.start[1]))
 
     def part(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the share of the length at t in 0 … 1, and its slope over t; equal steps of t crowd at edges."""
+        """Return the share of the side's length at t in 0 … 1, and its derivative; even steps of t crowd at edges."""
         return (1 - (1 - t) ** 2, 2 * (1 - t)) if self.start[0] == 0 else (t * t * (3 - 2 * t), 6 * t * (1 - t))
 
     def at(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return radius and height in m at t in 0 … 1."""
+        """Return radius and height in m of the side's point at parameter t in 0 … 1."""
         share = self.part(t)[0]
         r, z = self.start
         r1, z1 = self.end
@@ -475,7 +475,7 @@ class Side(NamedTuple):
 
 
 class SteelBody(NamedTuple):
-    """A linear steel body of revolution by its nodes (n,): radius and height in m, `area` and magnetic `response`.
+    """A body of revolution of linear steel by its surface nodes (n,): radius, height in m, `area`, magnetic `response`.
 
     t runs from 0 to 1 along each side of the body's outline. `area` (n,) in m is 2πr times the node's weight in dt: the
     sum of area times charge per dt is the total charge. `response` (m, n, n) gives, for each order round the axis, the
@@ -508,7 +508,7 @@ def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, 
 
 
 def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]) -> tuple[Side, ...]:
-    """Return the outline of a cylinder in m; `nodes` are the numbers on its top, round it and on its bottom."""
+    """Return the sides of a cylinder, sizes in m; `nodes` are node counts of top, curved surface and bottom."""
     top, around, below = nodes
     return (
         Side((0.0, high), (radius, high), (0, 1), top),
@@ -518,7 +518,7 @@ def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]
 
 
 def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBody:
-    """Return the steel body that `sides` outline, with its response in orders 0 … `most` round the axis."""
+    """Return the steel body within `sides`, with its response to potentials ∝ cos mφ round the axis, m = 0 … `most`."""
     nodes = [gauss(side.nodes) for side in sides]
     radius, height = np.concatenate([np.stack(side.at(t)) for side, (t, _) in zip(sides, nodes, strict=True)], 1)
     area = 2 * pi * radius * np.concatenate([weight for _, weight in nodes])
@@ -543,7 +543,7 @@ def steel_body(sides: Sequence[Side], permeability: float, most: int) -> SteelBo
 def _layers(
     side: Side, node: np.ndarray, radius: np.ndarray, height: np.ndarray, part: slice, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the potentials (m, n, nodes) of single and double layers on a side, for each of its polynomials.
+    """Return single- and double-layer potentials (m, n, nodes) at all n nodes, of each polynomial density on a side.
 
     They are at all nodes, by Gauss points on either side of the place nearest to the node, crowding towards it.
     """
@@ -592,7 +592,7 @@ def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rings of a body's charge, fine enough for fields near its top: radii, heights, shares of charge.
+    """Return rings of a body's charge, fine enough for fields near its top: radii, heights, weights of node charges.
 
     Radii and heights in m, and shares (rings, nodes) of the nodes' charge. Rings on the topmost side are at most `step`
     m apart; elsewhere they lie at the nodes.
@@ -624,7 +624,7 @@ AT_ONCE = 8192
 
 @lru_cache(maxsize=32)
 def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> tuple[SteelBody, np.ndarray] | None:
-    """Return a coil's core and its magnetic charge at nodes, per dt (`SteelBody`), in A per A; None without core.
+    """Return a coil's core as `SteelBody` and its nodes' magnetic charge density in A per ampere; None without core.
 
     `top` is the number of nodes on its upper face, `orders` the highest order round its axis.
     """
@@ -691,7 +691,7 @@ def flux_density(coil: CoilSource, radius: np.ndarray, height: np.ndarray) -> tu
 
 
 def rings_potential(rings: np.ndarray, radius: np.ndarray, height: np.ndarray) -> RingPotential:
-    """Return the potential of charged rings, as from `coil_rings`, and its slopes, at points in m that broadcast."""
+    """Return the potential of charged rings (`coil_rings`) and its slopes at `radius` and `height` in m, broadcast."""
     at_radius, at_height, charge = rings
     points = np.stack([side.ravel() for side in np.broadcast_arrays(radius, height)])[..., None]
     some = max(AT_ONCE // len(charge), 1)
@@ -704,7 +704,7 @@ def rings_potential(rings: np.ndarray, radius: np.ndarray, height: np.ndarray) -
 
 @lru_cache(maxsize=16)
 def coil_rings(coil: CoilSource, step: float) -> np.ndarray:
-    """Return coil and core as rings (3, n), on top `step` m apart: radii and heights in m, charges in A per ampere."""
+    """Return coil and core as rings of charge (3, n), `step` m apart on top: radii, heights in m, charges in A/A."""
     rings = [winding_rings(coil.windings, step)]
     if (core := charged_core(coil)) is not None:
         radius, height, shares = fine_rings(core[0], step)
@@ -733,7 +733,7 @@ def coil_poles(coil: CoilSource) -> np.ndarray:
 
 
 def pole_field(poles: np.ndarray, height: float, away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the field (…, 3) in A/m per ampere at `height` in m, and its slope along z.
+    """Return the field (…, 3) of a coil's magnetic `poles` in A/m per ampere at `height` in m, and its slope along z.
 
     `away` (…, 2) in m is the horizontal distance from the coil's axis.
     """

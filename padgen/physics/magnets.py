@@ -85,7 +85,7 @@ def bessel(x: np.ndarray, most: int) -> np.ndarray:
 
 
 def _bessel_of(x: np.ndarray, most: int) -> np.ndarray:
-    """Return `bessel` of few arguments (n,)."""
+    """Return the Bessel functions J_m(x) (most + 1, n), m = 0 … `most`, for one block of arguments x (n,)."""
     result = np.empty((most + 1, *x.shape))
     near = x < max(MILLER, most)
     if near.any():
@@ -154,7 +154,7 @@ def face_flux(magnet: DiscMagnet, k: np.ndarray) -> np.ndarray:
 
 
 class Coupling(NamedTuple):
-    """Static `force` on n magnets in N, and the `stiffness` (n, n) in N/m by which they move each other vertically.
+    """Static magnetic `force` on n magnets in N, and the `stiffness` (n, n) in N/m that couples their vertical motions.
 
     With z upwards the additional vertical forces are ``−stiffness @ z``.
     """
@@ -187,7 +187,7 @@ def _laplacian(stiffness: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def _beside(magnet: DiscMagnet, apart: float) -> tuple[float, float]:
-    """Return the repulsion in N of two magnets of one polarity, and d²U/dz² in N/m of their energy over height."""
+    """Return the repulsion in N of two like-poled magnets, and d²U/dz² in N/m of their energy U by a lift z of one."""
     outer = magnet.outer_diameter / 2
     inner = magnet.inner_diameter / 2
     turns = min(max(ceil(16 / log((apart - outer) / outer)), 12), 96)
@@ -212,7 +212,7 @@ KNOWN = 20
 
 
 def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing | None = None) -> np.ndarray:
-    """Return second derivatives (…) over height in N/m of the energy of two equal magnets, `apart` (…) in m.
+    """Return d²U/dz² (…) in N/m of the energy U of two equal magnets, `apart` (…) in m, by a lift z of one.
 
     They are of one polarity, `apart` is between their axes; `steel` is that on top of each. Over `dipole_stiffness` it
     is a smooth function of the inverse square of the distance.
@@ -229,7 +229,7 @@ def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing 
 
 @lru_cache(maxsize=64)
 def _over_dipoles(magnet: DiscMagnet, steel: SteelRing | None, wide: float) -> np.ndarray:
-    """Return Chebyshev coefficients, in inverse squared distance, of two magnets' stiffness over two dipoles'."""
+    """Return Chebyshev coefficients, in inverse squared distance, of two magnets' stiffness divided by two dipoles'."""
     node = chebyshev.chebpts1(KNOWN)
     apart = wide * NEAREST_KNOWN / np.sqrt((node + 1) / 2)
     stiffness = np.array([_bend_beside(magnet, float(distance), steel) for distance in apart])
@@ -268,7 +268,7 @@ def steel_charges(magnet: DiscMagnet, steel: SteelRing) -> np.ndarray:
 
 
 def _bend_beside(magnet: DiscMagnet, apart: float, steel: SteelRing | None) -> float:
-    """Return the second derivative over height in N/m of the energy of two magnets with steel on top of each."""
+    """Return d²U/dz² in N/m of the energy U of two magnets, with steel on top of each, by a lift z of one."""
     bare = _beside(magnet, apart)[1]
     if steel is None:
         return bare
@@ -285,14 +285,14 @@ def _bend_beside(magnet: DiscMagnet, apart: float, steel: SteelRing | None) -> f
 
 
 def _round(rings: np.ndarray, turns: int) -> np.ndarray:
-    """Return the first `turns` of `RING_TURNS` places round each of some rings: x, y, z in m, and charge in A·m."""
+    """Return the first `turns` of `RING_TURNS` point charges that stand for each ring: x, y, z in m, charge in A·m."""
     angle = (np.arange(turns) + 0.5) * 2 * pi / RING_TURNS
     x, y = (np.multiply.outer(rings[0], wave).ravel() for wave in (np.cos(angle), np.sin(angle)))
     return np.stack([x, y, np.repeat(rings[1], turns), np.repeat(rings[2] / RING_TURNS, turns)])
 
 
 def _bend(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the second derivative over height in N/m of the energy of two sets of charges: x, y, z in m, and A·m."""
+    """Return d²U/dz² in N/m of the energy U of two sets of point charges (x, y, z in m; A·m) by a lift z of one set."""
     x, y, rise = (np.subtract.outer(a, b) for a, b in zip(one[:3], other[:3], strict=True))
     square = rise**2
     inverse = 1 / (x**2 + y**2 + square)
@@ -300,7 +300,7 @@ def _bend(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def dipole_stiffness(moment: float, apart: Any) -> Any:
-    """Return the second derivative −9μ0m²/(4πr⁵) in N/m of the energy of two parallel dipoles side by side over height.
+    """Return d²U/dz² = −9μ0m²/(4πr⁵) in N/m of the energy U of two parallel dipoles side by side by a lift z of one.
 
     Of real magnets it is a rough estimate: of discs of 3 × 1 mm 6.25 mm apart it is 28 % too small.
     """
@@ -355,7 +355,7 @@ def margin_temperature(
 
 
 def eddy_damping(magnet: DiscMagnet, gap: float, thickness: float, resistivity: float) -> float:
-    """Return a bound on the damping in N·s/m of a magnet that moves vertically over a sheet of metal.
+    """Return an upper bound on the eddy-current damping in N·s/m of a magnet moving vertically over a sheet of metal.
 
     The sheet is infinite, `thickness` m thick, of `resistivity` in Ω·m, its top `gap` m below the magnet. Its currents
     are those of the magnet's field alone: their own field weakens them (Saslow, *Am. J. Phys.* 60, 1992), and so do

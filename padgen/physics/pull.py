@@ -75,7 +75,7 @@ FURTHER = 1.05
 
 
 class Pull(NamedTuple):
-    """Effect of a coil on a washer, per A².
+    """Forces and moment of a coil on a washer per A², the error of the axial force, and the washer's dipole per A.
 
     `side` and `axial` are forces in N away from the coil's axis and upwards. `moment` in N·m is about a horizontal axis
     through the middle of the washer's underside, at right angles to the offset; a positive one lowers the washer's far
@@ -114,7 +114,7 @@ def pull(coil: CoilSource, washer: SteelRing, gap: float, offset: float, *, in_t
 
 @lru_cache(maxsize=1024)
 def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float, in_table: bool) -> Pull:
-    """Return the pull with enough nodes, and its doubt from a solution with fewer."""
+    """Return the pull solved with enough surface nodes; `doubt` includes the change with fewer nodes."""
     near = gap if in_table else _nearest(coil, washer, gap, offset)
     fine = _fineness(coil, washer, near, None if in_table else offset)
     coarse = tuple(ceil(FEWER * count) for count in fine)
@@ -125,7 +125,7 @@ def _solve(coil: CoilSource, washer: SteelRing, gap: float, offset: float, in_ta
 def _pull_with_nodes(
     fine: tuple[int, ...], near: float, coil: CoilSource, washer: SteelRing, gap: float, offset: float
 ) -> Pull:
-    """Return the pull solved with the numbers of nodes and orders of `_fineness`, for steel `near` m away."""
+    """Return the pull solved with numbers of nodes and orders `fine`; steel of washer and core is `near` m apart."""
     face, top, orders, core_orders = fine
     finest = coil.outer_diameter / MOST_RINGS
     core = charged_core(coil, top, core_orders)
@@ -267,7 +267,7 @@ BROUGHT = Path(__file__).with_name("pulls")
 
 
 class PullAt(NamedTuple):
-    """Pulls (n,) per A² at places.
+    """Pulls of a coil on washers (per A²) or magnets (per A) at n places, with moments, slopes and errors (n,).
 
     `pull` is towards the coil in N, `slope` its slope with the gap in N/m. `error` is relative; `jump` in N is its part
     from one table to the next; `slope_off` in N/m is the error of the slope, and `bend_off` in N/m² that of the second
@@ -355,7 +355,7 @@ class PullTable(NamedTuple):
 
 @cache
 def _at_nodes(count: int) -> tuple[np.ndarray, ...]:
-    """Return matrices on `count` Chebyshev coefficients: to node values, its inverse, first and second derivative."""
+    """Return matrices from `count` Chebyshev coefficients to node values, back, and to first and second derivatives."""
     values = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
     return values, np.linalg.inv(values), *(chebyshev.chebder(np.eye(count), order) for order in (1, 2))
 
@@ -424,12 +424,12 @@ def supplied_table(coil: CoilSource, washer: SteelRing, part: int) -> PullTable 
 
 @cache
 def _supplied_tables() -> tuple[dict[str, dict[str, Any]], np.ndarray]:
-    """Read the tables that padgen brings: where each one lies, by `parts_key`, and the numbers of all."""
+    """Read the pull tables that come with padgen: an index by `parts_key`, and one array with the numbers of all."""
     return json.loads(BROUGHT.with_suffix(".json").read_text(encoding="ascii")), np.load(BROUGHT.with_suffix(".npy"))
 
 
 def solved_pulls(coil: CoilSource, washer: SteelRing, gap: np.ndarray, offset: np.ndarray) -> PullAt:
-    """Return the pulls at gaps and offsets (n,) in m without a table, by three solutions each."""
+    """Return the pulls at gaps and offsets (n,) in m without a table, each solved at three gaps for the slope."""
     steps = (1 - SLOPE_STEP, 1.0, 1 + SLOPE_STEP)
     solved = [[pull(coil, washer, g * step, d) for step in steps] for g, d in zip(gap, offset, strict=True)]
     near, at, far = np.moveaxis(np.array(solved).reshape(-1, 3, COLUMNS), (1, 2), (0, 1))
@@ -464,7 +464,7 @@ COARSE_STEP = 1.0
 
 
 class Leakage(NamedTuple):
-    """Pulls of neighbouring coils on n washers of a coil, over that coil's pull at 1 A; quadratic in currents.
+    """Pulls of neighbouring coils on n washers, relative to that of the washers' coil at 1 A; quadratic in currents.
 
     `mutual` (n, k, k) is by the fields of neighbours k and l together: currents i_k pull with ``Σ mutual_kl i_k i_l``.
     `product` (n, k) is by neighbour k and the washer's own coil: ``2 product_k i i_k``.
@@ -486,7 +486,7 @@ def leakage(
     neighbours: np.ndarray,
     far: np.ndarray = NO_COILS,
 ) -> Leakage:
-    """Return the pulls of neighbouring coils on the washers of one coil, over that coil's pull.
+    """Return the pulls of neighbouring coils on the washers of one coil, relative to the pull of that coil itself.
 
     The washers are at `place` (n, 2) in m from the axis of their own coil, the other coils at `neighbours` and `far`
     (k, 2). `far` coils are replaced by their poles (`magnetics.coil_poles`) and come last in the result. Every
@@ -564,7 +564,7 @@ def _coil_potential(rings: np.ndarray, away: np.ndarray, height: np.ndarray) -> 
 
 
 def _fourier_parts(values: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """Return Fourier parts (…, parts, j) round an axis of `values` (…, j, turns): of 1, cos φ, sin φ, cos 2φ …"""
+    """Return the Fourier coefficients (…, parts, j) of `values` (…, j, turns): of 1, cos φ, sin φ, cos 2φ and so on."""
     order = np.arange(1, len(angle) // 2)[:, None]
     waves = 2 * np.stack([np.cos(order * angle), np.sin(order * angle)], 1).reshape(-1, len(angle))
     waves = np.concatenate([np.ones((1, len(angle))), waves]) / len(angle)
@@ -586,7 +586,7 @@ def _core_charge(coil: CoilSource, core: SteelBody, neighbours: np.ndarray, far:
 
 
 def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> np.ndarray:
-    """Return effective currents (k, k) of coils at `axes`, the washers' coil first, as cores magnetise each other.
+    """Return effective currents (k, k) per ampere in each coil, as cores magnetise each other; the washers' coil first.
 
     A core in another coil's field is a dipole, which counts as additional current of the core's own coil. The first
     coil's core is left out, since `_core_charge` computes it better.
@@ -604,7 +604,7 @@ def _effective_currents(coil: CoilSource, core: SteelBody, axes: np.ndarray) -> 
 def _core_field(
     core: SteelBody, charge: np.ndarray, points: np.ndarray, height: np.ndarray, angle: np.ndarray, step: float
 ) -> np.ndarray:
-    """Return Fourier parts of potential and slope (2, n, k, parts, j) of `charge` (k, parts, nodes) on the core.
+    """Return Fourier coefficients of potential and slope (2, n, k, parts, j) by the core's `charge` (k, parts, nodes).
 
     They are round each washer, whose nodes are at `points` (n, j, turns, 2) in m.
     """

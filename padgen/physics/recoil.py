@@ -1,4 +1,4 @@
-"""Recoil of the rigid pad on its mount: how the taxels that are ON shake it, and every taxel hears that.
+"""Recoil of the rigid pad on its mount: taxels that are ON shake the pad, and the pad's motion shakes every taxel.
 
 A taxel's working mode has the motion u of its washer relative to the pad, the modal mass m for it, and the momentum g
 (force and moments about the pad's centre of mass, six numbers) for unit velocity. The coil stands on the same pad, so
@@ -43,7 +43,7 @@ class Base(NamedTuple):
 
 
 class MovingTaxels(NamedTuple):
-    """The taxels' working modes in SI units.
+    """Working modes of n taxels in SI units: momentum they give the pad, modal mass, resonance and Q.
 
     `momentum` (n, 6) is force and moment about the pad's centre of mass per unit acceleration of the washer against the
     pad; `mass` (n,) the modal mass, `resonance_hz` (n,) and `q` (n,) those on a clamped pad.
@@ -89,7 +89,7 @@ def support_stiffness(vertical: float, width: float, depth: float, height: float
 
 
 class MovingPad:
-    """The moving pad at one frequency in Hz: what all taxels do under given forces."""
+    """Coupled motion of the pad and its taxels at one frequency in Hz, under given forces between coils and taxels."""
 
     def __init__(self, base: Base, taxels: MovingTaxels, hz: float) -> None:
         omega = 2 * np.pi * hz
@@ -111,7 +111,7 @@ class MovingPad:
         return np.asarray((force + shaken) / self.dynamic)
 
     def listening_matrix(self, listeners: np.ndarray) -> np.ndarray:
-        """Return a matrix R (≤ 6, 6) for which ``|R p|²`` is the mean square motion in m² of the taxels `listeners`.
+        """Return R (≤ 6, 6): ``|R p|²`` is the mean square motion in m² of taxels `listeners` under the drive p (6,).
 
         p (6,) is ``Σ g F/D``, the momentum of the driven taxels over jω.
         """

@@ -184,7 +184,7 @@ class MeasuredLines(NamedTuple):
         )
 
     def cubed(self, hz: float) -> "MeasuredLines":
-        """Return the lines with `fed`, a cubic spring's force: the cubed response near `hz` over its squared maximum.
+        """Return the lines with a cubic spring's force `fed`: motion near `hz` cubed in time, over its maximum squared.
 
         The spring of a mode may soften or stiffen: its motion to the third power is then a further force on it
         (nonlinear identification through feedback of the outputs: D. E. Adams, R. J. Allemang, Mech. Syst. Signal
@@ -196,7 +196,7 @@ class MeasuredLines(NamedTuple):
         return self._replace(fed=np.fft.rfft(moved**3)[None, 1:-1] / largest**2)
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "MeasuredLines":
-        """Return the lines within `REACH` of a resonance and near those `close` to it, thinned to `MOST_LINES`."""
+        """Return the lines within `REACH` half bandwidths of a resonance or near peaks `close`, up to `MOST_LINES`."""
         away = np.abs(detuning(self.frequency, hz, q))
         inside = away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1]))
         for peak in close:
@@ -223,7 +223,7 @@ class _Solved(NamedTuple):
 
     @property
     def of_fed(self) -> slice:
-        """Slice of the columns, and of the factors, that belong to the forces `fed` back by the response."""
+        """Slice that selects, from columns and factors, those of the forces `fed` that the response itself makes."""
         end = len(self.factors) - self.extra.shape[1]
         return slice(end - len(self.lines.fed), end)
 
@@ -436,7 +436,7 @@ def fit_decay(
 
 
 def _taps(size: np.ndarray, period: int) -> list[int]:
-    """Return the samples at which decays begin, in a record of absolute `size` (n,), in order."""
+    """Return in order the sample indices at which free decays begin, in a record of absolute values `size` (n,)."""
     from scipy.ndimage import uniform_filter1d
 
     energy = uniform_filter1d(size**2, max(period, 1))
@@ -531,7 +531,7 @@ def _cross(rate: float, x: np.ndarray, y: np.ndarray) -> _Cross:
 
 
 def _lag(cross: _Cross, mode: np.ndarray | None = None) -> int:
-    """Return the delay in samples of response after excitation: where impulse response or `mode` (Hz, Q) begins."""
+    """Return the delay in samples from excitation to response, where impulse response or its match to `mode` peaks."""
     impulse = cross.impulse
     inside = cross.response != 0
     if mode is not None:
@@ -554,7 +554,7 @@ def _shifted(lag: int, x: np.ndarray, *late: np.ndarray) -> list[np.ndarray]:
 
 
 def _gated(rate: float, cross: _Cross, lag: int, rings: float) -> MeasuredLines:
-    """Return the frequency response by some eight time constants (`rings`, s) of impulse response from `lag` on."""
+    """Return the spectrum of the impulse response from `lag` on, cut to about eight time constants (`rings` in s)."""
     impulse = cross.impulse
     after = min(max(int(8 * rings * rate), FEWEST_SAMPLES), len(impulse) // 4)
     before = max(after // 16, 4)
@@ -609,7 +609,7 @@ def _mode(frequency: np.ndarray, hz: float, q: float, power: int) -> np.ndarray:
 
 
 def _basis(lines: MeasuredLines, theta: np.ndarray, power: int, extra: np.ndarray) -> np.ndarray:
-    """Return the model's columns (n, k): for each input the modes, of peak 1, and far modes; then `fed`, `extra`."""
+    """Return the linear model's columns (n, k): modes of peak 1 and far-mode terms per input, then `fed`, `extra`."""
     s = lines.frequency / lines.frequency[len(lines.frequency) // 2]
     shapes = [_mode(lines.frequency, hz, q, power) for hz, q in np.exp(theta.reshape(-1, 2))]
     hz, q = np.exp(theta[:2])
@@ -692,7 +692,7 @@ def _slopes(fit: _Solved, power: int) -> np.ndarray:
 
 
 def _real_columns(fit: _Solved, power: int, phased: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Return slopes over all real parameters, clipped crests' caps last, and noise variance over prior variance."""
+    """Return derivatives of the fit by all real parameters, caps last, and their noise variance over prior variance."""
     caps = np.zeros((len(fit.residual), 0)) if fit.caps is None else fit.caps
     columns = np.concatenate([_slopes(fit, power), fit.basis, *([1j * fit.basis] if phased else []), caps], 1)
     prior = np.zeros(columns.shape[1])
@@ -752,7 +752,7 @@ def _gain(fit: _Solved) -> float:
 
 
 def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak]) -> tuple[float, float, float]:
-    """Return frequency in Hz, Q, and explained power of the mode that explains most of `rest` (n,)."""
+    """Return frequency in Hz, Q, explained power of the mode away from `peaks` that explains most of `rest` (n,)."""
     from scipy.ndimage import uniform_filter1d
 
     tried = []
@@ -779,7 +779,7 @@ def _start(lines: MeasuredLines, rest: np.ndarray, power: int, peaks: list[_Peak
 
 
 def _shown(fit: _Solved) -> bool:
-    """Return whether the data show the first mode: more than noise does by chance, and about as large as fitted."""
+    """Return whether the first mode stands out of the noise and its fitted peak is below 1.5 times the data there."""
     near = np.abs(detuning(fit.lines.frequency, fit.modes[0, 0], fit.modes[0, 1])) < 1
     largest = np.abs(fit.lines.data / fit.lines.inputs[0])[near].max(initial=0.0)
     return bool(abs(fit.factors[0]) < 1.5 * largest and _gain(fit) > LEAST_GAIN)
@@ -811,7 +811,7 @@ def _peaks(lines: MeasuredLines, power: int) -> list[_Peak]:
 
 
 def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: int) -> tuple[_Solved, np.ndarray]:
-    """Return the fit with the clipped crests (samples `held`) restored by caps, and y with the caps.
+    """Return the fit of record `y` with clipped samples `held` restored by parabolic caps, and the restored record.
 
     Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
     """
@@ -946,7 +946,7 @@ def _with_mains_lines(fit: _Solved, power: int) -> _Solved:
 
 
 def _better(fit: _Solved, theta: np.ndarray, power: int, extra: np.ndarray) -> _Solved | None:
-    """Return a fit with more modes or columns; None where it is not worth them, or a mode is not resolved."""
+    """Return a fit with modes `theta` and columns `extra`; None where it explains no more or a mode is not resolved."""
     if len(fit.residual) < fit.basis.shape[1] + 6:
         return None
     more = _solve(fit.lines, theta, power, extra)

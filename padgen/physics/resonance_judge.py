@@ -1,4 +1,4 @@
-"""Judge the fit of one resonance: refuse data that cannot be trusted, each with a sentence, and fit a second way.
+"""Check the fit of one resonance: refuse data not to be trusted, with errors that say why, and fit a circle as a check.
 
 Also a first look at a spectrum: its largest peak and the noise of a point. Frequencies are of the motion, in Hz.
 
@@ -190,7 +190,7 @@ class Seen(NamedTuple):
 
 
 class ResonanceFit(NamedTuple):
-    """One resonance, by two methods.
+    """Frequency, Q and peak of one fitted resonance, each with one sigma, and the result of a second method as a check.
 
     Fields ending in `_error` are one sigma; `peak` is the amplitude at resonance in the unit of the data. `noise` is
     that of a point; for a driven record, that of a sample over its largest response. `check` is the result of the
@@ -349,7 +349,7 @@ def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
 
 
 def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) -> None:
-    """Refuse a second peak that is as likely to be the right one."""
+    """Refuse data with a second peak at least `COMPARABLE` times as high as the fitted one: it may be the right one."""
     for other_hz, other_peak in others:
         if other_peak >= COMPARABLE * peak:
             low, high = sorted((hz, other_hz))

@@ -126,7 +126,7 @@ LEFT_OUT = 1e-4
 
 
 class ModalTaxels(NamedTuple):
-    """Taxels (n,) with modes (k,), and the felt parts (p,) of their motion.
+    """Modes (n, k) of n taxels: frequencies, Q, and relative static amplitudes of the p parts of the felt motion.
 
     `frequency_hz` (n, k); `q` (n,), one for all modes of a taxel. `gain` (n, k, p) is the felt static amplitude of each
     mode under one newton, over the felt amplitude under one newton at the taxel's own tone; 0 marks an absent mode.
@@ -144,7 +144,7 @@ class ModalTaxels(NamedTuple):
         return self.frequency_hz.shape[1]
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return `felt_energy` of these taxels."""
+        """Return the felt energy (rows, lines) of these taxels under lines of 1 N, over that at each one's own tone."""
         return felt_energy(self, rows, frequency, rest)
 
 
@@ -179,7 +179,7 @@ def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_
 
 
 def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the felt energy (rows, lines) of taxels under lines of one newton, over that at each taxel's tone.
+    """Return the felt vibration energy (rows, lines) under force lines of 1 N, over that at each taxel's own tone.
 
     `frequency` is (lines,), or (rows, lines) for lines of each taxel's own; `rest` is its rounding error, as in
     `relative_energy`.
@@ -191,7 +191,7 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
 def felt_response(
     taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return felt amplitudes (rows, 3, lines) of taxels under lines of 1 N, in phase and a quarter of a cycle behind.
+    """Return felt amplitudes (rows, 3, lines) of taxels under force lines of 1 N, in phase and a quarter cycle behind.
 
     The parts are those of `felt_gains`: up, and by tilting about both axes. Under ``cos ωt`` a part moves as
     ``real cos ωt + imaginary sin ωt``.

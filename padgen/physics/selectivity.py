@@ -93,7 +93,7 @@ class Scheme(NamedTuple):
 
     @property
     def pair_scale(self) -> float:
-        """Frequency of a pair's spur over the sum or difference of its resonances."""
+        """Ratio of the frequency of a pair's spur to the sum or difference of the pair's resonances: 1 or 0.5."""
         return 1.0 if self.at_resonance else 0.5
 
     @property
@@ -107,7 +107,7 @@ class Scheme(NamedTuple):
         return self.kind.CURRENT != "tones"
 
     def pair_square(self, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-        """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
+        """Return the squared amplitude of the spurs of two channels whose wanted lines have the amplitudes a and b.
 
         `strongest` is the line that sets the bias.
         """
@@ -140,7 +140,7 @@ class Scheme(NamedTuple):
 
 
 class Channels(NamedTuple):
-    """The channels of one coil, arrays of shape (n,), or of many coils, (n, …).
+    """Resonance in Hz, Q and amplitude of the wanted line of each channel of one coil, (n,), or of many coils, (n, …).
 
     `line` is the amplitude of a channel's wanted line of i², up to one common factor: the force ``A = D 4π² m f²/Q``
     for its ON displacement D, over the coil's force constant for its washer.
@@ -152,14 +152,14 @@ class Channels(NamedTuple):
 
 
 class Responses(Protocol):
-    """Taxels that are not one resonator each: those with all their modes, and those that are touched."""
+    """Interface to responses of taxels that are no single resonators: those with all their modes, or touched ones."""
 
     @property
     def responses(self) -> int:
         """Number of resonator responses computed for each taxel and spectral line."""
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the energy (rows, lines) of taxels under spectral lines, over that under one at their resonance.
+        """Return the energy (rows, lines) of taxels under spectral lines, over the untouched energy at their own tone.
 
         All lines have one amplitude.
         """
@@ -203,13 +203,13 @@ def channels(
 
 
 def tone_energy(receivers: Channels, drivers: Channels) -> np.ndarray:
-    """Return M_ij² (receivers, drivers): the energy of taxel i at the tone of channel j over that when it is ON."""
+    """Return M_ij² (receivers, drivers): energy of taxel i at channel j's tone over that of taxel i when ON."""
     response = relative_energy(drivers.resonance_hz, receivers.resonance_hz[:, None], receivers.q[:, None])
     return response * (drivers.line / receivers.line[:, None]) ** 2
 
 
 def own_lines(of: Channels, scheme: Scheme, most: int = MANY) -> Iterator[Lines]:
-    """Yield the wanted lines of channels (n, …), with the second harmonics of biased tones, or those by remanence.
+    """Yield the lines each channel (n, …) makes alone: wanted lines, 2nd harmonics of biased tones, lines by remanence.
 
     Each yield has up to `most` channels.
     """
@@ -246,7 +246,7 @@ def pair_lines(
     makers: tuple[np.ndarray, np.ndarray] | None = None,
     strongest: np.ndarray | float | None = None,
 ) -> Lines:
-    """Return sum and difference spurs of pairs of `makers`, each (l,), or of all pairs.
+    """Return the sum and difference spurs of the pairs of channels `makers`, two arrays (l,), or of all pairs if None.
 
     `strongest`, by default the largest of all lines, sets the bias.
     """
@@ -434,7 +434,7 @@ def _pairs(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _line_response(which: Channels, part: Lines, modes: Responses | None, rows: slice) -> np.ndarray:
-    """Return the energy (rows, k, l, …) of taxels under lines, over that under amplitude 1 at their own resonance."""
+    """Return taxels' energy (rows, k, l, …) under lines, over that by a line of amplitude 1 at their own resonance."""
     if modes is None:
         hz = which.resonance_hz[rows, None, None]
         q = which.q[rows, None, None]

@@ -1,4 +1,4 @@
-"""Sensation: thresholds of feeling by frequency and contactor, levels above them, and how many can be told apart.
+"""Sensation of vibration: thresholds by frequency and contact area, levels above them, steps that can be told apart.
 
 A threshold is an amplitude in dB re 1 µm peak. Between its frequencies it is straight over their logarithm, between the
 areas of two contactors over that of area. Contactors smaller or larger than any that is known take the nearest one's:
@@ -26,7 +26,7 @@ MOST_DB = 300.0
 
 
 class Threshold(NamedTuple):
-    """Amplitudes `db` in dB re 1 µm peak that are just felt at `hz`, rising, through a contactor of `area` in m²."""
+    """Just felt amplitudes `db` in dB re 1 µm peak at rising frequencies `hz`, through a contact of `area` in m²."""
 
     hz: np.ndarray
     db: np.ndarray
@@ -42,18 +42,18 @@ class Threshold(NamedTuple):
         return np.clip(self.db[piece] + slope * (at - x[piece]), -MOST_DB, MOST_DB)
 
     def error_at(self, hz: np.ndarray) -> np.ndarray:
-        """Return the error in dB at any frequencies, larger beyond those at which the threshold is known."""
+        """Return the error of the threshold in dB at any frequencies; it grows outside the range of known ones."""
         hz = np.asarray(hz, float)
         octaves = np.maximum(np.log2(self.hz[0] / hz), np.log2(hz / self.hz[-1]))
         return np.asarray(self.error_db + UNSURE_PER_OCTAVE_DB * np.maximum(octaves, 0.0))
 
     def amplitude(self, hz: np.ndarray) -> np.ndarray:
-        """Return the amplitude in m that is just felt."""
+        """Return the displacement amplitude in m that is just felt at frequencies `hz`."""
         return np.asarray(10 ** (self.at(hz) / 20) * UM)
 
 
 def for_area(known: Sequence[Threshold], area: float) -> Threshold:
-    """Return the threshold for a contactor of `area` in m², between `known` ones by interpolation, else the nearest.
+    """Return the threshold for a contact `area` in m², interpolated between those `known`, else of the nearest area.
 
     The error is the larger of those of the two that are used.
     """
@@ -68,13 +68,13 @@ def for_area(known: Sequence[Threshold], area: float) -> Threshold:
 
 
 def level_db(amplitude: np.ndarray, hz: np.ndarray, threshold: Threshold) -> np.ndarray:
-    """Return the sensation level in dB of vibrations with an `amplitude` in m; -inf for none."""
+    """Return the sensation level, in dB above `threshold`, of `amplitude` in m at `hz`; -inf for an amplitude of 0."""
     with np.errstate(divide="ignore"):
         return 20 * np.log10(np.asarray(amplitude, float) / UM) - threshold.at(hz)
 
 
 def distinct_levels(sensation_db: float, step_db: float, first_db: float | None = None) -> int:
-    """Return how many levels, the lowest just felt, can be told apart up to `sensation_db`: 0 if that is not felt.
+    """Return how many felt levels up to `sensation_db` above the threshold can be told apart; 0 if it is negative.
 
     Each is `step_db` above the one before, the second `first_db` above the threshold.
 

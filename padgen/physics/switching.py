@@ -1,4 +1,4 @@
-"""Amplitude of taxels whose line is switched by smooth steps, the brake that leaves none, and slot averages.
+"""Amplitudes of taxels whose tones are switched smoothly, braking in counter-phase to rest, and averages over frames.
 
 A taxel of time constant τ = Q/(πf) under its own line follows the line's level g with ``τ a' = g − a``, a being its
 amplitude over the one of level 1: the envelope of a resonator at resonance, to first order in 1/Q. A level below 0 is
@@ -22,7 +22,7 @@ LONGER = 1.05
 
 
 def blend(share: np.ndarray) -> np.ndarray:
-    """Return the smooth step from 0 to 1 over shares of a transition, the integral of `blend_slope`."""
+    """Return a smooth step from 0 to 1 at `share` (0 to 1) of a transition's time: the integral of `blend_slope`."""
     return np.asarray(share**5 * (126 - share * (420 - share * (540 - share * (315 - 70 * share)))))
 
 
@@ -32,7 +32,7 @@ def blend_slope(share: np.ndarray) -> np.ndarray:
 
 
 class Brake(NamedTuple):
-    """Braking of taxels that go OFF, at the end of a frame, by smooth steps of level of `blend_s` seconds each.
+    """Braking of taxels at the end of their last ON frame by counter-phase, in smooth steps of `blend_s` seconds each.
 
     The level goes from what it was to one below 0, which is counter-phase, and from there to 0; `through_zero` tells
     that it stops at 0 in between, as plain tones must, whose current has the root of the level.
@@ -48,11 +48,11 @@ class Brake(NamedTuple):
 
     @property
     def shares(self) -> tuple[tuple[float, float], ...]:
-        """Shares of the level before and of the counter-phase at the end of each blend."""
+        """For each step's end: share left of the level before the brake, and share of the counter-phase level."""
         return ((0.0, 0.0), (0.0, 1.0), (0.0, 0.0)) if self.through_zero else ((0.0, 1.0), (0.0, 0.0))
 
     def counter(self, amplitude: np.ndarray, level: np.ndarray, tau_s: np.ndarray) -> np.ndarray:
-        """Return the level in counter-phase (n,), at most 1, that stops taxels which have `amplitude` at `level`."""
+        """Return the counter-phase level (n,), at most 1, that stops taxels of `amplitude` driven at `level` before."""
         kept = np.asarray(amplitude, float)
         before = np.asarray(level, float)
         braked = np.zeros(len(kept))
@@ -68,7 +68,7 @@ class Brake(NamedTuple):
 
 
 def brake_for(tau_s: np.ndarray, blend_s: float, through_zero: bool) -> Brake:
-    """Return the shortest brake of blends of `blend_s` or longer that stops taxels (n,) from level 1."""
+    """Return the shortest brake, in steps of at least `blend_s` seconds, that stops taxels (n,) moving at level 1."""
     one = np.ones(len(tau_s))
     brake = Brake(blend_s, through_zero)
     while (brake.counter(one, one, tau_s) >= 1).any():
@@ -77,7 +77,7 @@ def brake_for(tau_s: np.ndarray, blend_s: float, through_zero: bool) -> Brake:
 
 
 def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return two forms in start amplitude and both levels of a blend: ∫ a² dt and end amplitude of taxels (n,).
+    """Return coefficients of energy (∫ amplitude² dt) and end amplitude of taxels (n,) over one smooth step of level.
 
     `energy` (n, 3, 3) is the quadratic form of start amplitude, level before and level after that gives ∫ a² dt in s,
     `after` (n, 3) the linear form of the amplitude at the end.
@@ -86,7 +86,7 @@ def passage(tau_s: np.ndarray, seconds: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def course(tau_s: np.ndarray, seconds: float) -> np.ndarray:
-    """Return weights (3, `STEPS` + 1, n) that give a blend's amplitudes from start amplitude and both levels."""
+    """Return weights (3, `STEPS` + 1, n) by which start amplitude and both levels give amplitudes in a smooth step."""
     tau = np.asarray(tau_s, float)
     step = seconds / STEPS
     keep = np.exp(-step / tau)
@@ -111,7 +111,7 @@ def _passage(tau_s: tuple[float, ...], seconds: float) -> tuple[np.ndarray, np.n
 def follow(
     time_s: np.ndarray, levels: np.ndarray, tau_s: np.ndarray, start: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the amplitudes (k, n) of taxels at keyframes, and ∫ a² dt (k − 1, n) in s between them.
+    """Return the amplitudes (k, n) of taxels at keyframes, and the integrals (k − 1, n) in s of their squares between.
 
     `levels` (k, n) are those at `time_s` (k,), blended from one keyframe to the next; `tau_s` (n,) are time constants.
     """
@@ -141,7 +141,7 @@ def follow(
 
 
 def overlap(time_s: np.ndarray, first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return ∫ g h dt (k − 1, n) in s of two sets of levels (k, n) between keyframes, each blended to the next."""
+    """Return time integrals (k − 1, n) in s of the product of two sets of levels (k, n), blended between keyframes."""
     step = blend(np.arange(STEPS + 1) / STEPS)
     alike = float(np.trapezoid(step**2)) / STEPS
     apart = float(np.trapezoid(step * (1 - step))) / STEPS
@@ -160,7 +160,7 @@ def keyframes(
     tau_s: np.ndarray | None = None,
     signs: np.ndarray | float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the times (m,) and levels (m, n) that show frames (k, n), each for `frame_s`, from silence to silence.
+    """Return times (m,) and levels (m, n) of keyframes that show `frames` (k, n) for `frame_s` each, OFF at both ends.
 
     Each is switched in over `ramp_s`. With a `brake`, taxels of time constants `tau_s` that go OFF are stopped at the
     end of their last frame: what they have by then depends on the `signs` (k, n) that they vibrate with.

@@ -1,4 +1,4 @@
-"""Steady temperatures of a pad on its tray: two layers of cells, heated by coils, cooled by air and what lies below.
+"""Steady temperatures of a pad and its coil tray: two layers of grid cells, heated by coils, cooled by air and table.
 
 The lower layer is the tray with its coils, the upper one the printed pad. Heat flows along each layer, from one to the
 other through the air gap and the rim, from the lower one into the table, and from top and sides into the room by
@@ -46,7 +46,7 @@ WARM_ERROR = 0.3
 
 
 class WarmLayers(NamedTuple):
-    """Cells (r, c) of a quarter of a pad in SI units, from its corner; first of the tray, then of the pad.
+    """Thermal grid of a quarter of a pad in SI units: cells (r, c) from its corner, in two layers, tray then pad.
 
     `width_m` (c,) and `depth_m` (r,) are the cells' sides, `heat_w` (r, c) the heat of the coils at 20 °C,
     `sheet_w_per_k` (2, r, c) conductivity times thickness of each layer, `through_w_per_k` (r, c) the conductance
@@ -65,14 +65,14 @@ class WarmLayers(NamedTuple):
 
 
 def film_above(rise_k: float, length_m: float, room_c: float) -> float:
-    """Return the film coefficient in W/(m² K) of a warm plate facing upwards; `length_m` is its area over perimeter."""
+    """Return the heat transfer coefficient, with radiation, in W/(m² K) of a top face; `length_m`: area/perimeter."""
     rise_k = max(rise_k, LEAST_RISE_K)
     rayleigh = _rayleigh(rise_k, length_m, room_c)
     return AIR_W_PER_M_K / length_m * 0.54 * rayleigh**0.25 + _radiated(rise_k, room_c) * EMISSIVITY
 
 
 def film_beside(rise_k: float, height_m: float, room_c: float) -> float:
-    """Return the film coefficient in W/(m² K) of a warm upright side."""
+    """Return the heat transfer coefficient in W/(m² K), by natural convection and radiation, of a warm upright side."""
     rise_k = max(rise_k, LEAST_RISE_K)
     rayleigh = _rayleigh(rise_k, height_m, room_c)
     slow = (1 + (0.492 / AIR_PRANDTL) ** (9 / 16)) ** (4 / 9)
@@ -85,7 +85,7 @@ def gap_w_per_m2_k(gap_m: float, mean_c: float) -> float:
 
 
 def plate_on_half_space(width_m: float, depth_m: float) -> float:
-    """Return conductance over conductivity in m of a plate on a half-space, π W/ln(4 W/L) with W the longer side."""
+    """Return the shape factor in m (conductance over conductivity) of a plate on a half-space: π W/ln(4 W/L), W ≥ L."""
     longer = max(width_m, depth_m)
     shorter = min(width_m, depth_m)
     return float(np.pi * longer / np.log(4 * longer / shorter))
@@ -131,7 +131,7 @@ def _conductances(layers: WarmLayers) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _side_lengths(layers: WarmLayers) -> np.ndarray:
-    """Return the length (r, c) in m of each cell's sides that face the room."""
+    """Return the length (r, c) in m of each cell's sides on the pad's outer edge, which face the room; 0 inside."""
     length = np.zeros((len(layers.depth_m), len(layers.width_m)))
     length[0] += layers.width_m
     length[:, 0] += layers.depth_m
@@ -141,7 +141,7 @@ def _side_lengths(layers: WarmLayers) -> np.ndarray:
 def _balanced(
     right: np.ndarray, down: np.ndarray, through: np.ndarray, out: np.ndarray, heat: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Return the rises in K at which heat into and out of each cell balances, by conjugate gradients from `start`."""
+    """Return cells' rises over the room in K at which heat in equals heat out, by conjugate gradients from `start`."""
 
     def flowing(rise: np.ndarray) -> np.ndarray:
         """Return the net heat flow out of each cell in W."""

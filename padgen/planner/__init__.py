@@ -1,4 +1,4 @@
-"""Spec → Plan: capacity, layout, resonances, beams and their verdicts."""
+"""Planner: from a spec to the plan of its pad, with layout, resonances, beams, drive, findings and verdict."""
 
 from typing import TYPE_CHECKING, Any
 

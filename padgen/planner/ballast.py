@@ -1,4 +1,4 @@
-"""Judge the ballast of a plan, and say how it is bought and put in.
+"""Ballast, the extra mass pressed into the plates: findings about it, its size for orders, its assembly step.
 
 Ballast is pressed upright into the plate above the mover. It makes the taxel heavy, and its modes of rocking slow: they
 may lie near a tone, though a pull along the axis hardly excites them.
@@ -21,7 +21,7 @@ LIKE_SHARE = 0.3
 
 
 def ballast_findings(plan: Plan) -> Iterator[Finding]:
-    """Yield findings on rocking modes near tones, and on ballast too wide for the recess to centre the mover."""
+    """Yield findings where rocking modes lie near tones, and where ballast is wider than the recess of the mover."""
     ballast = plan.spec.ballast
     if ballast is None:
         return

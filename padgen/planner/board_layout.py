@@ -92,7 +92,7 @@ class Label(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A board: sizes in mm, nets by number from 1, and everything on it."""
+    """Layout of a printed circuit board: sizes in mm, nets numbered from 1, tracks, vias, pins, holes and labels."""
 
     name: str
     layers: int
@@ -285,7 +285,7 @@ def _sides(plan: Plan, axes: dict[tuple[int, int], Point], half_x: float) -> lis
 def _lane_widths_mm(
     plan: Plan, coil: BoardCoil, sides: list[list[tuple[int, int]]], axes: dict[tuple[int, int], Point]
 ) -> dict[float, float]:
-    """Return the width in mm of the tracks beside each column of coils, by the column's x; raise without room.
+    """Return track widths in mm beside each column of coils, by the column's x; raise `InfeasibleError` without room.
 
     The tracks of the last column pass between its coils and the screws' heads; none is wider than `WIDEST_LANE_MM`.
     """
@@ -327,7 +327,7 @@ def _fan(
     half_y: float,
     connector: int,
 ) -> _Fan:
-    """Return tracks and pins of one connector and the board's edge beyond it in mm; `sign` is -1 at the near side."""
+    """Return tracks from coils to a connector, its pins, y in mm of the edge beyond; `sign` is -1 at the near side."""
     step = max(lanes_mm.values()) + coil.space / MM
     outer = coil.outer_diameter / 2 / MM
     last = len(coil.copper) - 1
@@ -378,7 +378,7 @@ def _rounded(point: Point) -> Point:
 
 
 def _levels(starts: list[float], ends: list[float], apart: float) -> tuple[list[int], int]:
-    """Return the level (row between coils and connector) where each track runs sideways, and how many there are.
+    """Return the row (0 nearest the coils) in which each track to a connector runs sideways, and the number of rows.
 
     Of tracks that go right the rightmost turns first, of those that go left the leftmost, so that none cross. A track
     that does not come within `apart` of the one that turned before it has the first level again.

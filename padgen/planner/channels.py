@@ -88,7 +88,7 @@ def taxel_modes(model: TaxelModel) -> TaxelModes:
 
 
 def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> dict[str, Any]:
-    """Return the `Channel` fields that describe its modes; `wrench` (6,) is a row of `site_wrenches`.
+    """Return the `Channel` fields for the modes of a taxel; `wrench` (6,), its pull, is a row of `site_wrenches`.
 
     Shares are of the working mode's static compliance under a vertical pull at the washer's axis, to `SHARE_DECIMALS`.
     """
@@ -172,7 +172,7 @@ def coil_modes(spec: Spec, channels: Sequence[Channel]) -> ModalTaxels:
 
 
 def heard_modes(spec: Spec, channels: Sequence[Channel], line: np.ndarray, left_out: float = LEFT_OUT) -> ModalTaxels:
-    """Return `coil_modes` without modes that no line of the drive excites much; `line` (n,) as in `Channels`.
+    """Return `coil_modes` without modes that the drive hardly excites; `line` (n,): wanted lines, as in `Channels`.
 
     Together these move an OFF taxel by at most `left_out` of what its own mode does.
     """
@@ -210,7 +210,7 @@ USUAL_DEPTH = 1.01
 
 
 def with_any_drive(spec: Spec) -> Spec:
-    """Return `spec` with the drive scheme left open: what does not depend on the scheme is computed once for all."""
+    """Return `spec` with the drive scheme set to 'auto': what does not depend on the scheme is then cached once."""
     return replace(spec, drive=replace(spec.drive, scheme="auto"))
 
 
@@ -364,7 +364,7 @@ def softened(modes: TaxelModes, share: float) -> TaxelModes:
 
 
 def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Channel, ...]:
-    """Return `channels` with the frequencies of the current and the effects of the mean pull under `scheme`."""
+    """Return `channels` with the current frequencies, static deflections and resonance shifts of a drive `scheme`."""
     sets = channel_sets(channels, spec.coil.sets)
     means = [
         mean_pull_line(scheme, np.array([c.line_a2 for c in channel_set]), spec.drive.headroom) for channel_set in sets
@@ -388,7 +388,7 @@ def driven(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> tuple[Cha
 
 
 def wanted_line_a2(force_mn: float, force_constant_n_per_a2: float) -> float:
-    """Return the amplitude in A² of the line of i² that makes a force in mN; 0 for a washer that is not pulled."""
+    """Return the amplitude in A² of the spectral line of i² that makes a force in mN; 0 for washers beyond any pull."""
     return force_mn * MN / force_constant_n_per_a2 if force_constant_n_per_a2 > 0 else 0.0
 
 
@@ -398,7 +398,7 @@ DEEP_SHIFTS = 2.25
 
 @lru_cache(maxsize=256)
 def _deep_frame_errors(sized: tuple[SizedChannel, ...], depth_mm: tuple[float, ...]) -> np.ndarray:
-    """Return relative errors (n,) of resonances where the frame behind a root is deeper than half a rib.
+    """Return added relative errors (n,) of resonances for roots with more frame behind them than half a rib; else 0.
 
     Beams are sized for half a rib. The error is `DEEP_SHIFTS` times the shift that the beam model finds with the true
     depth; that covers 96 % of 53 random taxels (docs/accuracy.md).

@@ -1,4 +1,4 @@
-"""Work out where movers rest that the cores of coils draw in, and tell which would snap to a core.
+"""Rest positions of movers that the steel cores of coils attract without current, and which would snap to a core.
 
 A core's pull grows as the gap closes: it sinks the taxel, softens its spring and lowers its resonance; a spring that is
 too soft gives way at once. Only movers with a `rest` are drawn at rest, as magnets are.
@@ -26,7 +26,7 @@ SNAPPED_SHARE = 0.01
 
 
 class CoreRest(NamedTuple):
-    """Rest positions of n taxels whose magnets a core attracts: gap in µm and the share of stiffness left there.
+    """Equilibrium of n taxels whose magnets a core attracts: gap in µm, and stiffness left there over the beam's own.
 
     `gap_um` and `stiffness_share` are at rest; `snap_um` is the gap below which they would snap to the core,
     `least_n_per_m` the least stiffness of a spring that holds. The first three are nan for taxels that snap at once.
@@ -53,7 +53,7 @@ def snaps(rest: CoreRest | None) -> bool:
 
 
 def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return gaps in µm and stiffness shares (n,) at rest, with small finite stand-ins for taxels that snap."""
+    """Return gaps in µm and stiffness shares (n,) at rest; small finite values stand in for taxels that snap."""
     lost = np.isnan(rest.gap_um)
     gap_um = np.where(lost, SNAPPED_GAP * hanging_um, rest.gap_um)
     return gap_um, np.where(lost, SNAPPED_SHARE, rest.stiffness_share)
@@ -62,7 +62,7 @@ def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.
 def on_snapping(
     spec: Spec, sites: Sequence[Site], gap_um: np.ndarray, stiffness: np.ndarray, rest: CoreRest
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Return a sentence (which mover is nearest to snapping, from which gap on none does), and cures."""
+    """Return a sentence on the mover that snaps most easily to its core and the gap from which none does, and cures."""
     gap_mm = float(spec.coil.gap_mm)
     worst = int(np.argmax(rest.least_n_per_m / stiffness))
     away = [site.coil_distance_mm for site in sites]

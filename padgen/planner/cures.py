@@ -145,7 +145,7 @@ MOST_NAMED = 4
 
 
 def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
-    """Return the error that says why no layout of `spec`, with all its values decided, works.
+    """Return the error that says why no layout works for `spec`, which leaves no value open, with cures that do work.
 
     It names cures that work: `planned` makes the plan of the original spec with a cure, and that must have no error.
     """
@@ -204,7 +204,7 @@ def _holding(cures: Sequence[Cure], planned: Callable[[Cure], Any]) -> Iterator[
 
 
 def _cooling_cure(plan: Any) -> Cure:
-    """Return the cure by a lower level if overheating is a plan's only error, else an empty cure.
+    """Return the cure with a lower vibration level if overheating is a plan's only error, else an empty cure.
 
     Where taxels have room does not change how much they heat the pad.
     """

@@ -23,7 +23,7 @@ BIAS = "bias"
 
 
 def _headed(heading: str, unit: str = "") -> Any:
-    """Return the dataclass field of a table's column, with the heading and unit that people read."""
+    """Return a dataclass field for a column of the drive table, with the `heading` and `unit` that readers see."""
     return field(metadata={"heading": heading, "unit": unit})
 
 

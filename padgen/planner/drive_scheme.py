@@ -140,12 +140,12 @@ does, and takes no more counter-phase than a level of 1 on most pads (docs/frame
 
 
 def switch_brake(tau_s: np.ndarray, ramp_s: float, scheme: Scheme) -> Brake:
-    """Return the brake (counter-phase before OFF) for time constants `tau_s` and a switching time `ramp_s`."""
+    """Return the counter-phase brake for taxels going OFF, with time constants `tau_s` and switching time `ramp_s`."""
     return brake_for(tau_s, BRAKE_SHARE * ramp_s, not scheme.at_resonance)
 
 
 class _Switched(NamedTuple):
-    """Time constants, transition time, steady OFF energy and brake of a coil, which set the contrast of its frames.
+    """One coil that switches its taxels from frame to frame, to compute the ON over OFF contrast of its frames.
 
     `steady` is the energy of an OFF taxel by steady tones, over that of an ON one.
     """
@@ -157,7 +157,7 @@ class _Switched(NamedTuple):
     brake: Brake | None
 
     def contrasts_db(self, seconds: float) -> tuple[float, float]:
-        """Return the worst-case contrasts in dB over a frame of `seconds` and at the frame's end."""
+        """Return the worst ON over OFF amplitude ratios in dB: averaged over a frame of `seconds`, and at its end."""
         count = len(self.tau_s)
         frames = np.array([[1.0], [0.0]]) * np.ones(count)
         if self.takes_turns:
@@ -182,7 +182,7 @@ class _Switched(NamedTuple):
         return self._worst_db(on, off), self._worst_db(last_on**2, last_off**2)
 
     def _worst_db(self, on: np.ndarray, off: np.ndarray) -> float:
-        """Return in dB the least ON energy of a channel over the OFF energy of another, or of itself if alone.
+        """Return the least ratio in dB of a channel's ON energy to another's OFF energy; a lone channel's to its own.
 
         Energies are (n,); `steady` is added to those when OFF.
         """
@@ -192,7 +192,7 @@ class _Switched(NamedTuple):
         return decibel(float(ratio.min()) ** 0.5)
 
     def highest_rate(self, kept_db: float, least_s: float) -> float | None:
-        """Return the highest frame rate in 1/s, at most 1/`least_s`, that keeps `kept_db` dB; None if none does."""
+        """Return the highest frame rate in 1/s, at most 1/`least_s`, with a contrast of `kept_db` dB; None if none."""
         low = high = least_s
         while self.contrasts_db(high)[0] < kept_db:
             low = high
@@ -210,7 +210,7 @@ RATE_STEP = 1e-3
 
 
 def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selectivity) -> tuple[FrameRate, ...]:
-    """Return all `frame_rates`; those of schemes with a known selectivity also have their frames' contrasts.
+    """Return the `frame_rates` of all schemes, with the ON over OFF contrast of frames where the selectivity is known.
 
     The rates that keep a contrast are looked for with the chosen scheme alone.
     """
@@ -344,7 +344,7 @@ def fitting_parts(plan: Plan) -> Parts:
 
 
 def coil_demand(load: CoilLoad, coils: int, moved: tuple[Moved, ...] = ()) -> Demand:
-    """Return what a plan asks of one coil and of `coils` coils with all taxels on; `moved` are taxels to judge."""
+    """Return the `Demand` of a load: peaks and heat of one coil, heat of `coils` coils, and taxels `moved` to judge."""
     pad_w = load.mean_copper_loss_w * coils
     return Demand(load.voltage_peak_v, load.current_peak_ma * MA, load.copper_loss_w, pad_w, moved)
 
@@ -432,7 +432,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
 
 
 class _CoilSets(NamedTuple):
-    """The channels of each set, as every kind of `_resonators`, and their modes that lines of the drive excite."""
+    """Channels of each set as resonators, in the three kinds of `_resonators`, and the modes that the drive excites."""
 
     alike: list[Channels]
     placed: list[Channels]
@@ -507,7 +507,7 @@ def _worst_db(sets: Sequence[Channels], scheme: Scheme, modes: Iterable[ModalTax
 
 
 def _resonators(spec: Spec, planned: Sequence[Channel], kind: str) -> Channels:
-    """Return a coil's channels for the physics; `kind` says with what pull and at what resonances.
+    """Return a coil's channels as resonators; `kind` selects equal or own pulls, printed or target resonances.
 
     'alike': as printed, all washers pulled alike. 'placed': as printed, each washer with its own pull. 'asked': at the
     target resonances, all washers pulled alike.
@@ -593,7 +593,7 @@ LEAK_ERROR = 0.25
 
 
 def coil_leakage(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme: Scheme) -> Reuse:
-    """Choose which cells to turn, and bound the leakage of the coils around, in their worst state, onto OFF taxels.
+    """Choose which cells to turn by 180°, and bound how much the coils around, in their worst state, move OFF taxels.
 
     With the driver table neighbours play in step, so that their fields add. Where the taxel's own coil plays its other
     channels, its field beats with theirs.
@@ -641,7 +641,7 @@ COUPLED_STEPS = 3
 
 
 class PushedEnergies(NamedTuple):
-    """Energies (n,) of OFF taxels by forces between movers, all neighbours ON, over their energies when ON.
+    """Vibration energies (n,) of OFF taxels by forces from the movers of ON neighbours, over their energies when ON.
 
     The forces act without any current. `in_step`: neighbours of one channel move in step, as by the driver table;
     `apart`: each at a frequency of its own.
@@ -740,7 +740,7 @@ def _leakage(
     pitch_mm: tuple[float, float],
     hung: tuple[Ballast, ...],
 ) -> Leakage:
-    """Return the leakage of the coils in the order of `coils_around`; it does not depend on the drive."""
+    """Return the pulls on movers by other coils, in the order of `coils_around`, over the pull by their own coil."""
     steps = coils_around(*grid)
     at = steps * np.array(pitch_mm) * MM
     next_to = np.abs(steps).max(1) == 1
@@ -749,7 +749,7 @@ def _leakage(
 
 
 def _lines_apart(leak: Leakage, some: np.ndarray, scheme: Scheme) -> np.ndarray:
-    """Return the energy (n,) by coils in mask `some`, all tones of different frequency, over the taxel's coil's.
+    """Return the energy (n,) of pulls by the coils in mask `some`, each with own tones, over that of the taxel's coil.
 
     Each coil then makes a line of its own, and with plain tones every two coils one more between theirs. Lines of
     different frequencies add as energies. With constant currents each coil's tone makes its line with all of them.
@@ -785,7 +785,7 @@ def _leak_error(
 
 
 def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:
-    """Return three energies (n,) of each OFF taxel, over its ON energy, if the coil `steps` cells away lay below it.
+    """Return three energies (n,) of OFF taxels over ON, by tones, spurs and beats of a coil `steps` away as if below.
 
     The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current
     with that of the own coil, which plays all channels but the OFF one.
@@ -807,7 +807,7 @@ def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) 
 
 
 def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme: Scheme, headroom: float) -> float:
-    """Return a taxel's largest energy, over its ON one, by twice the product of its coil's and another's current.
+    """Return an OFF taxel's largest energy, over its ON energy, by twice the product of its and another coil's current.
 
     With tones or biased currents every two channels make a line at their sum and one at their difference; the caller
     counts the constant of biased currents. With spur-free currents the own root is at most the root of its mean square;
@@ -829,7 +829,7 @@ def _beat_energy(taxel: Channels, channel_set: Channels, other: Channels, scheme
 
 
 def _line_energy(taxel: Channels, hz: np.ndarray, rest: np.ndarray, square: np.ndarray) -> float:
-    """Return the energy of a taxel under lines (as in `selectivity.Lines`), over that of its ON state."""
+    """Return the vibration energy of a taxel under spectral lines (`selectivity.Lines`), over its energy when ON."""
     return float((relative_energy(hz, taxel.resonance_hz[0], taxel.q[0], rest) * square).sum() / taxel.line[0] ** 2)
 
 
@@ -844,7 +844,7 @@ def coils_around(rows: int, columns: int) -> np.ndarray:
 
 
 def _surroundings(layout: Layout, steps: np.ndarray) -> list[np.ndarray]:
-    """Return masks (k,), one for each coil in the middle of the grid: true for `steps` that lead to a coil."""
+    """Return for each coil in the middle of the grid a mask (k,): true for those `steps` from it that end on a coil."""
     spans = [{(-(n // 2), (n - 1) // 2), (-((n - 1) // 2), n // 2)} for n in (layout.columns, layout.rows)]
     low_high = [np.array(span) for span in product(*(sorted(span) for span in spans))]
     return [np.asarray(((steps >= span[:, 0]) & (steps <= span[:, 1])).all(1)) for span in low_high]

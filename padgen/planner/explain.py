@@ -52,7 +52,7 @@ ANOTHER_PRINT = 1
 
 @dataclass(frozen=True, slots=True)
 class CapacityRow:
-    """Most channels of one coil on a geometric ladder over the band, for one drive scheme and level law."""
+    """Most channels of one coil with geometrically spaced resonances in the band, for a drive scheme and level law."""
 
     scheme: str
     level_law: float | str
@@ -246,7 +246,7 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
-    """Return a sort key: share of good prints up to `asked`, below that the dB they keep, then share good for life.
+    """Return the sort key of a change: share of good prints up to `asked`, then the dB kept, then prints good for life.
 
     Changes that are alike in this go by the channels that they buy, then by their cost.
     """
@@ -462,7 +462,7 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
 
 
 def _materials(spec: Spec) -> Iterator[str]:
-    """Yield the catalogue's materials that the printer prints and that soften less when warm, the least first."""
+    """Yield the catalogue's printable materials that soften less with warmth than the spec's, least softening first."""
     entries = [entry for entry in catalogue("material").values() if entry["process"] == spec.printer.process]
     for entry in sorted(entries, key=lambda entry: entry["softening_per_k"]):
         if entry["softening_per_k"] < spec.material.softening_per_k:

@@ -160,12 +160,12 @@ def _caught(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
 
 
 def _leaned_mm(channel: Channel) -> float:
-    """Return by how many mm a pin's top moves sideways until a stop ends a push; 0 where nothing stops it."""
+    """Return how far in mm a pin's top leans sideways when a push brings it to its stop; 0 for a pin without a stop."""
     return channel.pin.lean * (channel.pin.stop_mm or 0.0)
 
 
 def _walls(plan: Plan, guard: GuardPlate) -> Iterator[Finding]:
-    """Yield an error where neighbouring holes leave less than two lines of wall."""
+    """Yield an error where the wall between neighbouring holes is thinner than two printed line widths."""
     spec = plan.spec
     if len(guard.pins_mm) < 2:
         return

@@ -249,7 +249,7 @@ def _slow(plan: Plan) -> Iterator[Finding]:
 
 
 def _limits(plan: Plan) -> Iterator[Finding]:
-    """Yield a finding for each limit that is exceeded with all taxels on (of a drive: `padgen.driver.loads`)."""
+    """Yield a finding for each limit of coils, amplifier, gap, beams or skin that is exceeded with all taxels on."""
     spec = plan.spec
     moved = []
     for channel_set in channel_sets(played_channels(plan), plan.coils.sets):
@@ -332,7 +332,7 @@ def _spacing(plan: Plan) -> Iterator[Finding]:
 
 
 def _off_target(plan: Plan) -> Iterator[Finding]:
-    """Warn of resonances off target by over `SPACING_SHARE` of a slot; yield an error for any outside the band.
+    """Warn of resonances off target by over a small share of a frequency slot; yield an error for any outside the band.
 
     Beams print in steps of width. At a large Q, or where these steps are coarse, a step moves a resonance that far.
     """
@@ -476,7 +476,7 @@ def _layers(plan: Plan) -> Iterator[Finding]:
 
 
 def _layers_of_pocket(spec: Spec) -> Iterator[Finding]:
-    """Tell by how much the roof of the ballast's pocket is higher than asked, to be a whole number of layers."""
+    """Yield a note where rounding to whole printed layers makes the roof of the ballast's pocket higher than asked."""
     rest_mm = spec.mover_low_mm - spec.taxel.glue_gap_mm
     if rest_mm > ROUNDING_MM:
         yield Finding(
@@ -589,7 +589,7 @@ MOVES = (0.95, 1.05, 0.9)
 
 
 class Crowd(NamedTuple):
-    """A taxel's mode that may spoil the selectivity, with the line of the drive that moves it most.
+    """A mode of a taxel that may spoil the selectivity, with the spectral line of the drive that excites it most.
 
     The line, described by `line`, moves the taxel when OFF by `planned` of its ON amplitude, all modes counted, and by
     `at_peak` if this mode's peak lay on the line. `costs_db` is the all-state selectivity that the mode costs, 0 where
@@ -608,7 +608,7 @@ class Crowd(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """All lines (l,) of i² that a coil's drive can make, in the unit of `Channels.line`.
+    """All spectral lines (l,) of i² that a coil's drive can make, with amplitudes in the unit of `Channels.line`.
 
     `first` and `second` are the channels that make a line (the same one for a tone), `kind` is its index in `KINDS`.
     """
@@ -631,7 +631,7 @@ REMANENCE = len(KINDS) - 1
 
 
 def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crowd]:
-    """Return the modes that may spoil the selectivity, each with the line of the drive that moves it most.
+    """Return the modes of taxels that may spoil the selectivity, each with the spectral line that excites it most.
 
     These are modes within half a slot of a line that could move the taxel, when OFF, by more than 1/Δy of its ON
     amplitude, and modes that cost more than `MODES_DB`.
@@ -652,7 +652,7 @@ def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
 
 
 def _coil_crowds(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme) -> Iterable[Crowd]:
-    """Return the modes that may spoil a coil's selectivity: near a line, or costly to its worst OFF taxel."""
+    """Return a coil's modes that may spoil its selectivity: near a spectral line, or costly for its worst OFF taxel."""
     taxels = placed_channels(spec, channel_set)
     modes = coil_modes(spec, channel_set)
     crowd_at = dict[tuple[int, int], Crowd]()
@@ -750,7 +750,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
 
 
 def _unexcited(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Finding]:
-    """Yield a note on second modes in other channels' slots that a pull at the washer's axis leaves unexcited."""
+    """Yield a note on second modes near other channels' resonances that the coils' pull hardly excites."""
     loud = {(crowd.channel, crowd.hz) for crowd in all_crowds}
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     silent = [
@@ -776,7 +776,7 @@ def _unexcited(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Finding]:
 
 
 def _changes(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Cure]:
-    """Yield changes of the spec that move modes or lines, the smallest changes first."""
+    """Yield cures for modes near spectral lines: changes of the spec that part the two, the smallest changes first."""
     spec = plan.spec
     channels = plan.channels
     if any(crowd.is_spur for crowd in all_crowds):

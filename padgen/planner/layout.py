@@ -81,12 +81,12 @@ class Layout:
 
     @property
     def margin_mm(self) -> float:
-        """Smallest slack."""
+        """Smallest slack in mm, of coil, plate, beam and reach; negative where one of them lacks room."""
         return min(slack for _, slack in self.slacks)
 
     @property
     def binding(self) -> tuple[str, float]:
-        """The limit with the smallest slack."""
+        """Name and slack in mm of the tightest limit of the layout: coil, width, length or reach."""
         return min(self.slacks, key=lambda item: item[1])
 
     @property
@@ -291,7 +291,7 @@ def _parts(spec: Spec) -> _Parts:
 
 
 def _margin_bound_mm(spec: Spec, parts: _Parts, layout: Layout) -> float:
-    """Return an upper bound of a layout's margin in mm, quickly: without the places of its washers."""
+    """Return a quick upper bound in mm of a layout's smallest slack, which ignores where its washers lie."""
     return min(slack for _, slack in _part_slacks(spec, parts, layout, Room(*_sides_mm(spec, layout))))
 
 
@@ -304,7 +304,7 @@ def _slacks(spec: Spec, parts: _Parts, layout: Layout) -> tuple[tuple[str, float
 
 
 def _part_slacks(spec: Spec, parts: _Parts, layout: Layout, inside: Room) -> tuple[tuple[str, float], ...]:
-    """Return slacks in mm: of the coil in its pitch, and of beam and plate in the room inside a sub-cell."""
+    """Return the spare room (slack) in mm of the coil in its pitch, and of beam and plate inside a sub-cell."""
     plate = parts.plate
     gap = parts.gap_mm
     least_x, least_y = coil_room_mm(spec, layout.rows)
@@ -330,7 +330,7 @@ def coil_room_mm(spec: Spec, rows: int) -> tuple[float, float]:
 
 
 def coil_reach_mm(spec: Spec) -> float:
-    """Return the largest distance in mm from a coil's axis at which a mover overlaps it or, if less, is pulled.
+    """Return the coil's reach in mm: how far off its axis a mover may lie that still overlaps it and is pulled by it.
 
     For a mover with a `reach_m` it is that, if it is less: the pull on a magnet turns round within the overlap.
     """
@@ -389,7 +389,7 @@ def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: 
 
 
 def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
-    """Return the share (0 to 1) of `way` to go from `near` to be `ring_mm` from the coil axis."""
+    """Return the fraction (0 to 1) of the vector `way` that leads from point `near` to `ring_mm` off the coil axis."""
     short = ring_mm**2 - float(near @ near)
     length = float(way @ way)
     if short <= 0 or not length:
@@ -447,7 +447,7 @@ def taxel_places(plan: Plan) -> np.ndarray:
 
 
 class Outline(NamedTuple):
-    """A rectangle in mm, by its sides."""
+    """A rectangle with sides along x and y, by the coordinates of its four sides in mm."""
 
     x0: float
     x1: float
@@ -477,7 +477,7 @@ def outline(plan: Plan, channel: Channel) -> Outline:
 
 
 def shape_inputs(plan: Plan, channel: Channel) -> dict[str, Any]:
-    """Return all that the solid of a taxel depends on as plain data, for every kind of suspension."""
+    """Return, as plain data, all inputs that the solid of a taxel depends on, whatever its kind of suspension."""
 
     def plain(value: Any) -> Any:
         return [plain(entry) for entry in value] if isinstance(value, tuple) else float(value)
@@ -544,7 +544,7 @@ SAME_MM = 0.05
 
 
 def pitch_of(taxels: Sequence[Taxel]) -> Pitch:
-    """Return the spacing in mm of the taxels' columns and rows, and the share of their crossings with a taxel."""
+    """Return the spacing in mm of the taxels' columns and rows, and the share of row-column crossings with a taxel."""
     crossings = 1
     steps = list[tuple[float, ...]]()
     for places_mm in ([t.x_mm for t in taxels], [t.y_mm for t in taxels]):

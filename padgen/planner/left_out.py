@@ -230,7 +230,7 @@ beams warns of it."""
 
 
 def left_out(plan: Plan) -> tuple[LeftOut, ...]:
-    """Return physical effects: left out of the plan with a bound (largest first), without one, and included in it.
+    """Return all physical effects: left out of the plan with a bound (largest first), left out without one, included.
 
     Each bound is of the channel where it is largest.
     """
@@ -267,7 +267,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
 
 
 def _plastic(material: Material) -> Iterator[LeftOut]:
-    """Yield moisture's and frequency's effects by the plastic on resonances: bounded, unbounded or included."""
+    """Yield how moisture and the plastic's stiffness in vibration change resonances: bounded, unbounded or included."""
     for term, ratio, is_planned_by in (
         ("moisture", material.wet_ratio, material.wet),
         ("modulus at the frequency of use", material.dynamic_ratio, material.dynamic),
@@ -342,7 +342,7 @@ def _worst_channel(term: str, of: str, channels: Sequence[Channel], bound: np.nd
 
 
 def _inertia(plan: Plan) -> LeftOut:
-    """Bound the resonance error by beam inertia that the beam model lacks; for solved solids, the solver's error."""
+    """Bound the resonance error from the beams' own mass, left out of the beam model; for solids the solver's error."""
     plate = PlateShape(plan.plate.length_mm, plan.plate.width_mm, plan.plate.thickness_mm)
     material = plan.spec.material
     channels = plan.channels
@@ -422,7 +422,7 @@ def _common_radius(radius: np.ndarray, other: float, apart: np.ndarray) -> np.nd
 
 
 def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...]:
-    """Return the area of a taxel's moving parts and measures of their motion, relative to the washer's motion.
+    """Return areas in m² of a taxel's moving parts, mean square and largest motion over the washer's, window diagonal.
 
     The figures are the area of blocks and beams and that of the blocks alone in m², the mean square and the largest
     motion, and the diagonal of the window in m.
@@ -453,7 +453,7 @@ def _moving_area(arrangement: Arrangement, channel: Channel) -> tuple[float, ...
 
 
 def _far_modes(plan: Plan) -> Iterator[LeftOut]:
-    """Bound the error of OFF amplitudes by the modes that `heard_modes` drops, with all other channels on.
+    """Bound the relative error of OFF amplitudes from the modes that `heard_modes` drops, with all other channels on.
 
     The error is relative; by Cauchy's inequality for each component.
     """
@@ -553,7 +553,7 @@ def _remanence(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
 
 
 def _sets(channels: Sequence[Channel], spec: Spec) -> list[list[int]]:
-    """Return the indices of `channels` over one coil, for each set of channels."""
+    """Return the indices into `channels` of those that share a coil, one list for each set of channels."""
     kinds = [channel.index % spec.coil.sets for channel in channels]
     return [members for kind in range(spec.coil.sets) if (members := [k for k, of in enumerate(kinds) if of == kind])]
 
@@ -609,7 +609,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     modes = [TaxelModes(np.array(c.modes_hz), np.array(c.mode_motions)) for c in channels]
 
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return pulls on working modes over planned ones, and errors of slope per µm and curvature per µm²."""
+        """Return pulls at gaps less `nearer_um` over planned ones, errors of slope per µm and curvature per µm²."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
         share = pulled_shares(modes, site_wrenches(spec, at, sites))
         return at.pull * share / here, at.slope_off * unsure * UM, at.bend_off * unsure * UM**2

@@ -1,4 +1,4 @@
-"""Work out what prints keep for life: re-tuned once, then warmer or colder, aged, and with Q of their own.
+"""Selectivity that prints keep in use: re-tuned once, then warmer or colder, aged, and each with a Q of its own.
 
 Nothing printed keeps its resonances: plastic softens by some tenths of a percent per kelvin, and creeps. All taxels of
 a pad shift alike, but the tones stay, so that each tone moves its own taxel less and its neighbours more. Nor is a Q
@@ -36,7 +36,7 @@ from padgen.planner.touched_prints import touched_pads
 from padgen.planner.warm_pad import softened
 from padgen.spec import Spec
 
-__all__ = ["planned_life"]
+__all__ = ["keeps_for_life", "planned_life"]
 
 STEP_K = 0.5
 """Step of the temperatures up to which a pad may be used without re-tuning."""
@@ -45,7 +45,7 @@ WORTH = 1.2
 
 
 def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
-    """Return what prints keep after one re-tuning when warmer, colder and aged, from as many prints as needed.
+    """Return the selectivity kept, and the share of good prints, when warmer, colder and aged after one re-tuning.
 
     Few prints are enough of a plan whose prints keep too little on the day of re-tuning. With `quick`, which is for
     whether enough prints are good, few are taken, with other modes as they are in the plan, and no more figures are
@@ -70,6 +70,14 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     return life
 
 
+def keeps_for_life(plan: Plan, design: Design) -> bool:
+    """Return whether enough of a plan's prints keep what is asked for life, by few prints and without figures."""
+    share = plan.spec.print_share
+    # To follow other modes from print to print takes several times as long: first those of the plan.
+    designs = (_with_planned_modes(design), design)
+    return all(_at_both_ends(plan, one, few_pads(design), share).good.mean() >= share for one in designs)
+
+
 def _life(plan: Plan, design: Design, pads: int, least_share: float = 0.0) -> Life:
     """Simulate `pads` prints, re-tuned once, then warmer or colder, aged and with another Q; return what they keep.
 
@@ -78,10 +86,7 @@ def _life(plan: Plan, design: Design, pads: int, least_share: float = 0.0) -> Li
     """
     spec = plan.spec
     range_k = spec.life.temperature_range_k
-    judged = _after(plan, design, range_k, pads, least_share)
-    if judged.good.mean() >= least_share:
-        colder = _after(plan, design, -range_k, pads, least_share)
-        judged = _Judged(np.minimum(judged.ratio, colder.ratio), judged.good & colder.good)
+    judged = _at_both_ends(plan, design, pads, least_share)
     share = float(judged.good.mean())
     kept_db, reached = rising_db(judged.ratio, spec.print_share)
     is_heard = plan.retuned_prints.print_db is not None and bool(np.isfinite(kept_db).all())
@@ -97,8 +102,18 @@ def _life(plan: Plan, design: Design, pads: int, least_share: float = 0.0) -> Li
     )
 
 
+def _at_both_ends(plan: Plan, design: Design, pads: int, least_share: float) -> "_Judged":
+    """Judge prints at the warm and at the cold end of the spec's range of temperature; the worse end counts."""
+    range_k = plan.spec.life.temperature_range_k
+    warmer = _after(plan, design, range_k, pads, least_share)
+    if warmer.good.mean() < least_share:
+        return warmer
+    colder = _after(plan, design, -range_k, pads, least_share)
+    return _Judged(np.minimum(warmer.ratio, colder.ratio), warmer.good & colder.good)
+
+
 class _Judged(NamedTuple):
-    """Prints (pads,) after they have changed: the energy of ON over OFF of the worst coil, and which are good."""
+    """Prints (pads,) after temperature change and ageing: worst coil's ON over OFF energy, and which are good."""
 
     ratio: np.ndarray
     good: np.ndarray
@@ -124,7 +139,7 @@ def _shift(spec: Spec, change_k: float) -> float:
 
 
 def _with_planned_modes(design: Design) -> Design:
-    """Return `design` for faster simulation: other modes add in every print what they add in the plan."""
+    """Return `design` for faster simulation: other modes have in every print the effect that they have in the plan."""
     return design._replace(modes=(None,) * len(design.coils))
 
 

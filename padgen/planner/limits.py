@@ -68,7 +68,7 @@ class Moved(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """The most that is asked at once: peaks and heat of any coil, heat of all coils, and the motion of taxels.
+    """The most that is asked at once: peak voltage, current and heat of any coil, heat of all coils, motion of taxels.
 
     `peak_v` in V, `peak_a` in A, `coil_w` and `pad_w` in W; `beam_rise_k` in K, where it is known: the rise of the
     warmest beams over the room.
@@ -124,7 +124,7 @@ def _at_finger_um(channel: Channel) -> float:
 
 
 def lower_level(spec: Spec, share: float) -> Cures:
-    """Return the cure of a level lower by the factor `share`; none below the smallest level that a spec may have."""
+    """Return the cure that multiplies the spec's level by `share`; empty if that is below the least allowed level."""
     level_um = float(at_most(spec.drive.level_um * share))
     return ({"drive.level_um": level_um},) if level_um >= SMALLEST_LEVEL_UM else ()
 

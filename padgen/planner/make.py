@@ -1,4 +1,4 @@
-"""Spec → Plan: run layout, search and judge, try what the spec leaves open, and choose by what prints keep."""
+"""Make the plan of a spec: search layouts, try the values it leaves open, choose by simulated prints, and judge."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -38,7 +38,7 @@ from padgen.planner.drive_scheme import (
 from padgen.planner.judge import judge
 from padgen.planner.layout import Layout, candidates, coil_reach_mm, pitch_of, placed_taxel, room, roomy_layouts
 from padgen.planner.left_out import left_out
-from padgen.planner.life import planned_life
+from padgen.planner.life import keeps_for_life, planned_life
 from padgen.planner.limits import exceeded
 from padgen.planner.pins import pushed, with_errors
 from padgen.planner.plan import (
@@ -114,6 +114,9 @@ MOST_FAR_SHORT = 3
 FAR_SHORT_DB = 2.0
 """Layouts of as many channels, of none of which a print works, all this far from it, after which no others are judged:
 prints of theirs differ by less than that."""
+MOST_JUDGED_FOR_LIFE = 48
+MOST_ALIKE = 3
+"""Layouts that are judged for life after one that works re-tuned only, and those of one drive and channel count."""
 ALIKE_DB = 0.1
 """Difference of what prints keep below which two choices that work as often, mostly never, keep as much."""
 MOST_PRINTED = 16
@@ -143,7 +146,7 @@ class _Unsized(NamedTuple):
     size: Callable[[], SizedLayout | None]
 
     def choice(self) -> Choice | None:
-        """Size the beams; None where the layout does not work."""
+        """Return the choice with its beams sized; None where the layout does not work."""
         sized = self.size()
         return None if sized is None else Choice(self.spec, *sized)
 
@@ -232,7 +235,7 @@ def choose(spec: Spec) -> Choice:
 
 
 def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choice | None:
-    """Return the best layout with sized beams (None if movers snap), or with `quick` the first; None without any.
+    """Return the first layout with sized beams if `quick`, else the best (None if its movers snap); None if none fits.
 
     Where at most `most` are tried, the choice is returned without its runners-up.
     """
@@ -254,7 +257,11 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     some_found = list(islice(sized, 2))
     if not some_found:
         return None
-    best = some_found[0] if len(some_found) == 1 else _best(chain(some_found, sized), for_cure=most is not None)
+    if len(some_found) == 1:
+        fewest_coils = best = some_found[0]
+    else:
+        fewest_coils, works = _best(chain(some_found, sized), for_cure=most is not None)
+        best = _lasting(fewest_coils, merged) if works and most is None else fewest_coils
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     if snaps(resting(spec, channels, sites)):
@@ -275,7 +282,10 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
     limit = channel_limit(spec)
     others = (option for option in roomy_layouts(spec, limit) if _grid(option) != _grid(layout))
     runners_up = tuple(_option(spec, *sized) for sized in islice(sized_layouts(spec, others), RUNNERS_UP))
-    return best._replace(runners_up=runners_up, limits=_limiting_name(spec, layout, limit))
+    limits = _limiting_name(spec, layout, limit)
+    if layout.channels < fewest_coils.layout.channels:
+        limits = "what prints keep for life"
+    return best._replace(runners_up=runners_up, limits=limits)
 
 
 def _decided_specs(spec: Spec) -> Iterator[Spec]:
@@ -312,16 +322,19 @@ class _Round(NamedTuple):
     """Settings of a round in which choices are judged.
 
     Drives that are `known` are not chosen again. Few prints are simulated `for_cure`. Where the pads are all
-    `overloaded`, limits of the coils do not count.
+    `overloaded`, limits of the coils do not count. Prints must keep what is asked `for_life`, too.
     """
 
     known: Driven
     for_cure: bool
     overloaded: bool
+    for_life: bool = False
 
 
-def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, overloaded: bool = False) -> Choice:
-    """Return the first choice of `rank` whose prints work as asked, else that with the most working prints.
+def _best(
+    rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, overloaded: bool = False
+) -> tuple[Choice, bool]:
+    """Return the first choice of `rank` whose prints work as asked and True, else that with the most that work.
 
     In the second case prints of few choices are simulated, `for_cure` none but those of the first round: what is asked
     of a cure is whether it works, not how well. Choices that exceed a limit of the coils count only if all do: then
@@ -331,12 +344,54 @@ def _best(rank: Iterator[Choice], for_cure: bool, known: Driven | None = None, o
     tried: list[tuple[Choice, Tried]] = []
     works = _first_that_works(rank, judged_by, tried)
     if works is not None:
-        return works
+        return works, True
     if not overloaded and all(one.at_most_db == -inf for _, one in tried):
         return _best((choice for choice, _ in tried), for_cure, judged_by.known, overloaded=True)
     if for_cure:
-        return max(tried, key=lambda item: (item[1].share, item[1].print_db, item[1].at_most_db))[0]
-    return _least_short(tried, judged_by)
+        return max(tried, key=lambda item: (item[1].share, item[1].print_db, item[1].at_most_db))[0], False
+    return _least_short(tried, judged_by), False
+
+
+def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
+    """Return the choice that `works`, or another that also keeps what is asked for life; the first if none does.
+
+    The others are of the layouts `later` in rank. Where some with a drive and reuse do not last, no others with that
+    and as many channels per coil are judged: what a pad loses when its resonances drift depends on how near they are.
+    Skin differs so much that under a contact drift counts for little.
+    """
+    if not works.spec.touch.is_none or _lasts(_assemble(works, *_driven(works))):
+        return works
+    judged_by = _Round({}, for_cure=False, overloaded=False, for_life=True)
+    short_lived = [_drive_and_layout(works)]
+    judged = 0
+    for one in later:
+        kind = reuse, scheme, layout = _drive_and_layout(one)
+        as_dense = [k for k in short_lived if k[:2] == (reuse, scheme) and k[2].channels <= layout.channels]
+        if kind in short_lived or len(as_dense) >= MOST_ALIKE:
+            continue
+        choice = one.choice()
+        if choice is None:
+            continue
+        asked = choice.spec.print_share
+        tried = _tried(choice, decibel(choice.spec.delta_y), asked, *judged_by)
+        if tried.share >= asked:
+            return choice
+        if tried.at_most_db > -inf:  # no limit of this gap is exceeded
+            short_lived.append(kind)
+        judged += 1
+        if judged == MOST_JUDGED_FOR_LIFE:
+            break
+    return works
+
+
+def _drive_and_layout(one: Choice | _Unsized) -> tuple[str, str, Layout]:
+    """Return what all gaps of a candidate share: the reuse of frequencies by coils, the drive and the layout."""
+    return one.spec.coil.reuse, one.spec.drive.scheme, one.layout
+
+
+def _lasts(bare: Plan) -> bool:
+    """Return whether enough prints of a plan keep what is asked for life."""
+    return keeps_for_life(bare, design_of(bare, None))
 
 
 def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, Tried]]) -> Choice | None:
@@ -425,11 +480,18 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
 
 
 def _tried(
-    choice: Choice, least_db: float, least_share: float, known: Driven, for_cure: bool, overloaded: bool
+    choice: Choice,
+    least_db: float,
+    least_share: float,
+    known: Driven,
+    for_cure: bool,
+    overloaded: bool,
+    for_life: bool,
 ) -> Tried:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
-    The steps are the resonances and the sag alone, then pull and modes, then leakage, then simulated prints. Where
+    The steps are the resonances and the sag alone, then pull and modes, then what prints keep `for_life`, if that is
+    asked, then leakage, then simulated prints. Where
     `overloaded`, only the amplifier's limits are kept, not the coils'.
     """
     spec = choice.spec
@@ -456,6 +518,8 @@ def _tried(
     bare = _assemble(choice, channels, _selectivity_of(choice))
     if not spec.touch.is_none:
         return _plan_tried_under_touch(bare, overloaded)
+    if for_life and not _lasts(bare):
+        return Tried(at_most)
     paper_db, prints = compared_prints(bare, least_db, least_share, for_cure)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
@@ -468,7 +532,7 @@ def _tried(
 
 @numbers_hold()
 def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
-    """Return dB kept and heat under touch, and the level that puts the weakest channel `felt_db` over threshold."""
+    """Return selectivity and heat under touch, and the level that puts the weakest channel `felt_db` over threshold."""
     choice = _searched(spec, quick=True)
     if choice is None:
         raise InfeasibleError("no layout holds", "resolution")
@@ -515,7 +579,7 @@ def _plan_tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
 
 
 def finish(choice: Choice, quick: bool = False) -> Plan:
-    """Return the plan of a choice, whose beams and models may have been changed since it was made.
+    """Return the complete, judged plan of a choice, whose beams and models may have been changed since it was made.
 
     The cures of its findings are untried proposals. With `quick`, few prints are simulated, pins have no errors, the
     capacity is not counted, and recoil is worked out only where the spec says how the pad is held: cures are judged by
@@ -586,7 +650,7 @@ def _channels_of(choice: Choice) -> tuple[Channel, ...]:
 
 
 def _assemble(choice: Choice, channels: tuple[Channel, ...], selectivity: Selectivity) -> Plan:
-    """Return the plan of a choice with all that candidates are compared by; `finish` adds the rest."""
+    """Return a choice's plan with only the figures that candidates are compared by; `finish` adds the rest."""
     spec = choice.spec
     layout = choice.layout
     scheme = scheme_named(choice.spec, selectivity.drive, channels)

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and moments of a pad with its coils, from the sizes in its plan: no solid is modelled.
+"""Mass, centre of mass and moments of inertia of a pad with its coils, from the sizes in its plan, without CAD.
 
 The printed pad is a plate less the taxels' windows, holes and groove, with the moving bodies of the beam model in the
 windows; beams are their paths' boxes, with the fillets' volume at their roots. The tray is that of
@@ -32,7 +32,7 @@ CORNERS = ((-1, -1), (-1, 1), (1, -1), (1, 1))
 
 
 class ChannelMass(NamedTuple):
-    """Masses of a channel's taxel in its own axes, from the washer's axis at the pad's underside, in SI units.
+    """Mass properties of a channel's taxel in SI units; the origin is on the washer's axis, at the pad's underside.
 
     `moving` is plate, boss, washer and glue with the beams; `window` the plastic that the frame lacks (negative).
     `momentum` (6,) is the force, and the moment about the washer's axis, that the working mode takes for unit
@@ -86,7 +86,7 @@ class PadMass:
 
     @property
     def height_mm(self) -> float:
-        """Height of what lies below the pad's underside: the tray or, without one, the coils."""
+        """Height in mm from the pad's underside down to the bottom of the tray or, without a tray, of the coils."""
         if self.tray:
             return self.tray.height_mm
         coil = self.plan.spec.coil
@@ -142,7 +142,7 @@ class PadMass:
         return combine(*(part for part in parts if part is not None))
 
     def momenta(self, centre: np.ndarray) -> np.ndarray:
-        """Return linear and angular momentum (n, 6) about `centre` (3,) in m of each taxel's mode at unit motion.
+        """Return each taxel's linear and angular momentum (n, 6) about `centre` (3,) in m, in its mode at unit speed.
 
         Its washer moves up by 1 m/s.
         """
@@ -152,7 +152,7 @@ class PadMass:
 
     @cached_property
     def _taxel_momenta(self) -> np.ndarray:
-        """Linear and angular momenta (2, n, 3) of the taxels' working modes at unit motion, each about its washer."""
+        """Linear and angular momenta (2, n, 3) of taxels, each about its washer, in the working mode at unit speed."""
         plan = self.plan
         turns = np.array([_turn(plan.channels[taxel.channel], taxel) for taxel in plan.taxels])
         momentum = np.array([self.channels[taxel.channel].momentum for taxel in plan.taxels])
@@ -173,7 +173,7 @@ def pad_mass(plan: Plan) -> PadMass:
 
 
 def _placed(body: RigidBody, channel: Channel, taxels: Sequence[Taxel]) -> RigidBody:
-    """Return copies of `body`, given from its washer's axis, at the places of `taxels` on the pad, as one body."""
+    """Return one rigid body made of copies of `body`, a part of a taxel, at the places of `taxels` on the pad."""
     turns = np.array([_turn(channel, taxel) for taxel in taxels])
     at = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in taxels])
     mass = np.full(len(taxels), body.mass)
@@ -187,7 +187,7 @@ def _turn(channel: Channel, taxel: Taxel) -> np.ndarray:
 
 
 def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
-    """Return the masses of a channel's taxel."""
+    """Return the mass properties of a channel's taxel: moving body, window cut from the frame, momentum of the mode."""
     model = _model(plan, channel)
     arrangement = model.arrangement
     density = plan.spec.material.density_g_per_cm3 * G_PER_CM3
@@ -216,7 +216,7 @@ def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
 
 
 def _pin(channel: Channel, beam: BeamPath, density: float) -> RigidBody:
-    """Return a pin above its beam, with the fillet round its foot, as a mass at half its height."""
+    """Return the mass of a pin above its beam, with the fillet round its foot, as a point mass at half its height."""
     pin = channel.pin
     foot_mm = float(beam.thickness_mm)
     radius_mm = pin.diameter_mm / 2
@@ -228,7 +228,7 @@ def _pin(channel: Channel, beam: BeamPath, density: float) -> RigidBody:
 
 
 def mode_momentum(plan: Plan, channel: Channel, motion: np.ndarray) -> np.ndarray:
-    """Return linear and angular momentum (6,) about the washer's axis of a taxel with motion `motion` (6,) there.
+    """Return a taxel's linear and angular momentum (6,) about its washer, where it moves with velocities `motion` (6,).
 
     Of the beams' momentum, `BEAM_SHARE` of their mass moves with their tips.
     """
@@ -257,7 +257,7 @@ def _model(plan: Plan, channel: Channel) -> TaxelModel:
 
 
 def _beam_point(path: BeamPath, point: PathPoint) -> np.ndarray:
-    """Return a point of a beam's path, or points, at half its thickness, (…, 3) in m."""
+    """Return the place (…, 3) in m, at half the beam's thickness, of one or more points of the beam's path."""
     sides = np.broadcast_arrays(point.x_mm, point.y_mm, float(path.thickness_mm) / 2)
     return np.stack(sides, axis=-1).astype(float) * MM
 
@@ -272,7 +272,7 @@ They are those of a beam whose tip does not turn, ``y = 3 s² − 2 s³``. Beams
 
 
 def _chamfer(plan: Plan, density: float, washer: np.ndarray) -> RigidBody:
-    """Return the negative mass of what the boss lacks at its chamfered edge, as a point in the middle of its top."""
+    """Return the plastic that a chamfer takes off the boss, as a negative point mass at the middle of its top."""
     edge = plan.plate.boss_edge_mm * MM
     volume = pi * (plan.plate.boss_diameter_mm * MM - edge * 2 / 3) * edge**2 / 2
     at = washer + np.array([0.0, 0.0, plan.plate.boss_top_mm * MM])
@@ -280,7 +280,7 @@ def _chamfer(plan: Plan, density: float, washer: np.ndarray) -> RigidBody:
 
 
 def _outline_parts(plan: Plan, low: float, high: float, density: float) -> Iterator[RigidBody]:
-    """Yield a plate of the pad's outline between two heights: its box less the round corners and the groove."""
+    """Yield bodies that form a plate of the pad's outline from height `low` to `high` in m; cut-outs are negative."""
     pad = plan.spec.pad
     half_x = (pad.width_mm / 2 + pad.border_mm) * MM
     half_y = (pad.depth_mm / 2 + pad.border_mm) * MM
@@ -313,7 +313,7 @@ def _tray_parts(plan: Plan, tray: Tray) -> Iterable[RigidBody]:
     down = -top
 
     def at(height: float) -> float:
-        """Return a height from the tray's bed as one from the pad's underside."""
+        """Return the height in m from the pad's underside (negative) of a `height` in m above the tray's bottom."""
         return height + down
 
     half_x = pad.width_mm / 2 * MM
@@ -340,7 +340,7 @@ def _tray_parts(plan: Plan, tray: Tray) -> Iterable[RigidBody]:
 
 
 def _within_rim(low: float, high: float, half: float, border: float) -> tuple[float, float]:
-    """Return the span `low` … `high` in m clipped to the rim that begins at `half`, if it crosses the rim."""
+    """Return a slot's span `low` … `high` in m, cut to the tray's rim beyond ±`half` where the slot crosses the rim."""
     if low < -half:
         return max(low, -half - border), -half
     if high > half:

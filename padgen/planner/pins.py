@@ -1,4 +1,4 @@
-"""Work out what of a taxel meets the skin: how boss or pin moves, and how far and with what stress a push moves it.
+"""Describe the boss or pin that meets the skin: how it moves with its taxel, and its travel and stress under a push.
 
 A push on a pin first moves its taxel until the mover rests on the coil, then bends the beam between root and plate
 further, until pin or beam meets the coil, or the finger rests on the guard plate.
@@ -31,7 +31,7 @@ a plate holds at the edge does less, 0.18 as a clamped disc that shears.
 
 
 def pin_of(spec: Spec, model: TaxelModel, site: Site) -> Pin:
-    """Return the boss or pin of a taxel and how it moves; `pushed` adds its stresses, `with_errors` its errors."""
+    """Return size, motion and stiffness of a taxel's boss or pin; `pushed` adds stresses, `with_errors` the errors."""
     arrangement = model.arrangement
     x_mm, y_mm = (float(v) for v in pin_place_mm(spec, arrangement))
     contact = model.contact
@@ -66,12 +66,12 @@ def pin_of(spec: Spec, model: TaxelModel, site: Site) -> Pin:
 
 
 def pushed(pin: Pin, model: TaxelModel) -> Pin:
-    """Return a pin with the stresses of a push on it, which a search does not ask for."""
+    """Return `pin` with the stresses of its beams filled in, for a push of 1 N and for a push as far as its stop."""
     free, held = model.pushes
     closed_mm = pin.closed_mm
 
     def force_n(way_mm: float) -> tuple[float, float]:
-        """Return the force in N of a push by `way_mm`: its parts before and after the mover rests on the coil."""
+        """Return the two forces in N that push the pin down by `way_mm`: until the mover meets the coil, and beyond."""
         before = min(way_mm, closed_mm) * MM / free.way_m
         after = max(way_mm - closed_mm, 0.0) * MM / held.way_m if held.way_m > 0 else 0.0
         return before, after
@@ -92,7 +92,7 @@ def pushed(pin: Pin, model: TaxelModel) -> Pin:
 
 
 def with_errors(pin: Pin, model: TaxelModel) -> Pin:
-    """Return `pin` with the errors of its lever and stiffness, which are slow to compute and left out of searches."""
+    """Return `pin` with the errors of its lever and stiffness filled in; searches do without these slow figures."""
     lever_error, stiffness_error = model.contact_errors
     return replace(pin, lever_error=lever_error, stiffness_error=stiffness_error)
 
@@ -104,7 +104,7 @@ PUSH_N = 1.0
 def _stop(
     spec: Spec, arrangement: Arrangement, site: Site, at_mm: tuple[float, float], closed_mm: float
 ) -> tuple[str | None, float | None]:
-    """Return what ends a push on the contactor and how far down in mm; None and None where nothing does."""
+    """Return what stops a push on boss or pin, 'coil' or 'guard', and after how many mm; None and None if nothing."""
     ways = []
     if spec.guard.thickness_mm:
         ways.append((spec.contact_proud_mm + BULGE_SHARE * spec.guard_hole_mm, "guard"))
@@ -152,7 +152,7 @@ def judge_pins(plan: Plan) -> Iterator[Finding]:
 
 
 def _stops(plan: Plan, bound_mpa: float) -> Iterator[dict[str, float]]:
-    """Yield cures by which a push ends before the stress in MPa is reached: a guard plate, or a lower pin in it."""
+    """Yield spec changes by which a push ends before beams bear `bound_mpa` in MPa: a guard plate, or lower pins."""
     spec = plan.spec
     layer_mm = spec.printer.layer_mm
     share = min(

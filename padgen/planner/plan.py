@@ -80,7 +80,7 @@ TURNS = {"+x": (1, 0), "+y": (0, 1), "-x": (-1, 0), "-y": (0, -1)}
 
 @dataclass(frozen=True, slots=True)
 class Capacity:
-    """Most channels of one coil: `paper` by the paper's Eq. 12, `exact` by the response in all states.
+    """Most channels that one coil holds: `paper` by the paper's Eq. 12, `exact` by the response in all on/off states.
 
     All are for the plan's drive, equal masses, and resonances on a geometric ladder. `paper_unrounded` is Eq. 12 before
     rounding down, `exact_one_hot` counts one channel on at a time, `ratio` is Eq. 12's ratio of neighbouring
@@ -197,7 +197,7 @@ class Pin:
 
     @property
     def load_lever(self) -> float:
-        """Effective lever through which skin loads the mover: up and down, and sideways (by `SIDEWAYS`)."""
+        """Effective motion of the top over the mover's, up-down and sideways (by `SIDEWAYS`), as skin loads it."""
         return float((self.lever**2 + SIDEWAYS * self.sway**2) ** 0.5)
 
 
@@ -330,7 +330,7 @@ class SchemeFigures:
 
     @property
     def reached_db(self) -> float:
-        """All-state selectivity in dB, the lower of the plain and the placed figure; -inf where one is missing."""
+        """Worst-state selectivity in dB, the lower of equal and actual pulls on washers; -inf where one is missing."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return float("-inf")
         return min(self.all_states_db, self.placed_all_states_db)
@@ -371,21 +371,21 @@ class Selectivity:
 
     @property
     def kept_db(self) -> float | None:
-        """All-state selectivity in dB, the lower of the plain and the placed figure; None for one channel."""
+        """Worst-state selectivity in dB, the lower of equal and actual pulls on washers; None for one channel."""
         if self.all_states_db is None or self.placed_all_states_db is None:
             return None
         return min(self.all_states_db, self.placed_all_states_db)
 
     @property
     def placed_own_modes_db(self) -> float | None:
-        """All-state selectivity in dB with unequal pull, of the taxels' working modes alone; None for one channel."""
+        """Worst-state selectivity in dB with actual pulls on washers, working modes only; None for one channel."""
         db = self.placed_all_states_db
         return None if db is None else db + (self.modes_cost_db or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class CoilLoad:
-    """Load of the coils and their amplifier with all channels on.
+    """Current, voltage, heat and mean pull of a coil with all channels on, and the largest level that its limits allow.
 
     Where coils have two sets of channels by turns, each figure is of the coil that takes most. `mean_copper_loss_w` is
     the heat of the coils' mean: times their number it is the pad's. `pull_in_share` is the mean pull over the pull at
@@ -430,7 +430,7 @@ class FrameRate:
 
 @dataclass(frozen=True, slots=True)
 class Reuse:
-    """Leakage by reuse of channels: the motion of an OFF taxel by the coils around, in their worst state.
+    """Leakage between coils that share channels: motion of an OFF taxel by the coils around, in their worst state.
 
     `turned` names the cells that are turned by 180° so that taxels of one channel are not back to back: 'none', 'odd
     rows' or 'odd columns'. `leaks_db` (n,) is how far each channel's motion stays below its own level when all coils
@@ -453,7 +453,7 @@ class Reuse:
 
     @property
     def most_leak_db(self) -> float | None:
-        """Distance in dB of the worst leakage below the taxel's ON level, less its error; None without leakage."""
+        """Distance in dB of the worst leakage, made larger by its error, below the ON level; None without leakage."""
         return None if self.leak_db is None else self.leak_db - decibel(1 + self.leak_error)
 
 
@@ -516,7 +516,7 @@ class Touched:
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """The pad as planned under touch: a `contact`, such as a fingertip, lies on every taxel that is compared.
+    """Figures of a pad planned for touch: a `contact`, such as a fingertip, rests on every taxel that is compared.
 
     Under its typical skin, channels (n,) resonate at `resonance_hz` with `q`, and are driven by tones at `tone_hz`:
     those resonances where `tones` is 'touched', those of the bare taxels where it is 'untouched'. The contactors are
@@ -562,7 +562,7 @@ class Touch:
 
 @dataclass(frozen=True, slots=True)
 class Felt:
-    """Levels at which a fingertip feels each channel's taxel (n,), driven at its planned level (docs/touch.md).
+    """Sensation levels of each channel's taxel (n,) at a fingertip, when driven at its planned level (docs/touch.md).
 
     `threshold_um` is the amplitude that is just felt at the resonance through the boss, with an error of `error_db`.
     Above it, `on_db` is the level of an ON taxel and `off_db` that of the OFF taxel in its coil's worst state (None
@@ -585,7 +585,7 @@ class Felt:
 
 @dataclass(frozen=True, slots=True)
 class Push:
-    """The effect of a push on each channel's taxel (n,) at rest, from the place where it hangs.
+    """Deflection of each channel's OFF taxel (n,) under one static push, and the gap to its coil that is left.
 
     `push_mn` is a force on the boss; or it is None, and `skin` lies at the height of the frame: 'low', 'typical' or
     'high'. `deflection_mm` is that of the washer's axis if no coil were below; `contact` is where that closes the gap.
@@ -600,7 +600,7 @@ class Push:
 
 @dataclass(frozen=True, slots=True)
 class Pushed:
-    """Pushes on the bosses at rest: `closing_force_mn` (n,) brings a channel's washer onto its coil.
+    """Effects of static pushes on OFF taxels: `closing_force_mn` (n,) in mN brings a channel's washer onto its coil.
 
     With `rim_force_mn` (n,) its rim touches, since it tilts. `closed_stress_mpa` (n,) is the stress at the beams' roots
     where the gap is closed.
@@ -644,7 +644,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Recoil:
-    """The recoil of the pad: how much its ON taxels shake it, and what OFF taxels hear of that.
+    """Recoil of the pad, which its ON taxels shake: the masses that move, and the ON over OFF in dB that is left.
 
     `pad_g` is the mass of pad, washers, tray, coils and screws, `moving_g` that of everything on the mount, its
     base included; None where that does not move. The dB are the smallest ON over the largest OFF amplitude in the
@@ -680,11 +680,11 @@ class Recoil:
 
     @property
     def lost_db(self) -> float:
-        """Loss in dB of the worst image by recoil, with signs that keep the pad still; 0 where it is not known."""
+        """Selectivity in dB that recoil costs the worst image when taxels' signs balance the pad; 0 if unknown."""
         return 0.0 if self.clamped_db is None or self.signed_db is None else self.clamped_db - self.signed_db
 
     def kept_db(self, db: float, moving_db: float | None) -> float:
-        """Return what recoil leaves of a selectivity `db`: its energy adds to that of the OFF taxels.
+        """Return the selectivity in dB that recoil leaves of `db`, by adding the energy it gives OFF taxels.
 
         `moving_db` is the figure of the moving pad: `in_step_db`, `apart_db` or `signed_db`.
         """
@@ -735,7 +735,7 @@ class Warm:
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """Selectivity that prints keep after they were re-tuned once (docs/yield.md, *For life*).
+    """Selectivity that prints keep after one re-tuning, as temperatures change and plastic ages (docs/yield.md).
 
     They are untouched or, where the spec names a contact, under drawn skins. Then they change as `[life]` in the spec
     says. Each print is judged `temperature_range_k` warmer and colder than at re-tuning, aged, with its own Q; the
@@ -857,7 +857,7 @@ class Plan:
 
     @property
     def scheme(self) -> Scheme:
-        """The drive scheme with the settings of the spec."""
+        """The planned drive scheme, with the spec's settings and the washers' remanence."""
         return scheme_named(self.spec, self.selectivity.drive, self.channels)
 
     @property
@@ -867,7 +867,7 @@ class Plan:
 
     @property
     def retuned_prints(self) -> "Prints | Touch":
-        """Prints of the plan after re-tuning, touched where the spec names a contact and untouched elsewhere."""
+        """Figures of re-tuned prints: those under touch if the spec names a contact, else those untouched."""
         return self.prints if self.touch is None else self.touch
 
     @property
@@ -876,7 +876,7 @@ class Plan:
         return channel_sets(self.channels, self.coils.sets)
 
     def arrangement(self, channel: Channel) -> Arrangement:
-        """Return beams, blocks and window of a channel's taxel in its own axes, in mm."""
+        """Return the geometry in mm of a channel's taxel in its own axes: beams, moving blocks, frame opening."""
         beam = channel.beam
         plate = self.plate
         shape = PlateShape(plate.length_mm, plate.width_mm, plate.thickness_mm)
@@ -978,7 +978,7 @@ def plan_from_table(table: Any, where: str) -> Plan:
 
 
 def _has_warm_levels(warm: Any) -> bool:
-    """Return whether a plan file's `warm` table has the lost levels, which version 0.14.0 did not write."""
+    """Return whether the `warm` table of a plan file has the entry `lost_db`, which padgen 0.14.0 did not write."""
     return not isinstance(warm, dict) or "lost_db" in warm
 
 
@@ -1022,7 +1022,7 @@ def read_as(kind: Any, value: Any, where: str, drawn: bool = False) -> Any:
 
 
 def _part_rules(plan: Plan) -> Iterator[Rule]:
-    """Yield the rules that the parts of a plan agree with each other, and have sizes that a pad can have."""
+    """Yield the rules by which a plan is checked: its parts agree with each other, and sizes are possible for a pad."""
     coils = plan.coils
     channels = plan.channels
     warm_hz = plan.warm.resonances_hz
@@ -1080,7 +1080,7 @@ CARRIER_OVER_RESONANCE = 5
 
 
 def carrier_hz(spec: Spec, scheme: Scheme, highest_hz: float) -> float | None:
-    """Return the carrier on which AC-coupled devices play a spur-free scheme; None where none is needed."""
+    """Return the carrier frequency in Hz with which AC-coupled devices play a spur-free scheme; None if not needed."""
     needed = spec.blocked_by is not None and scheme.is_root
     return float(at_least(CARRIER_OVER_RESONANCE * highest_hz)) if needed else None
 
@@ -1091,7 +1091,7 @@ def passes(spec: Spec, scheme: Scheme) -> bool:
 
 
 def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
-    """Return the scheme for which resonances are chosen: the spec's or, for 'auto', the simplest that will do.
+    """Return the drive scheme to choose resonances for: the spec's or, for 'auto', the simplest expected to suffice.
 
     For 'auto' it is linear for magnets; else plain tones if these keep the asked selectivity, else spur-free.
     """
@@ -1105,7 +1105,7 @@ def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
 
 
 def sets_db(spec: Spec, resonance_hz: np.ndarray, mass: np.ndarray, scheme: Scheme) -> float:
-    """Return the all-state selectivity in dB of the worst of the spec's sets, to which channels (n,) go in turn."""
+    """Return the worst-state selectivity in dB of the worst of the spec's sets, which take channels (n,) in turn."""
     level = level_law(spec)(resonance_hz)
     sets = spec.coil.sets
     dealt = (slice(k, None, sets) for k in range(sets))

@@ -1,4 +1,4 @@
-"""`padgen plan --yield`: the share of good pads among prints, before and after re-tuning, and the costliest spread.
+"""`padgen plan --yield`: share of good pads among prints, before and after re-tuning, and the costliest error cause.
 
 `padgen.planner.printed_pads` has the model of a print and judges it.
 """
@@ -52,7 +52,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Shares of good taxels and pads, and quantiles of the pads' selectivity in dB: each that of the pad's worst coil.
+    """Shares of good taxels and pads, and quantiles over the pads of the selectivity in dB of a pad's worst coil.
 
     90 % of pads reach `reached_by_90_percent_db`. The dB are None where no coil has two channels.
     """
@@ -78,7 +78,7 @@ class ChannelSpread:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Gains of the shares of good pads and taxels (0 … 1) and of the pads' median selectivity in dB."""
+    """Increases of the shares of good pads and taxels (0 … 1), and in dB of the pads' median selectivity."""
 
     pads: float
     taxels: float
@@ -87,7 +87,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Cost of one cause of print errors: the gains without it, with the same random numbers for the others."""
+    """Loss of yield by one cause of print errors: the gains without it, all other errors drawn alike."""
 
     spread: str
     sigma: float
@@ -97,7 +97,7 @@ class Cost:
 
 @dataclass(frozen=True, slots=True)
 class PrintYield:
-    """Yield of `pads` simulated prints; fewer than `pads_asked` where those were too much work.
+    """Yield of `pads` simulated prints, fewer than the `pads_asked` for if these would take too much computing.
 
     `criterion` says what a good taxel and a good pad are; `nominal_db` is the selectivity of the pad as drawn. In
     `after_coupon` the tones follow the error common to a print, in `after_some` also the smooth field over the bed.
@@ -236,7 +236,7 @@ def _gain(base: Simulated, without: Simulated, k: int, taxels: int) -> Gain:
 
 
 def _costliest(gains: dict[str, Gain]) -> tuple[str, str]:
-    """Return the costliest spread and the first figure with a gain over its `LEAST_GAINS`, or 'none' for both."""
+    """Return the costliest cause of print errors, and which figure of `LEAST_GAINS` shows it; 'none' twice if none."""
     for figure, least in LEAST_GAINS.items():
         value = {name: getattr(gain, figure) or 0.0 for name, gain in gains.items()}
         best = max(value, key=lambda name: value[name])

@@ -126,7 +126,7 @@ FARTHEST = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Spreads:
-    """Sigma of each cause of print errors: `modulus`, `common_beads`, `beads` relative, others in their name's unit.
+    """Standard deviation of each cause of print errors: relative for `modulus` and beads, else in the unit of its name.
 
     `across_beads` is no spread: it is −ln of the stiffness across the beads over that along them, alike in every print.
     """
@@ -164,14 +164,14 @@ GAPS = ("common_gap_mm", "gap_mm")
 
 
 class Coils(NamedTuple):
-    """Coils of the same channels (n,), with the indices of their taxels (n, coils)."""
+    """Coils that have the same channels (n,), with the indices in the plan of their taxels (n, coils)."""
 
     channels: np.ndarray
     taxels: np.ndarray
 
 
 class Design(NamedTuple):
-    """All that simulated prints take from a plan: arrays by channel (n,) and by taxel (t,), and the coils.
+    """Input of print simulations that a plan gives: arrays by channel (n,) and by taxel (t,), and the coils.
 
     `leaks` is as `leaked_energy` returns it. `others` (n,) is the energy that other modes add to an OFF taxel in the
     plan; `modes` has the heard modes of each of `coils`, or None where `others` are to be added in every print. `kept`
@@ -221,7 +221,7 @@ class Simulated(NamedTuple):
 
 
 def spreads_of(spec: Spec) -> Spreads:
-    """Return the spreads of a spec's prints."""
+    """Return the standard deviation that a spec gives to each cause of print errors."""
     spread = spec.spread
     taxel = spec.taxel
     return Spreads(
@@ -283,7 +283,7 @@ def coils_of(plan: Plan) -> dict[tuple[int, int], list[int]]:
 
 
 def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
-    """Return all that simulated prints take from a plan, with its taxels at `places_mm` (t, 2) if these are given."""
+    """Return the input of print simulations for a plan, with its taxels at `places_mm` (t, 2) if these are given."""
     spec = plan.spec
     sensitivity = sensitivities(plan)
     size = np.array([(c.beam.width_mm, c.beam.thickness_mm, c.beam.length_mm) for c in plan.channels])
@@ -343,7 +343,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
 
 
 def work(design: Design) -> float:
-    """Return the number of responses to compute for one pad in all stages; a taxel's random numbers count as ten."""
+    """Return the computing work of a simulated pad, in resonator responses; random numbers of a taxel count as ten."""
     with_pairs = design.scheme.has_pair_spurs
     each = [(n := len(coils.channels)) ** 2 + with_pairs * (n > 2) * n**2 * (n - 1) for coils in design.coils]
     coils = [coils.taxels.shape[1] for coils in design.coils]
@@ -351,7 +351,7 @@ def work(design: Design) -> float:
 
 
 def leaked_energy(plan: Plan) -> np.ndarray:
-    """Return the energy (2, n) that leakage adds to an OFF taxel of each channel, over that of its ON state.
+    """Return the energy (2, n) of an OFF taxel of each channel by leakage of other coils, over its energy when ON.
 
     The first row is for all coils in step, as by the driver table, the second for re-tuned coils, each at its own
     frequencies. Both take the other coils' tones to lie at the taxel's resonance, while they only come near it.
@@ -364,7 +364,7 @@ def leaked_energy(plan: Plan) -> np.ndarray:
 
 
 def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
-    """Return the energy (n,) that other modes add to an OFF taxel, over its ON energy, and the modes that count.
+    """Return the energy (n,) of OFF taxels by other modes than the working one, over that when ON, and these modes.
 
     These are by the index of the channel, of those that hear more than their working mode.
     """
@@ -384,7 +384,7 @@ def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
 
 
 class _PrintedModes(NamedTuple):
-    """Modes of taxels in many pads: `Responses` with frequencies scaled by `x` (n, pads), as the resonances are.
+    """Modes of taxels in many printed pads: planned frequencies times `x` (n, pads), printed over planned resonance.
 
     `q_ratio` (n, pads) is their Q over the plan's. Lines are those of all pads, the pads last.
     """
@@ -395,11 +395,11 @@ class _PrintedModes(NamedTuple):
 
     @property
     def responses(self) -> int:
-        """Number of responses that are worked out for each line."""
+        """Number of resonator responses computed for each taxel and spectral line: one of each mode."""
         return self.modes.responses
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return `felt_energy` (rows, lines) of the taxels; `rest`, negligible beside print errors, is ignored.
+        """Return taxels' felt energy (rows, lines) at line frequencies over that at their own tones; ignores `rest`.
 
         It is written out with one division, since most of the time of judging prints goes into it.
         """
@@ -444,7 +444,7 @@ def _washer_weight(plan: Plan) -> np.ndarray:
 
 
 def ratio_spread(design: Design, spreads: Spreads) -> float:
-    """Return the relative sigma of the ratio of neighbouring resonances of a coil, of the worst pair.
+    """Return the relative sigma over prints of the ratio of two neighbouring resonances of a coil, for the worst pair.
 
     An error common to a print counts by the difference of the two channels' sensitivities, the field also by the
     distance of their taxels. For one channel the pair is two taxels of that channel at one place.
@@ -467,7 +467,7 @@ def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
 
 
 class Ratios(NamedTuple):
-    """Resonances and pulls over the planned ones, and Q over the planned one; None where it is as planned."""
+    """Resonances (or tones) `x`, pulls and quality factors `q` over the planned ones; `q` is None where as planned."""
 
     x: np.ndarray
     pull: np.ndarray
@@ -475,14 +475,14 @@ class Ratios(NamedTuple):
 
 
 class Drift(NamedTuple):
-    """Changes of prints after re-tuning: ln f shifts by `log_x` in all, as by warmth; f and Q at random by `life`."""
+    """Changes of prints after re-tuning: `log_x` shifts ln f of all taxels; `life` has random spreads of f and Q."""
 
     log_x: float
     life: LifeTable
 
 
 class Later(NamedTuple):
-    """Simulated prints later: ln of resonance (taxels, pads) over that at re-tuning, and ln of Q over the plan's.
+    """Prints some time after re-tuning (taxels, pads): ln of resonance over that at re-tuning, ln of Q over the plan's.
 
     Q was the same when they were re-tuned, so that their lines follow it.
     """
@@ -595,7 +595,7 @@ def printed(
     drift: Drift | None = None,
     least_share: float = 0.0,
 ) -> Simulated:
-    """Simulate `pads` prints and judge them at the given `stages`, in blocks of bounded memory.
+    """Return the results of `pads` simulated prints of a design, judged at each of the given `stages` of tuning.
 
     With a `drift`, they are judged after it. Once less than a `least_share` of them can be good at the last stage, the
     rest is not judged: it counts as good.
@@ -662,7 +662,7 @@ def _judge_drawn(
     later: Later | None = None,
     least_share: float = 0.0,
 ) -> bool:
-    """Judge drawn prints at the given stages, and enter the results into `prints` after those of `before` pads.
+    """Judge randomly drawn prints at given stages of tuning, and write results into `prints` from pad `before` on.
 
     With `later` they are judged as they are then, with the tones and lines of now. Stops, and returns False, once less
     than a `least_share` of all prints can be good at the last stage.
@@ -696,7 +696,7 @@ def _judge(
     prints: Simulated,
     block: slice,
 ) -> None:
-    """Judge `coils` in a block of pads, and enter the results into `prints`.
+    """Compute ON over OFF of alike coils in a block of pads at each stage, and write the results into `prints`.
 
     `printed` (taxels, pads) is over the plan, `known` (stages, taxels, pads) what tones and lines follow at each of
     `stages`; `modes` are as in `Design`. Before a pad is re-tuned its detuned taxels count, and other modes as planned.
@@ -763,7 +763,7 @@ NOT_PRINTED = Prints(None, None, None, None, 0.0, 0.0, 0, None, 1.0, 0.0, ())
 
 
 def what_prints_keep(plan: Plan, design: Design, quick: bool = False) -> Prints:
-    """Simulate prints of `plan`, always the same ones, until the estimate is sure; with `quick` only a few."""
+    """Return the selectivity of simulated prints of `plan`: as many as a sure estimate takes, or few if `quick`."""
     if quick:
         return _simulated(plan, design, few_pads(design), JUDGED)
     return _simulated_until_sure(plan, design, STAGES)
@@ -775,7 +775,7 @@ def few_pads(design: Design) -> int:
 
 
 def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool = False) -> tuple[float, Prints]:
-    """Return the selectivity in dB of the pad as drawn, leakage and other modes counted, and its re-tuned prints.
+    """Return a pad's selectivity in dB without print errors, and figures of its re-tuned prints, to compare layouts.
 
     As many prints are simulated as comparing layouts needs: none (`NOT_PRINTED`) if the drawn pad keeps less than
     `least_db`, and few if these show that the share of good ones is surely below `least_share`; with `quick` never
@@ -831,7 +831,7 @@ def quantile_error(rising: np.ndarray, share: float) -> float:
 
 
 def pads_until_sure(work_of_pad: float, error_share: float | None = None, error_db: float = 0.0, pads: int = 0) -> int:
-    """Return how many pads to simulate first or, given the errors of `pads` pads, how many make errors small."""
+    """Return how many pads to simulate: at first or, given the errors after `pads` pads, until errors are small."""
     first, most = (int(max(limit / work_of_pad, FEWEST)) for limit in (WORK, MOST_WORK))
     if error_share is None:
         return min(PADS, first)

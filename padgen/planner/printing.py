@@ -240,7 +240,7 @@ def orca_text(plan: Plan) -> str:
 
 
 def profile_text(plan: Plan) -> str:
-    """Return the text of the file for ``prusa-slicer --load``; empty where there is no such profile."""
+    """Return the text of ``pad.ini``, for ``prusa-slicer --load``; empty for printers that do not lay filament."""
     spec = plan.spec
     profile = prusa_profile(plan.spec)
     notes = {

@@ -44,7 +44,7 @@ def _give(spec: Spec, channel: Channel) -> _Give:
 
 
 def pushed_taxels(spec: Spec, channels: Sequence[Channel]) -> Pushed:
-    """Return how far pushes and skin move each channel's OFF taxel, and which pushes close its gap."""
+    """Return how far static pushes and resting skin deflect each channel's OFF taxel, and forces that close its gap."""
     gives = [_give(spec, channel) for channel in channels]
     at_rest = 1.0 if spec.force_order == 1 else 0.0  # a core pulls at rest, a current does not
     gaps_mm = [max(spec.coil.gap_mm - (c.sag_um + at_rest * c.static_um) * UM / MM, 0.0) for c in channels]
@@ -123,7 +123,7 @@ def _short(value: float) -> str:
 
 
 def _cures(plan: Plan) -> Iterator[dict[str, float]]:
-    """Yield a lower boss and a wider gap; with either, typical skin resting on the frame leaves half of every gap."""
+    """Yield spec changes, a lower boss or a wider gap, with which typical skin on the frame leaves half of each gap."""
     spec = plan.spec
     skin = next(push for push in plan.pushed.pushes if push.skin == "typical")
     proud_mm = spec.taxel.boss_protrusion_mm

@@ -1,4 +1,4 @@
-"""Find the layouts whose resonances and beams can be made, in their order, and count what a coil can hold.
+"""Find layouts whose resonances and beams can be made, in order of preference, and the most channels a coil can hold.
 
 The most channels that one coil holds are counted by the paper's bound, by the exact response, and in printed pads.
 """
@@ -70,7 +70,7 @@ class Optimum(NamedTuple):
 
 
 def slot_band_hz(spec: Spec) -> tuple[float, float]:
-    """Return the lowest and highest resonance in Hz whose slot lies in the band, after rounding of the beam, too."""
+    """Return the lowest and highest resonance in Hz whose slot lies in the spec's band even if the beam is rounded."""
     half = max(slot_half_width(spec.q_min, spec.delta_y), DRAWN_SHARE)
     return spec.band_hz[0] / (1 - half), spec.band_hz[1] / (1 + half)
 
@@ -86,7 +86,7 @@ def reachable_hz(spec: Spec, room: Room, wanted_hz: tuple[float, float] | None =
 
 
 def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
-    """Return candidate ladders of `count` resonances per set in Hz for a room, the best first.
+    """Return candidate ladders: rising resonances in Hz, `count` per channel set, for beams in `room`; the best first.
 
     Resonances that the spec lists are the only candidate. Otherwise the first ladder spreads over the whole band, the
     next over the part of the band that the room reaches, and the last ones are as close as possible at the lower ends.
@@ -126,7 +126,7 @@ def ladders(spec: Spec, count: int, room: Room) -> list[tuple[float, ...]]:
 
 
 def _span_hz(spec: Spec, room: Room) -> tuple[float, float]:
-    """Return the part of the band in Hz that the room reaches; the whole band where it reaches none of it.
+    """Return the part of the spec's band in Hz that beams in `room` can reach; the whole band if they reach none of it.
 
     Rooms that reach almost the same have the same part, so that they share a search for the optimum.
     """
@@ -216,14 +216,14 @@ def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
 
 
 def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
-    """Return the best resonances in a band for one drive scheme, searched near the best ones of a wider band."""
+    """Return the most selective resonances in a band for a drive scheme, searched from the optimum of a wider band."""
     law = level_law(spec)
     near_hz = np.array(_wider(spec, count, low_hz, high_hz, drive).resonances_hz)
     return _found(low_hz, high_hz, count, spec.q_min, law, scheme_named(spec, drive), near_hz)
 
 
 def _wider(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
-    """Return the best resonances of a global search in a wider band, which bands of similar width share."""
+    """Return the most selective resonances of a wider band, by a global search that bands of similar width share."""
     law = level_law(spec)
     start_hz = low_hz if law.curve_hz else 1.0  # under a power law a shift in octaves changes nothing
     end_hz = start_hz
@@ -253,7 +253,7 @@ def _found(
 
 
 def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
-    """Return the optimised resonances in the part of the band that a room reaches, as for equal masses.
+    """Return the most selective resonances in the part of the band that beams in `room` reach, for equal masses.
 
     None where the spec does not ask for optimised resonances, and for two sets or a single channel.
     """
@@ -263,7 +263,7 @@ def planned_optimum(spec: Spec, count: int, room: Room) -> Optimum | None:
 
 
 def _rounded(ladder: np.ndarray) -> tuple[float, ...]:
-    """Round to nine significant digits, so that the plan stays readable."""
+    """Return resonances rounded to nine significant digits, so that the plan stays readable."""
     return tuple(float(f"{value:.9g}") for value in ladder)
 
 
@@ -290,7 +290,7 @@ UnsizedLayout = tuple[Layout, Callable[[], SizedLayout | None]]
 
 
 def layouts_to_size(spec: Spec, options: Iterable[Layout], most: int | None = None) -> Iterator[UnsizedLayout]:
-    """Yield the `options` in their order, each with a call that sizes its beams, until `most` work or many were tried.
+    """Yield layouts in their order, each with a function that sizes its beams, until `most` work or many were tried.
 
     The call returns None for a layout that does not work. Of each grid and count of channels only the first division of
     the cell that works is taken.
@@ -316,14 +316,14 @@ def layouts_to_size(spec: Spec, options: Iterable[Layout], most: int | None = No
 
 
 def sized_layouts(spec: Spec, options: Iterable[Layout]) -> Iterator[SizedLayout]:
-    """Yield the `options` that work, in their order, with sized beams."""
+    """Yield, in their order, those layouts of `options` for which suitable beams are found, with these beams."""
     for _, size in layouts_to_size(spec, options):
         if (sized := size()) is not None:
             yield sized
 
 
 def _with_sized_beams(spec: Spec, layout: Layout) -> SizedLayout | None:
-    """Return a layout, its washers moved if that pays, with sized beams; None if it does not work.
+    """Return a layout with sized beams, its washers moved if that makes it more selective; None if it cannot work.
 
     Every washer must overlap its coil, and none may snap to its core.
     """
@@ -362,7 +362,7 @@ def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str,
 
 
 def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> Layout:
-    """Return the layout, with the washers nearest the coil's axis moved outward if that pays.
+    """Return the layout, with washers near the coil's axis moved outward if that makes it more selective.
 
     It does if the more even pull gains over `WORTH_DB` of selectivity.
     """
@@ -385,7 +385,7 @@ def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> 
 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
-    """Return beams for the first ladder of resonances that can be printed or, if optimised, the most selective."""
+    """Return beams for the first ladder of resonances that can be printed; if optimised, for the most selective one."""
     bare = beams_only(spec)
     if spec.spacing == "optimised":
         bare = replace(bare, drive=spec.drive)
@@ -397,7 +397,7 @@ def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
 
 @lru_cache(maxsize=256)
 def _sized(spec: Spec, count: int, space: Room, changes: int) -> tuple[tuple[SizedChannel, ...], ...]:
-    """Return beams for the first ladder of resonances that can be printed; with optimised spacing, for all such."""
+    """Return sets of beams: for the first printable ladder of resonances or, with optimised spacing, for all."""
     undriven = replace(spec, drive=DriveTable())
     sized = (channels for hz in ladders(spec, count, space) if (channels := _resonating(undriven, space, hz, changes)))
     return tuple(sized if spec.spacing == "optimised" else islice(sized, 1))
@@ -412,7 +412,7 @@ def _resonating(
 
 
 def _selectivity_key(spec: Spec, layout: Layout, sized: tuple[SizedChannel, ...]) -> tuple[bool, int, float]:
-    """Return a sort key: whether the asked selectivity is kept, how simple the drive is, and the dB kept."""
+    """Return a sort key of a layout: whether it is as selective as asked, how simple its drive is, and its dB."""
     chosen = chosen_drive(spec, plan_channels(spec, sized, sites_of(spec, layout, sized)), asked_only=True)
     keeps = chosen.kept_db >= decibel(spec.delta_y)
     return keeps, -simplest_first(spec.force_order).index(chosen.drive) if keeps else 0, chosen.kept_db
@@ -475,7 +475,7 @@ def channel_limit(spec: Spec) -> int:
 
 
 def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
-    """Return the plan's `Capacity` with the drive `scheme`; `limit` names what prevents more channels on the pad."""
+    """Return how many channels one coil can hold with a drive `scheme`; `limit` names what prevents more on the pad."""
     paper = capacity(*spec.band_hz, spec.q_min, spec.delta_y)
     law = level_law(spec)
     # As by the paper, of steel that keeps no magnetisation: other channels would be other currents.
@@ -496,7 +496,7 @@ def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
 
 
 def searched_to(scheme: Scheme) -> int:
-    """Return the largest count that is tried of channels that keep what is asked in all on/off states of a scheme."""
+    """Return the most channels per coil that are tried for a drive scheme when the capacity of a coil is searched."""
     return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
 
 
@@ -504,7 +504,7 @@ def searched_to(scheme: Scheme) -> int:
 def largest_counts(
     band_hz: tuple[float, float], q: float, law: LevelLaw, scheme: Scheme, target_db: float, most: int = LARGEST
 ) -> tuple[int, int]:
-    """Return the most channels that keep a selectivity of `target_db` in all states, and the most with one channel on.
+    """Return the most channels of a coil that keep `target_db` in all on/off states, and with one channel on at a time.
 
     The channels have equal masses, on a geometric ladder from one end of the band to the other. Up to `most` channels
     are tried; with spurs, in all states, up to `LARGEST_WITH_SPURS`.
@@ -572,7 +572,7 @@ def printed_count(
 
 
 def largest_that_holds(holds: Callable[[int], bool], low: int, high: int, near: int | None = None) -> int:
-    """Return the largest count from `low` to `high` that holds; `low` holds, and above a failing count all fail.
+    """Return the largest count from `low` to `high` for which `holds`, true at `low`, is true; it changes at most once.
 
     Steps from `near`, up where that holds and else down, double until a count answers otherwise, and then halve: the
     work grows with the square of a count or faster. A guess is often off by one or two: the first two steps from it are

@@ -1,4 +1,4 @@
-"""The pad of a plan as a body that its ON taxels shake: on its mount, with the signs that keep it still.
+"""Recoil of a plan's pad: a rigid body on its mount that ON taxels shake, and the signs of motion that balance it.
 
 Counted are the working modes of all taxels, and the six motions of the pad with everything that is fastened to it. A
 pad that lies loose is taken as free: the stiffness of skin, foam or feet counts where the mount gives it. It is then an
@@ -51,14 +51,14 @@ BASES_G = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0)
 
 
 class HeardImages(NamedTuple):
-    """For each image: smallest ON amplitude over the planned, largest OFF amplitude over that taxel's when ON."""
+    """Smallest ON and largest OFF amplitude of each image, each over the same taxel's planned amplitude when ON."""
 
     on: np.ndarray
     off: np.ndarray
 
     @property
     def db(self) -> np.ndarray:
-        """ON over OFF in dB; infinite where nothing is heard."""
+        """ON over OFF in dB of each image; infinite where no OFF taxel moves."""
         with np.errstate(divide="ignore"):
             return np.asarray(20 * np.log10(self.on / self.off))
 
@@ -91,7 +91,7 @@ class ShakenPad:
         self.leak = leaked_energy(plan)[1, channel_of]
 
     def _whole(self) -> RigidBody:
-        """Return everything on the mount as one body."""
+        """Return pad, washers, tray, coils, screws and any base plate as one rigid body."""
         base_kg = (self.mount.base_mass_g or 0.0) * GRAM
         if not base_kg:
             return self.masses.whole
@@ -102,7 +102,7 @@ class ShakenPad:
 
     @property
     def half_m(self) -> tuple[float, float]:
-        """Half the pad's outline along x and y."""
+        """Half the width and half the depth in m of the pad's outline, border included."""
         pad = self.plan.spec.pad
         return (pad.width_mm / 2 + pad.border_mm) * MM, (pad.depth_mm / 2 + pad.border_mm) * MM
 
@@ -133,7 +133,7 @@ class ShakenPad:
 
     @cached_property
     def shaken(self) -> list[MovingPad]:
-        """The moving pad at each tone."""
+        """The coupled model of rigid pad and taxels at the frequency of each tone."""
         return [MovingPad(self.base, self.taxels, float(hz)) for hz in self.hz]
 
     def force(self, tone: int, driven: np.ndarray) -> np.ndarray:
@@ -148,7 +148,7 @@ class ShakenPad:
         return np.asarray(self.pull * coils[..., self.coil_of])
 
     def signs(self, levels: np.ndarray, kept: np.ndarray | None = None, turn: float | None = None) -> np.ndarray:
-        """Return balancing signs (n,) for the ON taxels of an image of `levels` (n,), 0 for the others.
+        """Return signs (n,) for taxels of an image of `levels` (n,) with which their recoils cancel best; 0 for OFF.
 
         Those of one tone balance each other in what its taxels hear of the pad. Signs that are `kept` (n,), not 0, stay
         where their taxels are ON and others would not help enough (`padgen.physics.recoil.balanced_signs`).
@@ -163,7 +163,7 @@ class ShakenPad:
 
     @cached_property
     def heard(self) -> list[np.ndarray]:
-        """For each tone, the matrix that gives how the pad shakes its taxels (`MovingPad.listening_matrix`)."""
+        """For each tone, the matrix from the driven taxels' momentum to the motion that the pad gives its taxels."""
         channels = [self.channel_of[np.argmax(self.tone_of == tone)] for tone in range(len(self.hz))]
         heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
         return [shaken.listening_matrix(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
@@ -198,7 +198,7 @@ class ShakenPad:
         return HeardImages(np.where(shown != 0, on, np.inf).min(-1), off)
 
     def _coil_mates(self, taxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return all pairs (m,) of an index into `taxels` (i,) and a taxel over that one's coil, itself included."""
+        """Return all pairs (m,) of taxels over one coil: the first's index in `taxels` (i,), the second's number."""
         by_coil = np.argsort(self.coil_of, kind="stable")
         sorted_coils = self.coil_of[by_coil]
         begin, end = (np.searchsorted(sorted_coils, self.coil_of[taxels], side) for side in ("left", "right"))
@@ -231,7 +231,7 @@ def chance_images(count: int, images: int, seed: int = 33) -> np.ndarray:
 
 
 def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES) -> Recoil:
-    """Return the recoil of a plan's pad in the worst of random images: in step, apart, and with balancing signs.
+    """Return the pad's recoil in the worst of random images: by the drive table, re-tuned, and with balancing signs.
 
     The pad is on the `mount`, by default that of the plan's spec.
     """
@@ -250,7 +250,7 @@ def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES
 
 
 def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
-    """Return the recoil of a plan's pad, driven in step by the planned table, or with every taxel re-tuned."""
+    """Return the recoil of a plan's pad, and the lightest base plate on which `prints` keep the asked selectivity."""
     pad = ShakenPad(plan)
     known = _recoil_without_signs(pad, IMAGES)
     planned = replace(plan, prints=prints, recoil=known)
@@ -280,7 +280,7 @@ def recoil_energy(plan: Plan) -> float:
 
 
 def recoil_findings(plan: Plan) -> Iterator[Finding]:
-    """Yield a warning where the spec says how the pad is held, and recoil leaves less than is asked."""
+    """Yield a warning if the spec says how the pad is held and recoil leaves less selectivity than is asked."""
     recoil = plan.recoil
     left_db = moving_pad_db(plan)
     asked_db = plan.selectivity.asked_db
@@ -342,7 +342,7 @@ def _with_base(
     heard_db: Callable[[ShakenPad], float | None],
     as_it_is_db: float | None,
 ) -> Recoil:
-    """Return `known` with the lightest tried base plate whose `heard_db` satisfies `keeps`, if any does."""
+    """Return `known` with the lightest tried base plate whose ON over OFF in dB satisfies `keeps`, if there is one."""
     if keeps(as_it_is_db):
         return replace(known, base_g=0.0, based_db=as_it_is_db)
     for tried_g in BASES_G:

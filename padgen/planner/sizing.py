@@ -137,7 +137,7 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
 
 
 def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz: np.ndarray) -> list[_Option]:
-    """Return one of each channel's `options`, exchanged in rounds until they are as selective as the targets.
+    """Return one of the printable `options` for each channel, so that together they are as selective as the targets.
 
     Each begins with the beam nearest to its target. One channel at a time then takes better beams, until the all-state
     selectivity reaches that of the targets.
@@ -186,7 +186,7 @@ class SizedChannel:
 
 
 def frequency_spread(beam: BeamShape, spread: Spread, exponents: Exponents = STRAIGHT) -> np.ndarray:
-    """Return the relative sigma of f by a calibrated printer, for ``f ∝ w^a t^b l^c`` with `exponents` (a, b, c)."""
+    """Return the relative sigma of ``f ∝ w^a t^b l^c``, `exponents` (a, b, c), over prints of a calibrated printer."""
     sigmas = spread.width_mm, hypot(spread.common_z_mm, spread.bed_field_mm, spread.thickness_mm), spread.length_mm
     terms = zip(exponents, sigmas, beam, strict=True)
     square = sum((power * sigma / np.asarray(size)) ** 2 for power, sigma, size in terms)
@@ -340,13 +340,13 @@ def _grid(spec: Spec, topology: str, room: Room) -> tuple[np.ndarray, np.ndarray
 
 
 def _on_grid(spec: Spec, topology: str, thickness: np.ndarray, length: np.ndarray, width: np.ndarray) -> TaxelModel:
-    """Return the model of a grid (T, L, W) of beams."""
+    """Return the beam model of taxels for all combinations (T, L, W) of thicknesses, lengths and widths in mm."""
     thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij", sparse=True)
     return TaxelModel(spec, topology, plate_shape(spec), BeamShape(wide, thick, long))
 
 
 def _grid_hz(model: TaxelModel) -> np.ndarray:
-    """Return the resonances (T, L, W) in Hz of a grid of beams; nan for shapes that are no beam."""
+    """Return the resonances (T, L, W) in Hz of a grid of beams; nan for beams shorter than their thickness."""
     # A piece shorter than its thickness is no beam.
     is_beam = model.beam.length_mm >= model.beam.thickness_mm
     return np.where(is_beam, np.maximum.accumulate(model.resonance_hz, axis=-1), np.nan)
@@ -354,7 +354,7 @@ def _grid_hz(model: TaxelModel) -> np.ndarray:
 
 @lru_cache(maxsize=1024)
 def _bent_corners_hz(spec: Spec, topology: str, room: Room, changes: int) -> tuple[float, float] | None:
-    """Return the lowest and highest resonance in Hz at a grid's corners; None for straight beams or without any."""
+    """Return the lowest and highest resonance in Hz at the corners of a grid of bent beams; None without such beams."""
     grid = _grid(spec, topology, room)
     if grid is None:
         return None
@@ -411,7 +411,7 @@ _STEPS = ("width", "width+thickness", "width+length", "width+thickness+length")
 
 
 def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[list[Pick]]:
-    """Yield choices of a beam for each channel: with fewest differing dimensions first, then with smallest spread."""
+    """Yield candidate sets of one beam per channel: fewest differing dimensions first, then smallest spread of f."""
     widths = [item.widths_for(targets) for item in reaches]
     tables = [(item, width, item.spread(width, spec)) for item, width in zip(reaches, widths, strict=True)]
     allowed = set(spec.suspension.tune.split("+"))
@@ -429,7 +429,7 @@ def _choices(spec: Spec, reaches: list[Reach], targets: np.ndarray) -> Iterator[
 
 
 def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> list[tuple[float, list[Pick]]]:
-    """Return one topology's best choices that differ only in dimensions of `step`, each with its worst spread."""
+    """Return a suspension's best sets of beams that differ only in dimensions of `step`, each with its worst spread."""
     # For each value of the dimensions that all channels share, every channel takes its best value of the others.
     free = [axis for axis, name in ((1, "thickness"), (2, "length")) if name in step]
     best = spread.min(axis=tuple(free), keepdims=True) if free else spread
@@ -448,7 +448,7 @@ def _ranked(step: str, item: Reach, width: np.ndarray, spread: np.ndarray) -> li
 
 
 def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[Pick]]:
-    """Yield one choice in which every channel takes its topology with the smallest spread, if all can be reached."""
+    """Yield the set of beams in which each channel takes the suspension of smallest spread of f, if all are reached."""
     picks: list[Pick] = []
     for i in range(len(tables[0][1])):
         item, width, spread = min(tables, key=lambda table: float(table[2][i].min()))
@@ -462,7 +462,7 @@ def _mixed(tables: list[tuple[Reach, np.ndarray, np.ndarray]]) -> Iterator[list[
 def _solved(
     spec: Spec, choices: Iterator[list[Pick]], targets: np.ndarray
 ) -> Iterator[tuple[SizedChannel, ...] | None]:
-    """Yield the printable beams of each choice; None where a target is not reached or two channels would be the same.
+    """Yield the printable beams of each candidate set; None if a resonance is missed or two channels would coincide.
 
     The first choice usually works. The others are computed several at a time, which is faster, unless the printer's
     steps are coarse: then each beam takes a search of its own.
@@ -489,7 +489,7 @@ def _solved(
 
 
 def _ideal_beams(spec: Spec, choices: list[list[Pick]], targets: np.ndarray) -> list[list[IdealBeam]]:
-    """Return the beams of each choice with widths solved for its targets; an empty list where one is not reached.
+    """Return each candidate set's beams with the widths that give the targets; an empty list if one is not reached.
 
     The beams of one topology are solved together, which is faster.
     """
@@ -569,7 +569,7 @@ def _has_doubled_mode(spec: Spec, model: TaxelModel) -> bool:
 
 
 def crowded_modes(spec: Spec, channels: tuple[SizedChannel, ...]) -> list[tuple[int, float, int, float]]:
-    """Return the modes that lie on another channel: (channel, its mode in Hz, the other channel, response).
+    """Return modes that another channel's tone excites: (channel, its mode in Hz, other channel, relative amplitude).
 
     A mode lies on a channel if it is in that channel's slot and that channel's force moves it by more than 1/Δy of the
     taxel's own ON amplitude. The response is this ratio at the mode's peak. Modes that a vertical pull at the washer

@@ -77,7 +77,7 @@ STEP = 1e-3
 
 
 def plate_shape(spec: Spec) -> PlateShape:
-    """Return the plate's sizes: the spec's, else the largest of the boss, and recess or ballast with their walls."""
+    """Return the plate's size: the spec's, else the least that holds the boss, and recess or ballast with walls."""
     walls = 2 * spec.printer.line_width_mm
     recess = recess_mm(spec)[0]
     boss = spec.contact_diameter_mm if spec.pin_share is None else 0.0
@@ -93,7 +93,7 @@ def plate_shape(spec: Spec) -> PlateShape:
 
 
 def shortest_mm(spec: Spec, topology: str) -> float:
-    """Return the length in mm of the shortest beam that suits plate and pin and that the printer lays as drawn."""
+    """Return the least beam length in mm that has room for plate and pin and that the printer lays as drawn."""
     least = suspension(topology).shortest(plate_shape(spec), spec.printer.smallest_gap_mm)
     if spec.pin_share is None:
         return max(least, spec.printer.shortest_beam_mm)
@@ -103,7 +103,7 @@ def shortest_mm(spec: Spec, topology: str) -> float:
 
 
 def narrowest_mm(spec: Spec) -> float:
-    """Return the width in mm of the narrowest beam: the printer's, or that of the pin that stands on it."""
+    """Return the least beam width in mm: the printer's or, if larger, the diameter of a pin that stands on the beam."""
     if spec.pin_share is None:
         return spec.printer.smallest_beam_mm
     return max(spec.printer.smallest_beam_mm, spec.contact_diameter_mm)
@@ -133,7 +133,7 @@ def recess_mm(spec: Spec) -> tuple[float, float]:
 
 
 def open_recess_mm(spec: Spec) -> tuple[float, float]:
-    """Return diameter and depth in mm of the hollow in the plate's underside, with ballast but without mover.
+    """Return diameter and depth in mm of the hollow in the plate's underside that ballast, without mover, leaves open.
 
     It is the recess; ballast that is wider than the recess leaves its pocket open below it.
     """
@@ -195,7 +195,7 @@ def foot_fillet_mm(spec: Spec, beam_width_mm: float) -> float:
 
 
 def _rigid_top_mm(spec: Spec) -> float:
-    """Return the height in mm from the bed of a flat top with the contactor's mass: lower than that of a dome.
+    """Return the height in mm over the bed of a flat-topped contactor of equal mass, lower than the top of a dome.
 
     The top of a dome lies d/6 above that of the cylinder.
     """
@@ -217,7 +217,7 @@ def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[Taxe
 
 
 class EndRatios(NamedTuple):
-    """Factors on the compliance of a beam's ends: its root, its tip, and the wall or crossbar and the yoke there."""
+    """Factors on the end compliances of a beam: of root, tip, wall or crossbar that holds the tip, and yoke."""
 
     root: float = 1.0
     tip: float = 1.0
@@ -225,7 +225,7 @@ class EndRatios(NamedTuple):
     yoke: float = 1.0
 
     def scaled(self, ends: EndCompliance) -> EndCompliance:
-        """Return ends with these factors on their compliance up and down."""
+        """Return `ends` with their compliances in vertical bending multiplied by these factors."""
         mount = self.mount * ends.mount
         return ends._replace(
             root=self.root * ends.root,
@@ -252,7 +252,7 @@ class ContactMotion(NamedTuple):
 
 
 class Push1N(NamedTuple):
-    """Way down in m and largest stress in Pa of the beams, without notches, per N of a push on a contactor."""
+    """Downward travel in m/N of a contactor under a push, and largest nominal bending stress in Pa/N of the beams."""
 
     way_m: float
     stress_pa: float
@@ -279,14 +279,14 @@ class TaxelModel:
 
     @cached_property
     def arrangement(self) -> Arrangement:
-        """Beams, blocks and window of the taxel, in mm."""
+        """Geometry of the taxel in mm: beams, moving blocks, and the opening in the frame."""
         return suspension(self.topology).arrange(
             self.plate, BeamShape(*(np.asarray(v, float) for v in self.beam)), self.spec.printer.smallest_gap_mm
         )
 
     @property
     def plastic_share(self) -> Any:
-        """Plastic in the printed plate and boss over that drawn: 1 here, where nothing is known of a print."""
+        """Mass of the plastic in plate and boss over the drawn mass: 1 here, where no actual print is modelled."""
         return 1.0
 
     @cached_property
@@ -360,7 +360,7 @@ class TaxelModel:
 
     @cached_property
     def contact(self) -> ContactMotion:
-        """Motion of one taxel's contactor with its mover, and under a push."""
+        """Motion of one taxel's contactor: over the mover's in the working mode, and under a static push."""
         modes = self.modes
         angular = 2 * np.pi * modes.frequency_hz
         vertical = modes.at_point(self.washer_point_m)[..., 2, :]
@@ -410,7 +410,7 @@ class TaxelModel:
 
     @cached_property
     def pushes(self) -> tuple[Push1N, Push1N]:
-        """Way and stress per N of a push on one taxel's contactor: with free mover, and once it rests on the coil."""
+        """Travel and beam stress per N of push on one contactor: with free mover, and once it rests on the coil."""
         modes = self.modes
         angular = 2 * np.pi * modes.frequency_hz
         foot, local = self._foot_motion
@@ -620,7 +620,7 @@ class TaxelModel:
 
     @cached_property
     def contact_errors(self) -> tuple[float, float]:
-        """Relative errors within which one taxel's lever (or sway), and its stiffness under a push, most likely lie."""
+        """Likely relative errors of one contactor's motion over the mover's, and of its stiffness under a push."""
         if self.spec.pin_share is None:
             return RIGID_LEVER, STATIC * float(self.error_estimate)
         contact = self.contact
@@ -634,7 +634,7 @@ class TaxelModel:
 
     @property
     def _uncertain_ends(self) -> list[EndRatios]:
-        """End compliances, each in turn larger by its uncertainty, on which a pin's lever and stiffness depend."""
+        """Variants of the beams' end compliances, one raised by its uncertainty at a time, for a pin's errors."""
         mount = "crossbar" if self.arrangement.yoke else "mount"
         return [
             EndRatios(root=1 + UNCERTAINTY["root"]),
@@ -715,12 +715,12 @@ class SolvedModel(TaxelModel):
 
     @property
     def sag_error(self) -> np.ndarray:
-        """Relative error within which the sag most likely lies: the beam model's, less what the stiffness corrects."""
+        """Relative error within which the sag most likely lies, by the beam model and the solved stiffness."""
         return self.beam_model.sag_error + STATIC * (self.solver_error - float(self.beam_model.error_estimate))
 
     @property
     def stress_error(self) -> float:
-        """Relative error within which the stress most likely lies: the beam model's shape, the solved stiffness."""
+        """Relative error within which the stress most likely lies, from beam-model shape and solved stiffness."""
         beam = self.beam_model
         return beam.stress_error + 2 * (self.solver_error - float(beam.error_estimate))
 
@@ -745,12 +745,12 @@ class SolvedModel(TaxelModel):
 
     @cached_property
     def contact_errors(self) -> tuple[float, float]:
-        """Relative errors of lever and stiffness, those of the beam model, which gives the beam's shape."""
+        """Relative errors of the contactor's lever and of its stiffness, taken from the beam model."""
         return self.beam_model.contact_errors
 
     @property
     def pushes(self) -> tuple[Push1N, Push1N]:
-        """Way and stress per N of a push on the contactor, by the beam model."""
+        """Travel in m and beam stress in Pa per N of a push on the contactor, by the beam model."""
         return self.beam_model.pushes
 
     @property
@@ -764,5 +764,5 @@ def solved_model(model: TaxelModel, solved: TaxelModes, solver_error: float) -> 
 
 
 def asked_error(spec: Spec) -> float:
-    """Return the relative error within which a solid's resonance must be known to count as tuned."""
+    """Return the largest relative error of a finite-element resonance with which beams count as tuned to it."""
     return min(FINEST, spec.model.tolerance)

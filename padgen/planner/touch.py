@@ -1,4 +1,4 @@
-"""Work out what a finger on the taxels does, and what it feels of them.
+"""Compute how skin changes resonances, Q and selectivity, and how far taxels vibrate above the threshold of feeling.
 
 Skin is one of the models of `padgen.physics.contact` with the catalogue's data, all provisional. What is felt is of
 untouched taxels that reach their planned levels, against `padgen.planner.thresholds`.
@@ -44,7 +44,7 @@ SKIN_MODEL = "half-space"
 
 @cache
 def skin_contact(site: str, which: str) -> Contact:
-    """Return the skin of 'fingertip' or 'palm', 'low', 'typical' or 'high', by the catalogue."""
+    """Return the catalogue's contact model of 'low', 'typical' or 'high' skin at `site`, 'fingertip' or 'palm'."""
     contact: Contact = CONTACTS.get(SKIN_MODEL).made_of(catalogue("skin")[f"{site}-{which}"])
     return contact
 
@@ -64,7 +64,7 @@ def _site(spec: Spec) -> str:
 
 
 def skin_spreads(spec: Spec) -> dict[str, tuple[float, float]]:
-    """Return the sigmas of ln of each figure of skin between people, below and above the typical one."""
+    """Return the spread of each skin property between people: sigmas of its logarithm below and above the typical."""
     people = spec.touch.people
     site = _site(spec)
     if site == "own":
@@ -79,7 +79,7 @@ def skin_spreads(spec: Spec) -> dict[str, tuple[float, float]]:
 
 
 def contact_of(spec: Spec, which: str = "typical", factors: Mapping[str, np.ndarray] | None = None) -> Contact:
-    """Return the contact that a spec plans for: its 'low', 'typical' or 'high' skin.
+    """Return the model of the skin (or the user's own contact) that a spec names: its 'low', 'typical' or 'high' one.
 
     With `factors`, figures of skin are multiplied by them. A spec without a contact is judged by fingertips.
     """
@@ -100,14 +100,14 @@ def contact_of(spec: Spec, which: str = "typical", factors: Mapping[str, np.ndar
 
 
 def contactor_of(spec: Spec) -> Contactor:
-    """Return the contactor, taken as flat: radius, guard's hole round it, and how far it presses the skin in."""
+    """Return the flat disc that meets the skin: radius in m, guard's hole over that, indentation of the skin in m."""
     diameter_mm = spec.contact_diameter_mm
     hole_ratio = spec.guard_hole_mm / diameter_mm if spec.guard_height_mm else inf
     return Contactor(diameter_mm / 2 * MM, hole_ratio, indentation_mm(spec) * MM)
 
 
 def indentation_mm(spec: Spec) -> float:
-    """Return the skin's indentation in mm by a contactor at rest: the spec's, else the height above the guard.
+    """Return how deep in mm a boss or pin at rest presses the skin in: as in the spec, else its height over the guard.
 
     The height counts up to `MOST_PRESSED_MM`. The indentation is 0 without a touch, or with neither of them.
     """
@@ -123,7 +123,7 @@ MOST_PRESSED_MM = 0.5
 
 
 def lever_of(spec: Spec, channels: Sequence[Channel]) -> np.ndarray:
-    """Return the lever (n,) through which skin loads each channel's mover: that of its pin, sideways motion included.
+    """Return ratios (n,), by channel, of the pin's effective motion against skin to the motion of the washer or magnet.
 
     It is 1 where the spec plans for no contact: what untouched pads say of fingers is of bosses that move straight up.
     """
@@ -137,7 +137,7 @@ MOST_CHANNELS = 32
 
 
 def skin_figures(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> Iterator[Touched]:
-    """Yield the figures of the pad with every taxel under low, typical and high skin, driven as planned.
+    """Yield resonances, Q and selectivity with low, typical and high skin on every taxel, at the tones of bare taxels.
 
     Only the taxels' own modes and one coil are counted.
     """
@@ -162,7 +162,7 @@ def _loaded(spec: Spec, contact: Contact, channels: Sequence[Channel]) -> Loaded
 
 
 def _kept_db(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme, skin: Contact) -> float | None:
-    """Return the smallest ON over the largest OFF level in dB of a touched coil in all states.
+    """Return the selectivity in dB of a touched coil: smallest ON over largest OFF level, over all its on/off states.
 
     None for a single channel, or for more than `MOST_CHANNELS`.
     """
@@ -189,14 +189,14 @@ HALVINGS = 40
 
 
 def _burden(skin: Contact, contactor: Contactor, hz: float, stiffness: float) -> float:
-    """Return how much skin loads a taxel: above 1 the resonance rises by over 5 %, or Q falls below 8."""
+    """Return skin's load on a taxel over the tolerable load: above 1, f rises by over 5 % or Q falls below 8."""
     added = skin.impedance(hz, contactor)
     stiffens = float(added.stiffness) / stiffness / STIFFENED
     return max(stiffens, 2 * pi * hz * float(added.damping) * KEPT_Q / stiffness)
 
 
 def _largest(low: float, high: float, holds: Callable[[float], bool]) -> float:
-    """Return the largest value from `low` to `high` up to which something holds; `high` where it always does."""
+    """Return the largest value from `low` to `high` for which `holds` returns true, found by bisection."""
     if holds(high):
         return high
     for _ in range(HALVINGS):
@@ -206,7 +206,7 @@ def _largest(low: float, high: float, holds: Callable[[float], bool]) -> float:
 
 
 def judge_touch(plan: Plan) -> Iterator[Finding]:
-    """Yield a note where typical skin stiffens or damps a taxel too much, with changes that can be made and help.
+    """Yield a note if typical skin stiffens or damps a taxel too much, with the contact width, mass or Hz that helps.
 
     A pad that is planned under a contact is judged by what it keeps there.
     """
@@ -303,7 +303,7 @@ MARGIN_DB = 0.1
 
 
 def judge_felt(plan: Plan) -> Iterator[Finding]:
-    """Warn of ON taxels that are not felt, and of OFF taxels that are, with levels that may mend it.
+    """Yield warnings of ON taxels too faint to be felt, and of OFF taxels that are felt, with levels that may help.
 
     Where the spec has a threshold of its own, `level.threshold` tells of the first.
     """
@@ -345,7 +345,7 @@ def _or_silent(db: float | None) -> float:
 
 
 def _louder(plan: Plan, below_db: float) -> Iterator[dict[str, float | str]]:
-    """Yield changes of the spec by which every ON taxel would be felt: equal sensation, then a higher level of all."""
+    """Yield spec changes by which every ON taxel would be felt: levels of equal sensation, or more level for all."""
     level_um = plan.spec.drive.level_um
     lowest_um = plan.felt.threshold_um[0] * 10 ** ((plan.channels[0].level_loss_db + MARGIN_DB) / 20)
     equal: dict[str, float | str] = {"drive.level_law": SENSATION}

@@ -1,4 +1,4 @@
-"""Search mover, ballast, suspension, pin and resonances of a pad under touch, where its spec leaves them open.
+"""Search the washer or magnet, ballast, suspension, pin and resonances that the spec of a pad under touch leaves open.
 
 What decides is moving mass over the skin that a pin puts on it. The search climbs from a start that is known to be
 good, one part after the other to its next values and around again, while more is kept: within the limits of coils, with
@@ -38,7 +38,7 @@ FELT_DB = 0.5
 
 
 class TouchTrial(NamedTuple):
-    """Figures of a decided spec: dB kept under touch, heat of all coils in W, and the level of the drive in µm."""
+    """Result of planning a candidate spec under touch: selectivity in dB, heat of all coils in W, drive level in µm."""
 
     kept_db: float
     heat_w: float
@@ -47,7 +47,7 @@ class TouchTrial(NamedTuple):
 
 
 class _TouchParts(NamedTuple):
-    """One combination of what is searched: mover, ballast, suspension, pin's place, resonances, and coil grid."""
+    """A candidate of the search: pin's place, resonances, ballast, coil grid, washer or magnet, and suspension."""
 
     place: float | str
     ratio: float
@@ -62,7 +62,7 @@ START = _TouchParts(0.45, 2.5, "steel-rod-4x2", 150.0, False, "disc-4x2", "serpe
 
 
 def decided_under_touch(spec: Spec, tried: Callable[[Spec, float], TouchTrial]) -> Spec:
-    """Return `spec` with what `touch.search` leaves open chosen by trials, or `spec` itself if nothing is open.
+    """Return `spec` with the parts that `touch.search` names chosen by trial plans, or `spec` itself if it names none.
 
     `tried` returns what a decided spec keeps with its faintest channel so many dB above what is just felt, and raises
     `PadgenError` where no pad can be laid out.
@@ -133,30 +133,37 @@ WIDE_HZ = 450.0
 
 
 def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], TouchTrial]) -> InfeasibleError:
-    """Return the refusal of a spec without a pad; its cure is a wider pad or band in which a first try works."""
+    """Return the error that `spec` has no pad, with a wider pad or band as cure if a first trial works there."""
     is_open = frozenset(spec.touch.search.split("+"))
 
-    def works_at(change: Cure, place: float | str) -> bool:
-        """Return whether a first try works in the spec changed by `change`, with pins at `place`."""
+    def is_within_limits(change: Cure, place: float | str) -> bool | None:
+        """Return whether a first try with pins at `place` keeps all limits; None where it cannot be laid out."""
         try:
             changed = varied(spec, change)
             parts = START._replace(mover=_movers(is_open)[0], place=place)
             return tried(_decided(changed, parts, is_open), FELT_DB).within_limits
         except PadgenError:
-            return False
+            return None
 
-    def works(change: Cure) -> bool:
-        return any(works_at(change, place) for place in COOL_PLACES)
+    def first_that_works(changes: list[Cure]) -> Cure | None:
+        """Return the first of `changes`, in rising order, that works; none after one with room, as it gets hotter."""
+        for change in changes:
+            within = [is_within_limits(change, place) for place in COOL_PLACES]
+            if True in within:
+                return change
+            if False in within:
+                return None
+        return None
 
     low, high = spec.band_hz
     pad = spec.pad
     wider: list[Cure] = [
         {f"pad.{side}_mm": round(getattr(pad, f"{side}_mm") * more, 1) for side in SIDES} for more in WIDER
     ]
-    wide_band: Cure = {"band_hz": [low, WIDE_HZ]}
-    cure = _first_between(wider, works)
+    cure = first_that_works(wider)
     if cure is None and high < WIDE_HZ:
-        cure = _first_between([wide_band, *(wide_band | sides for sides in wider)], works)
+        wide_band: Cure = {"band_hz": [low, WIDE_HZ]}
+        cure = first_that_works([wide_band, *(wide_band | sides for sides in wider)])
     searched = spec.touch.search.replace("+", ", ")
     contact = spec.touch.contact
     under = "its own contact" if contact == "own" else f"a {contact}"
@@ -168,20 +175,8 @@ def _nothing_found(spec: Spec, why: PadgenError, tried: Callable[[Spec, float], 
     return InfeasibleError(message, "touch", [] if cure is None else [cure])
 
 
-def _first_between(changes: list[Cure], works: Callable[[Cure], bool]) -> Cure | None:
-    """Return the first of `changes`, in rising order, that works; None if neither the first nor the last does.
-
-    What lies between two that fail is not worth its time.
-    """
-    if works(changes[0]):
-        return changes[0]
-    if not works(changes[-1]):
-        return None
-    return next((change for change in changes[1:-1] if works(change)), changes[-1])
-
-
 def _scored(decided: Spec, trial: TouchTrial) -> tuple[tuple[bool, float], Spec | None]:
-    """Return a decided spec's score, and the spec with the level that it needs; `NO_PAD` where nothing is kept."""
+    """Return a tried spec's score, and that spec at the drive level it needs; `NO_PAD` where its dB are not finite."""
     if not isfinite(trial.kept_db):
         return NO_PAD
     # Out of bounds, what takes less heat is nearer to being within.
@@ -190,7 +185,7 @@ def _scored(decided: Spec, trial: TouchTrial) -> tuple[tuple[bool, float], Spec 
 
 
 def _movers(is_open: frozenset[str]) -> tuple[str, ...]:
-    """Return the movers that are tried: those of one kind where only this kind is searched, one where none is."""
+    """Return names of the washers and magnets to try: all, those of the kind in `is_open`, or one if none is open."""
     if "mover" in is_open:
         return MOVERS
     return tuple(name for name in MOVERS if _kind(name) in is_open) or MOVERS[:1]
@@ -208,7 +203,7 @@ IN_ORDER = ("ratio", "ballast", "start_hz", "place")
 def _climbed(
     parts: _TouchParts, name: str, values: tuple[Any, ...], score: Callable[[_TouchParts], tuple[bool, float]]
 ) -> _TouchParts:
-    """Return the choice with part `name` improved: step by step if its values have an order, else the best of all."""
+    """Return `parts` with a better value of `name`: by single steps if values are ordered, else the best of all."""
     while True:
         best = max([parts, *(parts._replace(**{name: value}) for value in _next(name, values, parts))], key=score)
         if best == parts or name not in IN_ORDER:
@@ -225,7 +220,7 @@ def _next(name: str, values: tuple[Any, ...], parts: _TouchParts) -> tuple[Any, 
 
 
 def _decided(spec: Spec, parts: _TouchParts, is_open: frozenset[str]) -> Spec:
-    """Return the spec with one choice of parts: two channels a coil, and alternating sets if it has several coils."""
+    """Return the spec with a candidate's parts: two channels a coil, and other resonances on neighbouring coils."""
     change: Cure = {"touch.search": "none"}
     kind = spec.mover.kind
     if not is_open.isdisjoint(OF_MOVER):
@@ -261,7 +256,7 @@ def _kind(mover: str) -> str:
 
 
 def _plate(spec: Spec, parts: _TouchParts, is_open: frozenset[str]) -> Cure:
-    """Return plate and frame thicknesses that have room for mover and ballast; empty where the spec's suffice."""
+    """Return spec changes that make plate and frame thick enough for washer or magnet and ballast, if needed."""
     printer = spec.printer
     name = parts.ballast if "ballast" in is_open else None
     height_mm = catalogue("ballast")[name]["height_mm"] if name else 0.0

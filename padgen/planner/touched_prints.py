@@ -1,4 +1,4 @@
-"""Plan a pad under the finger or palm that its spec names: tones, levels, and what prints keep under drawn skins.
+"""Plan a pad for the finger or palm that its spec names: tones, levels, and what prints keep under random skins.
 
 Skin is part of every taxel: at each frequency it adds a spring, a damper and a mass to the bare taxel's own. Tones are
 at the resonances under typical skin, with forces that give the taxels their levels there, or stay at those of the bare
@@ -80,7 +80,7 @@ between them are off by 1e-6 at most."""
 
 
 def touched_channels(spec: Spec, planned: Sequence[Channel], contact: Contact | None = None) -> tuple[Channel, ...]:
-    """Return channels under a contact, by default typical skin: touched resonances and Q, forces for their levels.
+    """Return the channels as `contact` (default: typical skin) loads them: resonance, Q, and the force for each level.
 
     Stiffness, mass, resonance and Q are those of the touched taxels, and forces and lines those that give them their
     levels by the level law. The working mode moves with them; other modes stay.
@@ -131,7 +131,7 @@ def touched_plan(plan: Plan) -> Plan:
 
 
 class Fingers(NamedTuple):
-    """Simulated pads (p,) under random skins: ON over OFF of the worst coil, and the weakest ON taxel, as energies.
+    """Simulated pads (p,) under random skins: squared ON over OFF of the worst coil, squared least level of ON taxels.
 
     The second is over that taxel's planned level. The first is inf where nothing moves OFF taxels.
     """
@@ -144,7 +144,7 @@ class Fingers(NamedTuple):
         return _reached_db(self.ratio, share) if np.isfinite(self.ratio).all() else None
 
     def errors(self, need: float, share: float) -> tuple[float, float]:
-        """Return half the 95 % intervals: of the share of pads that keep the energy ratio `need`, and of the dB."""
+        """Return half-widths of 95 % intervals: of the share of pads with a squared ratio of `need`, and of the dB."""
         good = float((self.ratio >= need).mean())
         kept_db, _ = rising_db(np.minimum(self.ratio, np.finfo(float).max), share)
         return share_error(good, len(self.ratio)), quantile_error(kept_db, share)
@@ -164,7 +164,7 @@ def _reached_db(energy: np.ndarray, share: float) -> float:
 
 
 class _Beside(NamedTuple):
-    """Energies (n,) that leakage, other modes and recoil add to OFF taxels, over that of their ON state.
+    """Squared amplitudes (n,) that leakage, other modes and recoil add to OFF taxels, over those of the taxels when ON.
 
     `leaks` (2, n) are of the coils around, driven by the table and re-tuned; `modes` is by their other modes, and
     `recoil`, one number for all channels, by the motion of the pad.
@@ -176,7 +176,7 @@ class _Beside(NamedTuple):
 
 
 def _added_energies(plan: Plan, tones: str) -> _Beside:
-    """Return the energies that leakage, other modes and recoil add to OFF taxels, driven by `tones` (of `TONES`)."""
+    """Return what leakage, other modes and recoil add to OFF taxels' squared amplitude, under one kind of `TONES`."""
     played = touched_plan(plan).channels if tones == TONES[0] else plan.channels
     modes = np.zeros(len(plan.channels))
     for own_set, played_set in zip(plan.sets, channel_sets(played, plan.spec.coil.sets), strict=True):
@@ -206,7 +206,7 @@ def touched_pads(
     as_drawn: str = "",
     drift: Drift | None = None,
 ) -> Fingers:
-    """Simulate `pads` prints under random skins, the same at every call, driven by `tones` (one of `TONES`).
+    """Simulate `pads` prints under reproducibly random skins, driven by `tones` (of `TONES`); return what they keep.
 
     Where they are `retuned`, every bare taxel's resonance is measured and its tone moved; else tones and forces are the
     plan's. Where they are `as_drawn`, they are as planned, and all skin is that, 'low', 'typical' or 'high'. With a
@@ -277,7 +277,7 @@ class _Skin:
         self.pressed_mm = np.maximum(pressed, 0.0)
 
     def of(self, taxels: np.ndarray) -> tuple[Contact, Contactor]:
-        """Return the contact on the taxels of an index array, with figures (*taxels.shape, pads)."""
+        """Return contact model and contact disc of taxels by their indices, with parameters (*taxels.shape, pads)."""
         if self.as_drawn:
             return contact_of(self.spec, self.as_drawn), contactor_of(self.spec)
         z = self.people[:, taxels]
@@ -290,7 +290,7 @@ class _Skin:
 
 
 class _TouchedCoil:
-    """Coils of the same channels on a block of printed pads; arrays are (channels, coils, pads)."""
+    """All coils with the same set of channels, on a block of simulated touched pads; arrays (channels, coils, pads)."""
 
     def __init__(
         self,
@@ -325,7 +325,7 @@ class _TouchedCoil:
     def energies(
         self, skin: _Skin, tones: str, known: np.ndarray, known_pull: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the energies of ON taxels, and of OFF ones in their worst state, over that of their planned level.
+        """Return squared amplitudes of ON taxels, and of OFF ones in the worst state, over those at planned levels.
 
         `known` and `known_pull` (taxels, pads) are the logarithms of resonance and pull that the tones follow.
         """
@@ -349,7 +349,7 @@ class _TouchedCoil:
         return on, off
 
     def _played(self, tones: str, known: np.ndarray, known_pull: np.ndarray) -> tuple[Channels, np.ndarray]:
-        """Return the lines played with `tones` of a kind, and the levels, in the level law's unit, to be reached."""
+        """Return frequencies and strengths of the tones that are played, and the levels (by the level law) aimed at."""
         hz = np.empty(known.shape)
         force = np.empty(known.shape)
         law = self.design.law
@@ -400,7 +400,7 @@ class _TouchedCoil:
 
 
 def planned_touch(plan: Plan, quick: bool = False) -> Touch | None:
-    """Return what the pad of a plan does under its spec's contact; None where the spec names none.
+    """Return resonances, drive and selectivity of a pad under its spec's contact; None where the spec names none.
 
     With `quick`, few pads are simulated, and only as re-tuned.
     """
@@ -459,7 +459,7 @@ def planned_touch(plan: Plan, quick: bool = False) -> Touch | None:
 
 
 def _loose_db(plan: Plan, fingers: Fingers) -> float | None:
-    """Return the dB that the asked share of prints keeps lying loose; None where the spec says how the pad is held.
+    """Return the selectivity in dB that the asked share of loose prints keeps; None if the spec says how a pad is held.
 
     Every OFF taxel is taken to hear the recoil, and the weakest ON taxel of a pad to be compared with it.
     """
@@ -470,7 +470,7 @@ def _loose_db(plan: Plan, fingers: Fingers) -> float | None:
 
 
 def played_channels(plan: Plan) -> tuple[Channel, ...]:
-    """Return the channels that the drive of a plan is made for: those under its contact, where it has one.
+    """Return the channels with the frequencies, levels and forces of the drive, made for the plan's contact if any.
 
     Their resonances are the tones, and their levels and forces have in hand what the weakest touched taxel loses.
     """
@@ -486,7 +486,7 @@ def played_plan(plan: Plan) -> Plan:
 
 
 def _played(spec: Spec, planned: Sequence[Channel], tones: str, in_hand_db: float) -> tuple[Channel, ...]:
-    """Return channels whose resonances are the tones, with levels raised by `in_hand_db`.
+    """Return channels with the tones' frequencies as resonances, and with forces raised by `in_hand_db`.
 
     Their levels are those under typical skin, or where these are larger those of bare taxels under the same tones.
     """
@@ -515,7 +515,7 @@ def _moved_um(channel: Channel, tone_hz: float, force_mn: float) -> float:
 
 
 def judge_touched_prints(plan: Plan) -> Iterator[Finding]:
-    """Tell how many prints and fingers keep what is asked, and whether every taxel is to be measured for that."""
+    """Yield a warning if too few touched prints reach the asked dB, else a note if they must be re-tuned for that."""
     touch = plan.touch
     if touch is None or touch.print_db is None:
         return
@@ -542,7 +542,7 @@ def judge_touched_prints(plan: Plan) -> Iterator[Finding]:
 
 
 def touched_figures(plan: Plan) -> tuple[Touched, ...]:
-    """Return the figures of a plan under its low, typical and high skin, as its tones drive it."""
+    """Return resonances, Q and selectivity under low, typical and high skin, driven by the tones of the plan."""
     touch = plan.touch
     if touch is None:
         return plan.touched
@@ -573,7 +573,7 @@ NEARER = 0.8
 
 
 def _nearest(plan: Plan, kept_db: float) -> Iterator[dict[str, Any]]:
-    """Yield changes that may help: a pin nearer its root, fewer taxels over the same coils, a lower `delta_y`."""
+    """Yield spec changes by which touched prints may pass: pins nearer the roots, fewer taxels, a lower `delta_y`."""
     spec = plan.spec
     share = spec.pin_share
     if share is not None:

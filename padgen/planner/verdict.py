@@ -18,7 +18,7 @@ CAUSES = ("selectivity.all_states", "coil.leak", "print.share")
 
 
 def moving_pad_db(plan: Plan) -> float | None:
-    """Return what the asked share of prints keeps on the moving pad, re-tuned only if need be.
+    """Return the selectivity in dB that the asked share of prints keeps as the pad recoils, re-tuned only if needed.
 
     It is infinite where nothing is heard, and None where prints keep less than is asked even on a pad that does not
     move.
@@ -27,12 +27,12 @@ def moving_pad_db(plan: Plan) -> float | None:
 
 
 def based_pad_db(plan: Plan) -> float | None:
-    """Return the figure of `moving_pad_db` on the base plate that `Recoil.base_g` proposes."""
+    """Return the dB that the asked share of prints keeps with recoil, the pad fixed to a plate of `Recoil.base_g`."""
     return left_by_recoil_db(plan, plan.recoil.based_db)
 
 
 def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
-    """Return the selectivity in dB that prints keep if the moving pad has an ON over OFF of `moving_db`.
+    """Return the selectivity in dB that prints keep with recoil, from `moving_db`, that of an error-free print.
 
     It is None where prints keep too little even on a pad held still.
     """
@@ -46,7 +46,7 @@ def left_by_recoil_db(plan: Plan, moving_db: float | None) -> float | None:
 
 
 def recoil_db(plan: Plan) -> float | None:
-    """Return ON over OFF in dB on the moving pad: in step by the driver table if prints allow it, else re-tuned."""
+    """Return ON over OFF in dB of an error-free pad that recoils: by the driver table if it suffices, else re-tuned."""
     return plan.recoil.in_step_db if works_by_table(plan) else plan.recoil.apart_db
 
 
@@ -57,7 +57,7 @@ def works_by_table(plan: Plan) -> bool:
 
 
 def judged(plan: Plan, findings: tuple[Finding, ...]) -> Plan:
-    """Return `plan` with these findings, errors first, and with the verdict that follows from them and its figures."""
+    """Return `plan` with `findings` and the verdict that follows: from the first error if any, else the figures."""
     known = replace(plan, findings=findings)
     errors = [finding for finding in findings if finding.level == "error"]
     if errors:
@@ -119,7 +119,7 @@ def _working(plan: Plan) -> Verdict:
 
 
 def _works_untouched(plan: Plan, only_held: bool) -> str:
-    """Say that a pad works untouched, whether only so, and whether it is felt then."""
+    """Return words that the pad works untouched, only so, or only held still; or that it is too faint to be felt."""
     typical = next((touched.all_states_db for touched in plan.touched if touched.skin == "typical"), None)
     only = typical is not None and typical < plan.selectivity.asked_db
     untouched = "only untouched" if only else "untouched"
@@ -187,7 +187,7 @@ def _untouched_sentence(plan: Plan) -> str:
 
 
 def _shaken_sentence(plan: Plan) -> str:
-    """Say what the pad keeps where it lies loose, if the spec does not say how it is held and that is too little."""
+    """Return a sentence on the dB of a loose pad; empty if they suffice, or if the spec says how it is held."""
     recoil = plan.recoil
     left_db = moving_pad_db(plan)
     based_db = based_pad_db(plan)
@@ -201,7 +201,7 @@ def _shaken_sentence(plan: Plan) -> str:
 
 
 def _kept(db: float) -> str:
-    """Say how strongly ON taxels vibrate, as 'at least 20.7 dB more than', before OFF ones are named."""
+    """Return in words how ON taxels compare with OFF ones at `db` of selectivity: 'at least 20.7 dB more than'."""
     if abs(db) < SILENT_DB:
         return "at least as much as"
     return f"at {'least' if db > 0 else 'most'} {quieter(-db)} than"
@@ -212,7 +212,7 @@ SILENT_DB = 0.05
 
 
 def _contact_text(touch: Touch) -> str:
-    """Name what lies on the taxels, and what its figures leave out."""
+    """Return a phrase that names what lies on the taxels and what is provisional or neglected in its model."""
     if touch.contact == "own":
         return "its own contact (no print errors)"
     return f"a {touch.contact} (typical skin, a provisional model; no print errors)"
@@ -223,7 +223,7 @@ def _cure_of(finding: Finding | None) -> str:
 
 
 def _touched_sentence(plan: Plan) -> str:
-    """Say what a finger on every taxel of a coil does, by typical skin and without print errors."""
+    """Return a sentence on selectivity and resonance with typical skin on every taxel, without print errors."""
     typical = next((touched for touched in plan.touched if touched.skin == "typical"), None)
     if typical is None:
         return ""

@@ -87,7 +87,7 @@ def planned_warmth(plan: Plan) -> Warm:
 
 
 def softened(material: Material, rise_k: np.ndarray | float) -> np.ndarray:
-    """Return warm over cold resonance of a taxel with plastic warmer by `rise_k` (negative if colder).
+    """Return a taxel's resonance with its plastic warmer by `rise_k` (negative: colder) over that at room temperature.
 
     Half the relative change of the modulus, which is a slope at room temperature.
     """
@@ -109,7 +109,7 @@ def _left_by_currents(plan: Plan, cold_hz: np.ndarray, warm_hz: np.ndarray) -> n
 
 
 def _lines_by_voltages(plan: Plan, copper_c: float) -> np.ndarray:
-    """Return the lines (n,) of i² that the cold pad's voltages make in copper at `copper_c`, over those in cold copper.
+    """Return ratios (n,) of the spectral lines of i² with copper at `copper_c` to those in cold copper, at equal volts.
 
     A line is a tone's square, or the product of a tone and the constant current; so it is for spur-free currents as far
     as their tones are small beside the constant.
@@ -129,7 +129,7 @@ def _lines_by_voltages(plan: Plan, copper_c: float) -> np.ndarray:
 
 
 def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
-    """Return the temperatures (n, r, c) in °C of each channel's plate over every coil, from those of a pad's quarter.
+    """Return the temperatures (n, r, c) in °C of each channel's plate over the coil of each row and column of the pad.
 
     A plate is as warm as the cells below it are on the mean. Turned cells are the mean of both ways.
     """
@@ -154,7 +154,7 @@ def _plates_c(plan: Plan, pad_c: np.ndarray) -> np.ndarray:
 
 
 def _strip_shares(pitch_mm: float, side_mm: float, at_mm: float, long_mm: float) -> np.ndarray:
-    """Return the shares (3,) of a plate's length, centred at `at_mm`, that lie beside, over and beside the coil."""
+    """Return fractions (3,) of a plate's length before, over and behind its coil, the mean of both orientations."""
     lines_mm = np.array([-pitch_mm, -side_mm, side_mm, pitch_mm]) / 2
     within_mm = np.clip(lines_mm, at_mm - long_mm / 2, at_mm + long_mm / 2)
     shares = np.diff(within_mm) / np.ptp(within_mm)
@@ -168,7 +168,7 @@ def _coil_side_mm(plan: Plan) -> float:
 
 
 def warm_layers(plan: Plan) -> WarmLayers:
-    """Return the cells of a quarter of a plan's pad and tray, the first row and column being the border.
+    """Return the thermal grid of a quarter of a plan's pad and tray, whose first row and column are the border.
 
     Each coil's cell is divided into three by three, the coil being a square of its area in the middle.
     """
@@ -219,7 +219,7 @@ def warm_layers(plan: Plan) -> WarmLayers:
 
 
 def _quarter(coils: int, pitch_mm: float, side_mm: float, border_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the sides in m of cells from the pad's edge to its middle, and which of them are a coil's."""
+    """Return cell sizes in m of the thermal grid along x or y, from edge to middle, and a mask of the coils' cells."""
     beside_mm = (pitch_mm - side_mm) / 2
     sides_mm = [border_mm, *([beside_mm, side_mm, beside_mm] * coils), border_mm]
     is_coil = [False, *([False, True, False] * coils), False]

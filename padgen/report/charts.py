@@ -1,4 +1,4 @@
-"""Files of a plan's figures, drawn by matplotlib from their data, and the map of what prints keep.
+"""Draw the figures of a plan by matplotlib, and the map of the share of prints in which each coil is selective enough.
 
 `picture_names` has these and the drawings: `padgen draw` writes them, `Plan.plot` shows them.
 """
@@ -39,7 +39,7 @@ def colours_of(plan: Plan) -> Any:
 
 
 def new_canvas(plan: Plan, words: str, width_in: float, height_in: float) -> Any:
-    """Return an empty figure of matplotlib with its title."""
+    """Return an empty matplotlib figure of a size in inches, titled by the pad's name and `words`."""
     from matplotlib.figure import Figure as Canvas
 
     canvas = Canvas(figsize=(width_in, height_in), layout="constrained")
@@ -69,7 +69,7 @@ def draw_figure(plan: Plan, name: str) -> Any:
 
 
 def draw_grid(figure: Figure) -> Any:
-    """Draw a figure that is of no plan: its panels two in a row, each with axes and a legend of its own."""
+    """Draw a figure that shows no single plan by matplotlib: two panels in a row, each with its own axes and legend."""
     from matplotlib.figure import Figure as Canvas
 
     count = max(len(figure.panels), 1)
@@ -198,7 +198,7 @@ def draw_panel(axis: Any, panel: Panel, figure: Figure) -> None:
 
 
 def draw_points(axis: Any, points: Points, figure: Figure) -> None:
-    """Draw single points: hollow where they are bounds, ringed and with words where they stand out."""
+    """Draw single points: hollow where the value is a bound, ringed and labelled where `rings` has words."""
     colours = [colour_of(role, figure.channels) for role in points.roles]
     fills = colours
     edges: Any = "white"
@@ -309,7 +309,7 @@ MOST_WRITTEN = 16
 
 
 def draw_prints(plan: Plan) -> Any:
-    """Draw the pad from the touch side, each coil's cell coloured by the share of prints in which it is good."""
+    """Draw the pad from the touch side, coloured by the share of prints in which each coil keeps the asked dB."""
     canvas = new_canvas(plan, "which coils' prints suffer", 6.8, 5.9)
     print_map(canvas.subplots(), plan)
     canvas.legend(loc="outside lower left", fontsize=8, ncols=6)
@@ -359,7 +359,7 @@ MOST_LABELLED = 64
 
 
 def draw_overview(plan: Plan) -> Any:
-    """Draw the map of the prints in which each coil is good and, beside it, the ladder of resonances."""
+    """Draw the map of the share of prints in which each coil keeps the asked dB and, beside it, all resonances."""
     canvas = new_canvas(plan, repr(plan).strip("<>").removeprefix(f"Plan {plan.name}: "), 11.0, 5.6)
     left, right = canvas.subplots(1, 2, width_ratios=(1.15, 1))
     print_map(left, plan)

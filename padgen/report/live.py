@@ -64,7 +64,7 @@ PAGE_HEADER = "x-padgen-page"
 
 @lru_cache(maxsize=1)
 def _plan_of(spec: Spec) -> Plan:
-    """Plan a spec; the last plan is kept, since a page asks for its scene next."""
+    """Return the plan of a spec; the last one is cached, since a page then asks for the shapes of the same plan."""
     return plan_for(spec)
 
 
@@ -158,7 +158,7 @@ def _told(error: PadgenError) -> dict[str, str]:
 
 
 def _fields(body: bytes) -> Any:
-    """Return the fields in a request.
+    """Return the fields of the spec that a request's body holds as JSON.
 
     Raises
     ------
@@ -229,7 +229,7 @@ class Work:
             runner.close()
 
     async def planned(self, name: str, body: bytes, page: str, gone: Coroutine[Any, Any, None]) -> Answer:
-        """Return the answer to a call of `Live` that plans, as long as `gone` does not return.
+        """Return the answer of a `Live` method that plans; stop the work once `gone` returns, as the page has gone.
 
         A page's newer call ends its older one, where `page` is its number.
         """
@@ -248,17 +248,17 @@ class Work:
                 del self._newest[page]
 
     async def saved(self, name: str, body: bytes) -> Answer:
-        """Return the answer to a call of `Live` that takes milliseconds, whether or not its page waits for it."""
+        """Return the answer of a quick method of `Live`, such as to save; finish it even if the page has gone."""
         return await self._asked(None, self._savers, _worked_out, self.live, name, body)
 
     async def bare_page(self, body: bytes, error: PadgenError) -> Answer:
-        """Return the page without a plan."""
+        """Return the page with the form and the `error` in place of a plan."""
         return await self._asked(None, self._savers, _bare_page, self.live, body, error)
 
     async def _asked(
         self, end: "asyncio.Future[str] | None", runner: Runner, function: Callable[..., str], *arguments: Any
     ) -> Answer:
-        """Return the answer of a worker, or one that tells why not, once `end` has a reason or the time is up."""
+        """Run `function` in a worker and return its answer, or a failure once `end` is set or time is up."""
         loop = asyncio.get_running_loop()
         end = end or loop.create_future()
         wanted = Event()
@@ -353,7 +353,7 @@ def application(work: Work, token: str, port: int) -> Any:
         return bytes(body)
 
     async def gone(request: Request) -> None:
-        """Return when nobody waits for the answer, once the request's body was read."""
+        """Wait until the client disconnects; to be called after the request's body was read."""
         while (await request.receive())["type"] != "http.disconnect":
             pass
 
@@ -394,7 +394,7 @@ def application(work: Work, token: str, port: int) -> Any:
         return str(answer.value)
 
     def answering(function: Callable[[Request], Coroutine[Any, Any, Response | str]]) -> Any:
-        """Wrap a handler: check each request, and answer errors as JSON with status 200, as browsers log others."""
+        """Wrap a handler: check each request; answer errors as JSON with status 200 (browsers log other statuses)."""
 
         async def answer(request: Request) -> Response:
             check(request)

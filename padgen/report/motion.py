@@ -1,4 +1,4 @@
-"""Lines that move the taxels of a coil: those of i² with all channels on, and what each taxel does under each of them.
+"""Spectral lines of a coil's squared current with all its channels on, and the motion of each taxel under each line.
 
 A state plays the lines all of whose makers are ON. Its motion is the sum of what these lines do, its felt level the
 root of the sum of their energies, so that figures of all lines are figures of all states.
@@ -51,13 +51,13 @@ class CoilLines(NamedTuple):
     makers: tuple[tuple[int, ...], ...]
 
     def energy(self, plan: "Plan", channel_set: Sequence[Channel], modes: ModalTaxels) -> np.ndarray:
-        """Return each taxel's felt energy (taxels, lines) under each line, relative to that of its ON state."""
+        """Return the squared felt amplitude (taxels, lines) of each taxel under each line, over that when it is ON."""
         part = Lines(self.hz[None], self.rest[None], self.square[None], ())
         return line_energy(placed_channels(plan.spec, channel_set), part, modes)[:, 0]
 
 
 def coil_lines(plan: "Plan", channel_set: Sequence[Channel], most_paired: int) -> CoilLines:
-    """Return the lines of a coil with these channels: tones, their harmonics, then sums and differences of pairs.
+    """Return a coil's spectral lines of i²: the channels' tones, their harmonics, then sums and differences of pairs.
 
     Of more channels than `most_paired` there are no lines of pairs.
     """

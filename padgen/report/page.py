@@ -286,7 +286,7 @@ def _channel(plan: Plan, index: int) -> dict[str, Any]:
 
 
 def _taxels(plan: Plan) -> dict[str, list]:
-    """Return the taxels by columns, which take a third of the bytes of a table for each."""
+    """Return the taxels' data as a list for each column, in a third of the bytes of a table for each taxel."""
     grid = taxel_grid(plan)
     pixel = {int(grid[row, column]): (int(row), int(column)) for row, column in np.argwhere(grid >= 0)}
     return {
@@ -300,7 +300,7 @@ def _taxels(plan: Plan) -> dict[str, list]:
 
 
 def _shape(part: ScenePart) -> dict[str, Any]:
-    """Return a part as plain data: its mesh and motion as base64 of 16-bit steps, its places as numbers."""
+    """Return a part as plain data: mesh and motion as 16-bit integers in base64, places of its copies as numbers."""
     vertices = part.mesh.vertices_mm
     low = vertices.min(0)
     high = vertices.max(0)
@@ -382,7 +382,7 @@ def _guard_of(plan: Plan) -> dict[str, float] | None:
 
 
 def study_of(folder: Path) -> dict[str, Any] | None:
-    """Return the figure of a folder's ``study.json`` and its rungs, if it is what `padgen study` writes; else None."""
+    """Return figure and points of a folder's ``study.json`` (error against run time); None if it cannot be read."""
     try:
         table = json.loads(read_bounded(folder / "study.json", LARGEST_STUDY, "a study"))
         rungs = [rung for rung in marks_read(table) if rung.seconds > 0 and rung.error > 0]

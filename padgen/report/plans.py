@@ -138,7 +138,7 @@ LISTED = 4
 
 
 def _shortened(words: Sequence[str]) -> str:
-    """Return words in a row, those in the middle of a long row left out.
+    """Return words as a list in text, such as '0, 2 and 4'; the middle of a long list is left out.
 
     >>> _shortened(["0", "2", "4"]), _shortened(["0", "2", "4", "6", "8", "10"])
     ('0, 2 and 4', '0, 2 … 10')
@@ -519,7 +519,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
 
 
 def _frames_text(rate: "FrameRate") -> str:
-    """Return a sentence on the contrast of frames over their time, and on the rates that keep what is asked."""
+    """Return a sentence on ON over OFF averaged over a frame's time, and on the frame rates that reach the asked dB."""
     if rate.slot_db is None or rate.kept_db is None:
         return ""
     end = "" if rate.end_db is None else f"{rate.end_db:.1f} dB of ON over OFF at its end and "
@@ -580,7 +580,7 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
 
 
 def _law_text(law: float) -> str:
-    """Return how levels go with frequency for the exponent `law`.
+    """Return in words how levels go with frequency under the law 1/f^`law`, as 'are equal' for 0.
 
     >>> _law_text(0.0), _law_text(1.0), _law_text(2.0)
     ('are equal', 'fall as 1/f', 'fall as 1/f^2')
@@ -644,7 +644,7 @@ COUNTED_IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
 
 
 def explanation_text(explanation: "Explanation") -> str:
-    """Return the limits that bind, a table of changes and their gains, and capacities by scheme and level law."""
+    """Return the limits that bind, a table of changes and gains, and the most channels by scheme and level law."""
     keep = "channel per coil keeps" if explanation.channels == 1 else "channels per coil keep"
     shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
     stages = ", ".join(f"{n} with {stage}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
@@ -715,7 +715,7 @@ MOVERS_TOLD = (
 
 
 def _mover_cells(row: "MoverRow") -> tuple[str, ...]:
-    """Return the table row of a mover; if no pad can be planned with the mover, the column outputs says so."""
+    """Return the table row of a washer or magnet; the last column says 'no pad' if none can be planned with it."""
     if row.heat_w is None or row.peak_v is None:
         return row.mover, row.coil, "", "", "", "", "", "", "no pad"
     share = "" if row.good_share is None else f"{row.good_share:.0%}"
@@ -731,7 +731,7 @@ def _printed_cells(of: "Explanation | Change") -> tuple[str, str, str]:
 
 
 def yield_text(result: "PrintYield") -> str:
-    """Return tables of the yields before and after re-tuning, and of the gain if each error spread were zero."""
+    """Return tables of the yields before and after re-tuning, and of their gain without each kind of print error."""
     fewer = f"; {result.pads_asked} would have been too much work" if result.pads < result.pads_asked else ""
     columns = (
         "",

@@ -98,7 +98,7 @@ def driven_text(
 
 
 def _outputs_text(outputs: "Outputs") -> str:
-    """Return which outputs a drive needs, and what an AC-coupled sound card would make of it."""
+    """Return how many amplifier outputs a drive needs, and what an AC-coupled sound card would do to the motion."""
     if outputs.ac_corner_hz is None:
         return f"It needs {counted(outputs.count, 'output')}, AC or DC coupled."
     left = "no taxel would vibrate at its resonance"
@@ -183,7 +183,7 @@ def _recoil_text(recoil: "PlayedRecoil") -> str:
 
 
 def heard_text(plan: "Plan", heard: "Heard") -> str:
-    """Return a table of the levels of ON and OFF taxels that a simulated pad hears of a file."""
+    """Return a table of the levels that ON and OFF taxels of a simulated pad reach while it plays a drive file."""
     import numpy as np
 
     on = heard.on
@@ -350,7 +350,7 @@ def retuned_text(plan: "Plan", result: "Retuned", verbose: bool = False) -> str:
 
 
 def _kept_texts(result: "Retuned", unmeasured: int) -> tuple[str, str]:
-    """Return what the worst coil keeps, as the end of the first sentence, and a line on how sure that is.
+    """Return the end of a sentence with the dB that the worst coil keeps re-tuned, and a line on how sure these are.
 
     Where taxels are unmeasured, what 95 of 100 such prints keep comes first: the figure itself takes these as planned.
     """

@@ -1,4 +1,4 @@
-"""Error against run time as figures: the rungs of a study, ladder by ladder, and the extreme cases of all models.
+"""Figures of error against run time: of a study's models at each resolution, and of the extreme cases of all models.
 
 The figures are data like those of plans (`padgen/report/figures`): files and the page draw the same ones.
 """
@@ -27,7 +27,7 @@ LEAST_S = 1e-7
 
 
 class RungMark(NamedTuple):
-    """A rung as it is drawn: where it belongs, what it is, its run time, and its relative error.
+    """Point of a study's figure: a model at one resolution, what it computes, its run time in s and its relative error.
 
     Of a bound the error is at most this. `holds` are the tolerances for which it is the quickest of its subject.
     """
@@ -44,7 +44,7 @@ class RungMark(NamedTuple):
 
 
 def marks_of(study: "Study") -> list[RungMark]:
-    """Return the marks of a study's rungs; a missing error or run time is not finite."""
+    """Return a point for each model and resolution of a study; a missing error or run time is not a finite number."""
     from padgen.ladders.rung import recommended_for
 
     marks = []
@@ -60,7 +60,7 @@ def marks_of(study: "Study") -> list[RungMark]:
 
 
 def marks_read(table: Mapping[str, Any]) -> list[RungMark]:
-    """Return the marks of the rungs in a ``study.json`` that have an error and a run time.
+    """Return a point for each model and resolution in a ``study.json`` that has an error and a run time.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def marks_read(table: Mapping[str, Any]) -> list[RungMark]:
 
 
 def study_figure(name: str, rungs: Sequence[RungMark], tolerances: Sequence[float] = ()) -> Figure:
-    """Return the figure of a study's rungs: a panel for each ladder, the models by colour, the subjects by symbol."""
+    """Return the figure of error against run time: a panel for each ladder, models by colour, subjects by symbol."""
     ladders = dict.fromkeys((rung.ladder, rung.quantity) for rung in rungs)
     panels = [
         _panel(f"{ladder}: {quantity}", [rung for rung in rungs if rung.ladder == ladder], tolerances)

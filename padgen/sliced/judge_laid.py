@@ -95,7 +95,7 @@ class _LaidModel(TaxelModel):
 
 
 class _LaidBeam(NamedTuple):
-    """One beam of all taxels (n,) of a channel, as laid.
+    """One beam of each of a channel's taxels (n,), measured as the slicer lays it.
 
     `width_mm` and `is_laid` are (layers, n). `section_mm` is the width and thickness (n,) of a rectangle with the same
     stiffness and mass. `broken_mm` and `thin_mm` are distances from the root at which the whole beam, or one layer, is
@@ -204,7 +204,7 @@ def _judged(
 
 
 def _tenths(level_db: float) -> str:
-    """Write decibels to one decimal, rounded to two first as the report's figures are, so that both print alike."""
+    """Return decibels as text with one decimal, rounded to two decimals before, as the report's figures are."""
     return f"{round(level_db, 2):.1f}"
 
 
@@ -325,7 +325,7 @@ def _numeric(text: str) -> float | None:
 def _told(
     level: str, code: str, names: Iterable[str], of: str, sentence: str, wrong: Wrong, *causes: str
 ) -> Iterator[Finding]:
-    """Yield one finding that names the first few of `names`, or none where there are no names.
+    """Yield one finding that lists the first few of the faulty taxels or beams `names`; nothing where there are none.
 
     Its sentence ends with those settings that are wrong of `causes`, which may cause the fault, and of `SPOIL_ALL`.
     """

@@ -265,7 +265,7 @@ BEAM = 3
 
 
 class TaxelMap:
-    """A grid over a taxel's sub-cell in its own axes, with the body, beam node and gap station of each pixel.
+    """A pixel grid over a taxel's sub-cell: each pixel's body (frame, plate, beam), place on the beam and nearest gap.
 
     `owner` is the nearest body (`FRAME`, `PLATE`, or `BEAM` plus the beam's index), `node` the fractional node number
     along the beams (−1 off them), `station` the nearest station of a gap (−1: none near), `side` the side of that gap,
@@ -343,7 +343,7 @@ class TaxelMap:
         return np.concatenate(runs), at[:, 0] * self.shape[1] + at[:, 1]
 
     def _gaps(self, void: np.ndarray, away: np.ndarray, places: np.ndarray, gap_mm: float) -> None:
-        """Set stations along the middle of each gap, and for pixels near a gap the station, side and distance.
+        """Set measuring points along the middle of each gap, and each near pixel's point, side, and distance from it.
 
         A gap has its two bodies on opposite sides, unlike a corner where a beam meets frame or plate.
         """
@@ -384,7 +384,7 @@ class TaxelMap:
         self.stations = len(names)
 
     def _across(self, middle: np.ndarray, who: np.ndarray, name: np.ndarray) -> np.ndarray:
-        """Return the stations' names with one name for adjoining pixels on both sides of a gap's middle line.
+        """Return each pixel's measuring-point name, equal for adjoining pixels on both sides of a gap's middle.
 
         The middle is one or two pixels thick. One of the upper body takes the name of one of the lower body beside it.
         """
@@ -406,7 +406,7 @@ class TaxelMap:
 
 
 class PadMaps:
-    """The maps of all channels, concatenated, so that points on all taxels are looked up at once."""
+    """The `TaxelMap` of every channel, concatenated, so that points on all taxels are looked up at once."""
 
     owner: np.ndarray
     node: np.ndarray
@@ -688,7 +688,7 @@ def _of_layers(
 
 
 def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[list[Placing], Layer, float, float]:
-    """Find the pads by their lowest layer; return their places, that layer, its thickness in mm and its fullness.
+    """Find the pads by their lowest layer; return places, layer, its thickness in mm, and its laid over planned volume.
 
     The fullness is the plastic of that layer within the first pad's taxels over the plan's there.
     """
@@ -878,7 +878,7 @@ def _largest_difference(maps: PadMaps, middles: list[np.ndarray], plan: np.ndarr
 
 
 def _beams_top_mm(plan: Plan) -> float:
-    """Return the height up to which layers count for beams: a little above the thickest one."""
+    """Return the height in mm up to which layers are measured as parts of beams: a little above the thickest beam."""
     return max(c.beam.thickness_mm for c in plan.channels) + plan.spec.printer.layer_mm + 0.25
 
 

@@ -190,7 +190,7 @@ def _size_mm(mesh: Mesh) -> np.ndarray:
 
 
 def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], list[Finding]]:
-    """Check each distinct tile of the pad and, if it is `closed`, a small pad with every kind of tile and seam."""
+    """Check the mesh of each distinct sub-cell and, if the pad is `closed`, a reduced pad with all of these."""
     findings: list[Finding] = []
     half = np.array([plan.cell.width_mm, plan.cell.depth_mm]) / 2
     for name, tile in zip([*(f"taxel {c.index}" for c in plan.channels), "frame"], pad.tiles, strict=True):
@@ -252,7 +252,7 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
 
 
 def as_built(size_mm: float) -> str:
-    """Write a measured size in mm for a sentence.
+    """Return a measured size in mm as text, such as '3.4568 mm', or 'missing' where it is not a number.
 
     >>> as_built(3.4567891), as_built(float("nan"))
     ('3.4568 mm', 'missing')
@@ -383,7 +383,7 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
 
 
 def _kept_printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
-    """Return the result of `_printable` from the cache, or compute and store it: many variants share one sample."""
+    """Return the result of `_printable` from the cache, or compute and store it; pads of equal taxels share it."""
     inputs = {
         "mesh": [sha256_hex(part.tobytes()) for part in mesh],
         "printer": asdict(printer),

@@ -140,7 +140,7 @@ class Cells(NamedTuple):
         return manifold3d.Manifold.batch_boolean(boxes, manifold3d.OpType.Add)
 
     def name_at(self, x_mm: float, y_mm: float) -> str:
-        """Return the name of the part at a place."""
+        """Return the name of the cell at a place in mm: that of its taxel, 'border' or 'frame'."""
         return self.names[np.searchsorted(self.y_mm, y_mm)][np.searchsorted(self.x_mm, x_mm)]
 
 

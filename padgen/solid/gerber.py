@@ -188,7 +188,7 @@ ADVANCE = 6
 
 
 def label_strokes(label: Label) -> list[list[Point]]:
-    """Return the lines in mm of a label, centred at its place and turned as it says (0 or 90°)."""
+    """Return the polylines in mm that draw a label's text on the silkscreen, at its place and angle (0 or 90°)."""
     scale = LABEL_MM / 6
     width = ADVANCE * len(label.text) - 2
     lines = []

@@ -70,7 +70,7 @@ def _solid(guard: GuardPlate, pad: PadTable) -> Any:
 
 
 def check_guard(built: GuardSolid, plan: Plan, mesh: Mesh | None = None) -> Report:
-    """Run all checks of the guard plate of `plan`, or of a `mesh` from any program that should equal it.
+    """Return the report of all checks of the guard plate of `plan`: of its own mesh, or of a `mesh` read from a file.
 
     What the plate does to pins and hands is judged with the plan.
     """
@@ -96,7 +96,7 @@ def check_guard(built: GuardSolid, plan: Plan, mesh: Mesh | None = None) -> Repo
 
 
 def measured_guard(guard: GuardPlate, solid: Any) -> Iterator[Dimension]:
-    """Measure holes, pockets and thickness of a guard plate on its manifold, in the pose in which it is printed."""
+    """Yield hole diameters and thicknesses above the pockets, measured on a guard plate's solid, posed as printed."""
     low = holes_of(solid, guard.thickness_mm / 2)
     for what, places, wide_mm in (
         ("the hole of the pin", guard.pins_mm, guard.hole_diameter_mm),

@@ -1,4 +1,4 @@
-"""Import of build123d and OCCT, made quicker, and their errors as `GeometryError`.
+"""Import build123d with its CAD kernel OCCT faster than usual, and turn their errors into `GeometryError`.
 
 Half of build123d's import time goes into libraries for functions that padgen never calls: drawing SVG, optimising
 curves, hulls, recognising primitives in foreign meshes. During the import, placeholders stand in for these libraries.

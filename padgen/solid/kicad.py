@@ -1,4 +1,4 @@
-"""Write a board as KiCad's files: ``.kicad_pcb`` (S-expressions of version 6) and ``.kicad_pro`` with a house's rules.
+"""Write a board as KiCad files: ``.kicad_pcb`` (version 6) and ``.kicad_pro`` with the board house's design rules.
 
 Identifiers of items are numbers of their order, so that the same board gives the same bytes.
 """
@@ -146,7 +146,7 @@ def _mm(value: float) -> str:
 
 
 def project_text(board: Board, house: dict[str, Any]) -> str:
-    """Return the text of the ``.kicad_pro``: a board house's design rules, which switch no check off."""
+    """Return the text of the ``.kicad_pro``: a board house's design rules, with every design-rule check left on."""
     ring_mm = round((house["via_mm"] - house["drill_mm"]) / 2, 6)
     net_class = {
         "clearance": house["space_mm"],

@@ -70,7 +70,7 @@ class _Gauge(NamedTuple):
 
 
 def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> Iterator[Dimension]:
-    """Measure beams, recess and boss of these taxels, or all, on the manifold `solid` of the pad or a part of it.
+    """Yield planned and measured sizes of beams, recess and boss of `taxels`, by default all, on a manifold of the pad.
 
     Each ray runs until it meets a face. Rays go sideways from within a beam (its width and place), above the beam
     along its path to both ends (length), onto the beam from below and above (thickness), and up into the recess
@@ -113,7 +113,7 @@ def distance_to_sides(outline: np.ndarray, at: np.ndarray) -> float:
 
 
 def _gauges(plan: Plan, channel: Channel) -> Iterator[_Gauge]:
-    """Yield the gauges of a taxel's beams, recess and boss, in the taxel's axes."""
+    """Yield the planned lengths and measuring rays of a channel's beams, recess and boss, in the taxel's axes."""
     arrangement = plan.arrangement(channel)
     plate = plan.plate
     lowest_block = min(float(block.height_mm) for block in arrangement.blocks)
@@ -177,7 +177,7 @@ def _section_gauges(path: BeamPath, points: list[PathPoint], lowest_block: float
 
 
 def _length_gauge(name: str, path: BeamPath, height: float, pin: Pin | None) -> _Gauge:
-    """Return the gauge of a beam's length: rays to the frame and to the plate, `height` mm above the bed.
+    """Return the rays that measure a beam's length: to frame and plate, `height` mm above the bed, clear of the pin.
 
     They start within the first and the last segment, near their ends where a pin stands in the way. A straight ray
     leaves an arc, so on an arc it starts close to the arc's end.
@@ -200,13 +200,13 @@ def _length_gauge(name: str, path: BeamPath, height: float, pin: Pin | None) -> 
 
 
 def _all_clear(path: BeamPath, k: int, sign: int, share: float, pin: Pin | None) -> bool:
-    """Return whether segment `k` is clear of the pin over a `share` of it, from its start, or end (`sign` −1)."""
+    """Return whether the first (`sign` −1: last) `share` of segment `k` of a beam's path is clear of the pin."""
     shares = np.linspace(0, share, 10)
     return all(_is_clear(path.within(k, at if sign > 0 else 1 - at), pin) for at in shares.tolist())
 
 
 def _worst(runs: list[float], planned: float, span: float, one: float, other: float) -> float:
-    """Return the farthest size from `planned` in mm; each is ``span + one * a + other * b`` of a pair of runs."""
+    """Return the size in mm farthest from `planned`; pairs a, b of `runs` give ``span + one * a + other * b``."""
     sizes = [span + one * a + other * b for a, b in zip(runs[::2], runs[1::2], strict=True)]
     return max(sizes, key=lambda size: abs(size - planned) if isfinite(size) else inf)
 
@@ -219,7 +219,7 @@ def _opening_mm(plan: Plan) -> float:
 
 
 def _recesses(plan: Plan, solid: Any, share: float, taxels: Sequence[Taxel]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield each taxel's recess at a `share` of its depth: outline (n, 2) and centroid (2,); nan without one."""
+    """Yield outline (n, 2) and centroid (2,) in mm of each taxel's recess, cut at a `share` of its depth, or nan."""
     outlines = holes_of(solid, plan.plate.recess_depth_mm * share)
     sides = [(outline + np.roll(outline, -1, axis=0), _crosses(outline)) for outline in outlines]
     centroids = [(both * crosses[:, None]).sum(0) / (3 * crosses.sum()) for both, crosses in sides]
@@ -266,7 +266,7 @@ SPLINTER_SHARE = 0.05
 
 
 class NarrowSpot(NamedTuple):
-    """A place that breaks a limit: its middle in mm, and its area in mm²."""
+    """A wall, gap, span or skin that breaks a print limit: the middle of its place in mm, and its area in mm²."""
 
     x_mm: float
     y_mm: float
@@ -289,7 +289,7 @@ def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
 
 
 def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> list[NarrowSpot]:
-    """Return the places where the material, or with `gaps` the space around and in it, is below `limit_mm` wide."""
+    """Return where in a cross-section the material, or with `gaps` the empty space, is narrower than `limit_mm`."""
     from manifold3d import JoinType
 
     z_mm, filled = section
@@ -345,7 +345,7 @@ def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, N
         hanging = solid.slice(z + STEP_MM) - below
 
         def beyond(span: float, hanging: Any = hanging, below: Any = below) -> Any:
-            """Return what hangs farther than half of `span` (mm) from the material beneath."""
+            """Return the unsupported area that is farther than half of `span` (mm) from the material beneath."""
             return hanging - below.offset(span / 2, JoinType.Round, 2.0, 64)
 
         if beyond(worst + STEP_MM).area() > AREA_MM2:

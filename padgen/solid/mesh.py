@@ -106,7 +106,7 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
 
 
 def expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the run's index and the place in the run, both from 0, of each item in runs of `counts` items.
+    """Return for each item of successive groups of `counts` items its group's index and its place in the group, from 0.
 
     >>> expanded(np.array([2, 0, 3]))
     (array([0, 0, 2, 2, 2]), array([0, 1, 0, 1, 2]))
@@ -176,7 +176,7 @@ which wider columns are tried."""
 
 
 class Topology(NamedTuple):
-    """The number of a mesh's faulty edges, a vertex of the first one, its `shells` (1 if good) and its volume.
+    """A mesh's number of open, non-manifold or miswound edges, a vertex of the first, `shells` (1 if good), and volume.
 
     Each edge of a good mesh joins two triangles that agree which side is out: it is closed, without a faulty edge.
     """
@@ -188,12 +188,12 @@ class Topology(NamedTuple):
 
     @property
     def closed(self) -> bool:
-        """True without a faulty edge."""
+        """True if every edge joins exactly two triangles that agree which side is outside."""
         return not self.broken_edges
 
 
 def topology(mesh: Mesh) -> Topology:
-    """Count the faulty edges and the shells; measure the volume."""
+    """Return a mesh's number of open, non-manifold or miswound edges, its number of shells and its volume."""
     # An edge and its direction (the last bit) are packed into one number: sorting rows, or an argsort, would take many
     # times as long.
     count = max(len(mesh.vertices_mm), 1)
@@ -260,7 +260,7 @@ def intersecting_pairs(mesh: Mesh) -> np.ndarray:
 
 
 def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield pairs (P, 2) of triangles whose boxes overlap, from about a million candidates at a time; some twice."""
+    """Yield pairs (P, 2) of triangles with overlapping bounding boxes, by a million candidates; some pairs twice."""
     owner, partners = _columns(low, high)
     if partners.sum() > MANY_PAIRS * len(low) + MOST_PAIRS:
         raise GeometryError("too many of its triangles lie over each other for all of them to be compared")
@@ -280,7 +280,7 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangles sorted by columns of a grid, and with how many following ones each is to be compared.
+    """Return triangle indices sorted by grid column, and how many following ones each is to be compared with.
 
     A column holds about a dozen triangles. Columns are wider where many triangles span several columns, since each
     pair would meet in all of them.

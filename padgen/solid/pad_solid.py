@@ -1,4 +1,4 @@
-"""Assembly of a pad's mesh: its distinct tiles are placed on a lattice, within the border, and their seams welded.
+"""Assembly of a pad's mesh: copies of each distinct taxel with its frame on a grid, border around, seams welded.
 
 A tile is a taxel with the frame of its sub-cell; all tiles are the same rectangle. Where two tiles meet, or a tile
 meets the border, the faces are left out and their corner vertices shared. This unites solids that touch face to face,
@@ -191,7 +191,7 @@ class PadSolid:
 
 
 class Places(NamedTuple):
-    """Shifts from coordinates of a `PadSample` to coordinates of the whole pad, by column and row of coils.
+    """Translations in mm, by column and row of coils, from places in a `PadSample` to the same places in the whole pad.
 
     `columns_mm` and `rows_mm` are the sample's coordinates at which its second, third … column and row of coils begin;
     the shifts, one per column and row, are added to reach the place in the pad.
@@ -220,7 +220,7 @@ class PadSample(NamedTuple):
 def build_pad(
     plan: Plan, chord_mm: float = CHORD_MM, angle_rad: float = ANGLE_RAD, groove: Outline | None = None
 ) -> PadSolid:
-    """Model each distinct taxel once and assemble the pad of `plan`; a `groove` replaces the mark at its corner.
+    """Return the pad of `plan`, each distinct taxel modelled once; `groove` replaces the notch that marks a corner.
 
     Raises
     ------
@@ -294,7 +294,7 @@ def sampled(plan: Plan, pad: PadSolid) -> PadSample:
 
 
 def _unrepeated(kinds: Sequence[bytes]) -> list[int]:
-    """Return the indices of the rows (or columns) to keep so that every pair of neighbours, and both ends, remain."""
+    """Return the rows (or columns) to keep so that each adjacent pair of `kinds` and the first and last kind remain."""
     kept: list[int] = []
     for index in range(len(kinds)):
         kept.append(index)
@@ -306,14 +306,14 @@ def _unrepeated(kinds: Sequence[bytes]) -> list[int]:
 
 
 def tile_grid(plan: Plan) -> np.ndarray:
-    """Return the index of the tile in each sub-cell of the pad, (rows, columns) from the lower left."""
+    """Return the channel of the taxel in each sub-cell, (rows, columns) from lower left; channel count where empty."""
     places = taxel_places(plan)
     channel = np.array([taxel.channel for taxel in plan.taxels])
     return np.where(places < 0, len(plan.channels), channel[places])
 
 
 def turned_grid(plan: Plan) -> np.ndarray:
-    """Return a mask (rows, columns) of the sub-cells whose cell is turned by 180°, of the shape of `tile_grid`."""
+    """Return a mask (rows, columns) over the pad's sub-cells: True where their coil's cell is turned by 180°."""
     cells = np.zeros((plan.coils.rows, plan.coils.columns), dtype=bool)
     for taxel in plan.taxels:
         cells[taxel.coil] = taxel.turned
@@ -321,7 +321,7 @@ def turned_grid(plan: Plan) -> np.ndarray:
 
 
 def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray) -> Mesh:
-    """Return one mesh: `tiles` in `border`, placed by the indices in `grid` (rows, columns), seams welded."""
+    """Return the pad's mesh: tile ``tiles[grid[row, column]]`` in each sub-cell, `border` around, seams welded."""
     rows, columns = grid.shape
     spec = plan.spec
     x = np.linspace(-spec.pad.width_mm / 2, spec.pad.width_mm / 2, columns + 1)
@@ -377,7 +377,7 @@ def _open_seams(mesh: Mesh, half_x: float, half_y: float, z: np.ndarray) -> tupl
 
 
 def _open_border(mesh: Mesh, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return each border vertex's index in the lattice of tile corners (-1 off it), and the triangles to keep.
+    """Return each border vertex's index among the grid's tile corners (-1 if none), and triangles off the inner sides.
 
     Those of the inner sides, where tiles join, are dropped.
     """

@@ -150,7 +150,7 @@ BLOCKED_MM3 = 1e-3
 
 
 def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report:
-    """Run all checks of the tray that was built for `plan`, or of a `mesh` from any program that should equal it.
+    """Return the report of all checks of the coil tray of `plan`: of its own mesh, or of a `mesh` read from a file.
 
     The figures are those of the mesh, and the gap that was measured.
     """
@@ -181,7 +181,7 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
 
 
 def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
-    """Measure sockets, seats, rim and screw holes of a tray on its manifold.
+    """Yield planned and measured diameters, heights and depths of a tray's sockets, seats, rim and screw holes.
 
     A diameter is that of the largest circle about the planned axis that holds no material. A height is where a ray
     from above ends; a seat's is measured at several places about the axis.
@@ -230,7 +230,7 @@ def _off(gauges: list[Dimension]) -> Iterator[Finding]:
 
 
 def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterator[Finding]:
-    """Check the gap between coils and washers that the tray's measured seats and rim give; add it to `figures`.
+    """Yield an error if a tray's measured seats and rim give a wrong coil-to-washer gap; put the gap into `figures`.
 
     It is measured on the mesh. It may differ from the spec's gap by half a layer (which `tray_findings` reports) and by
     `BUILT_MM`.
@@ -255,7 +255,7 @@ def _gap(plan: Plan, gauges: list[Dimension], figures: dict[str, Any]) -> Iterat
 
 
 def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
-    """Check that the coils' places, the room under the pad and every wire slot are empty."""
+    """Yield an error for each place in a tray that must be empty but is not: coil, room under the pad, wire slot."""
     import manifold3d
 
     pad = spec.pad

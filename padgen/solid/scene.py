@@ -1,4 +1,4 @@
-"""The pad as a scene: each distinct part's mesh once, and where every copy of it lies; for viewers and the page.
+"""The pad as a 3-D scene for viewers and report: each distinct part's mesh once, and where every copy of it lies.
 
 Without a modelled pad, taxels are made from the plan's dimensions by manifold3d, which takes milliseconds and no CAD
 kernel; they lack chamfers and fillets. Lengths are in mm, from the pad's centre, heights from its underside.
@@ -217,7 +217,7 @@ def _beam(path: BeamPath) -> manifold3d.Manifold:
 
 
 def _coils(plan: Plan) -> SceneParts:
-    """Return windings and cores, their tops a gap below the washers."""
+    """Return the windings and cores of all coils as scene parts, their tops the spec's gap below the washers."""
     coil = plan.spec.coil
     grid = plan.coils
     top = plan.spec.mover_low_mm - coil.gap_mm
@@ -239,7 +239,7 @@ def _coils(plan: Plan) -> SceneParts:
 
 
 def _tray(plan: Plan) -> SceneParts:
-    """Return the tray of `padgen.planner.fixtures` as a rim and a cell under each coil; () where no tray fits."""
+    """Return the coil tray as scene parts: its rim, and one cell repeated under each coil; () where no tray fits."""
     try:
         tray = plan_tray(plan)
     except InfeasibleError:

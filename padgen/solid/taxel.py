@@ -1,4 +1,4 @@
-"""The build123d solid of one taxel, as a pure function of the plan's dimensions; known ones come from the cache.
+"""The build123d solid of one taxel, computed from the plan's dimensions alone, and its triangles, kept in a cache.
 
 Side view through the beam, own axes (x from the root, z from the bed)::
 
@@ -246,7 +246,7 @@ class Tile:
 
 
 def taxel_key(plan: Plan, channel: Channel, **detail: Any) -> str:
-    """Return the cache key of everything that the solid of a taxel depends on, and of `detail`."""
+    """Return the cache key of a channel's taxel: a hash of everything that its solid depends on, and of `detail`."""
     return cache.key_of(
         {
             **shape_inputs(plan, channel),

@@ -36,7 +36,7 @@ MOST_NUMBERS = 10_000
 def quantity(
     default: Any = MISSING, *, unit: str, low: float, high: float, doc: str, words: tuple[str, ...] = ()
 ) -> Any:
-    """Declare a number in `unit`, from `low` to `high`, or one of `words` in its place."""
+    """Return a dataclass field for a number in `unit`, from `low` to `high`, or for one of `words` instead."""
     return field(default=default, metadata={"unit": unit, "low": low, "high": high, "doc": doc, "words": words})
 
 
@@ -50,7 +50,7 @@ def numbers(
     count: int | None = None,
     single: bool = False,
 ) -> Any:
-    """Declare a list of numbers in `unit`, each from `low` to `high`: `count` of them, or else one or more.
+    """Return a dataclass field for a list of numbers in `unit`, each from `low` to `high`: `count` of them if given.
 
     Where it may be `single`, a number stands for a list of one.
     """
@@ -61,7 +61,7 @@ def numbers(
 def choice(
     default: Any = MISSING, *, of: tuple[str, ...] | Callable[[], tuple[str, ...]], doc: str, what: str = "choice"
 ) -> Any:
-    """Declare a choice between words; a function `of` returns them when they are needed, as plugins may add some.
+    """Return a dataclass field for one of the words `of`: a tuple, or a function called late, as plugins may add some.
 
     A refused word is called `what`, which tells what is chosen where the field's name does not.
     """
@@ -75,17 +75,17 @@ def choices(meta: Any) -> tuple[str, ...]:
 
 
 def text(default: Any = MISSING, *, doc: str) -> Any:
-    """Declare a line of text."""
+    """Return a dataclass field for one line of text."""
     return field(default=default, metadata={"doc": doc})
 
 
 def entry_name(*, doc: str) -> Any:
-    """Declare the name of a part; it must not begin like a formula, since tables with it are opened in spreadsheets."""
+    """Return a dataclass field for a part's name; it must not begin like a formula, as spreadsheets open the tables."""
     return field(metadata={"doc": doc, "pattern": r"[^\s=+@-].{0,99}"})
 
 
 def folder_name(*, doc: str, most: int) -> Any:
-    """Declare a name of at most `most` characters that every operating system accepts as a folder's name."""
+    """Return a dataclass field for a name that any operating system accepts for a folder, at most `most` characters."""
     pattern = rf"[A-Za-z0-9]([A-Za-z0-9._-]{{0,{most - 2}}}[A-Za-z0-9_-])?"
     return field(metadata={"doc": doc, "pattern": pattern, "reserved": RESERVED})
 
@@ -132,7 +132,7 @@ def build(kind: type, table: Any, where: str, base: "dict[str, Any] | None" = No
 
 
 def checked(item: "Field[Any]", value: Any, where: str) -> Any:
-    """Return the value of a field if it has the field's type and is within its bounds; raises as `build` does."""
+    """Return a TOML value as its field's type; raise SpecError if it has another type or breaks the field's bounds."""
     kind = optional_type(item.type)[0]
     meta = item.metadata
     if kind in TYPES:

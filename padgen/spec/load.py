@@ -214,7 +214,7 @@ POWERS = {1: "the current", 2: "the square of the current"}
 
 
 def _order_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rule that a named drive scheme suits the mover's force: linear or quadratic in the current."""
+    """Yield the rule that a named drive scheme suits the force: quadratic in current on washers, linear on magnets."""
     scheme = spec.drive.scheme
     if scheme != "auto":
         order = spec.force_order
@@ -228,7 +228,7 @@ def _order_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _mover_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of the part that the coil moves."""
+    """Yield the rules of the part that the coil moves: a magnetic washer, a magnet's remanence bounds and ballast."""
     if washer := spec.washer:
         yield Rule(
             washer.relative_permeability >= MAGNETIC,
@@ -254,7 +254,7 @@ def _mover_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of a sound card's high-pass corner: given if AC coupled, not if DC, not above the band."""
+    """Yield the rules of a sound card's high-pass corner: given if AC coupled, absent if DC, at most `band_hz[0]`."""
     card = spec.sound_card
     low = spec.band_hz[0]
     if card is None:
@@ -285,7 +285,7 @@ def _sound_card_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _ballast_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of ballast: its bore, the pocket's roof, and the post that would be in its way."""
+    """Yield the rules of ballast: its bore, thickness and span of the roof over it, no centre post in the recess."""
     ballast = spec.ballast
     if ballast is None:
         return
@@ -325,7 +325,7 @@ def _ballast_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _flatter(spec: Spec, top_mm: float, widest_mm: float = inf) -> list[dict[str, Any]]:
-    """Return one cure or none: the heaviest ballast that ends at `top_mm` or below, at most `widest_mm` wide."""
+    """Return a spec change to propose, or none: the heaviest ballast with top up to `top_mm`, width to `widest_mm`."""
     fitting = {}
     for name in catalogue("ballast"):
         ballast = _catalogue_entry("ballast", name, OWN)
@@ -455,7 +455,7 @@ def _contactor_rules(spec: Spec) -> Iterator[Rule]:
 
 
 def _finer_printers(spec: Spec) -> Iterator[dict[str, Any]]:
-    """Yield cures: each printer of the catalogue that prints the spec's pin, the coarsest first."""
+    """Yield spec changes to propose: each catalogue printer that prints the spec's pin, the coarsest first."""
     makers = {
         name: entry["smallest_pin_mm"]
         for name, entry in catalogue("printer").items()
@@ -470,13 +470,13 @@ LARGEST_PIN_MM = 1e3
 
 
 def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
-    """Return a cure: plates `plate_mm` thick, and a frame of that height where the frame is lower."""
+    """Return a spec change to propose: plates `plate_mm` thick, and the frame as thick where it is thinner."""
     frame = {} if plate_mm <= spec.pad.frame_thickness_mm else {"pad.frame_thickness_mm": plate_mm}
     return [{"taxel.plate_thickness_mm": plate_mm, **frame}]
 
 
 def _bridged(spec: Spec) -> list[dict[str, Any]]:
-    """Return cures for a recess roof too wide to bridge: a smaller washer or magnet, or a centre post."""
+    """Return spec changes for a recess roof too wide to bridge: a smaller washer or magnet, or a post in the recess."""
     taxel = spec.taxel
     moved = spec.moved
     most_mm = spec.printer.longest_bridge_mm
@@ -528,7 +528,7 @@ LEAST_PRINTED_MM = 0.01
 
 
 def _printed_rules(spec: Spec) -> list[Rule]:
-    """Return the rules that the printer's offsets leave the smallest beam `LEAST_PRINTED_MM` thick and wide."""
+    """Return the rules that beams, with printer offsets, still print `LEAST_PRINTED_MM` thick and wide or more."""
     printer = spec.printer
     thickness = spec.suspension.thickness_mm or printer.height_mm(printer.smallest_beam_layers)
     return [
@@ -576,7 +576,7 @@ LARGEST_CURVE = 1 << 20
 
 
 def with_threshold(drive: DriveTable, folder: Path) -> DriveTable:
-    """Return `drive` with the curve of its `threshold_file` in place of the file's name.
+    """Return `drive` with two lists, the detection thresholds over frequency that the CSV `threshold_file` holds.
 
     Raises
     ------
@@ -628,7 +628,7 @@ def _points(text: str, where: str) -> list[tuple[float, float]]:
 
 
 def _threshold_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of a threshold curve: equally long lists, frequencies that rise and cover the band.
+    """Yield the rules of a detection threshold curve: equally long lists, rising frequencies that cover the band.
 
     A rule is judged only once those before it hold.
     """
@@ -657,7 +657,7 @@ SEARCHED = ("mover", "magnet", "washer", "coil", "ballast", "suspension", "conta
 
 
 def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTable:
-    """Return `touch` with `search` "auto" replaced by the parts that the spec leaves open, or "none".
+    """Return `touch` with "auto" in `search` replaced by the names of the parts that the spec does not give, or "none".
 
     `given` are the names that the spec has, `kind` is the mover's.
     """
@@ -676,7 +676,7 @@ OWN_CONTACT = ("k_n_per_m", "c_n_s_per_m", "m_g")
 
 
 def _touch_rules(spec: Spec) -> Iterator[Rule]:
-    """Yield the rules of touch: known parts to search, and consistent figures of a custom contact over the band."""
+    """Yield the rules of touch: searched parts exist, and figures of an own contact are complete and cover the band."""
     touch = spec.touch
     hz = touch.hz
     given = [name for name in ("hz", *OWN_CONTACT) if getattr(touch, name) is not None]
@@ -1087,7 +1087,7 @@ def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def is_of_spec(recorded: Spec, asked: Spec) -> bool:
-    """Return whether a plan's recorded spec answers the `asked` one: the same but for model and searched values.
+    """Return whether a plan's spec `recorded` equals `asked`, but for the model and what `asked` leaves to the search.
 
     The model may differ, and values that `asked` leaves to the search are taken from the plan.
     """
@@ -1106,7 +1106,7 @@ def is_of_spec(recorded: Spec, asked: Spec) -> bool:
 
 
 def spread_of(printer: Printer) -> str:
-    """Return the name of a printer's typical spread; where it has none, that of its process's usual printer."""
+    """Return the catalogue name of a printer's print-to-print spread, or of its process's default printer's spread."""
     typical = f"{printer.name}-typical"
     return typical if typical in catalogue("spread") else f"{DEFAULT_PRINTERS[printer.process]}-typical"
 
@@ -1187,7 +1187,7 @@ def _of_nozzle(printer: dict[str, Any]) -> dict[str, Any]:
 
 
 def _completed_by(coil: Any) -> Callable[[dict[str, Any]], Coil] | None:
-    """Return the function that completes a coil of this kind from some fields; None if the kind needs all."""
+    """Return the function that computes the fields a coil of this kind leaves out; None if all must be given."""
     kind = coil.get("kind") if isinstance(coil, dict) else None
     if not isinstance(kind, str) or kind == "solenoid" or kind not in COILS.names():
         return None

@@ -147,7 +147,7 @@ class Material:
 
     @property
     def modulus_gpa(self) -> float:
-        """Modulus in GPa that plans use: at the resonances if `dynamic`, of the wet print if `wet`."""
+        """Elastic modulus in GPa that plans use: at the resonances if `dynamic`, of a print that is damp if `wet`."""
         dynamic = self.dynamic_ratio or 1.0
         wet = self.wet_ratio or 1.0
         return self.youngs_modulus_gpa * (dynamic if self.dynamic else 1.0) * (wet if self.wet else 1.0)
@@ -277,7 +277,7 @@ class Spread:
 
     @property
     def bed_field_mm(self) -> float:
-        """Standard deviation in mm of the thickness error that varies smoothly over the bed, meshed or not."""
+        """Standard deviation in mm of the smooth thickness error over the bed, by whether its height is probed."""
         return self.field_z_mm if self.bed_meshed else self.unmeshed_field_z_mm
 
 
@@ -330,7 +330,7 @@ class Magnet:
 
 @dataclass(frozen=True, slots=True)
 class Ballast:
-    """A mass that is pressed upright into the plate above the mover, which is glued under it."""
+    """A mass that is pressed upright into the plate above the washer or magnet, which is glued under it."""
 
     name: str = entry_name(doc="name in the catalogue")
     width_mm: float = quantity(unit="mm", low=0.5, high=50, doc="diameter; of a hexagon across its flats")
@@ -376,7 +376,7 @@ class Ballast:
 
 @dataclass(frozen=True, slots=True)
 class MoverTable:
-    """The part of a taxel that the coil moves."""
+    """The kind of part that the coil moves: a steel washer or a magnet."""
 
     kind: str = choice(
         "washer",
@@ -440,7 +440,7 @@ class Coil:
 
     @property
     def sets(self) -> int:
-        """Number of sets of channels: 2 where coils alternate between two sets, else 1."""
+        """Number of sets of resonances: 2 where neighbouring coils alternate between two, 1 where all are alike."""
         return 2 if self.reuse == "alternate" else 1
 
 
@@ -600,7 +600,7 @@ class LifeTable:
 
     @property
     def changes_text(self) -> str:
-        """Words for these changes that end a sentence after 'when', such as 'the plastic has aged'."""
+        """Words for the changes since re-tuning that a pad must bear, to follow 'when', e.g. 'the plastic has aged'."""
         changes = []
         if self.temperature_range_k:
             changes.append(f"the room is {number(self.temperature_range_k)} K warmer or colder")
@@ -901,22 +901,22 @@ class Spec:
 
     @property
     def ballast_argument(self) -> tuple[Ballast, ...]:
-        """The ballast as the last argument of a mover's functions: a tuple of it, empty without ballast."""
+        """The ballast as a tuple of one, or of none without ballast, to be unpacked as a function's last arguments."""
         return () if self.ballast is None else (self.ballast,)
 
     @property
     def mover_part(self) -> str:
-        """The spec's table of the part that the coil moves: 'washer' or 'magnet'."""
+        """Name of the spec's table of the part that the coil moves: 'washer' or 'magnet'."""
         return "magnet" if self.magnet else "washer"
 
     @property
     def force_order(self) -> int:
-        """Power of the current that the force goes with: 2 for a steel washer, 1 for a magnet."""
+        """Exponent of the current in the coil's force on the part it moves: 2 for a steel washer, 1 for a magnet."""
         return int(MOVERS.get(self.mover.kind, "mover.kind").FORCE_ORDER)
 
     @property
     def leaves_layout_free(self) -> bool:
-        """True where the search may choose the grid of coils, and with it gap, reuse and drive."""
+        """True if coil.grid and resonances_hz are absent: the search may choose grid, gap, coil.reuse and drive."""
         return not self.coil.grid and not self.resonances_hz
 
     @property
@@ -938,7 +938,7 @@ class Spec:
 
     @property
     def passing_cure(self) -> dict[str, Any]:
-        """The change of the spec, fields by their dotted names, after which every device passes direct current."""
+        """The spec change that makes every named AC-coupled device pass direct current: values by dotted field name."""
         cure: dict[str, Any] = {
             f"{word.replace(' ', '_')}.coupling": "DC" for word, device in self.feeds if device.coupling == "AC"
         }
@@ -966,14 +966,14 @@ class Spec:
 
     @property
     def mover_top_mm(self) -> float:
-        """Height in mm of the mover's top above the pad's underside, where it meets recess roof or ballast."""
+        """Height in mm above the pad's underside of the top of washer or magnet, which meets recess roof or ballast."""
         if self.ballast is None:
             return self._whole_layers_mm(self.moved.thickness_mm + self.taxel.glue_gap_mm)
         return self.pocket_top_mm - self.ballast.height_mm
 
     @property
     def mover_low_mm(self) -> float:
-        """Height in mm of the mover's underside above the pad's underside."""
+        """Height in mm of the underside of washer or magnet above the pad's underside."""
         return self.mover_top_mm - self.moved.thickness_mm
 
     def _whole_layers_mm(self, height_mm: float) -> float:

@@ -1,4 +1,4 @@
-"""Coil, circuit and washers in time, as they act on each other: the finest rung of dynamics.
+"""Coil current, circuit and washers' motion simulated in time with all coupling: the most exact model of dynamics.
 
 A washer pulled by ``c i² (g/(g − z))^m`` (z towards the coil, m its pull exponent) is half the slope of an
 inductance, so that motion and circuit exchange energy without loss:
@@ -62,7 +62,7 @@ class CoupledSystem:
 
     @property
     def angular(self) -> np.ndarray:
-        """Natural frequency (n,) in 1/s."""
+        """Angular natural frequency 2πf (n,) in 1/s."""
         return 2 * np.pi * self.frequency_hz
 
     def slopes(self, z_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +95,7 @@ class Source(NamedTuple):
 
 
 class CoupledMotion(NamedTuple):
-    """The motion at the times asked for, (n, k), the current (k,), and where the energy went.
+    """Displacements and velocities (n, k) and coil current (k,) at the times asked for, and the energy balance in J.
 
     `energy_j` has what the source put in (driven by current: the pull), the losses in copper and in the suspensions,
     and what is stored; `residual` is what does not add up, over the largest of them.
@@ -121,16 +121,16 @@ class Collocation(NamedTuple):
     to_legendre: np.ndarray
 
     def values(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Return the polynomials through `stages` (…, s) at points (k,) of the step: (…, k)."""
+        """Return values (…, k), at points (k,) in [0, 1] of a step, of the polynomials through `stages` (…, s)."""
         return np.asarray(stages @ (legendre.legvander(2 * at - 1, len(self.points) - 1) @ self.to_legendre).T)
 
     def integrated(self, stages: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Return integrals (…, k) of the polynomials through `stages` (…, s), 0 to points (k,), in unit of a step."""
+        """Return integrals (…, k), in step lengths, 0 to points (k,), of the polynomials through `stages` (…, s)."""
         return np.asarray(stages @ (_integrals(at, len(self.points)) @ self.to_legendre).T)
 
 
 class _State(NamedTuple):
-    """The state of a run: time, motion (n,), flux in Wb and current."""
+    """One instant of a simulation: time in s, displacements and velocities (n,), flux linkage in Wb, current in A."""
 
     time_s: float
     z: np.ndarray
@@ -305,7 +305,7 @@ def scipy_motion(
 
 @lru_cache(maxsize=16)
 def radau(stages: int) -> Collocation:
-    """Return the rule of right Radau points, roots of ``P_s − P_(s−1)``."""
+    """Return the Radau IIA collocation rule with `stages` points, the roots of ``P_s − P_(s−1)``."""
     at = np.sort(legendre.legroots(np.append(np.zeros(stages - 1), [-1, 1])))
     at[-1] = 1.0
     points = (at + 1) / 2
@@ -375,6 +375,6 @@ def _share(change: np.ndarray, size: np.ndarray) -> float:
 
 
 def _stored(system: CoupledSystem, at: _State, by_voltage: bool) -> float:
-    """Return the energy in J of springs, masses and, driven by voltage, of the field."""
+    """Return the energy in J stored in springs, masses and, where a voltage drives the coil, its magnetic field."""
     mechanical = float((system.mass_kg * (at.v**2 + (system.angular * at.z) ** 2)).sum() / 2)
     return mechanical + (at.flux**2 / (2 * float(system.inductance(at.z[:, None])[0])) if by_voltage else 0.0)

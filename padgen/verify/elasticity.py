@@ -1,4 +1,4 @@
-"""One taxel's modes by 3-D elasticity on the STEP file that is built: the `solid` rung of the structure ladder.
+"""One taxel's vibration modes by 3-D finite elements of the STEP file that is built: the structure model `solid`.
 
 NGSolve must not be imported into a process that has loaded build123d: call `solve_modes` and `converged_modes` in a
 process of their own (they can be pickled). Meshes are in mm, matrices in N/m and kg.
@@ -169,7 +169,7 @@ def _printed_bounds(shape: Any) -> np.ndarray:
 
 
 def _hold(shape: Any, clamp: str, bounds: np.ndarray) -> None:
-    """Name ``clamped`` the printed part's faces that `clamp` holds; `bounds` (2, 3) in mm are the whole part's.
+    """Name ``clamped`` the printed part's faces that `clamp` holds; `bounds` (2, 3) in mm are those of the uncut part.
 
     Raises
     ------
@@ -198,7 +198,7 @@ class Mirror(NamedTuple):
 
     @property
     def loads(self) -> tuple[int, ...]:
-        """Indices of the six loads (forces along, moments about x, y, z) that are symmetric in the mirror."""
+        """Indices, among forces along and then moments about x, y, z (0 to 5), of those symmetric in this plane."""
         return (1, 2, 3) if self.axis == 0 else (0, 2, 4)
 
 
@@ -270,7 +270,7 @@ def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered
 
 
 def _coarse_meshes(shape: Any, fineness: Fineness, where: str) -> Iterator[tuple[Any, Fineness]]:
-    """Yield Netgen's meshes of `shape`, each with its fineness: as asked, then slightly varied; at least one."""
+    """Yield Netgen's meshes of `shape` for repeated attempts with their fineness: as asked, then slightly varied."""
     failure: SolverError | None = None
     for face in shape.faces:
         # Long thin faces bend: no element longer than a share of a square of the same area.
@@ -554,7 +554,7 @@ Solver = Callable[[np.ndarray], np.ndarray]
 
 
 def factored(system: System) -> Solver:
-    """Factor the stiffness by Cholesky.
+    """Return a function that solves K u = load, with the stiffness matrix K of `system` factored by Cholesky.
 
     Raises
     ------
@@ -571,7 +571,7 @@ def factored(system: System) -> Solver:
 
 
 def accurate(system: System, solve: Solver, loads: np.ndarray, answers: np.ndarray) -> bool:
-    """Tell whether solutions `answers` (n, k) under `loads` (n, k) are accurate, judged by the most compliant one.
+    """Return whether displacements `answers` (n, k) under `loads` (n, k) are accurate, by the most compliant load case.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
     solid lie more than about 1e8 apart, without a word.
@@ -683,7 +683,7 @@ def energy_shares(system: System, materials: Mapping[str, Elastic], eigen: Eigen
 
 
 def edge_energy_shares(netgen_mesh: Any, shares: np.ndarray) -> dict[str, float]:
-    """Return by named edge the energy share of the tetrahedra along the edge, the largest over the modes."""
+    """Return for each named edge the strain energy share of the tetrahedra along it, the largest of all modes."""
     nodes = netgen_mesh.Elements3D().NumPy()["nodes"][:, :4].astype(np.int64)
     segments = netgen_mesh.Elements1D().NumPy()
     ends = np.sort(segments["nodes"][:, :2].astype(np.int64), axis=1)
@@ -747,7 +747,7 @@ class SolidTaxel(NamedTuple):
 
     @property
     def where(self) -> str:
-        """The taxel's name, or its file's where it has none, with which error messages begin."""
+        """Name with which error messages about the taxel begin: its own, or its STEP file's if it has none."""
         return self.name or str(self.step)
 
     @property
@@ -794,7 +794,7 @@ def solve_modes(taxel: SolidTaxel, order: int = 3, levels: int = 2, modes: int =
 
 
 def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, first: int = 0) -> SolidModes:
-    """Return modes by the cheapest setting whose estimated error of the working mode is below `tolerance`.
+    """Return a taxel's modes at the cheapest mesh setting with a working mode's estimated error below `tolerance`.
 
     Where no setting does, the modes of the one that comes nearest: compare their `error`. Settings before the one of
     place `first` in `SETTINGS` are not tried.
@@ -829,7 +829,7 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
 def _by_settings(
     taxel: SolidTaxel, draft: "Draft", settings: tuple[FineSetting, ...], first: int, modes: int, tolerance: float
 ) -> SolidModes:
-    """Return modes by the cheapest of `settings`, from place `first` on, that is good to `tolerance`; else the best."""
+    """Return modes at the cheapest mesh setting from index `first` on with error below `tolerance`, else the best."""
     known = None
     before = None
     for place, setting in enumerate(settings[first:], first):
@@ -871,7 +871,7 @@ def _with_working(known: SolidModes, finer: SolidModes) -> SolidModes:
 
 
 def _rich(mesh: Any, shares: np.ndarray, working: int) -> np.ndarray:
-    """Mark the elements (n,) to solve by higher orders.
+    """Return a mask (n,) of the elements with most strain energy and their neighbours, to be solved at higher order.
 
     They are those that hold all but little of each mode's energy `shares` (n, k), and all that touch them, where a
     stiff element has no energy because it cannot follow.
@@ -913,7 +913,7 @@ class Draft(NamedTuple):
 
     @property
     def loads(self) -> tuple[int, ...]:
-        """Indices of the six loads on the washer that are symmetric in all mirrors."""
+        """Indices, among three forces and three moments on the washer, of those symmetric in every mirror plane."""
         return tuple(k for k in range(6) if all(k in mirror.loads for mirror in self.mirrors))
 
 
@@ -932,7 +932,7 @@ class SolvedDraft(NamedTuple):
 
 
 def _drafted(taxel: SolidTaxel, mirrors: tuple[Mirror, ...] = ()) -> Draft:
-    """Return the taxel's solid, or its part beside `mirrors`, with the edges that its modes strain."""
+    """Return a taxel's solid to be meshed, or its part on one side of `mirrors`, with the edges to be refined."""
     ng.SetNumThreads(1)
     shape = clamped_shape(
         taxel_shape(taxel.step, taxel.washer_volume_mm3, taxel.where, taxel.ballast_volume_mm3), taxel.clamp
@@ -956,7 +956,7 @@ def _layered(taxel: SolidTaxel, draft: Draft, setting: FineSetting) -> Any:
 def _answered(
     taxel: SolidTaxel, draft: Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None
 ) -> SolvedDraft:
-    """Solve a draft's statics and modes: in 3 x 3 blocks if rounding allows, else with all elements of `order`."""
+    """Return static displacements and modes of a taxel's mesh, by 3 x 3 blocks unless rounding spoils these."""
     volumes: dict[str, float] = {}
     for solid in draft.shape.solids:
         volumes[solid.name] = volumes.get(solid.name, 0.0) + solid.mass

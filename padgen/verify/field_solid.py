@@ -62,7 +62,7 @@ class ScalarField(NamedTuple):
 
 
 class BodyWrench(NamedTuple):
-    """Force and moment (6,) in N and N·m on a body, by each of two methods.
+    """Force and moment (6,) in N and N·m on a body, by virtual work in the air and by stress at its surface.
 
     `virtual_work` spreads a virtual displacement over all the air between the bodies; `surface` over the
     one layer of elements around the body (Coulomb 1983; Maxwell's stress right at the surface). They
@@ -82,7 +82,7 @@ def solve_scalar(
     weight: Any = 1.0,
     start: ScalarField | None = None,
 ) -> ScalarField:
-    """Solve for the scalar magnetic potential on `mesh`: `steels` by material, else air; outer faces named ``far``.
+    """Return the scalar-potential field on `mesh`: `steels` by material name, all else air, outer faces named ``far``.
 
     `source` is T in A/m as a coefficient function; it may jump at faces of the mesh only. `start` is a
     solution on the same mesh to begin with.
@@ -287,7 +287,7 @@ def axisymmetric_force(
 
 
 def _half_plane(coil: CoilSource, washer: SteelRing, gap_m: float, levels: int) -> tuple[Any, float]:
-    """Return the mesh in mm (x is the radius, y the height above the coil's top) and the far circle's radius in mm."""
+    """Return the mesh of coil, washer and air in mm (x: radius, y: height above coil), and its outer radius in mm."""
     low = 1e3 * gap_m
     high = 1e3 * (gap_m + washer.thickness)
     hole = 500 * washer.inner_diameter
@@ -362,7 +362,7 @@ def coil_cells(coil: CoilSource) -> list[tuple[str, float, float, float, float]]
 
 
 def _edges(*places: float) -> list[float]:
-    """Return the places sorted, without repeats that differ by rounding only."""
+    """Return coordinates in rising order, without those that differ from the one before by rounding only."""
     ordered = sorted(places)
     close = 1e-6 * (ordered[-1] - ordered[0])
     return [ordered[0], *(v for u, v in pairwise(ordered) if v - u > close)]
@@ -497,7 +497,7 @@ def _foot_mm(washer: PlacedWasher) -> tuple[float, float, float]:
 
 
 def _mesh(coil: CoilSource, washers: Sequence[PlacedWasher], half: bool, levels: int, size: float) -> tuple[Any, float]:
-    """Return the mesh in mm and the far sphere's radius in mm.
+    """Return the 3-D mesh in mm of coil, washers and air (with `half`, of y ≥ 0 only), and its outer radius in mm.
 
     It is refined at the circular edges of core and washers, where the field is singular.
     """

@@ -42,7 +42,7 @@ _PLANES = ((2, 4, -1.0), (1, 5, 1.0))
 
 
 class Section(NamedTuple):
-    """A cross-section of an element.
+    """The cross-section of a beam element: area, second moments, torsion constant and shear coefficients, in SI units.
 
     Area in m², second moments in m⁴ for bending `up` and `across`, torsion constant in m⁴, and shear coefficients in
     both planes.
@@ -57,12 +57,12 @@ class Section(NamedTuple):
 
     @property
     def planes(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Second moment in m⁴ and shear coefficient of bending up, then across."""
+        """Second moment of area in m⁴ and shear coefficient, as a pair for bending up and a pair for bending across."""
         return (self.inertia_up, self.shear_up), (self.inertia_across, self.shear_across)
 
 
 class Element(NamedTuple):
-    """An element between two nodes (by index) of one material, in SI units.
+    """A straight Timoshenko beam element between two nodes (by index), its section and material, in SI units.
 
     `hinge_start` and `hinge_end` are the rotations in rad/(N·m) of its ends relative to the nodes, under bending
     moments in the planes up and across.
@@ -124,7 +124,7 @@ def element_root(element: Element, length: float, bubbles: int) -> np.ndarray:
 
 
 def element_mass_root(element: Element, length: float, bubbles: int) -> np.ndarray:
-    """Return the square root of the consistent mass in element axes, shape (r, 12 + m), as `element_root`."""
+    """Return the square root of the consistent mass matrix in element axes, shape (r, 12 + m): mass = rootᵀ root."""
     area = element.section.area
     up, across = (inertia for inertia, _ in element.section.planes)
     rows = []
@@ -140,7 +140,7 @@ def element_mass_root(element: Element, length: float, bubbles: int) -> np.ndarr
 
 
 def _inner_motions(bubbles: int, points: int) -> Iterator[tuple[float, float, np.ndarray, np.ndarray]]:
-    """Yield for each Gauss point its share of the length, weight, and values and slopes (6, m) of inner motions.
+    """Yield per Gauss point its place (share of length), weight, and values and slopes (6, m) of the bubble functions.
 
     Rows: stretch, twist, then shift and turn of each plane. The motions are integrated Legendre polynomials, of degree
     2 … and 0 at both ends; slopes are by the share of the length.
@@ -275,7 +275,7 @@ def frame_modes(frame: Frame, count: int = 6) -> FrameModes:
 
 
 def checked_frame_modes(frame: Frame, count: int = 6) -> tuple[FrameModes, np.ndarray]:
-    """Return the lowest modes with one more inner motion per element, and a bound (k,) on their relative error.
+    """Return the lowest modes at one polynomial degree more per element, and a bound (k,) on their relative error.
 
     The bound is the change made by the last inner motion plus rounding. It covers the solution of the beam equations,
     not the beams as a model of a solid.
@@ -361,7 +361,7 @@ def _mass_root(frame: Frame, free: np.ndarray) -> np.ndarray:
 
 
 def _placed(frame: Frame, index: int, root: Callable[[Element, float, int], np.ndarray]) -> np.ndarray:
-    """Return one element's stiffness or mass root (as `root` gives it) over all motions of the frame."""
+    """Return one element's square root of the stiffness or mass matrix, by `root`, over all motions of the frame."""
     element = frame.elements[index]
     start, end = frame.nodes[element.start], frame.nodes[element.end]
     length = float(np.linalg.norm(end - start))

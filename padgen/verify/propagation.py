@@ -235,7 +235,7 @@ def _blocks(time: np.ndarray, width: int) -> list[np.ndarray]:
 
 
 def _poles(resonance_hz: np.ndarray, q: np.ndarray) -> _Poles:
-    """Return the poles without cancellation: ``α² − ω² = ω² (1 − 2Q)(1 + 2Q)/4Q²``."""
+    """Return the poles of damped resonators (n,), without cancellation: ``α² − ω² = ω² (1 − 2Q)(1 + 2Q)/4Q²``."""
     omega = 2 * np.pi * resonance_hz
     alpha = np.pi * resonance_hz / q
     half = 1 / (2 * q)
@@ -255,7 +255,7 @@ def _poles(resonance_hz: np.ndarray, q: np.ndarray) -> _Poles:
 def _move(
     poles: _Poles, turns_by: tuple[np.ndarray, np.ndarray], phasor: np.ndarray, force: DecayingTones, time: np.ndarray
 ) -> np.ndarray:
-    """Return the displacement (n, k) at the times of one block.
+    """Return the resonators' displacement (n, k) in m at times (k,) that differ by less than a factor of two.
 
     `turns_by` are the exponents ``a − s₁`` and ``a − s₂`` (n, m), `phasor` (n, m) is the force over the mass.
     """
@@ -292,7 +292,7 @@ def _with_near(
     modes: tuple[np.ndarray, np.ndarray],
     time: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Add to `moved` (n, k) the motion of pairs (p,) of resonator and nearby tone; return it and steady phasors.
+    """Add to `moved` (n, k) the motion of resonators by tones near their poles, pairs (p,); return it and phasors (p,).
 
     A tone is near where it is close to a pole of its resonator; the phasors are (p,).
 

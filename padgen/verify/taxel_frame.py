@@ -104,7 +104,7 @@ class _Builder:
         return nodes[-1]
 
     def _section_at(self, section: BeamSection, at: float, piece: Segment) -> Section:
-        """Return the section at `at` m from the root, on a `piece` of the path.
+        """Return a beam's cross-section `at` m from its root, flare and end compliance included, on one `piece`.
 
         The compliance of the beam's ends in shear and twist is spread along the beam.
         """

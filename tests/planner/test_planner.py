@@ -825,4 +825,4 @@ def test_a_printed_choice_counts_beyond_the_bound_on_prints(monkeypatch):
         return make.Tried(25.0)
 
     monkeypatch.setattr(make, "_tried", tried)
-    assert make._best(iter(choices), make.MOST_PRINTED) is works
+    assert make._best(iter(choices), make.MOST_PRINTED) == (works, False)

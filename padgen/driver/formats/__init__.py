@@ -1,4 +1,4 @@
-"""Files that drive a pad, or that other programs and machines take: a format is one file here, found by its name.
+"""Formats of the files that drive a pad, for this and other programs and machines: one module each, found by name.
 
 Others are added by `register`. A format holds to `DriveFormat`; what it needs to know is its `DriveJob`.
 """
@@ -47,13 +47,13 @@ class DriveJob:
     recoil: "PlayedRecoil | None" = None
 
     def played(self) -> "tuple[PadDrive, Timeline]":
-        """Return the drive and what it shows, for a format that is made of ``"frames"``."""
+        """Return the drive and the timeline of its frames, for a format that needs frames (`MADE_OF` "frames")."""
         assert self.timeline is not None
         return self.drive, self.timeline
 
 
 class DriveFormat(Protocol):
-    """Interface of a drive format: a module, or any object, that has the names below.
+    """Interface of a drive format: a module or object with `FILE`, `MADE_OF` and `write`.
 
     An `ORDER` may say when it is written, the lowest first; those without one come last. A `refuse` may raise
     SpecError of a job that it cannot write, before anything else is done.
@@ -66,7 +66,7 @@ class DriveFormat(Protocol):
     ``"host"``: of what a host may send when it is played, which the format itself judges."""
 
     def write(self, out: "OutputFolder", job: DriveJob) -> None:
-        """Add all its files to `out`; may raise SpecError: then nothing is kept."""
+        """Add all files of this format to `out`; if it raises SpecError, no file of the whole drive is kept."""
 
 
 register = FORMATS.register

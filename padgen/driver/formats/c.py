@@ -76,7 +76,7 @@ NO_TAXEL = 0xFFFF
 
 
 def write(out: OutputFolder, job: DriveJob) -> None:
-    """Write the C header and the firmware, and judge the worst frames that a host may send to it."""
+    """Write the C header and the firmware, with findings on limits that the worst frames from a host would exceed."""
     request = job.request
     drive = drive_at(job.plan, CONTROLLER_RATES_HZ, request.rate_hz, request.tuning, request.carrier_hz)
     drive = replace(drive, corner_hz=0.0)  # a microcontroller's converters are no sound card's outputs
@@ -94,7 +94,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def sample_mhz(drive: PadDrive) -> float:
-    """Bound the clock rate, in MHz, that a Cortex-M4 needs to compute the samples of a drive."""
+    """Return an upper bound, in MHz, of the clock rate that a Cortex-M4 needs to compute the samples of a drive."""
     each, coil, taxel = ROOT_CLOCKS if drive.scheme.is_root else CLOCKS
     kinds = {
         coil_drive.harmonic.tobytes() + coil_drive.line_a2.tobytes() + coil_drive.phase_rad.tobytes(): coil_drive
@@ -105,20 +105,20 @@ def sample_mhz(drive: PadDrive) -> float:
 
 
 def boards_in_time(drive: PadDrive) -> list[str]:
-    """Return the boards of the catalogue that make the samples of a drive in time."""
+    """Return the names of catalogue boards that are fast enough to compute the samples of a drive."""
     boards = catalogue("board").items()
     needed = sample_mhz(drive) / CLOCK_SHARE
     return [name for name, board in boards if board["clock_mhz"] >= needed]
 
 
 def firmware_files() -> dict[str, bytes]:
-    """Return the firmware's files by name, which go beside the header."""
+    """Return the contents of the firmware's files, keyed by the file names that they get in a pad's folder."""
     paths = (path for path in sorted(FIRMWARE.iterdir()) if path.suffix in (".c", ".h", ".md"))
     return {NAMES.get(path.name, path.name): path.read_bytes() for path in paths}
 
 
 def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
-    """Return the text of `pad_drive.h`, valid as C99 and C++; its tables have a row for each kind of coil.
+    """Return the text of `pad_drive.h`, valid as C99 and C++; coils that play the same lines share a row of its tables.
 
     Frequencies and phases are of the current's tones: half the force's where it has no constant part. `tuning` is the
     one that `drive` was made with.
@@ -167,7 +167,7 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
 
 
 def sealed(header: str) -> str:
-    """Return a header with the list of its tables, and the CRC-32 of their little-endian bytes, added or renewed."""
+    """Return a C header with its list of tables, and the CRC-32 of their little-endian bytes, added or renewed."""
     header = re.sub(r"#define PADGEN_TABLES.*\n", "", header)
     names = []
     crc = 0
@@ -183,7 +183,7 @@ def sealed(header: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Replace what cannot stand in a C comment."""
+    """Return `text` with each character that cannot stand in a C comment replaced by an underscore."""
     return "".join(c if c.isascii() and c.isprintable() and c not in "*/\\?" else "_" for c in text)
 
 
@@ -314,7 +314,7 @@ def _by_kind(declared: str, channels: int, entries: Iterable[list[str]], empty: 
 
 
 def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
-    """Yield C tables of spur-free drives: margins, and the least constants with all on and in each group's states."""
+    """Yield C tables of the least constant part of i² of spur-free coils, by on/off state, and of its margins."""
     size = channels_per_group(channels)
     groups = ceil(channels / size)
     margins = ([_float_above(a2) for a2 in (kind.margin * kind.line_a2).tolist()] for kind in kinds)
@@ -329,7 +329,7 @@ def _constant_tables(kinds: list[CoilDrive], channels: int) -> Iterable[str]:
 
 
 def _states_table(name: str, groups: int, states: int, tables: Iterable[Iterable[Iterable[float]]]) -> str:
-    """Return a C table of constants in A², by kind of coil, group of channels, and on/off state of the group."""
+    """Return a C table of constant parts of i² in A², by kind of coil, group of channels, and state of that group."""
     rows = []
     for table in tables:
         known = list(table)

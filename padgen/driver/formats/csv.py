@@ -1,4 +1,4 @@
-"""The driver frequency table as CSV: what each channel's line of the current must be.
+"""The driver frequency table as CSV: for each channel its frequencies, force, peak current, voltage and impedance.
 
 A coil pulls with the square of its current (paper Eq. 5); what lines that makes is the drive
 scheme's doing, see `padgen.physics.selectivity`. Beside it are the table of the warm pad, where that is driven, and

@@ -158,7 +158,7 @@ def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
 
 
 def _gain(plan: Plan) -> float:
-    """Return the ON displacement over the largest that the limits allow; 0 where there is no such limit, or no pull."""
+    """Return the ON displacement over the largest that all limits allow; 0 where that is infinite or zero."""
     largest_um = plan.load.reachable_level_um
     return plan.spec.drive.level_um / largest_um if largest_um > 0 and isfinite(largest_um) else 0.0
 
@@ -195,7 +195,7 @@ def _channels(plan: Plan, device_of: list[dict[str, Any]], course: Course | None
 
 
 def _course(timeline: Timeline) -> Course:
-    """Turn the smooth steps between the keyframes into straight pieces on whole ticks."""
+    """Return ticks in ms and the signed levels at them: a timeline with straight pieces for its smooth steps."""
     key = np.round(timeline.time_s * TICKS_PER_S).astype(int)
     key = np.maximum.accumulate(key - np.arange(len(key))) + np.arange(len(key))  # no two on one tick
     if np.abs(key / TICKS_PER_S - timeline.time_s).max() > 1.5 / TICKS_PER_S:

@@ -1,4 +1,4 @@
-"""The driver frequency table as JSON: the current's recipe, every on/off state of one coil, where coils lie."""
+"""The driver frequency table as JSON, with the current's formula, a coil's on/off states, and coil and taxel places."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -39,7 +39,7 @@ def write(out: OutputFolder, job: DriveJob) -> None:
 
 
 def coil_states(plan: Plan) -> list[dict[str, Any]]:
-    """Return every on/off state of a coil, for each set of channels; none if a set has more than `LARGEST_TABLE`.
+    """Return tones, forces and spurs of each on/off state of a coil; none for more channels than `LARGEST_TABLE`.
 
     The lowest channel changes slowest.
 
@@ -137,7 +137,7 @@ def drive_json(plan: Plan) -> str:
 
 
 def _recipe(plan: Plan, kind: int) -> dict[str, Any]:
-    """Describe the current of a coil of set `kind` by a formula and its numbers in A and A²."""
+    """Return the formula of the current in a coil of channel set `kind`, with its amplitudes in A and A²."""
     scheme = plan.scheme
     channel_set = plan.sets[kind]
     lines = np.array([c.line_a2 for c in channel_set])

@@ -152,7 +152,7 @@ FILE = "drive_syntacts.py"
 
 
 class _TimedStretch(NamedTuple):
-    """Samples between two keyframes, `key` and the next; t counts from `start_s` on.
+    """Stretch of time from keyframe `key` to the next, whose Syntacts expression has its t = 0 at `start_s`.
 
     The share of the way from one to the other is ``clamp(0, offset + speed t, 1)``. `half_samples` is the time from the
     beginning of the file to t = 0, in half samples.
@@ -231,7 +231,7 @@ def _stretches(drive: PadDrive, timeline: Timeline) -> Iterator[_TimedStretch]:
 def _parts(
     drive: PadDrive, timeline: Timeline, coil: CoilDrive, stretches: list[_TimedStretch], scale_v: float
 ) -> Iterator[tuple[_TimedStretch, str]]:
-    """Yield the expressions of one coil's stretches, in shares of `scale_v`; none for silence."""
+    """Yield each stretch in which a coil is not silent, with the expression of its voltage as a share of `scale_v`."""
     if not len(coil.taxels):
         return
     levels = timeline.signed[:, coil.taxels]
@@ -250,19 +250,19 @@ def _parts(
 def _lines(
     drive: PadDrive, stretch: _TimedStretch, harmonic: np.ndarray, weight: np.ndarray
 ) -> list[tuple[complex, float]]:
-    """Return each line's complex amplitude at t = 0 of a stretch, and its angular frequency in rad/s."""
+    """Return each spectral line's complex amplitude at the start of a stretch, and its angular frequency in rad/s."""
     turned = harmonic * stretch.half_samples % (2 * drive.period_samples) / (2 * drive.period_samples)
     rates = 2 * np.pi * harmonic / drive.period_s
     return list(zip((weight * np.exp(2j * np.pi * turned)).tolist(), rates.tolist(), strict=True))
 
 
 def _n(value: float) -> str:
-    """Write a number for an expression."""
+    """Return a number as text for a Syntacts expression, in parentheses if it is negative."""
     return f"{value:.15g}" if value >= 0 else f"({value:.15g})"
 
 
 def _wave(amplitude: complex, rate: float) -> str:
-    """Write the real part of ``amplitude exp(i rate t)``."""
+    """Return ``Re amplitude exp(i rate t)`` as text for a Syntacts expression: a cosine of t."""
     return f"{_n(abs(amplitude))} * cos({_n(rate)} * t + {_n(float(np.angle(amplitude)))})"
 
 
@@ -273,7 +273,7 @@ STEP_SLOPE = "630 * x * x * x * x * (1 - x) * (1 - x) * (1 - x) * (1 - x)"
 
 
 def _step_text(stretch: _TimedStretch, half: str = "") -> str:
-    """Write assignments of a stretch's smooth step b, its slope d and q = 1 − b; for half 1 or 2 b1, b2 and so on.
+    """Return text that assigns a stretch's smooth step b, its slope d and q = 1 − b, with `half` after each name.
 
     1 − b is b of 1 − x, which keeps its digits where it is small: the root of it is taken.
     """
@@ -285,7 +285,7 @@ def _step_text(stretch: _TimedStretch, half: str = "") -> str:
 
 
 def _mixed(before: float, after: float, half: str = "") -> str:
-    """Write a number that goes from `before` to `after` with the smooth step."""
+    """Return text of a value that goes from `before` to `after` with the smooth step of a stretch or of its `half`."""
     shares = [f"{_n(value)} * {share}{half}" for value, share in ((before, "q"), (after, "b")) if value]
     return _n(before) if before == after else f"({' + '.join(shares)})"
 
@@ -293,7 +293,7 @@ def _mixed(before: float, after: float, half: str = "") -> str:
 def _tones_text(
     drive: PadDrive, coil: CoilDrive, stretch: _TimedStretch, levels: np.ndarray, fed: tuple[bool, bool], scale_v: float
 ) -> str:
-    """Return the expression for a coil's volts where the current is tones and a constant; '' for silence."""
+    """Return the expression of a coil's volts for a current of tones, with or without a constant; '' for silence."""
     harmonic, amplitude = coil_lines(drive, coil)
     is_root = not drive.scheme.goes_with_level
     if drive.scheme.is_biased:
@@ -336,7 +336,7 @@ def _tones_text(
 def _blends(
     lines: list[tuple[complex, float]], levels: np.ndarray, is_root: bool
 ) -> Iterator[tuple[complex, float, float, float, str]]:
-    """Yield each line, its rate, its level before and after, and the half of the stretch that it is for ('': all).
+    """Yield each line, its rad/s, levels before and after, and the half of the stretch for which they hold ('': all).
 
     A tone, which has the root of its level, is a quarter of its period late where that is below 0, and is down in the
     middle where its level turns over.

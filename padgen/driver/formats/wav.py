@@ -193,7 +193,7 @@ class WaveReport:
 
 
 def refuse(job: DriveJob) -> None:
-    """Refuse a wave that is longer than a file takes."""
+    """Raise SpecError if all frames together last longer than one WAV file can hold."""
     drive, timeline = job.played()
     bytes_each = 3 if job.depth == "24" else 4
     longest = LARGEST_WAVE / (bytes_each * len(drive.coils) * drive.rate_hz)

@@ -1,4 +1,4 @@
-"""Players: what shows frames or a WAV file on a pad that is there, one file each; `register` adds others.
+"""Players: each shows frames or plays a WAV file on a connected pad, one module each; `register` adds others.
 
 A player's name is its option of `padgen play`, and says after it where the pad is to be reached. A player holds to
 `Player`; what it is to play is its `PlayJob`.
@@ -48,7 +48,7 @@ class WavJob:
 
 
 class Player(Protocol):
-    """Interface of a player: a module, or any object, that has the names below."""
+    """Interface of a player: a module or object with `PLAYS`, `ADDRESS`, `ABOUT`, `play` and `outcome`."""
 
     PLAYS: str
     """``"frames"``: its job is a `FramesJob`; ``"wav"``: a `WavJob`."""

@@ -1,4 +1,4 @@
-"""A WAV file of `padgen drive` through a sound card with a channel for each coil."""
+"""Player of the WAV files of `padgen drive` through a sound card with a channel for each coil."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ def play(job: WavJob) -> "Sounded":
 
 
 def outcome(played: "Sounded") -> tuple[str, dict[str, Any]]:
-    """Return a sentence on how long it played and what came too late, and the figures."""
+    """Return a sentence on how long the file played and how many blocks came too late, and these figures."""
     late = f"; gaps are heard where the computer was too late: {played.missed}" if played.missed else ""
     figures = {"device": played.device.name, "seconds": played.seconds, "late_blocks": played.missed}
     return f"played {played.seconds:.1f} s on {plain(played.device.name)}{late}", figures

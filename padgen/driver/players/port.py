@@ -1,4 +1,4 @@
-"""Frames to a microcontroller with the firmware of padgen, over a serial port."""
+"""Player of frames on a microcontroller with padgen's firmware, over a serial port."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ def play(job: FramesJob) -> "Played":
 
 
 def outcome(played: "Played") -> tuple[str, dict[str, Any]]:
-    """Return a sentence on what was shown, lost and withheld, and the figures."""
+    """Return a sentence on frames shown, messages sent again and voltage reduced for heat, and these figures."""
     count = "1 frame" if played.frames == 1 else f"{played.frames} frames"
     parts = [f"showed {count} in {played.seconds:.1f} s on {plain(played.port)}"]
     if played.resent:

@@ -180,7 +180,7 @@ def loaded_resonance(
 
 
 class LoadedTaxels(NamedTuple):
-    """Touched taxels (n,) as `Responses` of `padgen.physics.selectivity`, each by its working mode.
+    """Touched taxels (n,), each one resonator with the load of a contact; `Responses` of `padgen.physics.selectivity`.
 
     `stiffness` in N/m, `mass` in kg and `q` are untouched. The skin moves by `lever`, a number or (n,), times as far.
     """
@@ -198,7 +198,7 @@ class LoadedTaxels(NamedTuple):
         return 1
 
     def energy(self, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0) -> np.ndarray:
-        """Return the energy (rows, lines) of touched taxels under lines, over their untouched energy at resonance.
+        """Return squared amplitudes (rows, lines) of touched taxels under each line, over untouched ones at resonance.
 
         A line is a sine of the force at a `frequency`; all have one amplitude.
 

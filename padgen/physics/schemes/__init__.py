@@ -53,7 +53,7 @@ class DriveScheme(Protocol):
     """True where two channels together make unwanted lines of i²."""
 
     def pair_square(self, scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-        """Return the squared amplitude of the spurs of two channels with the wanted lines a and b.
+        """Return the squared amplitude of the spurs of two channels whose wanted lines have the amplitudes a and b.
 
         `strongest` is the line that sets the bias.
         """
@@ -62,7 +62,7 @@ class DriveScheme(Protocol):
         """Return the mean of i² in A² with the channels `on` (n,)."""
 
     def current_lines_a(self, scheme: Scheme, line_a2: np.ndarray, headroom: float) -> np.ndarray:
-        """Return the peak current (n,) in A of each channel's tone, or of the coil with that channel alone on.
+        """Return peak currents (n,) in A: of each channel's tone or, without tones, of the coil with it alone on.
 
         The latter is for currents that are no sum of tones, such as the root of a force.
         """
@@ -149,7 +149,7 @@ def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 
 def mean_pull_line(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray | None = None) -> float:
-    """Return the mean of i² in A² where i² pulls the movers; 0 where the force goes with i itself.
+    """Return the mean of i² in A² for schemes whose force goes with i² (washers); 0 where it goes with i (magnets).
 
     Times a force constant it is the mean pull.
     """
@@ -157,7 +157,7 @@ def mean_pull_line(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.
 
 
 def current_lines_a(scheme: Scheme, line_a2: np.ndarray, headroom: float = 0.0) -> np.ndarray:
-    """Return the peak current (n,) in A of each channel's tone; if spur-free, of the coil with it alone on."""
+    """Return peak currents (n,) in A: of each channel's tone or, if spur-free, of the coil with it alone on."""
     return scheme.kind.current_lines_a(scheme, line_a2, headroom)
 
 
@@ -176,7 +176,7 @@ def peak_voltage_v(
 def on_carrier_v(
     volts: np.ndarray | float, root_a: np.ndarray | float, inductance: float, carrier_hz: float
 ) -> np.ndarray:
-    """Return the voltage envelope in V of a current ``√2 root cos 2πf_c t``; `volts` is that of the root alone."""
+    """Return the voltage envelope in V for the current ``√2 root cos 2πf_c t``; `volts` is that for the root alone."""
     return np.asarray(np.sqrt(2) * np.hypot(volts, 2 * np.pi * carrier_hz * inductance * root_a))
 
 

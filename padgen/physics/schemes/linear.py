@@ -33,7 +33,7 @@ def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndar
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Return half the sum in A² of the squares of the tones `on`, whose lines are in A."""
+    """Return the mean of i² in A²: half the sum of squared peaks of the tones `on`; `line_a2` holds peaks in A."""
     return float((line_a2[on] ** 2).sum() / 2)
 
 

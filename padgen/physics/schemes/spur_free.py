@@ -30,7 +30,7 @@ def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndar
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Return the constant F₀/c in A² at its safe value (1 + headroom) Σ a, which suffices for any phases."""
+    """Return the mean of i² in A², its constant ``(1 + headroom) Σ a`` over channels `on`, enough for any phases."""
     return float((1 + headroom) * line_a2[on].sum())
 
 

@@ -32,7 +32,7 @@ def pair_square(scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndar
 
 
 def mean_square_a2(scheme: Scheme, line_a2: np.ndarray, headroom: float, on: np.ndarray) -> float:
-    """Return the sum in A² of the lines `on`."""
+    """Return the mean of i² in A², which is the sum of the wanted lines of the channels `on`."""
     return float(line_a2[on].sum())
 
 

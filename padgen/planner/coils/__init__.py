@@ -14,7 +14,7 @@ __all__ = ["CoilKind", "CoilSource", "Winding", "coil_source", "register", "unre
 
 
 class CoilKind(Protocol):
-    """A kind of coil: a module, or any object, with the function below."""
+    """A kind of coil: a module, or any object, whose `source` makes windings and core from a spec's coil table."""
 
     def source(self, coil: Coil) -> CoilSource:
         """Return windings and core in m, heights from the top face; raise SpecError for fields that make no coil."""

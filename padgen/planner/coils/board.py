@@ -49,7 +49,7 @@ def source(coil: Coil) -> CoilSource:
 
 
 def house_of(coil: Coil) -> dict[str, Any]:
-    """Return the rules of the house that makes a board coil.
+    """Return the design rules of the board house that makes the printed circuit board of a coil.
 
     Raises
     ------
@@ -93,13 +93,13 @@ def board_coil(coil: Coil) -> BoardCoil:
 
 
 def beside_mm(coil: Coil, rows: int) -> tuple[float, float]:
-    """Return the least free width in mm between two coils: along x, with tracks of `rows` coils, and along y."""
+    """Return the least gaps in mm between coils: along x, with room for connector tracks of `rows` coils; along y."""
     assert coil.track_mm and coil.space_mm
     return rows * coil.track_mm + (rows + 1) * coil.space_mm, 2 * coil.space_mm
 
 
 def completed(given: dict[str, Any]) -> Coil:
-    """Return the coil of a spec's table, with what it leaves out taken from the house's rules or worked out.
+    """Return the board coil of the spec table `given`, missing fields taken from the board house's rules or computed.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def completed(given: dict[str, Any]) -> Coil:
 
 
 def _refuse(coil: Coil, house: dict[str, Any]) -> None:
-    """Raise for a board that the house does not make."""
+    """Raise `SpecError` for a board coil whose layers, thickness, tracks, copper or core its house does not make."""
     name = house["name"]
     for key, unit in (("layers", ""), ("thickness_mm", " mm")):
         field = "length_mm" if key == "thickness_mm" else key

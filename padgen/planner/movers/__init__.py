@@ -17,7 +17,7 @@ __all__ = ["Assembly", "Leakage", "Mover", "PullAt", "assembly_of", "mover_of", 
 
 
 class Mover(Protocol):
-    """A mover: a module, or any object, with the members below.
+    """Interface of a mover (washer or magnet): a module, or any object, that gives its pulls, leakage and remanence.
 
     `coil` and `part` are a spec's coil, whose gap is known, and its washer or magnet. Where the spec has ballast, that
     is a further argument of `pulls` and `leakage` (and of ``coupling``): its steel lies on top of the mover. A mover
@@ -37,13 +37,13 @@ class Mover(Protocol):
     def leakage(
         self, coil: Coil, part: Any, place_m: np.ndarray, next_m: np.ndarray, far_m: np.ndarray, *hung: Ballast
     ) -> Leakage:
-        """Return leakage of coils at `next_m` and `far_m` (k, 2) onto movers at `place_m` (n, 2) off their coil.
+        """Return pulls of coils at `next_m`, `far_m` (k, 2) on movers at `place_m` (n, 2), over those of the own coil.
 
         `next_m` and `far_m` each have a k of their own.
         """
 
     def remanent_currents(self, coil: Coil, part: Any, share: float, offset_m: np.ndarray) -> np.ndarray:
-        """Return ρ (n,) in A of pulls in proportion to i² + ρ i, where steel keeps a `share` of its coercivity."""
+        """Return ρ (n,) in A of pulls ∝ i² + ρ i, where steel stays magnetised with a `share` of its coercivity."""
 
 
 class Assembly(NamedTuple):

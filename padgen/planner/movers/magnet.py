@@ -118,7 +118,7 @@ def pulls(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, bal
 
 
 def rest(coil: Coil, part: Magnet, gap_m: np.ndarray, offset_m: np.ndarray, stiffness: np.ndarray) -> RestOnSpring:
-    """Return where magnets (n,) on springs rest over cores, each alone over its own (`physics.magnet_pull`)."""
+    """Return the equilibrium without current of magnets (n,) on springs, each over the core of a coil of its own."""
     return rest_on_spring(coil_source(coil), magnet_of(part), gap_m, offset_m, stiffness)
 
 
@@ -137,7 +137,7 @@ def leakage(
     far_m: np.ndarray,
     ballast: Ballast | None = None,
 ) -> Leakage:
-    """Return the leakage of coils at `next_m` and `far_m` onto magnets at `place_m`, from their own coil's axis in m.
+    """Return pulls of coils at `next_m`, `far_m` on magnets at `place_m`, in m off their coil's axis, over its pulls.
 
     Forces of coils add as they are, so that only the diagonal of `Leakage.mutual` is not zero.
     """

@@ -49,7 +49,7 @@ CODE = ("physics/magnetics.py", "physics/pull.py")
 
 
 def steel_ring(washer: Washer, ballast: Ballast | None = None) -> SteelRing:
-    """Return a washer in SI units with any magnetic ballast on it; hexagonal ballast is a disc of as large an area.
+    """Return a washer, with any magnetic ballast on it, in SI units; a hexagon of ballast counts as a disc of its area.
 
     Of both the permeability is the washer's.
     """
@@ -67,7 +67,7 @@ def magnetic_parts(spec: Spec) -> tuple[CoilSource, SteelRing]:
 
 
 def pulls(coil: Coil, part: Washer, gap_m: np.ndarray, offset_m: np.ndarray, ballast: Ballast | None = None) -> PullAt:
-    """Return the pulls (n,) per A² on washers over gaps (n,) in m, at offsets (n,) in m from the coil's axis."""
+    """Return pulls (n,) per A² of coil current on washers at gaps (n,) and off-axis offsets (n,) in m from the coil."""
     source = coil_source(coil)
     washer = steel_ring(part, ballast)
     one = of_one_turn(source)
@@ -82,7 +82,7 @@ def pulls(coil: Coil, part: Washer, gap_m: np.ndarray, offset_m: np.ndarray, bal
 
 @lru_cache(maxsize=1024)
 def _table_beside(coil: CoilSource, washer: SteelRing, part: int, offset_m: float) -> PullTable:
-    """Return the pull table of a one-turn coil at one offset for one range of gaps, from padgen's files or solved."""
+    """Return the table of pull against gap at one offset off a one-turn coil for gap range `part`, stored or solved."""
     brought = supplied_table(coil, washer, part)
     if brought is None or offset_m > brought.reach:
         return _solved_table(coil, washer, part, round(offset_m, ALIKE_DIGITS))
@@ -117,12 +117,12 @@ def leakage(
     far_m: np.ndarray,
     ballast: Ballast | None = None,
 ) -> Leakage:
-    """Return the leakage of coils at `next_m` and `far_m` onto washers at `place_m`, in m off their coil's axis."""
+    """Return other coils' pulls on the washers of a coil over that coil's own pull; places are in m from its axis."""
     return steel_leakage(coil_source(coil), steel_ring(part, ballast), coil.gap_mm * MM, place_m, next_m, far_m)
 
 
 def remanent_currents(coil: Coil, part: Washer, share: float, offset_m: np.ndarray) -> np.ndarray:
-    """Return ρ (n,) in A of pulls in proportion to i² + ρ i, for washers at offsets (n,) in m from the axis."""
+    """Return ρ (n,) in A of the pull ∝ i² + ρ i on remanent washers, at offsets (n,) in m from the coil's axis."""
     return _remanent_currents(coil, part, share, tuple(offset_m.tolist()))
 
 

@@ -172,7 +172,7 @@ class Yoke(NamedTuple):
 
 
 class Arrangement(NamedTuple):
-    """A suspended plate in its own axes: root side at x = 0, window centred in y.
+    """Geometry of a suspended plate in its own axes: x from the wall at the root, y from the window's centre line.
 
     `window_mm` is (length, width) of the opening in the frame; the roots lie on its edge. Washer and boss are at
     x = `washer_x_mm`, y = 0. A root's fillets may be as large as `root_clearance_mm`. With a `yoke` between beams and
@@ -203,13 +203,13 @@ class Suspension(Protocol):
         """Return the length in mm of the longest beam in `room`; negative where no beam fits."""
 
     def widest(self, room: Room, plate: PlateShape, gap_mm: float) -> float:
-        """Return the largest width in mm that beams of every length may have in `room`; negative where no beam fits."""
+        """Return the largest beam width in mm that fits `room` at every length; negative where no beam fits."""
 
     def shortest(self, plate: PlateShape, gap_mm: float) -> float:
         """Return the length in mm of the shortest beam."""
 
     def arrange(self, plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-        """Return beams, blocks and window in mm for one beam shape, or for arrays of them.
+        """Return the geometry in mm (beams, moving blocks, frame opening) for one beam shape, or for arrays of them.
 
         Every path has the length of `beam`; `gap_mm` is the gap between moving parts and frame.
         """

@@ -34,7 +34,7 @@ def longest(room: Room, plate: PlateShape, gap_mm: float) -> float:
 
 
 def widest(room: Room, plate: PlateShape, gap_mm: float) -> float:
-    """Return the largest width of a beam in mm, the plate's; -1 where the plate does not fit."""
+    """Return the largest beam width in mm, which is the plate's width; -1 where the plate does not fit."""
     return plate.width_mm if plate.width_mm + 2 * gap_mm <= room.width_mm + 1e-9 else -1.0
 
 
@@ -44,7 +44,7 @@ def shortest(plate: PlateShape, gap_mm: float) -> float:
 
 
 def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-    """Return beams, block and window in mm for one beam shape, or for arrays of them."""
+    """Return the geometry in mm (beams, moving block, frame opening) for one beam shape, or for arrays of them."""
     length: Any = beam.length_mm
     half = plate.width_mm / 2
     whole = 2 * length + plate.length_mm

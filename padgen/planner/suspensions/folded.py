@@ -50,7 +50,7 @@ def shortest(plate: PlateShape, gap_mm: float) -> float:
 
 
 def arrange(plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-    """Return beams, blocks and window in mm for one beam shape, or for arrays of them."""
+    """Return the geometry in mm (beams, moving blocks, frame opening) for one beam shape, or for arrays of them."""
     length: Any = beam.length_mm
     zero = 0.0 * length
     half = plate.width_mm / 2

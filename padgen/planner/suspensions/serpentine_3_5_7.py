@@ -61,12 +61,12 @@ class Serpentine:
         return min((along - gap_mm) / self.legs - gap_mm, WIDEST_SHARE * plate.width_mm)
 
     def shortest(self, plate: PlateShape, gap_mm: float) -> float:
-        """Return the shortest length in mm: that at which the widest beam's first leg is straight for one gap."""
+        """Return the shortest beam length in mm: the first leg of the widest beam is then straight for one gap."""
         widest = WIDEST_SHARE * plate.width_mm
         return float(self._length_mm((widest + gap_mm) / 2 + gap_mm, widest, gap_mm))
 
     def arrange(self, plate: PlateShape, beam: BeamShape, gap_mm: float) -> Arrangement:
-        """Return beam, block and window in mm for one beam shape, or for arrays of them."""
+        """Return the geometry in mm (beam, moving block, frame opening) for one beam shape, or for arrays of them."""
         radius = (beam.width_mm + gap_mm) / 2 + 0.0 * beam.length_mm
         zero = 0.0 * beam.length_mm
         out = (beam.length_mm - self._length_mm(zero, beam.width_mm, gap_mm)) / (2 * (self.legs - 1))
@@ -89,7 +89,7 @@ class Serpentine:
         )
 
     def _length_mm(self, out_mm: Any, width_mm: Any, gap_mm: float) -> Any:
-        """Return the length in mm of a path whose outer bends have their centres `out_mm` from the middle."""
+        """Return the length in mm of a beam whose outer bends are centred `out_mm` off the window's centre line."""
         radius = (width_mm + gap_mm) / 2
         return gap_mm + (self.legs * pi - 2) * radius + 2 * (self.legs - 1) * out_mm
 

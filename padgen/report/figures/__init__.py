@@ -160,7 +160,7 @@ class Matrix:
     asked: float
 
     def __post_init__(self) -> None:
-        """Refuse a table that is not square, as a map of coils would be: that is `Discs`."""
+        """Raise `ValueError` if the table is not square; a map of coils, which need not be, is made of `Discs`."""
         count = len(self.names)
         if len(self.values) != count or any(len(row) != count for row in self.values):
             raise ValueError(f"a Matrix has a row and a column for each of its {count} names; a map is made of Discs")
@@ -264,7 +264,7 @@ class Panel:
 
     @property
     def kind(self) -> str:
-        """The kind of its marks, in small letters; ``points`` where there is nothing else."""
+        """The class of the panel's marks in lower case, such as ``rows``; ``points`` where it has no marks."""
         return type(self.marks[0]).__name__.lower() if self.marks else "points"
 
 
@@ -299,7 +299,7 @@ class Figure:
 
 
 class FigureKind(Protocol):
-    """A figure's module, or any object, with these names; an `ORDER` may set its place in lists."""
+    """Interface of a kind of figure, a module or an object with these names; an `ORDER` may set its place in lists."""
 
     TITLE: str
     """Its heading on the page."""
@@ -320,7 +320,7 @@ unregister = FIGURES.unregister
 
 
 def figure_names(medium: str) -> tuple[str, ...]:
-    """Return the names of the figures that a medium shows, in their order."""
+    """Return, in order, the names of the figures that a medium of `MEDIA` shows, such as 'page' or 'notebook'."""
     kinds = {name: FIGURES.get(name) for name in FIGURES.names()}
     shown = (name for name, kind in kinds.items() if medium in kind.SHOWN_IN)
     return tuple(sorted(shown, key=lambda name: getattr(kinds[name], "ORDER", inf)))
@@ -350,7 +350,7 @@ def kept_in(figure: Figure, medium: str) -> Figure:
 
 
 def colour_of(role: str, channels: int) -> str:
-    """Return the colour ``#rrggbb`` of a role in a figure of `channels` channels."""
+    """Return the colour ``#rrggbb`` of a role, such as 'tone' or 'channel-3', in a figure of `channels` channels."""
     kind, _, index = role.partition("-")
     return channel_colours(channels)[int(index)] if kind == "channel" else ROLES[role]
 
@@ -367,7 +367,7 @@ def plain_figure(figure: Figure) -> dict[str, Any]:
 
 
 def _near(figure: Figure) -> Figure:
-    """Return a figure cropped to the `near` ranges of its axes; without panels where text stands in their place."""
+    """Return a figure cropped to the `near` ranges of its axes; without panels if it has a text `instead` of them."""
     panels = []
     for panel in figure.panels if not figure.instead else ():
         x = _near_scale(panel.x)

@@ -25,7 +25,7 @@ MOST_DB = 200.0
 
 
 def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
-    """Return the histogram of simulated prints and a table of the dB kept at each stage; if `quick`, only the table."""
+    """Return a histogram of prints' dB and a table of dB kept by stage of measuring; if `quick`, the table only."""
     prints = plan.prints
     asked_db = plan.selectivity.asked_db
     stages_db = (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db)

@@ -1,4 +1,4 @@
-"""Chart of the resonances of all channels, each with its scatter from print to print and the slot it needs."""
+"""Chart of the resonances of all channels, each with its scatter from print to print and the band kept free for it."""
 
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ ORDER = 3
 
 
 def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
-    """Return the chart of all channels' resonances; each set of channels has a different colour role."""
+    """Return the chart of all channels' resonances, in one colour for each set of channels that share a coil."""
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     several = len(plan.sets) > 1
     series = []

@@ -147,7 +147,7 @@ def _spurs(lines: CoilLines) -> list[int]:
 
 
 def _spur_table(channel_set: "Sequence[Channel]", lines: CoilLines, energy: np.ndarray, spurs: Sequence[int]) -> Facts:
-    """Return the table of spurs: what makes each, where it is, and which taxel hears it loudest."""
+    """Return the table of spurs: the channels that make each, its frequency, and the OFF taxel that it moves most."""
     rows = []
     for line in spurs:
         makers = " and ".join(str(channel_set[maker].index) for maker in lines.makers[line])

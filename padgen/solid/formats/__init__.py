@@ -38,7 +38,7 @@ REREAD_MM = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """The pad, or a part beside it, as formats get it.
+    """The pad, or a part printed beside it (tray, coupon, guard plate), with the name, mesh and texts to export.
 
     `name` is that of its files, `title` and `description` are written into them. `mesh` is in mm; `solid` is the
     build123d solid, None where there is only the mesh. `report` has the checks; it is None for the pad, which is
@@ -55,7 +55,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExportJob:
-    """One part to be written, and what a format may need for it.
+    """One part to write in a file format, with the plan, the spec's hash and, for the pad, its modelled solid.
 
     `plan` is the pad's plan and `spec_hash` that of its spec. `pad` has the pad's distinct tiles; it is None for parts
     beside the pad. With `instances`, a format that can do so stores each tile once and places it many times.
@@ -104,7 +104,7 @@ def verify_written(name: str, mesh: Mesh, written: Mesh) -> None:
 
 
 def verify_volume(name: str, mesh: Mesh, written: Mesh) -> None:
-    """Raise GeometryError if the mesh `written` in parts to file `name` has another volume than `mesh`.
+    """Raise GeometryError if the mesh `written`, read back from file `name`, differs in volume from `mesh`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The board format: of a pad with board coils, its board for KiCad and for a board house, a picture and what to order.
+"""The board format: KiCad, Gerber and drill files, picture and order list of the circuit board of a pad's coils.
 
 ``<pad>.kicad_pcb`` and ``.kicad_pro``, Gerber X2 and drill files (``board-*``), ``board.svg``, ``board.txt`` and
 ``board-parts.csv``. Nothing is written for parts beside the pad.

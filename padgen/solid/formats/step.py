@@ -1,4 +1,4 @@
-"""The STEP format: one taxel of each channel with its washer for a pad, the whole for a tray, nothing for a coupon."""
+"""The STEP format: one taxel per channel with its washer for the pad, the CAD solid of other parts, no coupon."""
 
 import itertools
 import re
@@ -25,7 +25,7 @@ _UNNAMED = "unnamed taxel of padgen"
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add a STEP file for each channel's taxel if the job is the pad, else one of the part's solid, if any."""
+    """Write a STEP file of each channel's taxel if the part is the pad, else of the part's CAD solid if it has one."""
     if job.pad is not None:
         for channel in job.plan.channels:
             out.write_by(f"taxel-{channel.index}.step", partial(write_taxel_step, job.plan, channel))
@@ -61,7 +61,7 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
 
 
 def _write_step(path: Path, label: str, *solids: Any) -> None:
-    """Write solids under one label, and check that they are read back with their volumes."""
+    """Write solids as one STEP shape named `label`; raise GeometryError if their volumes, read back, differ."""
     b = build123d()
     planned = sorted(float(solid.volume) for solid in solids)
     with kernel_errors(path.name):

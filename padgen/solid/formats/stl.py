@@ -16,7 +16,7 @@ _STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("at
 
 
 def write(out: OutputFolder, job: ExportJob) -> None:
-    """Add the part's mesh, and compare the file with it corner by corner."""
+    """Write the part's mesh as a binary STL file; raise GeometryError if a triangle, read back, differs."""
     part = job.part
     name = f"{part.name}.stl"
     title = f"{__version__} {part.title} {job.spec_hash[:16]}"

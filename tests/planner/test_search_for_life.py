@@ -1,0 +1,61 @@
+"""The search takes the fewest coils whose prints keep what is asked for life, and says what it takes where none do."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from padgen.planner import make, make_plan, plan_to_json
+from padgen.spec import make_spec
+from tests.print_and_count import kept_db
+
+BAND = {"band_hz": [60, 400]}
+LARGE = {"name": "large", "resolution": 32, **BAND, "pad": {"width_mm": 80, "depth_mm": 80}}
+
+
+def lasts(choice):
+    return make._lasts(make._assemble(choice, *make._driven(choice)))
+
+
+def test_a_pad_that_lasts_is_taken_before_one_of_fewer_coils_that_does_not():
+    """Nine in ten prints last by the plan and by a program that shares no code; at 2 K fewer coils do."""
+    spec = make_spec({**LARGE, "q_min": 20})
+    plan = make_plan(spec, tries_cures=False)
+    assert (len(plan.channels), plan.life.retune_k) == (2, 10.0)
+    assert make.choose(spec).limits == "what prints keep for life"
+    kept = kept_db(json.loads(plan_to_json(plan)), pads=2000, for_life=True)
+    assert np.mean(kept >= plan.selectivity.asked_db) > spec.print_share - 0.04
+    cool = make_plan(replace(spec, life=replace(spec.life, temperature_range_k=2.0)), tries_cures=False)
+    assert cool.coils.rows * cool.coils.columns < plan.coils.rows * plan.coils.columns
+    assert cool.life.good_share >= spec.print_share
+    # Ten kelvin would be too much for it.
+    warm = replace(cool, spec=replace(cool.spec, life=spec.life))
+    kept = kept_db(json.loads(plan_to_json(warm)), pads=500, for_life=True)
+    assert np.mean(kept >= plan.selectivity.asked_db) < 0.5
+
+
+@pytest.mark.parametrize("table", [{**LARGE, "q_min": 50}, {"name": "small", "resolution": 16, **BAND, "q_min": 30}])
+def test_no_layout_in_rank_before_the_one_that_is_taken_lasts(monkeypatch, table):
+    """Every layout before it with every reuse, drive and gap, judged one by one."""
+    spec = make_spec(table)
+    chosen = make.choose(spec)
+    assert lasts(chosen)
+    monkeypatch.setattr(make, "_lasting", lambda works, later: works)
+    ranked = []
+    monkeypatch.setattr(make, "_best", lambda rank, for_cure: (ranked.extend(rank) or ranked[0], False))
+    make.choose(spec)
+    before = [choice for choice in ranked if choice.layout.rank_by_coils < chosen.layout.rank_by_coils]
+    assert len(before) > 10
+    judged_by = make._Round({}, for_cure=False, overloaded=False)
+    for choice in before:
+        one = make._tried(choice, 20.0, spec.print_share, *judged_by)
+        assert one.share < spec.print_share or not lasts(choice)
+
+
+def test_where_no_layout_lasts_the_one_of_the_fewest_coils_is_taken(monkeypatch):
+    spec = make_spec({"name": "small", "resolution": 32, "band_hz": [50, 200], "q_min": 30})
+    chosen = make.choose(spec)
+    assert not lasts(chosen)
+    monkeypatch.setattr(make, "_lasting", lambda works, later: works)
+    assert make.choose(spec) == chosen
