@@ -127,7 +127,7 @@ def row(number: int, found: Compared) -> str:
     size = f"{beam.width_mm:.2f} × {beam.thickness_mm:.2f} × {beam.length_mm:.2f}"
     others = ", ".join(f"{100 * off:+.1f} ({100 * stated:.1f})" for off, stated in found.others)
     return (
-        f"| {number} | {beam.topology} | {spec.moved.name} | {ballast.name}, {ballast.height_mm:.2f} mm,"
+        f"| {number} | {beam.topology} | {spec.washer_or_magnet.name} | {ballast.name}, {ballast.height_mm:.2f} mm,"
         f" {ballast.mass_g:.2f} g | {size} | {channel.resonance_hz:.1f} | {100 * found.error:+.2f}"
         f" | {100 * found.stated:.2f} | {others} |"
     )

@@ -568,7 +568,7 @@ def solved(row: Row, levels: int = 1, order: int = 3, kept: float = 0.05) -> Row
     spec = spec_of(row)
     arrangement = model_of(row).arrangement
     taxel = spec.taxel
-    washer = spec.moved
+    washer = spec.washer_or_magnet
     recess, depth = recess_mm(spec)
     # The boss is made shorter by the volume of its chamfer.
     radius = taxel.boss_diameter_mm / 2
@@ -638,7 +638,7 @@ def solved_step(row: Row) -> Any:
     washer = washer_solid(plan, channel)
     printed.label = "printed"
     washer.label = "washer"
-    steel = Elastic(200e9, 0.3, spec.moved.density_g_per_cm3 * G_PER_CM3)
+    steel = Elastic(200e9, 0.3, spec.washer_or_magnet.density_g_per_cm3 * G_PER_CM3)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "taxel.step"
         b.export_step(b.Compound(label="taxel", children=[printed, washer]), path)

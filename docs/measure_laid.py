@@ -55,7 +55,7 @@ def laid(pad: Pad, folder: Path) -> str:
     plan = pad.plan
     report = check_gcode(plan, gcode)
     taxels = report.figures["taxels"]
-    washer_mm = plan.spec.moved.outer_diameter_mm
+    washer_mm = plan.spec.washer_or_magnet.outer_diameter_mm
     room_mm = min(taxel["recess_room_mm"] for taxel in taxels) - washer_mm
     gap = min(taxel["gap_mm"] or 0.0 for taxel in taxels) / plan.plate.gap_mm
     wider_mm = [
@@ -83,7 +83,7 @@ def main(pads: int, first: int) -> None:
             continue  # there is no such pad
         printer = pad.plan.spec.printer
         kinds = ", ".join(dict.fromkeys(channel.beam.topology for channel in pad.plan.channels))
-        print(f"{number}: {printer.nozzle_mm} mm, {pad.plan.spec.moved.name}, {kinds}: {said}", flush=True)
+        print(f"{number}: {printer.nozzle_mm} mm, {pad.plan.spec.washer_or_magnet.name}, {kinds}: {said}", flush=True)
 
 
 if __name__ == "__main__":

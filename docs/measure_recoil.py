@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import padgen as pg
 from padgen.planner.plan import Plan, plan_to_json
-from padgen.planner.shaken_pad import ShakenPad, chance_images, pad_recoil
+from padgen.planner.shaken_pad import ShakenPad, pad_recoil, random_images
 from padgen.spec import MountTable
 from padgen.spec.load import template_paths
 from tests.pad_stepper import stepped_db
@@ -92,7 +92,7 @@ def main() -> None:
     for name in RETUNED:
         pad = ShakenPad(pg.plan(name))
         count = len(pad.unit)
-        shown = chance_images(count, 100)
+        shown = random_images(count, 100)
         spans = []
         for sigma in SIGMAS:
             hz = [pad.taxels.resonance_hz * (1 + sigma * rng.normal(size=count)) for _ in range(5)]

@@ -20,7 +20,7 @@ from padgen.driver.signs import PlayedPad, choose_signs, played_recoil
 from padgen.driver.waveform import RATES_HZ, drive_at
 from padgen.physics import recoil
 from padgen.planner.plan import Plan, plan_to_json
-from padgen.planner.shaken_pad import chance_images, pad_recoil
+from padgen.planner.shaken_pad import pad_recoil, random_images
 from tests.pad_stepper import stepped_wave
 
 FILES = ("paper-16", "pad-32", "quad-64", "triple-48")
@@ -58,7 +58,7 @@ def main() -> None:
         plan = pg.plan(name)
         pad = PlayedPad(plan, drive_at(plan, RATES_HZ))
         pad.leak[:] = 0.0
-        for frame in chance_images(len(plan.taxels), 4, seed=7)[2:]:
+        for frame in random_images(len(plan.taxels), 4, seed=7)[2:]:
             with tempfile.TemporaryDirectory() as place:
                 driven = pg.drive(plan, frames=frame[None], seconds=1.6).save_folder(Path(place), ("wav",), hear=True)
                 stepped = stepped_db(plan, frame, Path(place))

@@ -21,9 +21,9 @@ from padgen.core.units import decibel
 from padgen.planner import Plan, make_plan
 from padgen.planner.layout import SLACK_MM, candidates, coil_reach_mm
 from padgen.planner.life import planned_life
-from padgen.planner.make import Choice, _assemble, _decided_specs, _driven, choose
+from padgen.planner.make import Choice, _assemble, _channels_and_selectivity, _decided_specs, choose
 from padgen.planner.plan import plan_to_json
-from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
+from padgen.planner.printed_pads import STAGES, design_of, simulated_prints, spreads_of
 from padgen.planner.search import _beams, channel_limit, sites_of
 from padgen.spec import Spec, load_spec, parse_spec
 from padgen.spec.load import template_paths
@@ -62,7 +62,7 @@ pad = {{ width_mm = {side}, depth_mm = {rng.choice((side, 25))} }}
 
 def kept(plan: Plan, pads: int, seed: int = 1) -> tuple[float, float]:
     """Share of simulated re-tuned pads that keep what is asked, and the dB that as many keep as the spec wants."""
-    prints = printed(design_of(plan, None), spreads_of(plan.spec), pads, seed, STAGES[-1:])
+    prints = simulated_prints(design_of(plan, None), spreads_of(plan.spec), pads, seed, STAGES[-1:])
     with np.errstate(divide="ignore"):
         db = 10 * np.log10(prints.ratio[0])
     return float(prints.good[0].mean()), float(np.sort(db)[int((1 - plan.spec.print_share) * pads)])
@@ -89,8 +89,8 @@ def shortfall(spec: Spec, pads: int) -> tuple[float, int, int]:
     Of the share asked where some layout reaches it, else of the best.
     """
     chosen = choose(spec)
-    share = kept(_assemble(chosen, *_driven(chosen)), pads)[0]
-    found = [(kept(_assemble(one, *_driven(one)), pads)[0], one) for one in every_layout(spec)]
+    share = kept(_assemble(chosen, *_channels_and_selectivity(chosen)), pads)[0]
+    found = [(kept(_assemble(one, *_channels_and_selectivity(one)), pads)[0], one) for one in every_layout(spec)]
     most = max(share for share, _ in found)
     if most < spec.print_share:
         return most - share, 0, len(found)

@@ -17,7 +17,7 @@ from padgen.physics.magnetics import impedance
 from padgen.physics.resonator import receptance
 from padgen.planner.plan import Plan
 from padgen.verify.coupled import from_tones, make_system, simulate
-from padgen.verify.propagation import signal, squared, steady_lines, tones
+from padgen.verify.propagation import signal, squared, steady_phasors, tones
 from tests.finer_models import merged
 
 __all__ = ["Comparison", "PaperFigures", "Spectrum", "draw_paper_figures", "fitted_q", "paper_figures"]
@@ -118,7 +118,7 @@ def _spectrum(plan: Plan, q: float, state: str) -> Spectrum:
     current = tones(RESONANCES_HZ[on] / 2, amps, -np.pi / 2)
     lines = merged(squared(current))
     force = lines._replace(amplitude=pull[:, None] * lines.amplitude)
-    phasors = np.abs(steady_lines(RESONANCES_HZ, q, mass, force))
+    phasors = np.abs(steady_phasors(RESONANCES_HZ, q, mass, force))
     times = SETTLE_S + np.arange(SAMPLES) * WINDOW_S / SAMPLES
     voltage = current._replace(amplitude=amps * np.abs(z), phase_rad=current.phase_rad + np.angle(z))
     motion = simulate(system, from_tones("voltage", voltage), times, tolerance=1e-6)

@@ -27,7 +27,7 @@ from padgen.physics.magnetics import (
     ring_potential,
     saturating,
     steel_body,
-    tube,
+    tube_outline,
     winding_rings,
 )
 from padgen.physics.modes import BeamPlacement, Modes, RigidBody, suspended_modes
@@ -38,8 +38,8 @@ from padgen.planner.channels import (
     coil_modes,
     hanging_gap_um,
     heard_modes,
-    pulled_shares,
     site_wrenches,
+    working_mode_ratios,
 )
 from padgen.planner.drive_scheme import coils_around, placed_channels
 from padgen.planner.movers.washer import magnetic_parts
@@ -110,7 +110,7 @@ def solved_curve(plan: Plan, channel: Channel, nodes: int = 8) -> PullCurve | No
         with patch.object(pull_module, "_fineness", lambda *_: fine):
             found = pull_module.pull(*magnetic_parts(spec), float(np.exp(log_um)) * UM, offset)
         pulled = PullAt(*(np.array([v]) for v in (-found.axial, found.side, found.moment, *[0.0] * 6)))
-        return -found.axial * float(pulled_shares([modes], site_wrenches(spec, pulled, [channel.site]))[0])
+        return -found.axial * float(working_mode_ratios([modes], site_wrenches(spec, pulled, [channel.site]))[0])
 
     rest = on_mode(float(np.log(rest_um)))
     if rest <= 0:
@@ -915,7 +915,7 @@ def pulled(ring: Placed, charge: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 
 def washer_body(washer: SteelRing, orders: int, nodes: tuple[int, int] = (9, 5)) -> SteelBody:
-    sides = tube(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, nodes)
+    sides = tube_outline(washer.outer_diameter / 2, washer.inner_diameter / 2, 0.0, washer.thickness, nodes)
     return steel_body(sides, washer.permeability, orders)
 
 

@@ -10,7 +10,7 @@ from padgen.core.errors import PadgenError
 from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm, to_cell
 from padgen.solid.mesh import Mesh, as_manifold, welded
-from padgen.solid.pad_solid import assembled, build_pad
+from padgen.solid.pad_solid import assembled_pad_mesh, build_pad
 from padgen.spec import catalogue, make_spec
 
 __all__ = ["KINDS", "WAYS", "as_single_precision", "honest", "tampered"]
@@ -229,7 +229,7 @@ def swapped(p):
     a, b = p.rng.choice(len(p.plan.channels), 2, replace=False)
     grid[(p.pad.grid == a)] = b
     grid[(p.pad.grid == b)] = a
-    return assembled(p.plan, p.pad.tiles, p.pad.border, grid)
+    return assembled_pad_mesh(p.plan, p.pad.tiles, p.pad.border, grid)
 
 
 def patch(p, change):

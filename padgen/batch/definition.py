@@ -386,7 +386,7 @@ def _axes(table: Any, linked: Any, sample: PointSample) -> tuple[Axis, ...]:
             raise SpecError("must be a table of fields with lists of one length", "linked")
         first, wanted = pairs[0]
         for name, values in pairs:
-            _listed(name, values, f"linked.{name}")
+            _checked_values(name, values, f"linked.{name}")
             if len(values) != len(wanted):
                 sentence = f"must have {len(wanted)} values as {first} has, got {len(values)}"
                 raise SpecError(sentence, f"linked.{name}")
@@ -417,7 +417,7 @@ def _axis(name: str, value: Any, sample: PointSample) -> Axis:
     where = f"axes.{name}"
     item = _spec_field(name)
     if isinstance(value, list):
-        return Axis((name,), tuple((entry,) for entry in _listed(name, value, where)))
+        return Axis((name,), tuple((entry,) for entry in _checked_values(name, value, where)))
     if not isinstance(value, dict):
         raise SpecError(f"must be a list of values or a range {{low, high, steps}}, got {shown(value)}", where)
     kind = optional_type(item.type)[0]
@@ -444,7 +444,7 @@ def _axis(name: str, value: Any, sample: PointSample) -> Axis:
     return replace(axis, values=tuple(dict.fromkeys(axis.at(k / (steps - 1)) for k in range(steps))))
 
 
-def _listed(name: str, values: Any, where: str) -> list[Any]:
+def _checked_values(name: str, values: Any, where: str) -> list[Any]:
     """Return the list of values of a varied field; refuse a value that the field can never take."""
     item = _spec_field(name)
     if not isinstance(values, list) or not 1 <= len(values) <= MOST_VALUES:

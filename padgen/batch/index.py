@@ -152,13 +152,13 @@ def front_mask(scores: np.ndarray) -> np.ndarray:
     on_front = np.zeros(len(losses), dtype=bool)
     for start in range(0, len(losses), BLOCK):
         block = losses[start : start + BLOCK]
-        open_ = np.flatnonzero(_as_good(losses[:start][on_front[:start]], block) == 0)
+        open_ = np.flatnonzero(_dominator_counts(losses[:start][on_front[:start]], block) == 0)
         # Rows are distinct, so each is as good as itself once.
-        on_front[start + open_[_as_good(block[open_], block[open_]) == 1]] = True
+        on_front[start + open_[_dominator_counts(block[open_], block[open_]) == 1]] = True
     return np.asarray(on_front[back.reshape(-1)])
 
 
-def _as_good(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def _dominator_counts(others: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return for each of `rows` how many of `others` are at least as good in every objective, where less is better."""
     good = np.ones((len(rows), len(others)), dtype=bool)
     for values, other in zip(rows.T, others.T, strict=True):
@@ -173,7 +173,7 @@ def _scores(values: np.ndarray, objectives: Sequence[str]) -> np.ndarray:
     return np.where(np.isnan(values), empty, values * signs)
 
 
-class _Pool:
+class _RunningFront:
     """The Pareto front of the variants of one kind, updated block by block, and a thinned set of the other variants."""
 
     def __init__(self, objectives: Sequence[str]) -> None:
@@ -202,7 +202,7 @@ class _Pool:
 def overview_of(header: tuple[str, ...], pairs: Iterable[tuple[VariantRecord, tuple[str, ...]]]) -> Overview:
     """Summarise all records in one pass; each comes with its row of the index, whose columns `header` names."""
     names = [name for name in OBJECTIVES if name in header]
-    pools = {kind: _Pool(names) for kind in KINDS}
+    pools = {kind: _RunningFront(names) for kind in KINDS}
     counts: Counter[str] = Counter()
     judged: Counter[str] = Counter()
     refused: dict[str, RefusedVariants] = {}
@@ -314,7 +314,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
         for name in overview.objectives
     ]
     title = _title(overview, name)
-    shown = _with_places(overview)
+    shown = _for_plotting(overview)
     hue = min(differ, key=lambda i: COLOURED_BY.index(overview.objectives[i]))
     side = len(differ) - 1
     with plot_style():
@@ -328,7 +328,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
         beside = [axis.yaxis for axis in axes[:, 0]]
         for axis, objective in zip([*below, *beside], [*differ[:-1], *differ[1:]], strict=True):
             axis.set_label_text(labels[objective])
-            if _is_wide(overview, objective):
+            if _needs_log_axis(overview, objective):
                 axis._set_axes_scale("log")
                 axis.set_major_formatter("{x:g}")
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside right upper", frameon=False)
@@ -337,7 +337,7 @@ def _pictures(overview: Overview, name: str) -> tuple[bytes, bytes] | None:
         return plot_bytes(figure, "svg"), plot_bytes(figure, "png")
 
 
-def _with_places(overview: Overview) -> Overview:
+def _for_plotting(overview: Overview) -> Overview:
     """Return a copy of the overview for plotting, with unlimited (missing) values put beyond the largest finite one."""
     parts = {name: getattr(overview, name).copy() for name in ("values", "beaten", "short", "faulty")}
     for i in (overview.objectives.index(name) for name in UNBOUNDED & {*overview.objectives}):
@@ -366,7 +366,7 @@ def _panel(axis: Any, overview: Overview, pair: tuple[int, int], hue: int) -> An
         *front.T,
         s=26 if len(front) < 100 else 9,
         c=overview.values[:, hue],
-        norm=(LogNorm if _is_wide(overview, hue) else Normalize)(),
+        norm=(LogNorm if _needs_log_axis(overview, hue) else Normalize)(),
         cmap="viridis",
         edgecolors="black",
         linewidths=0.5 if len(front) < 100 else 0.2,
@@ -394,7 +394,7 @@ FRONT_LABELS = {
 }
 
 
-def _is_wide(overview: Overview, objective: int) -> bool:
+def _needs_log_axis(overview: Overview, objective: int) -> bool:
     """Tell whether an objective needs a logarithmic axis: one of `RATIOS`, positive, and spanning over `WIDE` : 1."""
     finite = overview.points[:, objective]
     finite = finite[np.isfinite(finite)]

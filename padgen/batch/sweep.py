@@ -30,10 +30,10 @@ from typing import Any
 
 from padgen.batch.definition import Sweep, Variant, VariantLimits, count_points, variants
 from padgen.batch.index import INDEX, Journal, Overview, overview_of, write_index
-from padgen.batch.variant import Task, VariantRecord, is_whole, run_task, task_of, writes_folders
+from padgen.batch.variant import Task, VariantRecord, recover_and_check_files, run_task, task_of, writes_folders
 from padgen.core.cache import code_hash, limit_bytes, version, versions
 from padgen.core.errors import LONGEST_PART, EngineMissingError, FileError, PadgenError, SpecError, number
-from padgen.core.files import answer_within, locked, open_plain, reason, take_away
+from padgen.core.files import answer_within, locked, open_plain, reason, remove_own_files
 from padgen.core.registry import PLUGINS, plugin_code
 from padgen.core.runner import Runner, core_count, interrupted_later, refuse_unshared, uninterrupted
 
@@ -47,9 +47,9 @@ __all__ = [
     "SweepTable",
     "Window",
     "Work",
-    "broken",
     "connect",
     "error_text",
+    "failed_record",
     "fingerprint",
     "make_variants",
     "records_of",
@@ -191,14 +191,16 @@ def make_variants(runner: Runner, tasks: list[Task], work: Work, limits: Variant
             sentence = answer.sentence + (f" (limits.{answer.limit})" if answer.limit else "")
             if answer.kind == "refused":
                 sentence = f"broke down ({type(answer.error).__name__}: {sentence})"
-            record = broken(task, sentence, answer.seconds, answer.peak_mb)
+            record = failed_record(task, sentence, answer.seconds, answer.peak_mb)
         elif isinstance(record, VariantRecord) and record.seconds is None:
             record = replace(record, seconds=answer.seconds, peak_memory_mb=answer.peak_mb)
         made.append(record)
     return made
 
 
-def broken(task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None) -> VariantRecord:
+def failed_record(
+    task: Task, sentence: str, seconds: float | None = None, memory_mb: float | None = None
+) -> VariantRecord:
     """Return the record of a variant whose worker broke down or was lost."""
     return VariantRecord(task.number, task.key, "failed", sentence, task.values, {}, 0, 0, (), seconds, memory_mb)
 
@@ -486,7 +488,7 @@ class _Run:
     def _holds(self, record: VariantRecord, variant: Variant) -> bool:
         """Tell whether a variant's record is still valid: its inputs are the same and its files are all there."""
         task = task_of(self.sweep, variant, self.folder)
-        whole = record.status != "done" or not task.out or is_whole(Path(task.out), task.stage)
+        whole = record.status != "done" or not task.out or recover_and_check_files(Path(task.out), task.stage)
         return record.key == task.key and whole
 
     def tasks(self) -> Iterator[Task]:
@@ -507,7 +509,7 @@ class _Run:
         if any(full in record.sentence for full in DISK_FULL):
             raise StoppedError(record.sentence)  # not the variant's fault: the next run makes it
         if record.status != "done" or not writes_folders(self.sweep):
-            take_away(self.folder / self.sweep.name_of(record.number))
+            remove_own_files(self.folder / self.sweep.name_of(record.number))
         self.journal.add(record)
         self.todo[record.number] = KEPT
         self.counts[record.status] += 1
@@ -549,7 +551,9 @@ def _run_all(run: _Run, window: Window, chunk: int) -> None:
             lost += 1
             if lost >= MOST_LOST:
                 raise StoppedError(f"does not make variants ({error})", "executor") from error
-            records = [broken(task, f"its worker was lost ({error})") for task in taken[1] if task.number in tried_once]
+            records = [
+                failed_record(task, f"its worker was lost ({error})") for task in taken[1] if task.number in tried_once
+            ]
             # One by one, so that the next loss costs one variant.
             alone += [[task] for task in taken[1] if task.number not in tried_once]
             tried_once |= {task.number for task in taken[1]}

@@ -26,7 +26,16 @@ from padgen.spec.load import LARGEST_CURVE
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
 
-__all__ = ["STATUSES", "Task", "VariantRecord", "is_whole", "plan_figures", "run_task", "task_of", "writes_folders"]
+__all__ = [
+    "STATUSES",
+    "Task",
+    "VariantRecord",
+    "plan_figures",
+    "recover_and_check_files",
+    "run_task",
+    "task_of",
+    "writes_folders",
+]
 
 STATUSES = ("done", "refused", "failed")
 """Made (whatever its findings); the spec cannot be met; something broke down."""
@@ -99,7 +108,7 @@ def writes_folders(sweep: Sweep) -> bool:
     return sweep.settings.folders or sweep.settings.stage in ("build", "study")
 
 
-def is_whole(folder: Path, stage: str) -> bool:
+def recover_and_check_files(folder: Path, stage: str) -> bool:
     """Undo a killed run's commit in a variant's folder; tell whether all files of its stage are there."""
     try:
         recover(folder)

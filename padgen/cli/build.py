@@ -11,10 +11,10 @@ from padgen.cli.common import (
     add_spec,
     add_verbose,
     answer,
-    code_of,
-    names,
+    exit_code_of,
     progress_line,
     spec_and_folder,
+    split_names,
 )
 from padgen.core.errors import plain
 from padgen.core.registry import PAD_FORMATS, USUAL_FORMATS
@@ -34,12 +34,12 @@ def add_build(commands: Any) -> None:
     add_spec(parser)
     parser.add_argument(
         "--formats",
-        type=names,
+        type=split_names,
         default=USUAL_FORMATS,
         metavar="LIST",
         help=f"of {', '.join(PAD_FORMATS.names())} (default: {','.join(USUAL_FORMATS)})",
     )
-    add_option(parser, build, "parts", metavar="LIST", type=names)
+    add_option(parser, build, "parts", metavar="LIST", type=split_names)
     parser.add_argument(
         "--instances", action="store_true", help="3MF with one mesh per distinct taxel, placed many times"
     )
@@ -83,10 +83,10 @@ def _build(options: argparse.Namespace) -> int:
 
     into = f" -o {plain(options.output)}" if options.output else ""
     drive = f"padgen drive {plain(options.spec)} --state all --hear{into}"
-    is_whole = code_of(built.findings) == DONE
+    is_whole = exit_code_of(built.findings) == DONE
     following = f"next: print and assemble it, then {drive}" if built.verdict.is_worth_printing and is_whole else ""
     answer(options, built, built_text(built, options.verbose), following)
-    return code_of(built.findings)
+    return exit_code_of(built.findings)
 
 
 def _check(options: argparse.Namespace) -> int:
@@ -105,4 +105,4 @@ def _check(options: argparse.Namespace) -> int:
     else:
         texts = [outcome_line(f"{options.mesh} is read", report.findings), serious, figures_text(report.figures)]
     answer(options, report, *texts)
-    return code_of(report.findings)
+    return exit_code_of(report.findings)

@@ -22,13 +22,13 @@ __all__ = [
     "add_spec",
     "add_verbose",
     "answer",
-    "code_of",
+    "exit_code_of",
     "folder_of",
-    "names",
     "plan_of",
     "progress_line",
     "show",
     "spec_and_folder",
+    "split_names",
 ]
 
 DONE = 0
@@ -116,7 +116,7 @@ def add_shared(
     parser.set_defaults(command=run, late=late)
 
 
-def names(text: str) -> tuple[str, ...]:
+def split_names(text: str) -> tuple[str, ...]:
     """Return the names in a comma-separated text."""
     return tuple(text.split(","))
 
@@ -191,7 +191,7 @@ def answer(options: argparse.Namespace, table: Any, *texts: str) -> None:
         show(text)
 
 
-def code_of(findings: Any) -> int:
+def exit_code_of(findings: Any) -> int:
     """Return the exit code for findings: `CHECK_FAILED` if one is an error, else `DONE`."""
     return CHECK_FAILED if any(finding.level == "error" for finding in findings) else DONE
 

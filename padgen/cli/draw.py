@@ -13,9 +13,9 @@ from padgen.cli.common import (
     add_spec,
     answer,
     folder_of,
-    names,
     plan_of,
     progress_line,
+    split_names,
 )
 from padgen.core.errors import plain
 
@@ -32,8 +32,8 @@ def add(commands: Any) -> None:
         " wiring.",
     )
     add_spec(parser)
-    add_option(parser, draw, "only", metavar="PICTURES", type=names)
-    add_option(parser, draw, "formats", "--format", metavar="KINDS", type=names)
+    add_option(parser, draw, "only", metavar="PICTURES", type=split_names)
+    add_option(parser, draw, "formats", "--format", metavar="KINDS", type=split_names)
     add_model(parser)
     add_output(parser)
     parser.set_defaults(command=_draw)

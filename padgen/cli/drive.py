@@ -12,11 +12,11 @@ from padgen.cli.common import (
     add_shared,
     add_spec,
     answer,
-    code_of,
+    exit_code_of,
     folder_of,
-    names,
     plan_of,
     progress_line,
+    split_names,
 )
 from padgen.core.errors import FileError, number
 from padgen.core.registry import FORMATS, PLAYERS
@@ -46,7 +46,7 @@ def add_drive(commands: Any) -> None:
     add_spec(parser)
     parser.add_argument(
         "--formats",
-        type=names,
+        type=split_names,
         metavar="LIST",
         help=f"of {', '.join(FORMATS.names())} (default: {DEFAULT_TABLES}, with something to show {DEFAULT_WAVES})",
     )
@@ -159,7 +159,7 @@ def _drive(options: argparse.Namespace) -> int:
         notes = (*notes, warm_drive_line(plan))
     pictured = None if shown.played else shown.frames
     answer(options, driven_table(plan, driven, notes), driven_text(plan, driven, pictured, notes, options.verbose))
-    return code_of((*plan.findings, *driven.findings))
+    return exit_code_of((*plan.findings, *driven.findings))
 
 
 def _wiring(options: argparse.Namespace) -> int:
@@ -170,7 +170,7 @@ def _wiring(options: argparse.Namespace) -> int:
     findings = check_wiring(plan, options.wiring)
     held = outcome_line(f"What was felt or heard of {plan.name} is compared with its wiring", findings)
     answer(options, {"findings": findings}, held, *([findings_text(findings)] if findings else []))
-    return code_of(findings)
+    return exit_code_of(findings)
 
 
 def _excite(options: argparse.Namespace) -> int:
@@ -206,7 +206,7 @@ def _excite(options: argparse.Namespace) -> int:
         "findings": findings,
     }
     answer(options, table, excitation_text(played, folder, findings))
-    return code_of(findings)
+    return exit_code_of(findings)
 
 
 def add_play(commands: Any) -> None:
@@ -224,7 +224,7 @@ def add_play(commands: Any) -> None:
         player = PLAYERS.get(name)
         address = player.ADDRESS.strip("[]")
         optional = {"nargs": "?", "const": ""} if address != player.ADDRESS else {}
-        where.add_argument(f"--{name}", dest=_address(name), metavar=address, help=player.ABOUT, **optional)
+        where.add_argument(f"--{name}", dest=_address_key(name), metavar=address, help=player.ABOUT, **optional)
     _add_frames(parser)
     add_option(parser, play, "tuning", metavar="FILE")
     add_option(parser, play, "warm")
@@ -235,14 +235,14 @@ def add_play(commands: Any) -> None:
     parser.set_defaults(command=_play)
 
 
-def _address(player: str) -> str:
+def _address_key(player: str) -> str:
     """Return the attribute of the parsed options that holds a player's address, such as a serial port or sound card."""
     return f"address of {player}"
 
 
 def _play(options: argparse.Namespace) -> int:
-    name = next(name for name in PLAYERS.names() if getattr(options, _address(name)) is not None)
-    address = getattr(options, _address(name))
+    name = next(name for name in PLAYERS.names() if getattr(options, _address_key(name)) is not None)
+    address = getattr(options, _address_key(name))
     if PLAYERS.get(name).PLAYS == "wav":
         return _play_wav(options, name, address)
     return _play_frames(options, name, address)

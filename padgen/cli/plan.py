@@ -9,7 +9,7 @@ from padgen.cli.common import (
     add_option,
     add_shared,
     add_spec,
-    code_of,
+    exit_code_of,
     plan_of,
     progress_line,
     show,
@@ -87,4 +87,4 @@ def _plan(options: argparse.Namespace) -> int:
         ):
             if text is not None:
                 show(text)
-    return code_of(plan.findings)
+    return exit_code_of(plan.findings)

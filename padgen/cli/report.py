@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from padgen.api.pads import write_report
-from padgen.cli.common import add_model, add_output, answer, code_of, folder_of, plan_of, progress_line
+from padgen.cli.common import add_model, add_output, answer, exit_code_of, folder_of, plan_of, progress_line
 from padgen.core.errors import plain
 
 __all__ = ["add"]
@@ -48,4 +48,4 @@ def _report(options: argparse.Namespace) -> int:
     errors = [finding for finding in reported.findings if finding.level == "error"]
     sections = [findings_text(errors)] if errors else []
     answer(options, table, verdict_text(plan.verdict), *sections, written)
-    return code_of(reported.findings)
+    return exit_code_of(reported.findings)

@@ -22,7 +22,7 @@ from padgen.cli.common import (
     add_shared,
     add_spec,
     answer,
-    code_of,
+    exit_code_of,
     folder_of,
     plan_of,
     progress_line,
@@ -133,7 +133,7 @@ def _tell(options: argparse.Namespace, plan: Any, written: Any) -> int:
         f"written to {place}: {', '.join(written.files)}",
         f"next: padgen drive {plain(options.spec)} --tuning {place}/tuning.json --state all --hear",
     )
-    return code_of(written.result.findings)
+    return exit_code_of(written.result.findings)
 
 
 def add_bench(commands: Any) -> None:
@@ -176,7 +176,7 @@ def _bench(options: argparse.Namespace) -> int:
         baud=options.baud,
         tuning=options.tuning,
     )
-    if session.sink and session.by_hand and not _asks():
+    if session.sink and session.by_hand and not _is_interactive():
         raise SpecError(
             f"{session.sink.name} has {session.sink.channels} output channels for"
             f" {plan.coils.rows * plan.coils.columns} coils; run this in a terminal, which asks to connect one coil"
@@ -228,14 +228,14 @@ def _measure(options: argparse.Namespace, session: Any, name: str) -> None:
         return
 
 
-def _asks() -> bool:
+def _is_interactive() -> bool:
     """Tell whether standard input is a terminal, so that the user can be asked."""
     return sys.stdin is not None and sys.stdin.isatty()
 
 
 def _is_ready(session: Any, name: str, attempt: int) -> bool:
     """Ask at a terminal whether sensor and coil are in place; without a terminal return True."""
-    if not _asks():
+    if not _is_interactive():
         return True
     coil = name.partition("k")[0]
     wired = f"coil {coil} at output 1, " if session.by_hand else ""

@@ -20,9 +20,9 @@ from padgen.cli.common import (
     add_output,
     answer,
     folder_of,
-    names,
     progress_line,
     show,
+    split_names,
 )
 from padgen.cli.small import add_cache, use_cache
 from padgen.core.errors import plain
@@ -47,7 +47,7 @@ def add_study(commands: Any) -> None:
         " error. All ladders take some minutes; needs the extra padgen[study].",
     )
     parser.add_argument("spec", metavar="SPEC", nargs="?", help="a TOML file, the name of a template, or a plan.json")
-    add_option(parser, study, "only", metavar="NAME,NAME", type=names)
+    add_option(parser, study, "only", metavar="NAME,NAME", type=split_names)
     add_option(parser, study, "tolerance", metavar="SHARE")
     extreme_help = "compare every model with the error that it states, in extreme cases"
     parser.add_argument("--extreme", action="store_true", help=extreme_help)

@@ -27,12 +27,12 @@ __all__ = [
     "clear",
     "code_hash",
     "folder",
+    "get_or_compute",
     "info",
     "key_of",
     "limit_bytes",
     "load",
     "load_bytes",
-    "once",
     "store",
     "store_bytes",
     "trim",
@@ -159,7 +159,7 @@ def store_bytes(kind: str, key: str, data: bytes) -> None:
             trim()
 
 
-def once(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
+def get_or_compute(kind: str, key: str, find: Callable[[], T | None], make: Callable[[], T]) -> T:
     """Return what `find` finds in the cache, or else what `make` makes, in one process at a time.
 
     `find` returns the result, or None where there is none; `make` computes and keeps it. Where the folder has no locks,

@@ -41,12 +41,12 @@ __all__ = [
     "at_least",
     "at_most",
     "cured",
+    "less_or_more_text",
     "listed",
     "number",
     "percent",
     "plain",
     "plural",
-    "quieter",
     "shown",
 ]
 
@@ -305,7 +305,7 @@ def percent(share: float, digits: int = 2) -> str:
     return f"{about(share * 100, digits)} %" if isfinite(share) else "?"
 
 
-def quieter(level_db: float) -> str:
+def less_or_more_text(level_db: float) -> str:
     """Return a level difference in dB as text: ``20.9 dB less``, or ``7.3 dB more`` where it is negative.
 
     >>> quieter(20.94), quieter(-7.3)

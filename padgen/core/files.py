@@ -67,8 +67,8 @@ __all__ = [
     "read_manifest",
     "reason",
     "recover",
+    "remove_own_files",
     "sha256_hex",
-    "take_away",
     "unlock_file",
     "wait_for_commit",
     "write_synced",
@@ -287,7 +287,7 @@ def _opened(path: Path, within: _Folder | None = None) -> Iterator[_Folder]:
 
 
 def _move_all(path: Path, moves: _Moves) -> None:
-    """Carry out all `moves` in a folder locked by `_held`; after an error, move all files back."""
+    """Carry out all `moves` in a folder locked by `_locked_folder`; after an error, move all files back."""
     with _opened(path) as folder, _opened(path / moves.aside, folder) as aside:
         (aside.path / REPLACED).mkdir()
         with _opened(aside.path / REPLACED, aside) as replaced:
@@ -333,7 +333,7 @@ def _move_back(folder: _Folder, aside: _Folder, replaced: _Folder, moves: _Moves
 
 
 @contextmanager
-def _held(path: Path) -> Iterator[None]:
+def _locked_folder(path: Path) -> Iterator[None]:
     """Lock a folder for the block, after undoing the unfinished commit of a killed process.
 
     Raises
@@ -344,7 +344,7 @@ def _held(path: Path) -> Iterator[None]:
     with locked(path / LOCK, PATIENCE_S) as has_lock:
         moves = _read_journal(path)
         # Without locks, the process number in the folder's name decides.
-        if has_lock is False or (has_lock is None and moves and _runs(path / moves.aside)):
+        if has_lock is False or (has_lock is None and moves and _is_in_use(path / moves.aside)):
             raise FileError("another process is writing into it; try again when that has ended", str(path))
         if moves:
             try:
@@ -402,11 +402,11 @@ def recover(path: Path) -> bool:
     Raises
     ------
     FileError
-        As `_held`.
+        As `_locked_folder`.
     """
     is_torn = _read_journal(path) is not None
     if is_torn:
-        with _held(path):
+        with _locked_folder(path):
             pass
     return is_torn
 
@@ -426,7 +426,7 @@ def wait_for_commit(folder: Path, name: str) -> None:
         is_own = False
         with suppress(OSError):
             is_own = _is_own(folder, moves)
-        is_going_on = is_own and _runs(folder / moves.aside)
+        is_going_on = is_own and _is_in_use(folder / moves.aside)
         if time.monotonic() - start > (PATIENCE_S if is_going_on else GLANCE_S):
             if is_going_on:
                 cause = "another process is writing it; try again when that has ended"
@@ -453,19 +453,19 @@ def read_as_one(folder: Path, read: Callable[[], T], name: str = MANIFEST) -> T:
     """
     for _ in range(MOST_ATTEMPTS):
         wait_for_commit(folder, name)
-        before = _state(folder)
+        before = _commit_stamp(folder)
         try:
             content = read()
         except FileError:
-            if _state(folder) == before:
+            if _commit_stamp(folder) == before:
                 raise
         else:
-            if _state(folder) == before:
+            if _commit_stamp(folder) == before:
                 return content
     raise FileError("other processes write into it faster than it can be read; try again", str(folder))
 
 
-def _state(folder: Path) -> tuple[object, ...]:
+def _commit_stamp(folder: Path) -> tuple[object, ...]:
     """Return a folder's stamp, which every commit changes: if a journal is there; inode, time, size of the manifest."""
     try:
         manifest = (folder / MANIFEST).lstat()
@@ -476,9 +476,9 @@ def _state(folder: Path) -> tuple[object, ...]:
 
 def _drop_partial(path: Path) -> None:
     """Remove half-written files of killed processes from a folder."""
-    left = [left for left in path.glob(f"{PARTIAL}*") if not _runs(left)]
+    left = [left for left in path.glob(f"{PARTIAL}*") if not _is_in_use(left)]
     if left:
-        with _held(path):
+        with _locked_folder(path):
             for folder in left:
                 _remove_aside(folder)
     elif os.path.lexists(path / LOCK):
@@ -575,7 +575,7 @@ def _process(aside: str) -> int:
     return int(match[1]) if match else 0
 
 
-def _runs(aside: Path) -> bool:
+def _is_in_use(aside: Path) -> bool:
     """Return whether the process in a temporary folder's name may still write; True if it names none."""
     import psutil
 
@@ -604,12 +604,12 @@ def json_text(table: Any) -> str:
     An entry called `spec` is input, not a result: its numbers are written in full, so that they read back unchanged.
     Takes plain data and dataclasses; other values become text.
     """
-    return _escaped(json.dumps(_plain(table), indent=1, ensure_ascii=False)) + "\n"
+    return _escaped(json.dumps(_plain_data(table), indent=1, ensure_ascii=False)) + "\n"
 
 
 def json_line(table: Any) -> str:
     """Return data as JSON on one line, for streams and journals, with numbers as in `json_text`."""
-    return _escaped(json.dumps(_plain(table), ensure_ascii=False))
+    return _escaped(json.dumps(_plain_data(table), ensure_ascii=False))
 
 
 def csv_cell(value: Any) -> str:
@@ -638,7 +638,7 @@ def _escaped(text: str) -> str:
     return text.encode(errors="backslashreplace").decode()
 
 
-def _plain(value: Any, in_full: bool = False) -> Any:
+def _plain_data(value: Any, in_full: bool = False) -> Any:
     """Return a value as JSON data (dicts, lists, text, numbers), floats to ten digits or, if `in_full`, unrounded."""
     if isinstance(value, float):
         if not isfinite(value):
@@ -647,12 +647,12 @@ def _plain(value: Any, in_full: bool = False) -> Any:
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, (list, tuple)):
-        return [_plain(entry, in_full) for entry in value]
+        return [_plain_data(entry, in_full) for entry in value]
     if is_dataclass(value):
         value = {name: getattr(value, name) for name in value.__dataclass_fields__}
     if isinstance(value, dict):
-        return {str(key): _plain(entry, in_full or key == SPEC) for key, entry in value.items()}
-    return _plain(value.item()) if hasattr(value, "item") else str(value)
+        return {str(key): _plain_data(entry, in_full or key == SPEC) for key, entry in value.items()}
+    return _plain_data(value.item()) if hasattr(value, "item") else str(value)
 
 
 def sha256_hex(data: bytes | bytearray) -> str:
@@ -743,7 +743,7 @@ class OutputFolder:
         FileError
             A folder has the name of a file, or another process is writing; nothing was moved.
         """
-        with _held(self.path):
+        with _locked_folder(self.path):
             before = read_manifest(self.path)
             known = before.get("files", {})
             built = before.get("built", [])
@@ -817,13 +817,13 @@ def is_unchanged(path: Path, name: str) -> bool:
     return name in known and _has_hash(path / name, known[name])
 
 
-def take_away(path: Path) -> None:
+def remove_own_files(path: Path) -> None:
     """Remove padgen's unchanged files from a folder, and the folder if it is then empty."""
     if path.is_symlink():  # it is not padgen that has made this
         return
     with suppress(OSError, FileError):
         _drop_partial(path)
-        with _held(path):
+        with _locked_folder(path):
             files = read_manifest(path).get("files")
             if files is not None:
                 aside = _make_aside(path)

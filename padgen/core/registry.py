@@ -29,11 +29,11 @@ __all__ = [
     "SUSPENSIONS",
     "USUAL_FORMATS",
     "Registry",
-    "is_extended",
+    "has_extensions",
     "names_in",
+    "new_extension_table",
     "plugin_code",
     "registered_names",
-    "table_of_registered",
     "unknown_name",
 ]
 
@@ -47,14 +47,14 @@ _tables: list[dict[str, Any]] = []
 """All that is registered in this process: a table for each kind of thing."""
 
 
-def table_of_registered() -> dict[str, Any]:
-    """Return a new dict for registered extensions; `is_extended` is true as soon as any of these dicts has an entry."""
+def new_extension_table() -> dict[str, Any]:
+    """Return a new dict for registered extensions; with an entry in any of them `has_extensions` is true."""
     table: dict[str, Any] = {}
     _tables.append(table)
     return table
 
 
-def is_extended() -> bool:
+def has_extensions() -> bool:
     """Return whether extensions are registered in this process, whose code may change results but not cache keys."""
     plugin_code()
     return any(_tables)
@@ -74,7 +74,7 @@ class Registry(Generic[T]):
         self.changes = 0
         self._package = package
         self._protocol = protocol
-        self._registered: dict[str, T] = table_of_registered()
+        self._registered: dict[str, T] = new_extension_table()
 
     def names(self) -> tuple[str, ...]:
         """Return all names: padgen's own in alphabetic order, then the registered ones in their order."""

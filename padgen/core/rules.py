@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from padgen.core.errors import Finding, PadgenError, SpecError
-from padgen.core.registry import plugin_code, table_of_registered
+from padgen.core.registry import new_extension_table, plugin_code
 
 __all__ = ["Rule", "RuleBook", "broken_rules", "refuse"]
 
@@ -63,7 +63,7 @@ class RuleBook(Generic[T]):
     def __init__(self, kind: str, *functions: Callable[[T], Iterable[Rule | Finding]]) -> None:
         self.kind = kind
         self._functions = functions
-        self._registered: dict[str, Callable[[T], Iterable[Rule | Finding]]] = table_of_registered()
+        self._registered: dict[str, Callable[[T], Iterable[Rule | Finding]]] = new_extension_table()
 
     def register(self, name: str, function: Callable[[T], Iterable[Rule | Finding]]) -> None:
         """Add a function that yields rules, under a `name`; `unregister` removes it.

@@ -13,7 +13,7 @@ from errno import EPERM
 from itertools import count
 from pathlib import Path
 
-__all__ = ["VARIABLE", "folder", "is_sealed", "seal_of"]
+__all__ = ["VARIABLE", "is_sealed", "seal_of", "secret_folder"]
 
 VARIABLE = "PADGEN_STATE"
 SECRET = "secret"
@@ -21,7 +21,7 @@ SECRET_BYTES = 32
 _aside_numbers = count(1)
 
 
-def folder() -> Path:
+def secret_folder() -> Path:
     """Return the folder of the secret key for seals: the variable ``PADGEN_STATE``, or the user's state folder."""
     named = os.environ.get(VARIABLE)
     if named:
@@ -33,7 +33,7 @@ def folder() -> Path:
 
 def seal_of(text: bytes) -> str:
     """Return the seal (HMAC-SHA-256) of a text, empty where no secret can be read or made."""
-    path = folder() / SECRET
+    path = secret_folder() / SECRET
     try:
         try:
             secret = _read(path)
@@ -54,7 +54,7 @@ def is_sealed(text: bytes, seal: str) -> bool:
         The secret cannot be read.
     """
     try:
-        secret = _read(folder() / SECRET)
+        secret = _read(secret_folder() / SECRET)
     except (FileNotFoundError, NotADirectoryError):
         return False
     return hmac.compare_digest(hmac.digest(secret, text, "sha256").hex().encode(), seal.encode())

@@ -18,7 +18,7 @@ from padgen.driver.excitation import excitation, sweep_table
 from padgen.driver.formats.wav import WavWriter
 from padgen.driver.loads import excitation_load, judge_load
 from padgen.driver.serial_line import BAUD, excite
-from padgen.driver.sound_card import AudioDevice, audio_device, recorded
+from padgen.driver.sound_card import AudioDevice, audio_device, record_input
 from padgen.measured.fits import TaxelFit, fit_measured
 from padgen.measured.read import read_measured
 from padgen.measured.shaking import measuring_band_hz, ring_s, sweep_s
@@ -118,7 +118,7 @@ class Bench:
             notify(f"{name}: the firmware plays its sweep")
             excite(self.port, plan, coil, tuning=self.tuning, baud=self.baud)
 
-        heard = recorded(
+        heard = record_input(
             self.source,
             self.rate_hz,
             seconds,

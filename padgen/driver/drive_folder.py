@@ -359,7 +359,7 @@ class Drive:
             findings += tuple(judge_warmth(WAV, self.plan, rise_k))
         if job.heard:
             findings += tuple(ear_findings(job.heard))
-        outputs = None if self.plan.spec.feeds else needed_outputs(self.plan, drive, self.tuning)
+        outputs = None if self.plan.spec.drive_devices else needed_outputs(self.plan, drive, self.tuning)
         return Driven(
             folder,
             out.names,

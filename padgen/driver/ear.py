@@ -36,7 +36,14 @@ from padgen.core.units import GRAM, MA, MH, MM, UM
 from padgen.core.wav_reader import Wave
 from padgen.driver.signs import mount_text, printed_taxels
 from padgen.driver.slots import slots_of, worst_contrast
-from padgen.measured.tuning import TunedTaxel, Tuning, levels_um, planned_response_um_per_a2, planned_tuning, tuned_spec
+from padgen.measured.tuning import (
+    TunedTaxel,
+    Tuning,
+    levels_um,
+    planned_response_um_per_a2,
+    planned_tuning,
+    spec_at_coil_temperature,
+)
 from padgen.physics.recoil_in_time import MOST_UNKNOWNS, THROUGH, WEIGHT, WITHIN, PadMotion, most_unknowns
 from padgen.physics.resonator import TaxelModes, felt_gains
 from padgen.physics.selectivity import Scheme
@@ -242,9 +249,9 @@ def hear(
     for k, (taxel, level) in enumerate(zip(plan.taxels, levels_um(plan, resonance).tolist(), strict=True)):
         alike.setdefault((taxel.channel, level, tuning and tuning.taxels[k]), []).append(k)
 
-    def all_alike() -> list[_Alike]:
+    def all_alike() -> list[_TaxelGroup]:
         return [
-            _Alike(plan, plan.channels[channel], level, tuned, np.array(which), sidecar, step, spans, gap)
+            _TaxelGroup(plan, plan.channels[channel], level, tuned, np.array(which), sidecar, step, spans, gap)
             for (channel, level, tuned), which in alike.items()
         ]
 
@@ -253,7 +260,7 @@ def hear(
     recoil = None
     if pad.moving_kg is not None:
         recoil = _Recoil(pad, tuning, coil_of, wave.channels, sidecar["rate_hz"], all_alike())
-    coils = _play(plan, tuned_spec(plan, heard_print.coil_c).coil, wave, sidecar, groups, gap, recoil)
+    coils = _play(plan, spec_at_coil_temperature(plan, heard_print.coil_c).coil, wave, sidecar, groups, gap, recoil)
     level_m, tone_m, peak_m, course_m, wanted_m, pulled_in = _joined_figures(groups)
     at_s = np.arange(len(course_m)) * (step / sidecar["rate_hz"])
     settled = np.zeros(level_m.shape, bool)
@@ -316,7 +323,7 @@ def hear(
     )
 
 
-def _joined_figures(groups: "Sequence[_Alike]") -> list[np.ndarray]:
+def _joined_figures(groups: "Sequence[_TaxelGroup]") -> list[np.ndarray]:
     """Return levels and other results of all `groups` of taxels, joined in one array each, in the plan's order."""
     order = np.argsort(np.concatenate([group.which for group in groups]))
     figures = zip(*(group.figures() for group in groups), strict=True)
@@ -338,7 +345,7 @@ class _Recoil:
         coil_of: np.ndarray,
         coils: int,
         rate_hz: int,
-        groups: "list[_Alike]",
+        groups: "list[_TaxelGroup]",
     ) -> None:
         taxels = pad.taxels
         pull = pad.pull
@@ -417,7 +424,7 @@ def _play(
     coil: Coil,
     wave: Wave,
     sidecar: Mapping[str, Any],
-    groups: "Sequence[_Alike]",
+    groups: "Sequence[_TaxelGroup]",
     gap: bool,
     recoil: "_Recoil | None",
 ) -> tuple[dict[str, Any], ...]:
@@ -517,7 +524,7 @@ def mode_filter(hz: float, q: float, rate_hz: float) -> tuple[np.ndarray, np.nda
     return np.convolve(taps, [1.0, -keep.conj()]).imag, np.array([1.0, -2 * keep.real, np.abs(keep) ** 2])
 
 
-class _Alike:
+class _TaxelGroup:
     """Simulation of taxels of equal channel, ON level and tuning: filters of their modes, sums of their motion."""
 
     def __init__(

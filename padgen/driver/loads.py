@@ -27,22 +27,22 @@ from padgen.driver.waveform import (
     CoilDrive,
     PadDrive,
     Timeline,
+    bias_flows_at,
     blocks,
     coil_lines,
     constant_a2,
     drive_at,
     highest_hz,
-    is_fed,
     make_drive,
     ramp_s,
     timeline,
 )
-from padgen.measured.tuning import Tuning, played_tuning, printed_channels, tuned_spec
+from padgen.measured.tuning import Tuning, played_tuning, printed_channels, spec_at_coil_temperature
 from padgen.physics.crest import least_constant
 from padgen.physics.magnetics import impedance
 from padgen.physics.schemes import current_lines_a, mean_square_a2, on_carrier_v
 from padgen.physics.selectivity import SQUARE
-from padgen.planner.limits import LOWER, SMALLEST_LEVEL_UM, Demand, Moved, exceeded
+from padgen.planner.limits import LOWER, SMALLEST_LEVEL_UM, Demand, MovingTaxel, exceeded
 from padgen.planner.plan import CARRIER_OVER_RESONANCE, Plan
 from padgen.spec import Coil
 
@@ -55,11 +55,11 @@ __all__ = [
     "channels_per_group",
     "channels_per_signed_group",
     "excitation_load",
-    "heat_s",
     "judge_limits",
     "judge_load",
     "judge_warmth",
     "least_constants",
+    "least_thermal_time_s",
     "load_of",
     "refuse_frames",
     "signed_constants",
@@ -119,7 +119,7 @@ class _Asked(NamedTuple):
     square_a2: float
 
 
-def heat_s(coil: Coil) -> float:
+def least_thermal_time_s(coil: Coil) -> float:
     """Return a lower bound, in s, of a coil's thermal time constant.
 
     It is what the copper stores over what the surface can give off. How much copper there is follows from resistance
@@ -147,7 +147,7 @@ def _warm_a2(coil: Coil, shown: Timeline, squares: np.ndarray) -> np.ndarray:
         heat = np.zeros(len(squares))
         weight = 0.0
         warmest = squares[:, 0]
-        for key, share in enumerate(-np.expm1(-np.diff(shown.time_s) / heat_s(coil))):
+        for key, share in enumerate(-np.expm1(-np.diff(shown.time_s) / least_thermal_time_s(coil))):
             heat += (squares[:, key : key + 2].max(1) - heat) * share
             weight += (1 - weight) * share
             warmest = np.maximum(warmest, heat / weight)
@@ -209,7 +209,7 @@ def _squares_a2(drive: PadDrive, coil: CoilDrive, timeline: Timeline) -> np.ndar
     if drive.scheme.is_root:
         return constant_a2(coil, levels)
     if drive.scheme.is_biased:
-        fed = np.array([is_fed(timeline, key) for key in range(len(levels))])
+        fed = np.array([bias_flows_at(timeline, key) for key in range(len(levels))])
         tones = levels * current_lines_a(drive.scheme, coil.line_a2)
         return np.asarray(fed * (coil.bias_a**2 + (tones**2).sum(1) / 2))
     if drive.scheme.force_order == 1:
@@ -303,7 +303,7 @@ def _bound_any_levels_v(drive: PadDrive, ramp: float) -> float:
 
 def _steady_v(drive: PadDrive, coil: CoilDrive) -> float:
     if drive.scheme.is_root:
-        return _roots_v(drive, coil)
+        return _largest_spur_free_v(drive, coil)
     if drive.scheme.takes_turns:
         return float(np.abs(_tones_v(drive, coil)).max())
     harmonic, _ = coil_lines(drive, coil)
@@ -323,7 +323,7 @@ def _points(harmonic: np.ndarray) -> int:
     return 1 << (PER_CYCLE * int(harmonic.max()) - 1).bit_length()
 
 
-def _roots_v(drive: PadDrive, coil: CoilDrive) -> float:
+def _largest_spur_free_v(drive: PadDrive, coil: CoilDrive) -> float:
     """Return the largest voltage in V of a spur-free coil in any on/off state; an upper bound for many channels."""
     count = len(coil.line_a2)
     if count > MOST_CHANNELS:
@@ -356,7 +356,7 @@ def _states(count: int) -> np.ndarray:
     return np.asarray((np.arange(1 << count)[:, None] >> np.arange(count)) & 1, float)
 
 
-def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
+def _group_constants_a2(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], int]:
     """Return least constants of i² in A² with all channels on, and in each state of each group; a group's size."""
     size = channels_per_group(max(len(c.taxels) for c in drive.coils))
     all_on, groups = least_constants(coil, size)
@@ -365,7 +365,7 @@ def _groups(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[np.ndarray], 
 
 def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
     """Return the constant part (2ⁿ,) of i² in A² that the firmware adds in each on/off state, margin included."""
-    all_on, groups, size = _groups(drive, coil)
+    all_on, groups, size = _group_constants_a2(drive, coil)
     states = _states(len(coil.line_a2))
     which = np.arange(len(states))
     constant = sum(group[(which >> (size * k)) & (len(group) - 1)] for k, group in enumerate(groups))
@@ -377,7 +377,7 @@ def _largest_constant_a2(drive: PadDrive, coil: CoilDrive) -> float:
     """Return the largest constant part of i² in A² that the firmware adds in any state; a bound for many channels."""
     if len(coil.line_a2) <= MOST_CHANNELS:
         return float(_constants_a2(drive, coil).max())
-    all_on, groups, _ = _groups(drive, coil)
+    all_on, groups, _ = _group_constants_a2(drive, coil)
     return max(all_on, float(sum(group.max() for group in groups))) + float(coil.margin @ coil.line_a2)
 
 
@@ -476,15 +476,17 @@ class Signal(NamedTuple):
     tuning: Tuning | None
 
 
-def _limits_kept(signal: Signal) -> Iterator[Finding]:
+def _limit_errors(signal: Signal) -> Iterator[Finding]:
     """Yield an error for each limit that the signal exceeds."""
     spec = signal.plan.spec
     for one in exceeded(spec, _demand(signal.plan, signal.load, signal.tuning)):
-        averaged = f", averaged over {number(heat_s(spec.coil))} s" if one.limit.code == "coil.heat" else ""
+        averaged = (
+            f", averaged over {number(least_thermal_time_s(spec.coil))} s" if one.limit.code == "coil.heat" else ""
+        )
         yield Finding("error", one.limit.code, signal.where, one.sentence + averaged)
 
 
-SIGNAL_RULES: RuleBook[Signal] = RuleBook("signal", _limits_kept)
+SIGNAL_RULES: RuleBook[Signal] = RuleBook("signal", _limit_errors)
 """Rules that a signal must keep before it is written or played: the limits, and registered ones."""
 
 
@@ -501,13 +503,13 @@ def _demand(plan: Plan, load: Load, tuning: Tuning | None) -> Demand:
     so.
     """
     known = played_tuning(plan, tuning)
-    resistance_ohm = tuned_spec(plan, known.coil_c).coil.resistance_ohm
+    resistance_ohm = spec_at_coil_temperature(plan, known.coil_c).coil.resistance_ohm
     more = max(resistance_ohm / plan.spec.coil.resistance_ohm, 1.0)
     channels = printed_channels(plan, known)
     coil_of = [taxel.coil[0] * plan.coils.columns + taxel.coil[1] for taxel in plan.taxels]
     pulling = load.square_a2 if plan.spec.force_order == SQUARE else np.zeros(len(load.square_a2))
     moved = {
-        Moved(channel, float(pulling[coil]) * more**2, level)
+        MovingTaxel(channel, float(pulling[coil]) * more**2, level)
         for coil, channel, level in zip(coil_of, channels, load.level.tolist(), strict=True)
     }
     coil_w = resistance_ohm * float(load.warm_a2.max(initial=0.0))

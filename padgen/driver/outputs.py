@@ -58,10 +58,10 @@ def needed_outputs(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) ->
         resonance, q = np.array([(taxel.resonance_hz, taxel.q) for taxel in coil_taxels]).T
         for on in _states(len(coil_taxels)):
             states += 1
-            level_db, kept_db = _left(drive, coil, on, resonance, q, COMMON_CORNER_HZ)
+            level_db, kept_db = _after_high_pass(drive, coil, on, resonance, q, COMMON_CORNER_HZ)
             levels_db += level_db[on].tolist()
             left = min(left, kept_db)
-            whole = min(whole, _left(drive, coil, on, resonance, q, 0.0)[1])
+            whole = min(whole, _after_high_pass(drive, coil, on, resonance, q, 0.0)[1])
     return Outputs(
         count,
         "DC",
@@ -81,7 +81,7 @@ def _states(count: int) -> list[np.ndarray]:
     return [*one, *~one, np.ones(count, bool)]
 
 
-def _left(
+def _after_high_pass(
     drive: PadDrive, coil: CoilDrive, on: np.ndarray, resonance_hz: np.ndarray, q: np.ndarray, corner_hz: float
 ) -> tuple[np.ndarray, float]:
     """Return lines (n,) of i² after a high-pass, in dB of the wanted ones, and the selectivity in dB that is left.

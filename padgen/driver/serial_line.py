@@ -316,7 +316,7 @@ def play_frames(
             )
         began = time.monotonic()
         link.show_all(frames, each, on_shown)
-        with link.closing_in("the last frame"):  # which is reached before all falls silent
+        with link.lost_line_as_error("the last frame"):  # which is reached before all falls silent
             link.wait_for([State.SILENT, State.HOLDING])
             link.ask(Kind.SILENCE)
             link.wait_for([State.SILENT])
@@ -344,7 +344,7 @@ def excite(port: str, plan: Plan, coil: int, *, tuning: Tuning | None = None, ba
         As `play_frames` does.
     """
     what = "the sweep"
-    with _playing(port, plan, tuning, baud, LEAST_REPLY_S, GREET_S, what) as link, link.closing_in(what):
+    with _playing(port, plan, tuning, baud, LEAST_REPLY_S, GREET_S, what) as link, link.lost_line_as_error(what):
         link.ask(Kind.EXCITE, COIL.pack(coil))
         link.wait_for([State.SILENT], 2 * sweep_table(plan).seconds)
 
@@ -362,7 +362,7 @@ def _playing(
         raise FileError(f"cannot be opened ({_reason(error)}); serial ports that there are: {there}", port) from error
     link = _Link(line, port, reply_s)
     try:
-        with link.closing_in(what):
+        with link.lost_line_as_error(what):
             link.greet(plan, tuning, greet_s)
         try:
             yield link
@@ -433,7 +433,7 @@ class _Link:
         sequence = self.device.next_sequence
         due = time.monotonic()
         for k, frame in enumerate(frames):
-            with self.closing_in(f"frame {k + 1} of {len(frames)}"):
+            with self.lost_line_as_error(f"frame {k + 1} of {len(frames)}"):
                 for _ in range(parts):
                     self._show(frame_message(frame, sequence % SEQUENCES))
                     sequence += 1
@@ -442,7 +442,7 @@ class _Link:
                     self._wait(due)
 
     @contextmanager
-    def closing_in(self, what: str) -> Iterator[None]:
+    def lost_line_as_error(self, what: str) -> Iterator[None]:
         """Raise FileError, which says that `what` was under way, if the serial line is lost within the block."""
         try:
             yield

@@ -99,12 +99,12 @@ def played_recoil(pad: PlayedPad, frames: np.ndarray, signs: np.ndarray) -> Play
 
     `frames` (k, n) are levels.
     """
-    is_fast = pad.mount.is_fast
+    clamped = pad.mount.is_immovable
     in_step = np.unique(frames, axis=0)
     stays = (frames[1:] > 0) & (frames[:-1] > 0)
     return PlayedRecoil(
-        signed_db=_worst_db(pad, np.unique(frames * signs, axis=0), is_fast),
-        in_step_db=_worst_db(pad, in_step, is_fast),
+        signed_db=_worst_db(pad, np.unique(frames * signs, axis=0), clamped),
+        in_step_db=_worst_db(pad, in_step, clamped),
         clamped_db=_worst_db(pad, in_step, True),
         turned=int((stays & (signs[1:] != signs[:-1])).sum()),
         mount=mount_text(pad),
@@ -117,7 +117,7 @@ def mount_text(pad: ShakenPad) -> str:
     mount = pad.mount
     if not mount.is_said:
         return "lying loose (no mount is stated)"
-    if mount.is_fast:
+    if mount.is_immovable:
         return f"{mount.kind} to what does not move"
     plate = "" if mount.base_mass_g is None else f", with a base of {number(mount.base_mass_g)} g"
     layer = "" if mount.stiffness_n_per_m is None else f", on {number(mount.stiffness_n_per_m)} N/m"

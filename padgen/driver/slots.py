@@ -47,11 +47,13 @@ def slots_of(time_s: np.ndarray, levels: np.ndarray, frame_s: float, turns: bool
     slot = np.floor((time_s[1:] + time_s[:-1]) / 2 / frame_s + 1e-9).astype(int)
     frames = np.zeros((int(slot.max()) + turns, levels.shape[1]))
     for k in range(len(frames)):
-        frames[k] = levels[np.flatnonzero(slot == k) + 1].max(0) if turns else levels[_held(levels, slot, k)]
+        frames[k] = (
+            levels[np.flatnonzero(slot == k) + 1].max(0) if turns else levels[_last_held_keyframe(levels, slot, k)]
+        )
     return slot, frames
 
 
-def _held(levels: np.ndarray, slot: np.ndarray, frame: int) -> int:
+def _last_held_keyframe(levels: np.ndarray, slot: np.ndarray, frame: int) -> int:
     """Return the index of the keyframe up to which the state of frame number `frame` is held, before any brake."""
     inside = np.flatnonzero(slot == frame)
     held = inside[(levels[inside] == levels[inside + 1]).all(1)]
@@ -92,16 +94,16 @@ def frame_contrast(plan: Plan, drive: PadDrive, shown: Timeline, tuning: Tuning 
     for k in range(count):
         slots[k] = energy[slot == k].sum(0) / shown.frame_s
         power[k] = played[slot == k].sum(0) / shown.frame_s
-        ends[k] = amplitude[_held(shown.levels, slot, k)] ** 2
+        ends[k] = amplitude[_last_held_keyframe(shown.levels, slot, k)] ** 2
     coil_of = np.zeros(len(plan.taxels), int)
-    known: dict[tuple[bytes, bytes], _Heard] = {}
+    known: dict[tuple[bytes, bytes], _CoilCrosstalk] = {}
     for index, coil in enumerate(drive.coils):
         coil_of[coil.taxels] = index
         if len(coil.taxels) < 2:
             continue
         key_of = coil.force_hz.tobytes(), coil.line_a2.tobytes()
         if key_of not in known:
-            known[key_of] = _heard(plan, drive, coil, tuning)
+            known[key_of] = _coil_crosstalk(plan, drive, coil, tuning)
         heard = known[key_of]
         state = levels[:, coil.taxels]
         slots[:, coil.taxels] += power[:, coil.taxels] @ heard.tones.T
@@ -191,7 +193,7 @@ def _beats(
     return motion
 
 
-class _Heard(NamedTuple):
+class _CoilCrosstalk(NamedTuple):
     """Energies `tones` (n, n) of a coil's taxels under lines meant for the others, over each taxel's energy when ON.
 
     `spurs` (n, l) are of those that the pairs `makers`, two arrays (l,), make together; None where there are none.
@@ -202,7 +204,7 @@ class _Heard(NamedTuple):
     makers: tuple[np.ndarray, ...]
 
 
-def _heard(plan: Plan, drive: PadDrive, coil: CoilDrive, tuning: Tuning | None) -> _Heard:
+def _coil_crosstalk(plan: Plan, drive: PadDrive, coil: CoilDrive, tuning: Tuning | None) -> _CoilCrosstalk:
     taxels = [(tuning or planned_tuning(plan)).taxels[k] for k in coil.taxels]
     channels = [plan.channels[plan.taxels[k].channel] for k in coil.taxels]
     which = Channels(np.array([t.resonance_hz for t in taxels]), np.array([t.q for t in taxels]), coil.line_a2)
@@ -210,9 +212,9 @@ def _heard(plan: Plan, drive: PadDrive, coil: CoilDrive, tuning: Tuning | None) 
     heard = np.concatenate([line_energy(which, part, modes) for part in own_lines(which, drive.scheme)], 2)
     heard[:, 0][np.diag_indices(len(channels))] = 0.0
     if not drive.scheme.has_pair_spurs or len(channels) > MOST_WITH_SPURS:
-        return _Heard(heard.sum(1), None, ())
+        return _CoilCrosstalk(heard.sum(1), None, ())
     pairs = pair_lines(which, drive.scheme)
-    return _Heard(heard.sum(1), line_energy(which, pairs, modes).sum(1), pairs.makers)
+    return _CoilCrosstalk(heard.sum(1), line_energy(which, pairs, modes).sum(1), pairs.makers)
 
 
 def slot_findings(

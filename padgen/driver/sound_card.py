@@ -22,7 +22,7 @@ __all__ = [
     "audio_device",
     "list_devices",
     "play_wave",
-    "recorded",
+    "record_input",
 ]
 
 EXTRA = "play"
@@ -183,7 +183,7 @@ def _device(entry: Any, kind: str) -> AudioDevice:
     return AudioDevice(int(entry["index"]), str(entry["name"]), channels, rate)
 
 
-def recorded(
+def record_input(
     source: AudioDevice,
     rate_hz: int,
     seconds: float,

@@ -45,7 +45,7 @@ import numpy as np
 
 from padgen.core.errors import SpecError, at_least, number, plural
 from padgen.core.units import MH, MS
-from padgen.measured.tuning import Tuning, levels_um, played_tuning, tuned_spec
+from padgen.measured.tuning import Tuning, levels_um, played_tuning, spec_at_coil_temperature
 from padgen.physics.crest import (
     ALIAS_DB,
     SHORTEST_S,
@@ -75,6 +75,7 @@ __all__ = [
     "CoilDrive",
     "PadDrive",
     "Timeline",
+    "bias_flows_at",
     "blend",
     "blend_slope",
     "blocks",
@@ -86,7 +87,6 @@ __all__ = [
     "edges",
     "frame_s",
     "highest_hz",
-    "is_fed",
     "make_drive",
     "ramp_s",
     "sample_count",
@@ -195,7 +195,7 @@ def make_drive(plan: Plan, rate_hz: int, tuning: Tuning | None = None, carrier_h
         a taxel.
     """
     tuning = played_tuning(plan, tuning)
-    spec = tuned_spec(plan, tuning.coil_c)
+    spec = spec_at_coil_temperature(plan, tuning.coil_c)
     scheme = plan.scheme
     known = np.array([(taxel.resonance_hz, taxel.q, taxel.response_um_per_a2) for taxel in tuning.taxels])
     resonance, q, response = known.T
@@ -698,7 +698,7 @@ def _spur_free(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stret
 
 
 def _biased(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) -> Part:
-    fed = is_fed(timeline, where.key), is_fed(timeline, where.key + 1)
+    fed = bias_flows_at(timeline, where.key), bias_flows_at(timeline, where.key + 1)
     if fed == (True, True):
         value, slope = _blended(drive, timeline, group, where, (group.bias, group.bias))
     elif not any(fed):
@@ -721,7 +721,7 @@ def _linear(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch)
     return group.lift * value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
-def is_fed(timeline: Timeline, key: int) -> bool:
+def bias_flows_at(timeline: Timeline, key: int) -> bool:
     """Return whether the biased drive's constant current flows at a keyframe: not at silent ends without a loop."""
     ends = key in (0, len(timeline.time_s) - 1)
     return timeline.loops or not ends or bool(timeline.levels[key].any())
@@ -732,11 +732,11 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
     if not (before.any() or after.any()):
         return None
     steady = before == after
-    value, slope = _sums(drive, group, where, np.sqrt(np.abs(before)) * steady * _turned(group, before))
+    value, slope = _sums(drive, group, where, np.sqrt(np.abs(before)) * steady * _delayed_tones(group, before))
     for levels, settled, ramp in _blends(drive, timeline, where, before, after):
         falling, rising, steepness = ramp
         # i² is in counter-phase where the tone is a quarter of its own period late.
-        turned = _turned(group, np.minimum(levels, settled))
+        turned = _delayed_tones(group, np.minimum(levels, settled))
         low = np.abs(levels)
         high = np.abs(settled)
         for j in np.flatnonzero((low != high).any(0)):
@@ -750,7 +750,7 @@ def _tones(drive: PadDrive, timeline: Timeline, group: _Group, where: _Stretch) 
     return group.lift * value + slope, np.einsum("sm,sm->m", value, value) / group.gain**2
 
 
-def _turned(group: _Group, levels: np.ndarray) -> np.ndarray:
+def _delayed_tones(group: _Group, levels: np.ndarray) -> np.ndarray:
     """Return the tones' complex amplitudes (m, n), delayed by a quarter period where `levels` (m, n) are below 0."""
     return group.weight * np.where(levels < 0, -1j, 1)
 

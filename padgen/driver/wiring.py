@@ -68,15 +68,15 @@ def crossed_frames(plan: Plan) -> np.ndarray:
             " 'each' tells where they are connected",
             "--pattern",
         )
-    return np.eye(len(plan.taxels))[[taxel for _, _, taxel in _crossed(plan)]]
+    return np.eye(len(plan.taxels))[[taxel for _, _, taxel in _crossed_tones(plan)]]
 
 
 def crossed_names(plan: Plan) -> tuple[str, ...]:
     """Return the name of the tone in each of `crossed_frames`: r0c0x1 is the second tone on coil r0c0's output."""
-    return tuple(name for name, _, _ in _crossed(plan))
+    return tuple(name for name, _, _ in _crossed_tones(plan))
 
 
-def _crossed(plan: Plan) -> list[tuple[str, Coil, int]]:
+def _crossed_tones(plan: Plan) -> list[tuple[str, Coil, int]]:
     """Return name, output's coil and taxel index of each tone of the pattern 'crossed', in the order of play."""
     taxels = coils_of(plan)
     tones = []
@@ -103,13 +103,13 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
     taxels = {taxel.id: taxel for taxel in plan.taxels}
     coil_of = {name: taxel.coil for name, taxel in taxels.items()}
     if plan.coils.sets > 1:
-        coil_of |= {name: coil for name, coil, _ in _crossed(plan)}
+        coil_of |= {name: coil for name, coil, _ in _crossed_tones(plan)}
     # What was felt of each output's own tones, and of the other set's: the coil of each taxel that moved.
     played_own: dict[Coil, list[Coil | None]] = {}
     played_crossed: dict[Coil, list[Coil | None]] = {}
     findings = []
     heard = path.is_dir() or path.suffix.lower() in (".wav", ".wave")
-    for row, (played, got) in (_heard_rows if heard else _felt_rows)(plan, path):
+    for row, (played, got) in (_recorded_rows if heard else _felt_rows)(plan, path):
         for name, known in ((played, coil_of), (got, taxels)):
             if name and name not in known:
                 raise FileError(unknown_name(name, list(taxels), "taxel", "").message, f"{path}, row {row}")
@@ -157,7 +157,7 @@ def wiring_findings(plan: Plan, path: Path) -> list[Finding]:
 Rows = Iterator[tuple[int, tuple[str, str]]]
 
 
-def _heard_rows(plan: Plan, path: Path) -> Rows:
+def _recorded_rows(plan: Plan, path: Path) -> Rows:
     """Yield row number and played taxel of each recording, and the felt taxel: the same, or '' if it hardly moved."""
     from padgen.measured.fits import fitted
     from padgen.measured.read import read_measured

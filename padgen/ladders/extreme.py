@@ -58,7 +58,7 @@ from padgen.verify.propagation import (
     circuit_current,
     propagate,
     squared,
-    steady_lines,
+    steady_phasors,
     tones,
 )
 
@@ -606,7 +606,7 @@ def _phasor_near_resonance() -> ExtremeCase:
         return np.array([moved.real, moved.imag])
 
     def solve() -> Solved:
-        line = steady_lines(np.array([hz]), q, MASS_KG, force)[0, 0]
+        line = steady_phasors(np.array([hz]), q, MASS_KG, force)[0, 0]
         return Solved(np.array([line.real, line.imag]), STATED_ERROR)
 
     name = "steady state at Q = 1e7, 1e-9 Hz off resonance"

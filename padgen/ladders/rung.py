@@ -43,7 +43,6 @@ __all__ = [
     "Solved",
     "Theory",
     "Timed",
-    "apart",
     "by_ladder",
     "chosen_channels",
     "distinct_channels",
@@ -53,9 +52,10 @@ __all__ = [
     "picks",
     "recommended_for",
     "recommended_row",
-    "run_apart",
+    "run_in_process",
     "run_timed",
     "timed",
+    "value_from_process",
     "write_steps",
 ]
 
@@ -69,7 +69,7 @@ class Scene(NamedTuple):
     plan: Plan
     aside: Path
 
-    def step(self, channel: Channel) -> Path:
+    def step_path(self, channel: Channel) -> Path:
         """Return the path of the STEP file that `write_steps` writes of a channel's taxel."""
         return self.aside / f"taxel-{channel.index}.step"
 
@@ -100,7 +100,7 @@ def write_steps(scene: Scene) -> None:
     from padgen.solid.formats.step import write_taxel_step
 
     for channel in chosen_channels(scene.plan):
-        write_taxel_step(scene.plan, channel, scene.step(channel))
+        write_taxel_step(scene.plan, channel, scene.step_path(channel))
 
 
 class Solved(NamedTuple):
@@ -424,13 +424,15 @@ class Timed(NamedTuple):
     memory_mb: float
 
 
-def apart(work: Callable[..., Any], *arguments: Any, imports: tuple[str, ...] = (), limit_s: float = LIMIT_S) -> Answer:
+def run_in_process(
+    work: Callable[..., Any], *arguments: Any, imports: tuple[str, ...] = (), limit_s: float = LIMIT_S
+) -> Answer:
     """Run `work`, which must pickle, in a new process for at most `limit_s`; its error is returned, not raised."""
     with Runner(imports=imports) as runner:
         return runner.run(work, *arguments, time_s=limit_s)
 
 
-def run_apart(work: Callable[..., Any], *arguments: Any) -> Any:
+def value_from_process(work: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of `work`, run once in a process of its own.
 
     Raises
@@ -438,7 +440,7 @@ def run_apart(work: Callable[..., Any], *arguments: Any) -> Any:
     PadgenError
         The one that `work` raised; `SolverError` when it broke down.
     """
-    answer = apart(work, *arguments)
+    answer = run_in_process(work, *arguments)
     if answer.kind == "failed":
         raise SolverError(f"a step of the study has no answer: {answer.sentence}", "study")
     if answer.error:
@@ -458,7 +460,9 @@ def timed(
 
     With `prepare`, `work` is called with the result of `prepare`, which is made once, off the clock.
     """
-    return apart(run_timed, pickle.dumps((prepare, work)), budget_s, most_runs, imports=imports, limit_s=limit_s)
+    return run_in_process(
+        run_timed, pickle.dumps((prepare, work)), budget_s, most_runs, imports=imports, limit_s=limit_s
+    )
 
 
 def measured(rung: Rung) -> RungFigures:

@@ -29,7 +29,7 @@ from padgen.ladders.rung import (
     Theory,
     chosen_channels,
     distinct_channels,
-    run_apart,
+    value_from_process,
     write_steps,
 )
 from padgen.physics.contact import Contactor
@@ -47,7 +47,7 @@ from padgen.spec import Spec
 from padgen.verify.coupled import CoupledSystem, Source, from_tones, make_system, simulate
 from padgen.verify.field_solid import PullQuestion, axisymmetric_force, solid_pull
 from padgen.verify.layered_skin import LAYERED, SkinQuestion, solve_skin
-from padgen.verify.propagation import DecayingTones, propagate, signal, squared, steady_lines, tones
+from padgen.verify.propagation import DecayingTones, propagate, signal, squared, steady_phasors, tones
 
 __all__ = [
     "LADDERS",
@@ -55,16 +55,16 @@ __all__ = [
     "Scene",
     "allocation_ladders",
     "axisymmetric_pull",
+    "beam_elements_hz",
     "beam_hz",
     "bound_promise",
     "charges_pull",
     "dynamics_ladders",
     "dynamics_models",
     "dynamics_question",
-    "even_ratio",
     "exact_volumes",
     "force_ladders",
-    "frame_hz",
+    "geometric_on_off_ratio",
     "geometry_ladders",
     "graded_hz",
     "layered_skin",
@@ -209,16 +209,16 @@ def dynamics_models(question: DynamicsQuestion) -> Iterator[tuple[str, str, Call
 def _phasor(question: DynamicsQuestion) -> Solved:
     system = question.system
     force = question.force
-    lines = steady_lines(system.frequency_hz, system.q, system.mass_kg, force)
+    lines = steady_phasors(system.frequency_hz, system.q, system.mass_kg, force)
     moved = (lines @ np.exp(2j * np.pi * (force.frequency_hz + force.rest_hz)[:, None] * question.time_s)).real
     transient = np.exp(-np.pi * system.frequency_hz / system.q * question.time_s[0]).max()
-    return Solved(moved, float(transient) + _acting_back(question, moved), unknowns=len(moved))
+    return Solved(moved, float(transient) + _linearisation_error(question, moved), unknowns=len(moved))
 
 
 def _exponential(question: DynamicsQuestion) -> Solved:
     system = question.system
     moved = propagate(system.frequency_hz, system.q, system.mass_kg, question.force, question.time_s)
-    return Solved(moved, _acting_back(question, moved), unknowns=2 * len(moved))
+    return Solved(moved, _linearisation_error(question, moved), unknowns=2 * len(moved))
 
 
 def _coupled(question: DynamicsQuestion, tolerance: float) -> Solved:
@@ -227,7 +227,7 @@ def _coupled(question: DynamicsQuestion, tolerance: float) -> Solved:
     return Solved(motion.displacement_m, 10 * tolerance, motion.residual, unknowns=2 * len(motion.displacement_m) + 1)
 
 
-def _acting_back(question: DynamicsQuestion, moved: np.ndarray) -> float:
+def _linearisation_error(question: DynamicsQuestion, moved: np.ndarray) -> float:
     """Estimate the relative error of linear models of motion, which leave out that motion changes pull and inductance.
 
     The mean pull softens a spring by ``m z/g``, and its resonance, met within 1/Q, feels that Q
@@ -277,8 +277,8 @@ def allocation_ladders(scene: Scene) -> Iterator[Ladder]:
         "",
         (
             Rung("paper's bound", "slots of Eq. 12", partial(bound_promise, spec, count)),
-            Rung("exact response", "one channel on", partial(even_ratio, *asked, True)),
-            Rung("exact response", "all states", partial(even_ratio, *asked, False)),
+            Rung("exact response", "one channel on", partial(geometric_on_off_ratio, *asked, True)),
+            Rung("exact response", "all states", partial(geometric_on_off_ratio, *asked, False)),
             *(
                 Rung("optimised", f"{effort:.0%} of the search", partial(optimal_ratio, *asked, effort), "optimised")
                 for effort in EFFORTS
@@ -296,7 +296,7 @@ def bound_promise(spec: Spec, count: int) -> Solved:
     return Solved(np.array([4 * spec.q_min * (ratio - 1) / (ratio + 1)]))
 
 
-def even_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
+def geometric_on_off_ratio(spec: Spec, drive: str, count: int, one_hot: bool) -> Solved:
     """Return smallest ON over largest OFF amplitude of resonances in geometric series: all states or one channel on."""
     which = _resonators(spec, geometric_ladder(*spec.band_hz, count))
     scheme = scheme_named(spec, drive)
@@ -498,8 +498,8 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
     plan = scene.plan
     for place, channel in enumerate(chosen_channels(plan)):
         taxel = (plan.spec, channel)
-        step = scene.step(channel)
-        frame = partial(frame_hz, *taxel)
+        step = scene.step_path(channel)
+        frame = partial(beam_elements_hz, *taxel)
         frames = (
             Rung("frame", f"{count} element{plural(count)} a beam", partial(frame, count), FRAME, 1 / count, FRAMES)
             for count in ELEMENTS
@@ -523,7 +523,7 @@ def structure_ladders(scene: Scene) -> Iterator[Ladder]:
             REFERENCE,
             theory=THEORY,
             note=f"{ORDER_NOTE} that hold much energy",
-            before=None if place else partial(run_apart, write_steps, scene),
+            before=None if place else partial(value_from_process, write_steps, scene),
         )
 
 
@@ -543,7 +543,7 @@ def beam_hz(spec: Spec, channel: Channel) -> Solved:
     return Solved(np.array([_model(spec, channel).resonance_hz]), unknowns=6)
 
 
-def frame_hz(spec: Spec, channel: Channel, elements: int, inner: bool = False) -> Solved:
+def beam_elements_hz(spec: Spec, channel: Channel, elements: int, inner: bool = False) -> Solved:
     """Return a taxel's resonance in Hz by beam elements, `elements` along each beam, of higher order if `inner`."""
     from padgen.verify.frame import frame_modes
     from padgen.verify.taxel_frame import taxel_frame

@@ -45,11 +45,11 @@ from padgen.ladders.rung import (
     RungFigures,
     Scene,
     Solved,
-    apart,
     judged,
     measured,
     picks,
     recommended_for,
+    run_in_process,
     timed,
 )
 from padgen.ladders.stages import LADDERS
@@ -126,7 +126,7 @@ def named_cases(sets: Sequence[CaseSet] = SETS) -> list[tuple[CaseSet, int, Extr
     return [(cases, place, case) for cases in sets for place, case in enumerate(cases())]
 
 
-def _asked(cases: CaseSet, place: int, what: str) -> Solved:
+def _case_answer(cases: CaseSet, place: int, what: str) -> Solved:
     """Return the answer of the extreme case at index `place` of `cases`: its model's ('solve') or its 'reference'."""
     answer = getattr(list(cases())[place], what)()
     answer = answer if isinstance(answer, Solved) else Solved(answer, 0.0)
@@ -137,13 +137,13 @@ def verdict_of(named: tuple[CaseSet, int, ExtremeCase], limit_s: float = LIMIT_S
     """Return the verdict on one extreme case: solve its model and its reference, each within `limit_s`, and compare."""
     cases, place, case = named
     say: Callable[..., CaseVerdict] = partial(CaseVerdict, case.domain, case.name, case.model, source=case.source)
-    answer = timed(partial(_asked, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
+    answer = timed(partial(_case_answer, cases, place, "solve"), limit_s=limit_s, budget_s=0.5, most_runs=3)
     if answer.kind != "value":
         return say(verdict=REFUSED if answer.kind == "refused" else WRONG, note=answer.sentence)
     solved: Solved = answer.value.value
     stated, *figures = (float(figure) for figure in solved[1:4])
     say = partial(say, stated_error=stated, seconds=answer.value.seconds, residual=figures[0], condition=figures[1])
-    truth = apart(_asked, cases, place, "reference", limit_s=limit_s)
+    truth = run_in_process(_case_answer, cases, place, "reference", limit_s=limit_s)
     if truth.kind != "value":
         return say(verdict=UNCHECKED, note=f"no reference: {truth.sentence}")
     error = relative_error(solved.values, truth.value.values)

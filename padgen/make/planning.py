@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from padgen.core import cache
 from padgen.core.errors import FileError, OlderPlanError, PadgenError, SolverError, SpecError, number
 from padgen.core.files import read_as_one, wait_for_commit
-from padgen.core.registry import is_extended
+from padgen.core.registry import has_extensions
 from padgen.spec import Spec, find_spec, load_spec, make_spec
-from padgen.spec.load import is_of_spec, laid_over, read_table, without_none
+from padgen.spec.load import laid_over, matches_spec, read_table, without_none
 
 if TYPE_CHECKING:
     from padgen.planner.plan import Plan
@@ -109,7 +109,7 @@ def _as_recorded(spec: Spec, folder: Path) -> Spec:
         recorded = load_spec(str(folder / PLAN))
     except PadgenError:  # there is no plan
         return spec
-    return recorded if is_of_spec(recorded, spec) else spec
+    return recorded if matches_spec(recorded, spec) else spec
 
 
 def plan_for(
@@ -161,7 +161,7 @@ def _by_beams(spec: Spec, keep: bool) -> "Plan":
     from padgen import planner
     from padgen.planner.plan import plan_from_table
 
-    if not keep or is_extended():
+    if not keep or has_extensions():
         return planner.make_plan(spec)
     key = cache.key_of({"spec": asdict(spec), "code": cache.code_hash(), "numpy": numpy.__version__})
 
@@ -176,7 +176,7 @@ def _by_beams(spec: Spec, keep: bool) -> "Plan":
         cache.store(KIND, key, asdict(plan))
         return plan
 
-    return cache.once(KIND, key, known, made)
+    return cache.get_or_compute(KIND, key, known, made)
 
 
 def _with_model(spec: Spec, structure: str, tolerance: float) -> Spec:
@@ -229,7 +229,7 @@ def plan_to_compare(spec: str, mesh: Path, progress: Progress = lambda step: Non
         asked = load_spec(spec)
         is_there = read_as_one(mesh.parent, beside.is_file, PLAN)
         recorded = recorded_plan(beside, progress) if is_there else None
-        if recorded and is_of_spec(recorded.spec, asked):
+        if recorded and matches_spec(recorded.spec, asked):
             plan = recorded
             source = str(beside)
         else:

@@ -22,7 +22,7 @@ from padgen.physics.resonator import TaxelModes
 from padgen.planner.layout import room, shape_inputs
 from padgen.planner.make import Choice, choose, finish, with_cures
 from padgen.planner.plan import Channel, Plan
-from padgen.planner.sizing import SizedChannel, on_grid, steps_are_coarse
+from padgen.planner.sizing import SizedChannel, printable_widths_mm, steps_are_coarse
 from padgen.planner.suspensions import suspension
 from padgen.planner.taxel_model import asked_error, plate_shape, solved_model
 from padgen.spec import Spec
@@ -135,7 +135,7 @@ def _next_trial(spec: Spec, choice: Choice, tried: Sequence[Trial], enough: floa
     width = last.sized.beam.width_mm * exp(last.miss / _slope(spec, tried))
     plate = plate_shape(spec)
     widest = suspension(last.sized.topology).widest(room(spec, choice.layout), plate, spec.printer.smallest_gap_mm)
-    beam = last.sized.beam._replace(width_mm=float(on_grid(spec, width, widest)))
+    beam = last.sized.beam._replace(width_mm=float(printable_widths_mm(spec, width, widest)))
     if any(beam == trial.sized.beam for trial in tried):
         return last.sized
     model = type(last.sized.model)(spec, last.sized.topology, plate, beam)
@@ -200,7 +200,7 @@ class TaxelSolver:
         return {
             **shape_inputs(plan, channel),
             "material": asdict(spec.material),
-            "washer": asdict(spec.moved),
+            "washer": asdict(spec.washer_or_magnet),
             **({"ballast": asdict(spec.ballast)} if spec.ballast else {}),
             "glue_mg": spec.taxel.glue_mg,
             "tolerance": self.tolerance,
@@ -262,7 +262,7 @@ def solid_taxel(plan: Plan, channel: Channel, step: Path) -> Any:
 
     spec = plan.spec
     material = spec.material
-    washer = spec.moved
+    washer = spec.washer_or_magnet
     ballast = spec.ballast
     printed = Elastic(material.modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     ring_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)

@@ -164,7 +164,7 @@ def _scatter(
     return total
 
 
-def _before(spec: Spec) -> tuple[tuple[str, str, float], ...]:
+def _assumed_biases(spec: Spec) -> tuple[tuple[str, str, float], ...]:
     """Return name, unit and assumed bias of height offset, width offset and modulus before a calibration."""
     bias = spec.spread
     return (
@@ -176,7 +176,7 @@ def _before(spec: Spec) -> tuple[tuple[str, str, float], ...]:
 
 def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
     """Raise SolverError if an offset or the modulus would be known hardly better than before the calibration."""
-    for (name, unit, before), known in zip(_before(spec), sigma.tolist(), strict=True):
+    for (name, unit, before), known in zip(_assumed_biases(spec), sigma.tolist(), strict=True):
         if known > REQUIRED * before:
             raise SolverError(
                 f"the {name} would be known to ± {number(known)} {unit}, must be"
@@ -188,7 +188,7 @@ def _refuse_vague(spec: Spec, sigma: np.ndarray) -> None:
 
 def _refuse_far(spec: Spec, change: np.ndarray, sigma: np.ndarray) -> None:
     """Raise SolverError if an offset or the modulus is off by more than any printer is: another pad was measured."""
-    for (name, unit, before), far, known in zip(_before(spec), change.tolist(), sigma.tolist(), strict=True):
+    for (name, unit, before), far, known in zip(_assumed_biases(spec), change.tolist(), sigma.tolist(), strict=True):
         most = FARTHEST_SIGMAS * float(np.hypot(before, known))
         if abs(far) > most:
             off = float(np.expm1(far)) if name == "modulus" else far

@@ -250,7 +250,7 @@ def _current(column: np.ndarray, rate: float, plan: Plan, kind: str, what: str, 
     return column
 
 
-def _driven(record: TaxelRecord, current: np.ndarray | None, plan: Plan) -> TaxelRecord:
+def _with_current(record: TaxelRecord, current: np.ndarray | None, plan: Plan) -> TaxelRecord:
     """Return a record with the coil's i² added, or i where the force goes with i; unchanged without a current."""
     if current is None:
         return record
@@ -306,7 +306,7 @@ def _records(
     if driven:
         current = _current(columns[:, 0], rate, plan, excitation, "channel 1, the excitation,", where)
     return [
-        _driven(
+        _with_current(
             TaxelRecord(
                 taxel,
                 f"{where}, channel {k + 1 + driven} ({'coil of ' if shared else ''}{taxel})",
@@ -719,4 +719,4 @@ def _series(sheet: _Sheet, ids: tuple[str, ...], plan: Plan) -> list[Part]:
         TaxelRecord(taxel, f"{sheet.where}, {taxel}", rate, values[:, parts["mag"]], None, *unit)
         for taxel, parts in columns.items()
     )
-    return [_driven(record, current, plan) for record in records]
+    return [_with_current(record, current, plan) for record in records]

@@ -90,7 +90,7 @@ def fit_finger(plan: Plan, untouched: Sequence[TaxelFit], touched: Sequence[Taxe
             "--touched",
         )
     k, k_error, m, m_error = _stiffness_and_mass(pairs, typical_kg)
-    taxels = tuple(_added(*pair, m) for pair in pairs)
+    taxels = tuple(_touched_taxel(*pair, m) for pair in pairs)
     c, c_error = _mean(
         [taxel.damping_n_s_per_m for taxel in taxels], [taxel.damping_error_n_s_per_m for taxel in taxels]
     )
@@ -119,7 +119,7 @@ def _is_raised(bare: TaxelFit, pressed: TaxelFit) -> bool:
     return pressed.resonance_hz - bare.resonance_hz > LEAST_RISE * error
 
 
-def _added(bare: TaxelFit, pressed: TaxelFit, channel: Channel, skin_kg: float) -> TouchedTaxel:
+def _touched_taxel(bare: TaxelFit, pressed: TaxelFit, channel: Channel, skin_kg: float) -> TouchedTaxel:
     """Return the stiffness and damping that the finger adds to a taxel, with their errors by the errors of both fits.
 
     The finger's mass is taken as `skin_kg`.
@@ -153,7 +153,7 @@ def _stiffness_and_mass(pairs: Sequence[Pair], typical_kg: float) -> tuple[float
 
     Taxels that differ by more than their errors raise the errors of both (chi-square per degree of freedom).
     """
-    rough = [_added(*pair, typical_kg) for pair in pairs]
+    rough = [_touched_taxel(*pair, typical_kg) for pair in pairs]
     y = np.array([taxel.added_n_per_m for taxel in rough])
     sigma = np.array([taxel.added_error_n_per_m for taxel in rough])
     square = np.array([(2 * pi * taxel.touched_hz) ** 2 for taxel in rough])

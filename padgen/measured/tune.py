@@ -46,8 +46,8 @@ from padgen.measured.tuning import (
     predicted,
     printed_channels,
     refuse_tuning,
+    spec_at_coil_temperature,
     tones_at,
-    tuned_spec,
     tuning_to_json,
     worst_db,
 )
@@ -191,7 +191,7 @@ def retuned(
     channels = printed_channels(plan, tuning)
     grouped = sorted(coils_of(plan).items())
     loads = [coil_load(one_coil_spec(plan), [channels[i] for i in index], plan.scheme) for _, index in grouped]
-    coils = tuple(map(RetunedCoil, before, after, _low_db(plan, tuning, after), loads))
+    coils = tuple(map(RetunedCoil, before, after, _low_quantile_db(plan, tuning, after), loads))
     result = Retuned(
         name=plan.name,
         drive=plan.selectivity.drive,
@@ -217,7 +217,7 @@ def _scheme_db(plan: Plan, tuning: Tuning, name: str) -> float | None:
     return worst_db(predicted(plan, tuning, tones_at(plan, tuning), scheme_name=name))
 
 
-def _low_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
+def _low_quantile_db(plan: Plan, tuning: Tuning, after: Sequence[CoilFigures]) -> list[float | None]:
     """Return for each coil the selectivity in dB that all but `LOW_QUANTILE` of the random prints keep.
 
     The prints differ from the measured one by the errors of the measurement.
@@ -339,7 +339,7 @@ class Trim:
     steps: tuple[TrimStep, ...]
 
     @property
-    def reaches(self) -> bool:
+    def is_sufficient(self) -> bool:
         """True where lowering the resonances gives the coil the selectivity that it needs, within 0.05 dB."""
         return self.after_db >= self.needed_db - 0.05
 
@@ -466,14 +466,14 @@ def judge_print(
     if lost := [taxel.id for taxel in tuning.taxels if taxel.response_um_per_a2 <= 0]:
         sentence = "not moved by any current of the coil: the tables cannot drive it"
         yield Finding("error", "retune.pull", _named(lost), sentence)
-    yield from _close(plan, tuning, after, schemes_db, trimmed)
+    yield from _close_resonances(plan, tuning, after, schemes_db, trimmed)
     yield from _level(plan, after, loads)
     yield from _of_taxels(plan, tuning)
     yield from _of_fits(fits)
     yield from _unmeasured(plan, tuning)
 
 
-def _close(
+def _close_resonances(
     plan: Plan,
     tuning: Tuning,
     after: Sequence[CoilFigures],
@@ -523,7 +523,7 @@ def _trim_text(trim: Trim) -> str:
         f" {float(f'{step.file_width_mm:.2g}'):g} mm narrower)"
         for step in trim.steps
     )
-    reach = "keeps" if trim.reaches else "then keeps no more than"
+    reach = "keeps" if trim.is_sufficient else "then keeps no more than"
     return f"{steps}: it {reach} {trim.after_db:.1f} dB; measure again after it"
 
 
@@ -758,7 +758,7 @@ def tuned_rows(plan: Plan, tuning: Tuning) -> tuple[tuple[str, DriveRow], ...]:
     Where currents have a constant, the coils with theirs follow.
     """
     tuning = played_tuning(plan, tuning)
-    spec = tuned_spec(plan, tuning.coil_c)
+    spec = spec_at_coil_temperature(plan, tuning.coil_c)
     channels = printed_channels(plan, tuning)
     scheme = plan.scheme
     carrier = carrier_hz(spec, scheme, max(taxel.resonance_hz for taxel in tuning.taxels))

@@ -56,9 +56,9 @@ __all__ = [
     "refuse_tuning",
     "simulate_print",
     "simulated_measurement",
+    "spec_at_coil_temperature",
     "taxel_energies",
     "tones_at",
-    "tuned_spec",
     "tuning_from_json",
     "tuning_hash",
     "tuning_to_json",
@@ -202,7 +202,7 @@ def played_tuning(plan: Plan, bare: Tuning | None = None) -> Tuning:
     return replace(bare, taxels=taxels)
 
 
-def tuned_spec(plan: Plan, coil_c: float) -> Spec:
+def spec_at_coil_temperature(plan: Plan, coil_c: float) -> Spec:
     """Return the plan's spec with the resistance of coils whose copper is at `coil_c`."""
     spec = plan.spec
     return replace(spec, coil=replace(spec.coil, resistance_ohm=copper_ohm(spec.coil.resistance_ohm, coil_c)))
@@ -212,7 +212,7 @@ def warm_plan(plan: Plan) -> Plan:
     """Return a plan whose channels and coil are those of the warm pad, for tables of channels."""
     tuned = [_warmed(plan, channel, _planned_taxel(channel, "")) for channel in plan.channels]
     levels = levels_um(plan, np.array(plan.warm.resonances_hz)).tolist()
-    spec = tuned_spec(plan, plan.warm.mean_coil_c)
+    spec = spec_at_coil_temperature(plan, plan.warm.mean_coil_c)
     channels = [_printed_channel(*each) for each in zip(plan.channels, tuned, levels, strict=True)]
     return replace(plan, spec=spec, channels=driven(spec, channels, plan.scheme))
 

@@ -21,7 +21,8 @@ were fitted to 3-D elasticity of random printed taxels (`docs/measure_campaign.p
 - Layers that hold less well to each other make the ends softer, a wide beam's as a half-plane's edge (`layered_edge`).
   Beads of a layer that do so, too: a half-plane whose beads run along its edge gives way under a load on the edge as
   the power −5/8 of their ratio (Lekhnitskii), and some six tenths of the plastic at the ends lie like that.
-- Ends keep the section from curling (anticlastic curvature): a beam is stiffer near its ends, as a plate is (`curl`).
+- Ends keep the section from curling (anticlastic curvature): near them a beam is as stiff as a plate
+  (`anticlastic_factors`).
 - Ends keep the section from warping (Vlasov: each end shortens a ribbon in torsion by about ``w √((1+ν)/24)``).
 """
 
@@ -43,29 +44,29 @@ __all__ = [
     "Slices",
     "Surroundings",
     "YokeSize",
+    "anticlastic_factors",
+    "anticlastic_reduction",
+    "beam_slices",
     "bend_stiffening",
     "columns",
-    "curl",
-    "curl_held",
     "doubtful_energies",
     "flexibility",
+    "in_plane_loads",
     "largest_inverse_square",
     "largest_stress",
     "layered_edge",
     "matrices",
     "on_elastic_ends",
+    "out_of_plane_loads",
     "piece_twist",
     "pin_motion",
     "pushed_stress",
     "root_load",
-    "sliced",
     "tip_mass",
     "tip_matrices",
     "tip_stiffness",
     "torsion_constant",
     "within_fitted_range",
-    "within_side",
-    "within_up",
 ]
 
 Array = Any
@@ -98,7 +99,7 @@ class Slices(NamedTuple):
     running: np.ndarray
 
 
-def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> Slices:
+def beam_slices(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> Slices:
     """Return the slices of a beam's path: at root and tip, and at Gauss points of each piece, more where it turns.
 
     `path` holds length in m and turn (left positive) of each piece. The `width` flares at the root by two quarter
@@ -158,7 +159,7 @@ def sliced(path: Sequence[tuple[Array, Array]], width: Array, fillet: Array) -> 
     )
 
 
-def within_up(slices: Slices) -> np.ndarray:
+def out_of_plane_loads(slices: Slices) -> np.ndarray:
     """Return out-of-plane internal loads in a bent beam's slices per unit load on its tip, as matrices (…, k, 3, 3).
 
     Rows: shear force, twist, bending moment. Columns: force up, moment about x, moment about y.
@@ -173,7 +174,7 @@ def within_up(slices: Slices) -> np.ndarray:
     return matrices([1 + zero, zero, zero], twist, bending)
 
 
-def within_side(slices: Slices) -> np.ndarray:
+def in_plane_loads(slices: Slices) -> np.ndarray:
     """Return in-plane internal loads in a bent beam's slices per unit load on its tip, as matrices (…, k, 3, 3).
 
     Rows: pull, shear force, bending moment. Columns: force along x, force along y, moment about z.
@@ -368,7 +369,8 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
     up, (side0, side1, side2), inverse_area, inverse_torsion = _flared(section)
     yoke = (ends.yoke_turn, ends.yoke_both, ends.yoke_lift)
     up0, up1, up2 = (
-        free / modulus + (more - held) / bending for free, more, held in zip(up, yoke, curl_held(section), strict=True)
+        free / modulus + (more - held) / bending
+        for free, more, held in zip(up, yoke, anticlastic_reduction(section), strict=True)
     )
     return Flexibility(
         (up0, up1, up2),
@@ -387,7 +389,7 @@ def flexibility(section: BeamSection, modulus: Array, poisson: Array) -> Flexibi
     )
 
 
-def curl(slenderness: Array) -> tuple[Array, Array]:
+def anticlastic_factors(slenderness: Array) -> tuple[Array, Array]:
     """Return two factors s, by kind of moment: clamped ends lower a thin strip's bending flexibility by a share s ν².
 
     The first is for a constant moment, the second for one that is zero at half the length and grows evenly towards both
@@ -410,7 +412,7 @@ def curl(slenderness: Array) -> tuple[Array, Array]:
     return shares[0], shares[1]
 
 
-def curl_held(section: BeamSection) -> tuple[Array, Array, Array]:
+def anticlastic_reduction(section: BeamSection) -> tuple[Array, Array, Array]:
     """Return by how much ends that suppress anticlastic curvature lower ∫ (l−s)^p ds, p = 0, 1, 2, in m^(p + 1)."""
     length = np.asarray(section.length, float)
     pure = section.ends.curl_pure * length
@@ -796,7 +798,7 @@ def _squared(rows: np.ndarray, weight: np.ndarray) -> Array:
 
 def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plane, _Plane]:
     """Return a bent beam's flexibility out of its plane (up, about x and y) and in it (along, sideways, about z)."""
-    slices = sliced(section.path, section.width, section.fillet)
+    slices = beam_slices(section.path, section.width, section.fillet)
     parts = flexibility(section, modulus, poisson)
     x = slices.x
     y = slices.y
@@ -830,7 +832,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     weight = slices.running[-1][:, None] * share
     up = _Plane(
         slices,
-        within_up(slices),
+        out_of_plane_loads(slices),
         matrices([1 + zero, y, -x], [zero, cosine, sine], [zero, -sine, cosine]),
         columns([1 / (area * sheared * across), twisting / (torsion * shear_modulus), 1 / (bending * inner)]) * share,
         columns([shear, twist, parts.root]),
@@ -839,7 +841,7 @@ def _planes(section: BeamSection, modulus: Array, poisson: Array) -> tuple[_Plan
     )
     side = _Plane(
         slices,
-        within_side(slices),
+        in_plane_loads(slices),
         matrices(pull, push, [zero, zero, 1 + zero]),
         columns([1 / (area * modulus), 1 / (area * sheared * beads), 1 / lateral]) * share,
         columns([0 * slip, slip, parts.lateral_root]),
@@ -891,10 +893,10 @@ def _loads(section: BeamSection, load: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
     The second result is the width (…, k) of each slice in m.
     """
-    slices = sliced(section.path, section.width, section.fillet)
+    slices = beam_slices(section.path, section.width, section.fillet)
     parts = [
         np.einsum("...pij,...j->...pi", within(slices), load[..., index])
-        for within, index in ((within_up, _UP), (within_side, _SIDE))
+        for within, index in ((out_of_plane_loads, _UP), (in_plane_loads, _SIDE))
     ]
     return np.concatenate(parts, -1)[..., np.argsort(_UP + _SIDE)], slices.width
 
@@ -910,9 +912,9 @@ def _of_planes(planes: list[np.ndarray]) -> np.ndarray:
 # Constants of the laws, all fitted.
 CURL_PURE = 0.0181, 0.3519, 0.3579, 0.2695, 0.4135
 CURL_GUIDED = 0.0947, 0.0782, 0.2293, 0.1086, 0.0301
-"""Coefficients of `curl` in powers of length over width: the first and second above, the first to third below."""
+"""Coefficients of `anticlastic_factors` in powers of length over width: two of the numerator, then three below it."""
 CURL_NARROW = 3.56
-"""Factor of thickness over width, by which `curl` counts narrow beams longer than their length over width says."""
+"""Factor of thickness over width, by which `anticlastic_factors` counts narrow beams longer than they are."""
 ROOT = 0.655
 ROOT_HEIGHT = 0.996
 FRAME = 0.874
@@ -991,7 +993,7 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
     tall = thickness * np.sqrt(beads / across)
     held = _warping_length(WARPING, width, tall, inf if section.path else length, poisson)
     # A narrow beam is held over less length than a plate of its width.
-    held_pure, held_guided = curl(length / width * (1 + CURL_NARROW * thickness / width))
+    held_pure, held_guided = anticlastic_factors(length / width * (1 + CURL_NARROW * thickness / width))
     # Curling is the product of both Poisson's ratios, and the one across the beads is smaller by `beads`.
     held_share = poisson**2 * beads
     ends = EndCompliance(

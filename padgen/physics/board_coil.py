@@ -31,10 +31,10 @@ __all__ = [
     "bore_needed",
     "heat_limit",
     "inductance",
+    "layer_current_shares",
     "layer_resistances",
     "resistance",
     "rings_of",
-    "shares",
 ]
 
 FILAMENTS = 3
@@ -137,7 +137,7 @@ def _end_angle(coil: BoardCoil, layer: int) -> float:
     return LINK_DEGREES[(layer - 1) // 2] * pi / 180
 
 
-def shares(coil: BoardCoil) -> np.ndarray:
+def layer_current_shares(coil: BoardCoil) -> np.ndarray:
     """Return the share of the coil's current in each layer: all of it in series, by conductance in parallel."""
     count = len(coil.copper)
     if not coil.parallel:
@@ -188,7 +188,7 @@ class Rings(NamedTuple):
 
 def rings_of(coil: BoardCoil) -> Rings:
     """Return all turns of a coil as circles: whole turns, and the rest of each layer as a part of a turn."""
-    share = shares(coil)
+    share = layer_current_shares(coil)
     rows = []
     for k, layer in enumerate(board_layers(coil)):
         for j in range(ceil(layer.turns)):
@@ -229,7 +229,7 @@ def inductance(coil: BoardCoil) -> float:
 
 def board_source(coil: BoardCoil) -> CoilSource:
     """Return the coil as one flat winding of uniform current density a layer, valid from some track pitches away on."""
-    share = shares(coil)
+    share = layer_current_shares(coil)
     windings = []
     for k, layer in enumerate(board_layers(coil)):
         inner = 2 * layer.start_radius
@@ -256,5 +256,5 @@ def heat_limit(coil: BoardCoil) -> float:
     faces = 2 * pi / 4 * coil.outer_diameter**2
     given_off = AIR_W_PER_M2K * faces * RISE_K
     most = IPC_INNER * RISE_K**0.44 * (np.array(coil.copper) * coil.track / MIL_M**2) ** 0.725
-    current = float((most / shares(coil)).min())
+    current = float((most / layer_current_shares(coil)).min())
     return float(min(given_off, current**2 * resistance(coil)))

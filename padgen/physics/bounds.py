@@ -118,9 +118,9 @@ def _missed_energy(
             + length**2 * density / (pi**2 * modulus)
         )
         sheared = 12 * bending_speed * (length + 2 * slip) / (shear_speed * length**3)
-        energy = line * length * _shifting(deflected)
-        missed = missed + energy - line * length * _shifting(held)
-        missed = missed + line * height**2 / 12 / length * _turning(deflected)
+        energy = line * length * _squared_deflection(deflected)
+        missed = missed + energy - line * length * _squared_deflection(held)
+        missed = missed + line * height**2 / 12 / length * _squared_slope(deflected)
         shear_doubt = shear_doubt + 0.5 * energy * sheared / (1 + sheared)
         doubt = doubt + _dynamic(energy, square * slow)
     along = line * length / 3
@@ -145,13 +145,13 @@ def _deflections(shift: Any, turn: Any, root: Any, tip: Any) -> tuple[tuple[Any,
     return (at_root, shift, at_tip), (0.0 * shift, shift, turn)
 
 
-def _shifting(deflection: tuple[Any, ...]) -> Any:
+def _squared_deflection(deflection: tuple[Any, ...]) -> Any:
     """Return ∫ w² of a cubic with w = 0 at the root, from its `_deflections`."""
     a, w, b = deflection
     return 13 / 35 * w**2 - 11 / 105 * w * b + (a**2 + b**2) / 105 + 13 / 210 * a * w - a * b / 70
 
 
-def _turning(deflection: tuple[Any, ...]) -> Any:
+def _squared_slope(deflection: tuple[Any, ...]) -> Any:
     """Return ∫ w'² of a cubic with w = 0 at the root, from its `_deflections`."""
     a, w, b = deflection
     return (36 * w**2 - 6 * w * (a + b) + 4 * (a**2 + b**2) - 2 * a * b) / 30

@@ -147,7 +147,7 @@ def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarr
     k = spectrum.k
     fall = np.exp(-gap[:, None] * k)
     around = bessel(offset[:, None] * k, orders)
-    turns = _turning(around)
+    turns = _bessel_derivatives(around)
     coil = spectrum.faces * spectrum.coil
     force = -(fall * around[0]) @ (k * coil)
     slope = (fall * around[0]) @ (k * k * coil)
@@ -166,7 +166,7 @@ def _pulls(spectrum: _Spectrum, gap: np.ndarray, offset: np.ndarray) -> np.ndarr
     return np.stack([force, slope, side, moment, *lost, *static])
 
 
-def _turning(around: np.ndarray) -> np.ndarray:
+def _bessel_derivatives(around: np.ndarray) -> np.ndarray:
     """Return the derivatives of Bessel functions from their values (m + 1, …), for all orders but the highest."""
     below = np.concatenate([-around[1:2], around[:-2]])
     turning = (below - around[1:]) / 2

@@ -52,14 +52,14 @@ __all__ = [
     "charged_core",
     "coil_poles",
     "coil_rings",
-    "crowded",
-    "cylinder",
+    "cylinder_outline",
     "deflection_without_growth",
-    "eights",
     "fine_rings",
     "flux_density",
     "gauss",
+    "graded_quadrature",
     "impedance",
+    "multiple_of_eight",
     "paper_force_constant",
     "pole_error",
     "pole_field",
@@ -71,7 +71,7 @@ __all__ = [
     "solenoid",
     "steel_body",
     "toroidal",
-    "tube",
+    "tube_outline",
     "winding_rings",
 ]
 
@@ -159,7 +159,7 @@ class SteelRing(NamedTuple):
     crown_height: float = 0.0
 
     @property
-    def alone(self) -> "SteelRing":
+    def without_crown(self) -> "SteelRing":
         """The washer without the ballast ring (crown) that may lie on top of it."""
         return SteelRing(*self[:4])
 
@@ -171,7 +171,7 @@ class SteelRing(NamedTuple):
         wide = self.crown_outer_diameter / 2
         bore = self.crown_inner_diameter / 2
         high = top + self.crown_height
-        sides = tube(outer, inner, 0.0, top, nodes)
+        sides = tube_outline(outer, inner, 0.0, top, nodes)
         if high == top or bore >= outer or wide <= inner:
             return sides
         face, rim = nodes
@@ -491,14 +491,14 @@ class SteelBody(NamedTuple):
     uniform: np.ndarray
 
 
-def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
+def tube_outline(outer: float, inner: float, low: float, high: float, nodes: tuple[int, int]) -> tuple[Side, ...]:
     """Return the outline of a washer by radii and heights in m; `inner` 0 is a disc.
 
     `nodes` are the numbers on each face and on each rim.
     """
     face, rim = nodes
     if inner <= 0:
-        return cylinder(outer, low, high, (face, rim, face))
+        return cylinder_outline(outer, low, high, (face, rim, face))
     return (
         Side((inner, low), (outer, low), (0, -1), face),
         Side((outer, low), (outer, high), (1, 0), rim),
@@ -507,7 +507,7 @@ def tube(outer: float, inner: float, low: float, high: float, nodes: tuple[int, 
     )
 
 
-def cylinder(radius: float, low: float, high: float, nodes: tuple[int, int, int]) -> tuple[Side, ...]:
+def cylinder_outline(radius: float, low: float, high: float, nodes: tuple[int, int, int]) -> tuple[Side, ...]:
     """Return the sides of a cylinder, sizes in m; `nodes` are node counts of top, curved surface and bottom."""
     top, around, below = nodes
     return (
@@ -553,7 +553,7 @@ def _layers(
     fine = np.linspace(0, 1, 2001)
     nearest = np.interp(share, side.part(fine)[0], fine)
     nearest[part] = node
-    t, weight = crowded(nearest, eights(side.nodes + POINTS_ABOVE))
+    t, weight = graded_quadrature(nearest, multiple_of_eight(side.nodes + POINTS_ABOVE))
     ring_radius, ring_height = side.at(t)
     of = ring_potential(radius[:, None], height[:, None], ring_radius, ring_height, most, at_ring=True)
     basis = _lagrange(node, t)
@@ -563,7 +563,7 @@ def _layers(
     return single, double
 
 
-def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def graded_quadrature(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return quadrature points (n, 2 `count`) on [0, 1] that crowd towards `nearest` (n,), and their weights.
 
     Distances from `nearest` are cubes of Gauss points.
@@ -576,7 +576,7 @@ def crowded(nearest: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate([low * (1 - cube), low + high * cube], 1), np.concatenate([low * weight, high * weight], 1)
 
 
-def eights(count: float) -> int:
+def multiple_of_eight(count: float) -> int:
     """Return `count` rounded up to a multiple of eight, so that few different quadrature rules are needed."""
     return 8 * ceil(count / 8)
 
@@ -604,7 +604,7 @@ def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np
     for side in body.sides:
         node, weight = gauss(side.nodes)
         share = np.diag(weight)
-        if side.start[1] == side.end[1] == top and (count := eights(1.7 * side.length / step)) > side.nodes:
+        if side.start[1] == side.end[1] == top and (count := multiple_of_eight(1.7 * side.length / step)) > side.nodes:
             t, weight = gauss(count)
             node, share = t, _lagrange(node, t) * weight[:, None]
         places.append(np.stack(side.at(node)))
@@ -631,14 +631,16 @@ def charged_core(coil: CoilSource, top: int = 12, orders: int = CORE_ORDERS) -> 
     if not coil.has_core:
         return None
     low = coil.core_top - coil.core_length
-    core = steel_body(cylinder(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5)), coil.core_permeability, orders)
+    core = steel_body(
+        cylinder_outline(coil.core_diameter / 2, low, coil.core_top, (top, 8, 5)), coil.core_permeability, orders
+    )
     potential = np.zeros(len(core.area))
     for winding in coil.windings:
         full = winding.turns / winding.length
         for z, sign in ((winding.top, 1), (winding.bottom, -1)):
             for start, end in _spans(winding):
                 nearest = np.clip((core.radius - start) / (end - start), 0, 1)
-                t, weight = crowded(nearest, 24)
+                t, weight = graded_quadrature(nearest, 24)
                 radius = start + t * (end - start)
                 of = ring_potential(core.radius[:, None], core.height[:, None], radius, np.array(z), 0, at_ring=True)
                 potential += sign * (of.value[0] * _magnetised(winding, radius) * weight * (end - start)).sum(1)
@@ -672,7 +674,7 @@ def winding_rings(windings: tuple[Winding, ...], step: float) -> np.ndarray:
     for winding in windings:
         for z, sign, apart in ((winding.top, 1, step), (winding.bottom, -1, max(step, winding.length / 4))):
             for start, end in _spans(winding):
-                t, weight = gauss(eights(1.7 * (end - start) / apart))
+                t, weight = gauss(multiple_of_eight(1.7 * (end - start) / apart))
                 radius = start + t * (end - start)
                 charge = sign * _magnetised(winding, radius) * weight * (end - start)
                 rings.append(np.stack([radius, np.full(len(t), z), charge]))

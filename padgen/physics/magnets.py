@@ -12,7 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from padgen.physics.magnetics import BLOCK, MU_0, SteelRing, crowded, gauss, ring_potential, steel_body, tube
+from padgen.physics.magnetics import (
+    BLOCK,
+    MU_0,
+    SteelRing,
+    gauss,
+    graded_quadrature,
+    ring_potential,
+    steel_body,
+    tube_outline,
+)
 
 __all__ = [
     "DECAY",
@@ -223,7 +232,7 @@ def neighbour_stiffness(magnet: DiscMagnet, apart: np.ndarray, steel: SteelRing 
     share = chebyshev.chebval(2 * square * NEAREST_KNOWN**2 - 1, _over_dipoles(magnet, steel, wide))
     result = np.asarray(share * dipole_stiffness(magnet.moment, apart))
     for place in zip(*np.nonzero(apart < NEAREST_KNOWN * wide), strict=True):
-        result[place] = _bend_beside(magnet, float(apart[place]), steel)
+        result[place] = _pair_stiffness(magnet, float(apart[place]), steel)
     return result
 
 
@@ -232,7 +241,7 @@ def _over_dipoles(magnet: DiscMagnet, steel: SteelRing | None, wide: float) -> n
     """Return Chebyshev coefficients, in inverse squared distance, of two magnets' stiffness divided by two dipoles'."""
     node = chebyshev.chebpts1(KNOWN)
     apart = wide * NEAREST_KNOWN / np.sqrt((node + 1) / 2)
-    stiffness = np.array([_bend_beside(magnet, float(distance), steel) for distance in apart])
+    stiffness = np.array([_pair_stiffness(magnet, float(distance), steel) for distance in apart])
     return np.asarray(chebyshev.chebfit(node, stiffness / dipole_stiffness(magnet.moment, apart), KNOWN - 1))
 
 
@@ -252,14 +261,14 @@ def steel_charges(magnet: DiscMagnet, steel: SteelRing) -> np.ndarray:
     """
     low = magnet.height
     nodes = (STEEL_NODES, STEEL_NODES)
-    outline = tube(steel.outer_diameter / 2, steel.inner_diameter / 2, low, low + steel.thickness, nodes)
+    outline = tube_outline(steel.outer_diameter / 2, steel.inner_diameter / 2, low, low + steel.thickness, nodes)
     body = steel_body(outline, steel.permeability, 0)
     density = magnet.polarisation / MU_0
     potential = np.zeros(len(body.area))
     start = magnet.inner_diameter / 2
     end = magnet.outer_diameter / 2
     nearest = np.clip((body.radius - start) / (end - start), 0, 1)
-    t, weight = crowded(nearest, 24)
+    t, weight = graded_quadrature(nearest, 24)
     radius = start + t * (end - start)
     for height, sign in ((magnet.height, 1), (0.0, -1)):
         of = ring_potential(body.radius[:, None], body.height[:, None], radius, np.array(height), 0, at_ring=True)
@@ -267,7 +276,7 @@ def steel_charges(magnet: DiscMagnet, steel: SteelRing) -> np.ndarray:
     return np.stack([body.radius, body.height, body.area * (body.response[0] @ potential)])
 
 
-def _bend_beside(magnet: DiscMagnet, apart: float, steel: SteelRing | None) -> float:
+def _pair_stiffness(magnet: DiscMagnet, apart: float, steel: SteelRing | None) -> float:
     """Return d²U/dz² in N/m of the energy U of two magnets, with steel on top of each, by a lift z of one."""
     bare = _beside(magnet, apart)[1]
     if steel is None:
@@ -277,14 +286,14 @@ def _bend_beside(magnet: DiscMagnet, apart: float, steel: SteelRing | None) -> f
     square = (magnet.inner_diameter / 2) ** 2 + (magnet.outer_diameter**2 - magnet.inner_diameter**2) / 4 * node
     face = weight * magnet.moment / magnet.height
     of_magnet = [np.tile(np.sqrt(square), 2), np.repeat([magnet.height, 0.0], 8), np.concatenate([face, -face])]
-    faces = _round(np.array(of_magnet), RING_TURNS // 2)
-    drawn = _round(np.stack([radius, height, charge]), RING_TURNS // 2)
-    beside = _round(np.stack([radius, height, charge]), RING_TURNS) + np.array([[apart], [0.0], [0.0], [0.0]])
+    faces = _point_charges(np.array(of_magnet), RING_TURNS // 2)
+    drawn = _point_charges(np.stack([radius, height, charge]), RING_TURNS // 2)
+    beside = _point_charges(np.stack([radius, height, charge]), RING_TURNS) + np.array([[apart], [0.0], [0.0], [0.0]])
     # Twice: the halves round the magnet are alike, and so are one's faces beside the other's steel and the reverse.
     return bare + 2 * (_bend(drawn, beside) + 2 * _bend(faces, beside))
 
 
-def _round(rings: np.ndarray, turns: int) -> np.ndarray:
+def _point_charges(rings: np.ndarray, turns: int) -> np.ndarray:
     """Return the first `turns` of `RING_TURNS` point charges that stand for each ring: x, y, z in m, charge in A·m."""
     angle = (np.arange(turns) + 0.5) * 2 * pi / RING_TURNS
     x, y = (np.multiply.outer(rings[0], wave).ravel() for wave in (np.cos(angle), np.sin(angle)))

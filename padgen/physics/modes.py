@@ -25,7 +25,7 @@ from padgen.core.units import GRAVITY_M_PER_S2
 from padgen.physics.beams import (
     BeamSection,
     EndCompliance,
-    curl_held,
+    anticlastic_reduction,
     doubtful_energies,
     flexibility,
     largest_stress,
@@ -46,7 +46,7 @@ __all__ = [
     "bending_stress",
     "box",
     "combine",
-    "gathered",
+    "combine_stacked",
     "hardening",
     "jump_amplitude",
     "level_kept",
@@ -104,10 +104,10 @@ def _upright(mass: Array, centre: tuple[Array, ...], moments: tuple[Array, ...])
 
 def combine(*bodies: RigidBody) -> RigidBody:
     """Return one rigid body with the mass, centroid and inertia of all given bodies together."""
-    return gathered(RigidBody(*(np.stack(np.broadcast_arrays(*parts)) for parts in zip(*bodies, strict=True))))
+    return combine_stacked(RigidBody(*(np.stack(np.broadcast_arrays(*parts)) for parts in zip(*bodies, strict=True))))
 
 
-def gathered(bodies: RigidBody) -> RigidBody:
+def combine_stacked(bodies: RigidBody) -> RigidBody:
     """Return the bodies along the first axis of the arrays as one rigid body, by Steiner's theorem."""
     mass = bodies.mass.sum(0)
     centroid = (bodies.mass[..., None] * bodies.centroid).sum(0) / mass[..., None]
@@ -193,7 +193,7 @@ def suspended_modes(
         stiffness = stiffness + carried @ at_tip @ carry
         mass = mass + carried @ tip_masses @ carry
         if beam.pin:
-            ridden = _at_centroid(beam.pin) @ at_pins[key].shape @ carry
+            ridden = _origin_to_centroid(beam.pin) @ at_pins[key].shape @ carry
             mass = mass + np.swapaxes(ridden, -1, -2) @ _inertia(beam.pin) @ ridden
     # Of the flexibility form M φ = (1/ω²) K φ the largest values are the lowest modes, which are exact to rounding
     # however far above them the stiffest mode is.
@@ -213,7 +213,7 @@ def _inertia(body: RigidBody) -> np.ndarray:
     return mass
 
 
-def _at_centroid(body: RigidBody) -> np.ndarray:
+def _origin_to_centroid(body: RigidBody) -> np.ndarray:
     """Return the matrix (…, 6, 6) from a rigid body's motion at its origin to that at its centroid right above."""
     height = body.centroid[..., 2]
     carry = np.zeros((*np.shape(height), 6, 6))
@@ -399,10 +399,10 @@ def uncertain_energies(
 
     The modes are mass-normalised; the parts are those of `UNCERTAINTY`, in its order.
     """
-    width, thickness, length, fillet = (_beside_modes(v) for v in beam.section[:4])
-    ends = EndCompliance(*(_beside_modes(v) for v in beam.section.ends))
-    path = tuple((_beside_modes(length), _beside_modes(turn)) for length, turn in beam.section.path)
-    across, beads = (_beside_modes(v) for v in (beam.section.across, beam.section.beads))
+    width, thickness, length, fillet = (_with_mode_axis(v) for v in beam.section[:4])
+    ends = EndCompliance(*(_with_mode_axis(v) for v in beam.section.ends))
+    path = tuple((_with_mode_axis(length), _with_mode_axis(turn)) for length, turn in beam.section.path)
+    across, beads = (_with_mode_axis(v) for v in (beam.section.across, beam.section.beads))
     section = BeamSection(width, thickness, length, fillet, ends, path, across, beads)
     tip = to_tip(beam, modes.reference) @ modes.shape
     load = np.swapaxes(tip_stiffness(beam.section, modulus, poisson) @ tip, -1, -2)
@@ -413,15 +413,15 @@ def uncertain_energies(
     mount = parts.tip * ends.mount / np.where(ends.tip, ends.tip, 1.0)
     mounted = mount * at_tip
     bending = modulus * width * thickness**3 / 12
-    plate_bending = _beside_modes(modulus * plate.width * plate.thickness**3 / 12)
+    plate_bending = _with_mode_axis(modulus * plate.width * plate.thickness**3 / 12)
     # Moments at the plate's edge and at the washer's axis, between which they change evenly.
     backwards = plate.neck is not None
-    edge = about_y - _beside_modes(plate.neck) * up if backwards else about_y
-    half = _beside_modes(plate.length) / 2
+    edge = about_y - _with_mode_axis(plate.neck) * up if backwards else about_y
+    half = _with_mode_axis(plate.length) / 2
     axis = edge - half * up if backwards else edge + half * up
     plate_bent = half / 3 * (edge**2 + edge * axis + axis**2) / plate_bending
 
-    curled = _bent_energy(curl_held(section), up, about_y) / bending
+    curled = _bent_energy(anticlastic_reduction(section), up, about_y) / bending
     yoked = _bent_energy((ends.yoke_turn, ends.yoke_both, ends.yoke_lift), up, about_y) / bending
     narrow = 1 + thickness / width
     side0, side1, side2 = parts.side
@@ -473,6 +473,6 @@ def relative_error(
     return np.asarray(np.where(np.arange(6) == at, np.hypot(softened, floor), others))
 
 
-def _beside_modes(value: Array) -> np.ndarray:
+def _with_mode_axis(value: Array) -> np.ndarray:
     """Return the value as an array with a last axis of length 1, for the modes."""
     return np.asarray(value, float)[..., None]

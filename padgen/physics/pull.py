@@ -309,7 +309,7 @@ class PullTable(NamedTuple):
 
     def at_single_offset(self, offset: float) -> "PullTable":
         """Return the table for the single `offset` in m, interpolated from the offsets of this table."""
-        nodes = _at_nodes(len(self.scale))[0]
+        nodes = _chebyshev_matrices(len(self.scale))[0]
         across = chebyshev.chebvander(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1] - 1)[0]
         columns = nodes @ np.einsum("ijk,j->ik", self.shape, across) * np.exp(nodes @ self.scale)[:, None]
         reach = max(offset, 1e-9) * 2**0.5
@@ -326,7 +326,7 @@ class PullTable(NamedTuple):
         along = np.log(gap / self.low) * per_log - 1
         count = len(self.scale)
         basis = chebyshev.chebvander(along, count - 1)
-        at_gaps, through, *derived = _at_nodes(count)
+        at_gaps, through, *derived = _chebyshev_matrices(count)
         slopes, bends = (basis[:, : len(rise)] @ rise for rise in derived)
         across = chebyshev.chebvander(2 * (offset / self.reach) ** 2 - 1, self.shape.shape[1] - 1)
         size = np.exp(basis @ self.scale)
@@ -354,7 +354,7 @@ class PullTable(NamedTuple):
 
 
 @cache
-def _at_nodes(count: int) -> tuple[np.ndarray, ...]:
+def _chebyshev_matrices(count: int) -> tuple[np.ndarray, ...]:
     """Return matrices from `count` Chebyshev coefficients to node values, back, and to first and second derivatives."""
     values = chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)
     return values, np.linalg.inv(values), *(chebyshev.chebder(np.eye(count), order) for order in (1, 2))
@@ -388,7 +388,7 @@ def make_table(coil: CoilSource, washer: SteelRing, part: int, reach: float, off
 def _table(low: float, high: float, reach: float, columns: np.ndarray) -> PullTable:
     """Return the table with the values `columns` (gaps, offsets, 5) at its nodes."""
     scale = np.sqrt((columns[..., 0] ** 2).mean(1)) + 1e-30
-    transforms = [_at_nodes(count)[1] for count in columns.shape[:2]]
+    transforms = [_chebyshev_matrices(count)[1] for count in columns.shape[:2]]
     coefficients = np.einsum("ig,jd,gdk->ijk", *transforms, columns / scale[:, None, None], optimize=True)
     return PullTable(low, high, reach, transforms[0] @ np.log(scale), coefficients)
 

@@ -40,13 +40,13 @@ from padgen.physics.resonance_judge import (
     detuning,
     judge_agreement,
     point_noise,
+    refuse_ambiguous_peaks,
     refuse_bad_record,
     refuse_bad_spectrum,
     refuse_edge,
     refuse_few,
     refuse_no_peak,
     refuse_no_resonance,
-    refuse_two,
     rough_peak,
 )
 
@@ -279,7 +279,7 @@ def fit_spectrum(
     refuse_no_resonance(np.abs(fit.lines.data), fit.noise, noise, hz)
     refuse_few(frequency, hz, q)
     if not phased:
-        fit = _polished(fit, np.abs(given)[np.isin(frequency, fit.lines.frequency)], n or 0)
+        fit = _refit_to_magnitude(fit, np.abs(given)[np.isin(frequency, fit.lines.frequency)], n or 0)
     return _result(lines, fit, peaks, near_hz, n, phased)
 
 
@@ -351,14 +351,14 @@ def fit_driven(
     if held.any():
         chosen = _chosen(peaks, near_hz, exact)
         first = _solve(lines.around(chosen.hz, chosen.q), np.log([chosen.hz, chosen.q]), n or 0)
-        lines = _record_lines(rate_hz, _filled(first, rate_hz, y, held, n or 0)[1], x)
+        lines = _record_lines(rate_hz, _with_restored_crests(first, rate_hz, y, held, n or 0)[1], x)
     fit = _fit_peaks(lines, peaks, near_hz, n or 0, exact)
     cubed = lines.cubed(float(fit.modes[0, 0]))
     if _may_be_bent(fit, cubed, n or 0):
         bent = _fit_peaks(cubed, peaks, near_hz, n or 0, exact)
         fit = bent if _is_worth(fit, bent) and _are_resolved(bent) else fit
     if held.any():
-        fit, _ = _filled(fit, rate_hz, y, held, n or 0)
+        fit, _ = _with_restored_crests(fit, rate_hz, y, held, n or 0)
     hz, q = fit.modes[0]
     clock = CLOCK if abs(first_lag + lag) > LATE_S * rate_hz else 0.0
     _refuse_short(len(y) / rate_hz, hz)
@@ -408,7 +408,7 @@ def fit_decay(
         lines = _record_lines(rate_hz, y)
         peaks = _peaks(lines, 0)
         hz, q, _ = peaks[0]
-        taps = taps if turn else _taps(size, int(rate_hz / hz))
+        taps = taps if turn else _pluck_starts(size, int(rate_hz / hz))
         apart = int((1 - BEFORE_TAP) * min(np.diff(taps), default=0))
         if not turn and apart > DECAY_PERIODS * rate_hz / hz:
             y = whole[taps[0] : taps[0] + apart]
@@ -435,7 +435,7 @@ def fit_decay(
     return _result(lines, fit, peaks, near_hz, None, clock=CLOCK, seconds=len(response) / rate_hz)
 
 
-def _taps(size: np.ndarray, period: int) -> list[int]:
+def _pluck_starts(size: np.ndarray, period: int) -> list[int]:
     """Return in order the sample indices at which free decays begin, in a record of absolute values `size` (n,)."""
     from scipy.ndimage import uniform_filter1d
 
@@ -810,7 +810,9 @@ def _peaks(lines: MeasuredLines, power: int) -> list[_Peak]:
     return peaks
 
 
-def _filled(fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: int) -> tuple[_Solved, np.ndarray]:
+def _with_restored_crests(
+    fit: _Solved, rate: float, y: np.ndarray, held: np.ndarray, power: int
+) -> tuple[_Solved, np.ndarray]:
     """Return the fit of record `y` with clipped samples `held` restored by parabolic caps, and the restored record.
 
     Caps are parabolas. Their heights, about as large as y or less, are found with all else by least squares.
@@ -1021,7 +1023,7 @@ def _result(
             if _shown(seen) and abs(np.log(seen.modes[0, 0] / far.hz)) < 1 / far.q:
                 others.append((float(seen.modes[0, 0]), float(abs(seen.factors[0]))))
     if near_hz is None:
-        refuse_two(hz, peak, tuple(others))
+        refuse_ambiguous_peaks(hz, peak, tuple(others))
     late = np.zeros(len(fit.residual)) if fit.lines.slow is None else fit.lines.slow[0] * fit.lines.seconds
     unseen = np.stack([DRIFT / max(seconds, 1.0) * late, clock * 2j * np.pi * fit.lines.frequency * late], 1)
     # By what the largest motion shifts the resonance: 3/8 of the third power's part of the spring.
@@ -1077,7 +1079,7 @@ def _with_phase(frequency: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.asarray(size * np.exp(1j * np.interp(frequency, even, phase)))
 
 
-def _polished(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
+def _refit_to_magnitude(fit: _Solved, size: np.ndarray, power: int) -> _Solved:
     """Return a fit of the magnitudes `size` (n,) that starts from a complex one; its data have the model's phases.
 
     A magnitude in complex noise of rms N is on average larger by ``N²/4|H|`` (S. O. Rice, Bell Syst. Tech. J. 24,

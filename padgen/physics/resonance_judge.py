@@ -28,13 +28,13 @@ __all__ = [
     "detuning",
     "judge_agreement",
     "point_noise",
+    "refuse_ambiguous_peaks",
     "refuse_bad_record",
     "refuse_bad_spectrum",
     "refuse_edge",
     "refuse_few",
     "refuse_no_peak",
     "refuse_no_resonance",
-    "refuse_two",
     "rough_peak",
     "taubin_circle",
 ]
@@ -348,7 +348,7 @@ def refuse_few(frequency_hz: np.ndarray, hz: float, q: float) -> None:
     )
 
 
-def refuse_two(hz: float, peak: float, others: tuple[tuple[float, float], ...]) -> None:
+def refuse_ambiguous_peaks(hz: float, peak: float, others: tuple[tuple[float, float], ...]) -> None:
     """Refuse data with a second peak at least `COMPARABLE` times as high as the fitted one: it may be the right one."""
     for other_hz, other_peak in others:
         if other_peak >= COMPARABLE * peak:

@@ -46,13 +46,13 @@ __all__ = [
     "Scheme",
     "all_states",
     "channels",
+    "estimated_print_share",
     "line_energy",
     "loudest_line",
     "off_energy",
     "one_hot_db",
     "own_lines",
     "pair_lines",
-    "print_share",
     "scheme_lines",
     "tone_energy",
 ]
@@ -360,7 +360,7 @@ def loudest_line(
     return loudest_of
 
 
-def print_share(
+def estimated_print_share(
     of: Channels, scheme: Scheme, need: float, coils: int, followed: float, missed: float = 0.0, share: float = 0.9
 ) -> float:
     """Estimate in closed form which share of prints of `coils` coils keeps the energy ratio `need` of ON to OFF.

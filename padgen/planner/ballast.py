@@ -34,7 +34,8 @@ def ballast_findings(plan: Plan) -> Iterator[Finding]:
             "ballast.wide",
             "recess",
             f"{ballast.name!r} is {number(wide_mm)} mm wider than the recess of the {kind}, which nothing centres"
-            f" there: glue it to the ballast's middle by a ring of {number(plan.spec.moved.outer_diameter_mm)} mm bore,"
+            " there: glue it to the ballast's middle by a ring of"
+            f" {number(plan.spec.washer_or_magnet.outer_diameter_mm)} mm bore,"
             " 0.2 mm off its middle is 0.2 mm off its place",
         )
 

@@ -52,12 +52,12 @@ __all__ = [
     "mode_names",
     "plan_channels",
     "pull_exponent",
-    "pulled_shares",
     "site_pulls",
     "site_wrenches",
     "taxel_modes",
     "wanted_line_a2",
-    "with_any_drive",
+    "with_auto_scheme",
+    "working_mode_ratios",
 ]
 
 
@@ -103,7 +103,7 @@ def mode_fields(modes: TaxelModes, wrench: np.ndarray) -> dict[str, Any]:
     }
 
 
-def pulled_shares(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
+def working_mode_ratios(modes: Sequence[TaxelModes], wrenches: np.ndarray) -> np.ndarray:
     """Return the ratios (n,) of working-mode motion under pulls of `wrenches` (n, 6) to that under vertical pulls.
 
     Vertical pulls act at the washer's axis.
@@ -209,14 +209,14 @@ USUAL_DEPTH = 1.01
 """Depth of the frame behind a root over half a rib, for which beams are sized; up to here no error is added."""
 
 
-def with_any_drive(spec: Spec) -> Spec:
+def with_auto_scheme(spec: Spec) -> Spec:
     """Return `spec` with the drive scheme set to 'auto': what does not depend on the scheme is then cached once."""
     return replace(spec, drive=replace(spec.drive, scheme="auto"))
 
 
 def plan_channels(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) -> tuple[Channel, ...]:
     """Return the channels of a coil, before `driven` fills in the fields that depend on the drive scheme."""
-    return _plan_channels(with_any_drive(spec), tuple(sized), tuple(sites), COILS.version(spec.coil.kind))
+    return _plan_channels(with_auto_scheme(spec), tuple(sized), tuple(sites), COILS.version(spec.coil.kind))
 
 
 @lru_cache(maxsize=256)
@@ -240,16 +240,16 @@ def _plan_channels(
     pulled = site_pulls(spec, sites, gap_um)
     exponent = pull_exponent(pulled, gap_um)
     distance_m = np.array([site.coil_distance_mm for site in sites]) * MM
-    remanent = mover_of(spec).remanent_currents(spec.coil, spec.moved, spec.drive.remanent_share, distance_m)
+    remanent = mover_of(spec).remanent_currents(spec.coil, spec.washer_or_magnet, spec.drive.remanent_share, distance_m)
     wrench = site_wrenches(spec, pulled, sites)
     tau_ms = ring_up_time(resonance, spec.q_min) / MS
     # The ON amplitude over what counts as quiet: the detection threshold where the spec has one, else 1/Δy of it.
     quiet = np.full(len(resonance), spec.delta_y) if threshold_um is None else level_um / threshold_um
     deep_error = _deep_frame_errors(sized, tuple(site.frame_depth_mm for site in sites))
-    radius_m = spec.moved.outer_diameter_mm / 2 * MM
+    radius_m = spec.washer_or_magnet.outer_diameter_mm / 2 * MM
     printer = spec.printer
-    modes = [softened(taxel_modes(s.model), float(share)) for s, share in zip(sized, soft, strict=True)]
-    constants = (pulled.pull * pulled_shares(modes, wrench)).tolist()
+    modes = [with_softer_working_mode(taxel_modes(s.model), float(share)) for s, share in zip(sized, soft, strict=True)]
+    constants = (pulled.pull * working_mode_ratios(modes, wrench)).tolist()
     force_errors = [
         force_error(taxel, turned, float(error), radius_m)
         for taxel, turned, error in zip(modes, wrench, pulled.error, strict=True)
@@ -319,7 +319,7 @@ def force_constants(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[S
     rest = resting(spec, sized, sites)
     hanging_um = hanging_gap_um(spec, sag_um)
     pulled = site_pulls(spec, sites, hanging_um if rest is None else finite_rest(rest, hanging_um)[0])
-    share = pulled_shares([taxel_modes(s.model) for s in sized], site_wrenches(spec, pulled, sites))
+    share = working_mode_ratios([taxel_modes(s.model) for s in sized], site_wrenches(spec, pulled, sites))
     return np.asarray(pulled.pull * share)
 
 
@@ -327,7 +327,7 @@ def site_pulls(spec: Spec, sites: Sequence[Site], gap_um: np.ndarray) -> PullAt:
     """Return the pulls (n,) on the movers of `sites`, each over its own gap (n,) in µm."""
     return mover_of(spec).pulls(
         spec.coil,
-        spec.moved,
+        spec.washer_or_magnet,
         gap_um * UM,
         np.array([site.coil_distance_mm for site in sites]) * MM,
         *spec.ballast_argument,
@@ -354,7 +354,7 @@ def resting(spec: Spec, sized: Sequence[SizedChannel], sites: Sequence[Site]) ->
     return core_rest(spec, gap_um, [site.coil_distance_mm for site in sites], stiffness)
 
 
-def softened(modes: TaxelModes, share: float) -> TaxelModes:
+def with_softer_working_mode(modes: TaxelModes, share: float) -> TaxelModes:
     """Return `modes` with the stiffness of the working mode reduced to `share` of its value."""
     if share == 1:
         return modes

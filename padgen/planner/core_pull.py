@@ -15,7 +15,7 @@ from padgen.planner.movers import mover_of
 from padgen.planner.plan import Channel, Plan, Site
 from padgen.spec import Spec
 
-__all__ = ["CoreRest", "core_findings", "core_rest", "finite_rest", "on_snapping", "snaps"]
+__all__ = ["CoreRest", "core_findings", "core_rest", "finite_rest", "snapping_message_and_cures", "snaps"]
 
 FARTHEST = 4.0
 """Largest gap over the spec's at which a magnet that snaps is tried to rest."""
@@ -43,7 +43,7 @@ def core_rest(spec: Spec, gap_um: np.ndarray, distance_mm: Sequence[float], stif
     rest = getattr(mover_of(spec), "rest", None)
     if rest is None or not spec.coil.core_diameter_mm:
         return None
-    gap, left, snap, least = rest(spec.coil, spec.moved, gap_um * UM, np.array(distance_mm) * MM, stiffness)
+    gap, left, snap, least = rest(spec.coil, spec.washer_or_magnet, gap_um * UM, np.array(distance_mm) * MM, stiffness)
     return CoreRest(gap / UM, left / stiffness, snap / UM, least)
 
 
@@ -59,7 +59,7 @@ def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.
     return gap_um, np.where(lost, SNAPPED_SHARE, rest.stiffness_share)
 
 
-def on_snapping(
+def snapping_message_and_cures(
     spec: Spec, sites: Sequence[Site], gap_um: np.ndarray, stiffness: np.ndarray, rest: CoreRest
 ) -> tuple[str, list[dict[str, Any]]]:
     """Return a sentence on the mover that snaps most easily to its core and the gap from which none does, and cures."""
@@ -78,7 +78,8 @@ def on_snapping(
     farther = at_least(high)
     ends = f"from a gap of {farther} mm on the beam holds it" if not snaps(held) else "a wider gap does not help"
     sentence = (
-        f"at a gap of {number(gap_mm)} mm the core pulls the {spec.mover.kind} {spec.moved.name} of channel {worst},"
+        f"at a gap of {number(gap_mm)} mm the core pulls the {spec.mover.kind} {spec.washer_or_magnet.name} of"
+        f" channel {worst},"
         f" {about(away[worst], 3)} mm off its coil's axis, onto itself: its beam has"
         f" {about(float(stiffness[worst]), 4)} N/m, {at_least(float(rest.least_n_per_m[worst]))} N/m would hold it;"
         f" {ends}"
@@ -101,7 +102,7 @@ def core_findings(plan: Plan) -> Iterator[Finding]:
     if rest is None:
         return
     if snaps(rest):
-        sentence, cures = on_snapping(plan.spec, [c.site for c in channels], hanging_um, stiffness, rest)
+        sentence, cures = snapping_message_and_cures(plan.spec, [c.site for c in channels], hanging_um, stiffness, rest)
         yield Finding("error", "coil.snap", "coil", sentence, tuple(cures))
         return
     nearest = int(np.argmax(rest.snap_um / rest.gap_um))

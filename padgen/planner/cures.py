@@ -14,10 +14,10 @@ from padgen.core.errors import InfeasibleError, PadgenError, SolverError, SpecEr
 from padgen.planner.layout import (
     SLACK_MM,
     Layout,
+    binding_limit_text,
     candidates,
     channel_counts,
     coil_reach_mm,
-    explain,
     full_smaller_layouts,
     most_coils,
     most_outputs,
@@ -26,7 +26,7 @@ from padgen.planner.layout import (
 )
 from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts, snapping
-from padgen.planner.verdict import judged
+from padgen.planner.verdict import with_verdict
 from padgen.spec import Spec, SuspensionTable, load_spec, make_spec
 from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
 
@@ -88,7 +88,7 @@ def with_tried_cures(plan: Plan, planned: Callable[[Cure], Plan]) -> Plan:
         replace(f, message=cured(f.message, holds.get(f.code, ())), cures=tuple(holds.get(f.code, ())))
         for f in plan.findings
     )
-    return judged(plan, findings)
+    return with_verdict(plan, findings)
 
 
 def _is_better(plan: Plan, again: Plan, code: str) -> bool:
@@ -166,7 +166,7 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
         except PadgenError:
             continue
         # What amplifier and sound card play may be too little: a plan for them must also keep what is asked.
-        kept_db = plan.selectivity.kept_db if plan.spec.feeds else None
+        kept_db = plan.selectivity.kept_db if plan.spec.drive_devices else None
         enough = kept_db is None or kept_db >= plan.selectivity.asked_db
         if enough and all(f.level != "error" for f in plan.findings):
             tried.append(cure)
@@ -179,9 +179,9 @@ def refusal(spec: Spec, planned: Callable[[Cure], Any]) -> InfeasibleError:
         reasons = [_unreached(spec, best[0])]
     else:
         nearest = {layout.binding[0]: layout for layout in reversed(best)}  # the best of each kind
-        reasons = [explain(spec, layout) for layout in sorted(nearest.values(), key=best.index)[:2]]
-    if spec.feeds and best:
-        word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
+        reasons = [binding_limit_text(spec, layout) for layout in sorted(nearest.values(), key=best.index)[:2]]
+    if spec.drive_devices and best:
+        word, device = min(spec.drive_devices, key=lambda feed: feed[1].channels)
         reasons.append(f"the {word} {device.name} has {device.channels} channels, one for each coil")
     nothing = (
         ""
@@ -219,8 +219,8 @@ def _too_many(spec: Spec, limit: int) -> str:
     rows, columns = spec.coil.grid or most_coils(spec)
     coils = int(min(rows * columns, most_outputs(spec)))
     there_are = "the grid has" if spec.coil.grid else "there is room for"
-    if spec.feeds and coils < rows * columns:
-        word, device = min(spec.feeds, key=lambda feed: feed[1].channels)
+    if spec.drive_devices and coils < rows * columns:
+        word, device = min(spec.drive_devices, key=lambda feed: feed[1].channels)
         there_are = f"the {word} {device.name} has channels for"
     return (
         f"{there_are} {coils} coil{plural(coils)} of {number(spec.coil.outer_diameter_mm)} mm; band, Q and room for"
@@ -257,15 +257,17 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
     """
     if spec.coil.grid and (best_layout := _best_layout(spec, limit, {"coil.grid": None})):
         yield {"coil.grid": [best_layout.rows, best_layout.columns]}
-    if spec.feeds:
+    if spec.drive_devices:
         free = replace(spec, amplifier=None, sound_card=None)
         sized = next(sized_layouts(free, roomy_layouts(free, limit)), None)
         if sized and sized[0].coils > most_outputs(spec):
-            short = [word for word, device in spec.feeds if device.channels < sized[0].coils]
+            short = [word for word, device in spec.drive_devices if device.channels < sized[0].coils]
             yield {f"{word.replace(' ', '_')}.channels": sized[0].coils for word in short}
     diameter = itemgetter("outer_diameter_mm")
-    larger = [e for e in catalogue("coil").values() if spec.feeds and diameter(e) > spec.coil.outer_diameter_mm]
-    smaller = [e for e in catalogue(spec.mover_part).values() if diameter(e) < spec.moved.outer_diameter_mm]
+    larger = [e for e in catalogue("coil").values() if spec.drive_devices and diameter(e) > spec.coil.outer_diameter_mm]
+    smaller = [
+        e for e in catalogue(spec.mover_table_name).values() if diameter(e) < spec.washer_or_magnet.outer_diameter_mm
+    ]
     finer = [e for e in catalogue("printer").values() if e["line_width_mm"] < spec.printer.line_width_mm]
     beams = {
         f"suspension.{f.name}": f.default
@@ -280,7 +282,7 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         larger_pads = []  # what lies between is not worth its time
     ways: list[list[Cure]] = [
         [{"coil": e["name"]} for e in sorted(larger, key=diameter)],
-        [{spec.mover_part: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
+        [{spec.mover_table_name: e["name"]} for e in sorted(smaller, key=diameter, reverse=True)],
         [{"printer": e["name"]} for e in finer if e["process"] == spec.printer.process],
         *([{name: default}] for name, default in beams.items()),
         larger_pads,
@@ -293,7 +295,9 @@ def _cures(spec: Spec, limit: int) -> Iterator[Cure]:
         yield from islice((cure for cure in way if _best_layout(spec, limit, cure)), 1)
     # The most taxels that have room are named; of those that an amplifier can play, the most that keep what is asked.
     whole = () if spec.coil.grid else sized_layouts(spec, full_smaller_layouts(spec, limit))
-    fewer = dict.fromkeys(layout.coils * layout.channels for layout, _ in islice(whole, None if spec.feeds else 1))
+    fewer = dict.fromkeys(
+        layout.coils * layout.channels for layout, _ in islice(whole, None if spec.drive_devices else 1)
+    )
     yield from ({"resolution": count} for count in islice(fewer, FEWER))
 
 

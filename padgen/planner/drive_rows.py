@@ -22,7 +22,7 @@ __all__ = ["BIAS", "COLUMNS", "HEADINGS", "DriveRow", "bias_row", "coil_rows", "
 BIAS = "bias"
 
 
-def _headed(heading: str, unit: str = "") -> Any:
+def _table_column(heading: str, unit: str = "") -> Any:
     """Return a dataclass field for a column of the drive table, with the `heading` and `unit` that readers see."""
     return field(metadata={"heading": heading, "unit": unit})
 
@@ -36,15 +36,15 @@ class DriveRow:
     force is the mean pull on the washer of the coil's lowest channel.
     """
 
-    channel: int | str = _headed("channel")
-    resonance_hz: float = _headed("resonance", "Hz")
-    drive_hz: float = _headed("line of i", "Hz")
-    force_mn: float = _headed("force", "mN")
-    current_ma_peak: float = _headed("current", "mA peak")
-    voltage_v_peak: float = _headed("voltage", "V peak")
-    impedance_ohm: float = _headed("impedance", "Ω")
-    phase_deg: float = _headed("phase", "°")
-    ring_up_ms: float = _headed("ring-up", "ms")
+    channel: int | str = _table_column("channel")
+    resonance_hz: float = _table_column("resonance", "Hz")
+    drive_hz: float = _table_column("line of i", "Hz")
+    force_mn: float = _table_column("force", "mN")
+    current_ma_peak: float = _table_column("current", "mA peak")
+    voltage_v_peak: float = _table_column("voltage", "V peak")
+    impedance_ohm: float = _table_column("impedance", "Ω")
+    phase_deg: float = _table_column("phase", "°")
+    ring_up_ms: float = _table_column("ring-up", "ms")
 
 
 COLUMNS = tuple(f.name for f in fields(DriveRow))

@@ -39,10 +39,10 @@ from padgen.physics.selectivity import (
     tone_energy,
 )
 from padgen.physics.switching import Brake, brake_for, follow, keyframes
-from padgen.planner.channels import hanging_gap_um, heard_modes, with_any_drive
+from padgen.planner.channels import hanging_gap_um, heard_modes, with_auto_scheme
 from padgen.planner.coils import coil_source
 from padgen.planner.layout import Layout
-from padgen.planner.limits import Demand, Moved, exceeded, limits, linear_deflection_um, most_asked, pull_in_share
+from padgen.planner.limits import Demand, MovingTaxel, exceeded, limits, linear_deflection_um, most_asked, pull_in_share
 from padgen.planner.movers import Leakage, Mover, mover_of
 from padgen.planner.plan import (
     Channel,
@@ -53,10 +53,10 @@ from padgen.planner.plan import (
     Reuse,
     SchemeFigures,
     Selectivity,
+    can_play,
     carrier_hz,
     channel_sets,
     level_law,
-    passes,
     scheme_named,
 )
 from padgen.spec import Ballast, Coil, Magnet, Spec, Washer, catalogue
@@ -179,9 +179,9 @@ class _Switched(NamedTuple):
                 amplitude, energy = follow(np.array([0.0, self.ramp_s, seconds]), frames[[0, 1, 1]], self.tau_s, 1.0)
                 off = energy.sum(0) / seconds
                 last_off = amplitude[-1]
-        return self._worst_db(on, off), self._worst_db(last_on**2, last_off**2)
+        return self._lowest_contrast_db(on, off), self._lowest_contrast_db(last_on**2, last_off**2)
 
-    def _worst_db(self, on: np.ndarray, off: np.ndarray) -> float:
+    def _lowest_contrast_db(self, on: np.ndarray, off: np.ndarray) -> float:
         """Return the least ratio in dB of a channel's ON energy to another's OFF energy; a lone channel's to its own.
 
         Energies are (n,); `steady` is added to those when OFF.
@@ -297,7 +297,7 @@ def _load(spec: Spec, channels: Sequence[Channel], scheme: Scheme, carrier: floa
         peak_a *= 2**0.5
     loss_w = square_a2 * coil.resistance_ohm
     # Factors by which the displacements may grow: that power of the current that pulls grows in proportion.
-    moved = tuple(Moved(channel, pulling, 1.0) for channel in channels)
+    moved = tuple(MovingTaxel(channel, pulling, 1.0) for channel in channels)
     demand = Demand(volts, peak_a, loss_w, loss_w, moved)
     factors = {
         limit.level_factor: limit.share_of_level(spec, most_asked(limit, spec, demand))
@@ -343,7 +343,7 @@ def fitting_parts(plan: Plan) -> Parts:
     return Parts(fed, tuple(name for name, e in cards if e["channels"] >= coils and e["coupling"] in passed))
 
 
-def coil_demand(load: CoilLoad, coils: int, moved: tuple[Moved, ...] = ()) -> Demand:
+def coil_demand(load: CoilLoad, coils: int, moved: tuple[MovingTaxel, ...] = ()) -> Demand:
     """Return the `Demand` of a load: peaks and heat of one coil, heat of `coils` coils, and taxels `moved` to judge."""
     pad_w = load.mean_copper_loss_w * coils
     return Demand(load.voltage_peak_v, load.current_peak_ma * MA, load.copper_loss_w, pad_w, moved)
@@ -352,7 +352,7 @@ def coil_demand(load: CoilLoad, coils: int, moved: tuple[Moved, ...] = ()) -> De
 def is_fed(spec: Spec, load: CoilLoad) -> bool:
     """Return whether amplifier and sound card, where the spec names any, have the volts and amperes of a load."""
     codes = {one.limit.code for one in exceeded(spec, coil_demand(load, 1))}
-    return codes.isdisjoint({"coil.voltage", "coil.current"}) or not spec.feeds
+    return codes.isdisjoint({"coil.voltage", "coil.current"}) or not spec.drive_devices
 
 
 def _gap_factor(spec: Spec, channel: Channel, square_a2: float) -> float:
@@ -402,7 +402,7 @@ def chosen_drive(spec: Spec, planned: Sequence[Channel], asked_only: bool = Fals
 
     With `asked_only`, no other schemes are judged than the spec asks for.
     """
-    any_drive = with_any_drive(spec)
+    any_drive = with_auto_scheme(spec)
     planned = tuple(planned)
     names = (spec.drive.scheme,) if asked_only and spec.drive.scheme != "auto" else in_order(spec.force_order)
     too_many_spurs = len(planned) // spec.coil.sets > MOST_WITH_SPURS
@@ -424,7 +424,7 @@ def plan_selectivity(spec: Spec, planned: Sequence[Channel], optimum: "Optimum |
     """
     name, why, schemes = chosen_drive(spec, planned)
     return replace(
-        _selectivity(with_any_drive(spec), tuple(planned), scheme_named(spec, name, planned)),
+        _selectivity(with_auto_scheme(spec), tuple(planned), scheme_named(spec, name, planned)),
         why=why,
         optimum_db=optimum.all_states_db if optimum and optimum.drive == name else None,
         schemes=schemes,
@@ -440,7 +440,7 @@ class _CoilSets(NamedTuple):
     modes: list[ModalTaxels]
 
     @property
-    def alone(self) -> bool:
+    def has_one_channel(self) -> bool:
         """True where a coil has one channel only, so that it has no selectivity."""
         return len(self.alike[0].line) < 2
 
@@ -462,7 +462,7 @@ def _level_loss_db(planned: tuple[Channel, ...]) -> float:
 @lru_cache(maxsize=1024)
 def _scheme_figures(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> SchemeFigures:
     sets = _coil_sets(spec, planned)
-    if sets.alone:
+    if sets.has_one_channel:
         return SchemeFigures(scheme.name, None, None, None)
     return SchemeFigures(
         scheme.name,
@@ -476,7 +476,7 @@ def _scheme_figures(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) ->
 def _selectivity(spec: Spec, planned: tuple[Channel, ...], scheme: Scheme) -> Selectivity:
     """Return the selectivity of channels under a scheme; `why`, `optimum_db` and `schemes` are left empty."""
     sets = _coil_sets(spec, planned)
-    alone = sets.alone
+    alone = sets.has_one_channel
     states = min((all_states(taxels, scheme) for taxels in sets.alike), key=lambda one: one.db)
     few = len(sets.alike[0].line) <= MOST_SPELLED_OUT
     below = [-10 * np.log10(tone_energy(taxels, taxels)) + 0.0 for taxels in sets.alike if few]
@@ -542,8 +542,8 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     asked = decibel(spec.delta_y)
     least = spec.drive.least_frames_per_s
     # The simplest first: those that amplifier and sound card play, and of these, if there are any, those within limits.
-    names = [name for name in simplest_first(spec.force_order) if passes(spec, scheme_named(spec, name))]
-    fed = [n for n in names if spec.feeds and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
+    names = [name for name in simplest_first(spec.force_order) if can_play(spec, scheme_named(spec, name))]
+    fed = [n for n in names if spec.drive_devices and is_fed(spec, coil_load(spec, planned, scheme_named(spec, n)))]
     names = fed or names
     reached = {name: figures[name].reached_db for name in names}
     rates = {rate.scheme: rate.frames_per_s for rate in frame_rates(planned, spec.coil.sets, spec.force_order)}
@@ -563,9 +563,9 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
     if holds:
         simpler = reached_text(names[: names.index(holds[0])])
         return holds[0], f"the simplest that keeps {asked:.1f} dB in all states{simpler}"
-    if keeps and spec.feeds:
-        feeding = " and ".join(word for word, _ in spec.feeds)
-        plays = "plays" if len(spec.feeds) == 1 else "play"
+    if keeps and spec.drive_devices:
+        feeding = " and ".join(word for word, _ in spec.drive_devices)
+        plays = "plays" if len(spec.drive_devices) == 1 else "play"
         why = f"of the schemes that the {feeding} {plays} the only kind that keeps {asked:.1f} dB in all states"
         return keeps[0], why
     together = [name for name in names if not Scheme(name).takes_turns]
@@ -607,9 +607,11 @@ def coil_leakage(spec: Spec, layout: Layout, channels: Sequence[Channel], scheme
     steps_to = coils_around(layout.rows, layout.columns)
     at = steps_to * pitch * MM
     grid = layout.rows, layout.columns
-    leak = _leakage(spec.mover.kind, spec.coil, spec.moved, washers_mm, grid, tuple(pitch), spec.ballast_argument)
+    leak = _leakage(
+        spec.mover.kind, spec.coil, spec.washer_or_magnet, washers_mm, grid, tuple(pitch), spec.ballast_argument
+    )
     away = np.abs(steps_to).sum(1) % spec.coil.sets
-    heard = [_heard(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
+    heard = [_foreign_coil_energies(spec, scheme, channels, steps) for steps in range(spec.coil.sets)]
     energy, apart = np.zeros((2, len(channels)))
     for there in _surroundings(layout, steps_to):
         total, own_lines = np.zeros((2, len(channels)))
@@ -640,7 +642,7 @@ COUPLED_STEPS = 3
 """Coils in each direction up to which movers push a taxel: their pull on each other falls with the fifth power."""
 
 
-class PushedEnergies(NamedTuple):
+class CoupledEnergies(NamedTuple):
     """Vibration energies (n,) of OFF taxels by forces from the movers of ON neighbours, over their energies when ON.
 
     The forces act without any current. `in_step`: neighbours of one channel move in step, as by the driver table;
@@ -653,7 +655,7 @@ class PushedEnergies(NamedTuple):
 
 def neighbour_energies(
     spec: Spec, channels: Sequence[Channel], pitch_mm: np.ndarray, grid: tuple[int, int], turned: str
-) -> PushedEnergies:
+) -> CoupledEnergies:
     """Return the energies that forces between movers, such as magnets, give OFF taxels in the middle of the pad.
 
     Every two movers are joined by a spring of the mover's `coupling`, if it has one. A taxel's own stiffness is taken
@@ -665,7 +667,7 @@ def neighbour_energies(
     coupling = getattr(mover, "coupling", None)
     in_step, apart = np.zeros((2, len(channels)))
     if coupling is None:
-        return PushedEnergies(in_step, apart)
+        return CoupledEnergies(in_step, apart)
     alternate = spec.magnet is not None and spec.magnet.polarity == "alternating"
     steps = [
         step
@@ -686,7 +688,7 @@ def neighbour_energies(
         kind = np.array(kinds)
         distance = np.linalg.norm(np.array(places)[:, None] - np.array(places), axis=-1)
         spring = np.zeros(distance.shape)
-        spring[distance > 0] = coupling(spec.moved, distance[distance > 0] * MM, *spec.ballast_argument)
+        spring[distance > 0] = coupling(spec.washer_or_magnet, distance[distance > 0] * MM, *spec.ballast_argument)
         spring *= np.multiply.outer(poles, poles)
         if core_coupling := getattr(mover, "core_coupling", None) if spec.coil.core_diameter_mm else None:
             _add_core_coupling(spring, spec, steps, channels, own_set, core_coupling)
@@ -709,7 +711,7 @@ def neighbour_energies(
                 heard = heard_at.T @ spring[np.ix_(free, held)] * (level[j] / level[of_channel])[:, None]
                 in_step[of_channel] += np.abs(heard.sum(1)) ** 2
                 apart[of_channel] += (np.abs(heard) ** 2).sum(1)
-    return PushedEnergies(in_step, apart)
+    return CoupledEnergies(in_step, apart)
 
 
 def _add_core_coupling(
@@ -726,7 +728,7 @@ def _add_core_coupling(
         over_one = channels[(own_set + sum(map(abs, step))) % spec.coil.sets :: spec.coil.sets]
         place_m = np.array([channel.site.washer_mm for channel in over_one]) * MM
         cell = slice(at, at + len(over_one))
-        spring[cell, cell] += core_coupling(spec.coil, spec.moved, place_m)
+        spring[cell, cell] += core_coupling(spec.coil, spec.washer_or_magnet, place_m)
         at = cell.stop
 
 
@@ -784,7 +786,9 @@ def _leak_error(
     return float(LEAK_ERROR * long**3 + max(map(np.max, shares)) + 2 * beyond / counted)
 
 
-def _heard(spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int) -> tuple[np.ndarray, ...]:
+def _foreign_coil_energies(
+    spec: Spec, scheme: Scheme, channels: Sequence[Channel], steps: int
+) -> tuple[np.ndarray, ...]:
     """Return three energies (n,) of OFF taxels over ON, by tones, spurs and beats of a coil `steps` away as if below.
 
     The three are by the tones of all channels of that coil, by its pair spurs, and by twice the product of its current

@@ -17,16 +17,16 @@ from padgen.physics.selectivity import Scheme
 from padgen.planner.channels import plan_channels
 from padgen.planner.cures import Cure, varied
 from padgen.planner.drive_scheme import plan_selectivity
-from padgen.planner.layout import SLACK_MM, candidates, explain, roomy_layouts
+from padgen.planner.layout import SLACK_MM, binding_limit_text, candidates, roomy_layouts
 from padgen.planner.make import make_plan
 from padgen.planner.plan import Channel, Plan, Selectivity, level_law, scheme_named
-from padgen.planner.printed_pads import STAGES, design_of, missed_spreads, printed, spreads_of
+from padgen.planner.printed_pads import STAGES, design_of, detuning_sigmas, simulated_prints, spreads_of
 from padgen.planner.search import (
     channel_limit,
     coil_capacity,
     largest_counts,
+    most_channels_tried,
     printed_count,
-    searched_to,
     sites_of,
     sized_layouts,
 )
@@ -223,12 +223,12 @@ def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None
     changes.sort(key=lambda change: _rank(change, spec.print_share))
     design = design_of(plan, None)
     spreads = spreads_of(spec)
-    good = printed(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
+    good = simulated_prints(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
     shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
     asked = plan.selectivity.asked_db, spec.print_share, plan.coils.rows * plan.coils.columns
     stages = [
         printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *asked, 0.0, missed)
-        for missed in missed_spreads(design, spreads)[:-1]
+        for missed in detuning_sigmas(design, spreads)[:-1]
     ]
     return Explanation(
         channels=held,
@@ -278,7 +278,7 @@ def _capacities(spec: Spec) -> Iterator[CapacityRow]:
         laws.append(("threshold" if spec.drive.threshold_hz else SENSATION, level_law(spec)))
     for scheme, (key, law) in product((scheme_named(spec, name) for name in in_order(spec.force_order)), laws):
         states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
-        yield CapacityRow(scheme.name, key, one_hot, states, searched_to(scheme))
+        yield CapacityRow(scheme.name, key, one_hot, states, most_channels_tried(scheme))
 
 
 def _channels_held(spec: Spec, grid: tuple[int, int], least: int) -> tuple[int, str]:
@@ -407,7 +407,7 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
     best = max(options, key=lambda layout: layout.margin_mm, default=None)
     if best and best.margin_mm < -SLACK_MM:
         kind = {"coil": "coil", "width": "pitch and washer", "length": "pitch and beam", "reach": "coil's reach"}
-        yield f"{kind[best.binding[0]]}: {explain(other, best)}"
+        yield f"{kind[best.binding[0]]}: {binding_limit_text(other, best)}"
     elif best:
         sized = next(sized_layouts(other, options), None)
         if sized is None:
@@ -436,7 +436,11 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
     bands = (1.25, 1), (1, 1.5), (1 / 1.5, 1), (1, 2), (1 / 2, 1)
     sizes = {"pad.width_mm": spec.pad.width_mm, "pad.depth_mm": spec.pad.depth_mm}
     finer = [p for p in catalogue("printer").values() if p["line_width_mm"] < printer.line_width_mm]
-    smaller = [w for w in catalogue(spec.mover_part).values() if w["outer_diameter_mm"] < spec.moved.outer_diameter_mm]
+    smaller = [
+        w
+        for w in catalogue(spec.mover_table_name).values()
+        if w["outer_diameter_mm"] < spec.washer_or_magnet.outer_diameter_mm
+    ]
     topologies = [name for name in SUSPENSIONS.names() if name not in (suspension.topology, weakest.beam.topology)]
     laws = () if spec.drive.threshold_hz else (0.0, 1.0, 2.0)
     free = {"topology": "auto", "tune": "width+thickness+length"}
@@ -454,7 +458,7 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
         (1, ({"material": name} for name in _materials(spec))),
         (1, ({"band_hz": [float(number(low * less)), float(number(high * more))]} for less, more in bands)),
         (1, ({"printer": entry["name"]} for entry in finer if entry["process"] == printer.process)),
-        (2, ({spec.mover_part: entry["name"]} for entry in smaller)),
+        (2, ({spec.mover_table_name: entry["name"]} for entry in smaller)),
         (3, ({k: round(mm * more / 100, 1) for k, mm in sizes.items()} for more in (120, 150))),
         *_touch_changes(spec),
     ]
@@ -475,7 +479,7 @@ PLACES = (0.7, 0.85, 1.2)
 
 def _touch_changes(spec: Spec) -> Iterator[tuple[int, Iterable[Cure]]]:
     """Yield changes that matter under touch, with their cost: place and diameter of pins, and heavier ballast."""
-    if spec.touch.is_none:
+    if spec.touch.is_untouched:
         return
     share = spec.pin_share
     places = [0.5] if share is None else [round(share * part, 3) for part in PLACES if share * part < 1]

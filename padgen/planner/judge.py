@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import LEVELS, Finding, about, at_least, at_most, number, percent, plural, quieter
+from padgen.core.errors import LEVELS, Finding, about, at_least, at_most, less_or_more_text, number, percent, plural
 from padgen.core.rules import RuleBook
 from padgen.core.units import MM, UM, decibel
 from padgen.physics.ladder import ladder_ratio, slot_half_width
@@ -24,7 +24,7 @@ from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import coil_demand, placed_channels
 from padgen.planner.guard import guard_findings
 from padgen.planner.left_out import judge_left_out
-from padgen.planner.limits import Moved, exceeded, lower_level
+from padgen.planner.limits import MovingTaxel, exceeded, lower_level
 from padgen.planner.pins import judge_pins
 from padgen.planner.plan import Channel, Plan, channel_sets
 from padgen.planner.pushes import judge_pushes
@@ -36,7 +36,7 @@ from padgen.planner.touch import judge_felt, judge_touch
 from padgen.planner.touched_prints import judge_touched_prints, played_channels
 from padgen.spec import Spec
 
-__all__ = ["PLAN_RULES", "Crowd", "crowds", "judge", "judge_modes"]
+__all__ = ["PLAN_RULES", "ParasiticMode", "judge", "judge_modes", "parasitic_modes"]
 
 
 PULL_DB = 1.0
@@ -87,7 +87,7 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
             "coil",
             f"the {spec.mover.kind} nearest to a coil's axis is pulled {about(max(pull) / min(pull))}"
             " times as strongly as the"
-            f" farthest: with one channel on, an OFF taxel vibrates {quieter(placed)} than the ON one",
+            f" farthest: with one channel on, an OFF taxel vibrates {less_or_more_text(placed)} than the ON one",
         )
     if (figures.snapping_db or 0.0) > SNAPPING_DB:
         yield Finding(
@@ -101,7 +101,7 @@ def _selectivity(plan: Plan) -> Iterator[Finding]:
 
 def _only(level_db: float) -> str:
     """Return in words how much less an OFF taxel vibrates than an ON one; with 'only' unless it vibrates more."""
-    return f"{'only ' if level_db >= 0 else ''}{quieter(level_db)}"
+    return f"{'only ' if level_db >= 0 else ''}{less_or_more_text(level_db)}"
 
 
 def _selectivity_cures(plan: Plan) -> tuple[dict[str, Any], ...]:
@@ -132,14 +132,14 @@ def _leak(plan: Plan) -> Iterator[Finding]:
     asked = plan.selectivity.asked_db
     apart = min((db for db in plan.reuse.retuned_leaks_db if db is not None), default=None)
     if step is not None and apart is not None and step < asked and plan.reuse.is_known:
-        by_table = f", {quieter(step)} by the driver table" if apart >= asked else ""
+        by_table = f", {less_or_more_text(step)} by the driver table" if apart >= asked else ""
         short = f", {asked - apart:.1g} dB short" if apart < asked < apart + 0.1 else ""
         yield Finding(
             "warning" if apart < asked else "note",
             "coil.leak",
             f"channel {plan.reuse.leak_channel}",
             "OFF, it is shaken by the coils around, in their worst state: once re-tuned, it vibrates"
-            f" {quieter(apart)} than when it is ON{by_table} (asked: {asked:.1f} dB{short})",
+            f" {less_or_more_text(apart)} than when it is ON{by_table} (asked: {asked:.1f} dB{short})",
         )
 
 
@@ -226,7 +226,7 @@ def _slow(plan: Plan) -> Iterator[Finding]:
     """Warn where the chosen scheme shows fewer frames than the spec asks for."""
     rate = {f.scheme: f.frames_per_s for f in plan.refresh}[plan.selectivity.drive]
     drive = plan.spec.drive
-    feeds = plan.spec.feeds
+    feeds = plan.spec.drive_devices
     if rate >= drive.least_frames_per_s:
         return
     faster: tuple[dict[str, Any], ...] = ()
@@ -235,7 +235,7 @@ def _slow(plan: Plan) -> Iterator[Finding]:
         named = " and ".join(f"the {word} {device.name}" for word, device in feeds)
         plays = "plays" if len(feeds) == 1 else "play"
         reason = f"; {named} {plays} nothing faster that keeps what is asked" if feeds else "; no scheme shows more"
-        faster = tuple(filter(None, (plan.spec.passing_cure,)))
+        faster = tuple(filter(None, (plan.spec.dc_coupling_change,)))
     elif Scheme(plan.selectivity.drive).takes_turns:
         faster = ({"drive.scheme": "auto"},)
     yield Finding(
@@ -255,7 +255,7 @@ def _limits(plan: Plan) -> Iterator[Finding]:
     for channel_set in channel_sets(played_channels(plan), plan.coils.sets):
         lines = np.array([channel.line_a2 for channel in channel_set])
         pulling = mean_pull_line(plan.scheme, lines, spec.drive.headroom)
-        moved += [Moved(channel, pulling, 1.0) for channel in channel_set]
+        moved += [MovingTaxel(channel, pulling, 1.0) for channel in channel_set]
     demand = coil_demand(plan.load, plan.coils.rows * plan.coils.columns, tuple(moved))
     demand = demand._replace(beam_rise_k=plan.warm.beam_rise_k)
     for one in exceeded(spec, demand):
@@ -461,7 +461,7 @@ def _layers(plan: Plan) -> Iterator[Finding]:
             f"beams of a single layer of {number(single[0].beam.thickness_mm)} mm are as uneven in thickness as the"
             " bed is: level it well",
         )
-    asked_mm = spec.moved.thickness_mm + spec.taxel.glue_gap_mm
+    asked_mm = spec.washer_or_magnet.thickness_mm + spec.taxel.glue_gap_mm
     depth_mm = spec.recess_depth_mm
     if spec.ballast:
         yield from _layers_of_pocket(spec)
@@ -471,7 +471,8 @@ def _layers(plan: Plan) -> Iterator[Finding]:
             "recess.layers",
             "recess",
             f"the recess is {number(depth_mm)} mm deep, a whole number of layers; {spec.mover.kind} and glue need"
-            f" {number(asked_mm)} mm; taxel.glue_gap_mm = {number(depth_mm - spec.moved.thickness_mm)} says the same",
+            f" {number(asked_mm)} mm;"
+            f" taxel.glue_gap_mm = {number(depth_mm - spec.washer_or_magnet.thickness_mm)} says the same",
         )
 
 
@@ -588,7 +589,7 @@ MOVES = (0.95, 1.05, 0.9)
 """Factors of the resonance of a channel whose taxel has a mode on a line of the drive, proposed as cures."""
 
 
-class Crowd(NamedTuple):
+class ParasiticMode(NamedTuple):
     """A mode of a taxel that may spoil the selectivity, with the spectral line of the drive that excites it most.
 
     The line, described by `line`, moves the taxel when OFF by `planned` of its ON amplitude, all modes counted, and by
@@ -630,7 +631,7 @@ KINDS = (
 REMANENCE = len(KINDS) - 1
 
 
-def crowds(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[Crowd]:
+def parasitic_modes(spec: Spec, channels: Sequence[Channel], scheme: Scheme) -> list[ParasiticMode]:
     """Return the modes of taxels that may spoil the selectivity, each with the spectral line that excites it most.
 
     These are modes within half a slot of a line that could move the taxel, when OFF, by more than 1/Δy of its ON
@@ -651,11 +652,11 @@ def _lines(taxels: Channels, scheme: Scheme) -> _Lines:
     return _Lines(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
-def _coil_crowds(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme) -> Iterable[Crowd]:
+def _coil_crowds(spec: Spec, channel_set: Sequence[Channel], scheme: Scheme) -> Iterable[ParasiticMode]:
     """Return a coil's modes that may spoil its selectivity: near a spectral line, or costly for its worst OFF taxel."""
     taxels = placed_channels(spec, channel_set)
     modes = coil_modes(spec, channel_set)
-    crowd_at = dict[tuple[int, int], Crowd]()
+    crowd_at = dict[tuple[int, int], ParasiticMode]()
     lines = _lines(taxels, scheme)
     half = slot_half_width(spec.q_min, spec.delta_y)
     order = np.argsort(lines.hz)
@@ -694,14 +695,14 @@ def _single_mode(modes: ModalTaxels, i: int, k: int) -> ModalTaxels:
 
 def _crowd(
     channel_set: Sequence[Channel], taxels: Channels, modes: ModalTaxels, lines: _Lines, at: tuple[int, int, int]
-) -> Crowd:
-    """Return the `Crowd` for the indices `at` of taxel, mode and line."""
+) -> ParasiticMode:
+    """Return the `ParasiticMode` for the indices `at` of taxel, mode and line."""
     i, k, line = at
     ratio = float(lines.amplitude[line] / taxels.line[i])
     hz = channel_set[i].modes_hz[k]
     line_hz = float(lines.hz[line])
     makers = channel_set[lines.first[line]].index, channel_set[lines.second[line]].index
-    return Crowd(
+    return ParasiticMode(
         channel_set[i].index,
         k,
         hz,
@@ -716,8 +717,8 @@ def _crowd(
 def judge_modes(plan: Plan) -> Iterator[Finding]:
     """Yield findings about modes close to lines of the drive, and about the selectivity that all modes cost."""
     spec = plan.spec
-    all_crowds = crowds(spec, plan.channels, plan.scheme)
-    cures = tuple(_changes(plan, all_crowds)) if all_crowds else ()
+    all_crowds = parasitic_modes(spec, plan.channels, plan.scheme)
+    cures = tuple(_mode_cures(plan, all_crowds)) if all_crowds else ()
     yield from _unexcited(plan, all_crowds)
     for crowd in all_crowds:
         name = mode_names(spec, plan.channels[crowd.channel])[crowd.mode]
@@ -749,7 +750,7 @@ def judge_modes(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def _unexcited(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Finding]:
+def _unexcited(plan: Plan, all_crowds: Sequence[ParasiticMode]) -> Iterator[Finding]:
     """Yield a note on second modes near other channels' resonances that the coils' pull hardly excites."""
     loud = {(crowd.channel, crowd.hz) for crowd in all_crowds}
     half = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
@@ -775,7 +776,7 @@ def _unexcited(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Finding]:
         )
 
 
-def _changes(plan: Plan, all_crowds: Sequence[Crowd]) -> Iterator[Cure]:
+def _mode_cures(plan: Plan, all_crowds: Sequence[ParasiticMode]) -> Iterator[Cure]:
     """Yield cures for modes near spectral lines: changes of the spec that part the two, the smallest changes first."""
     spec = plan.spec
     channels = plan.channels

@@ -26,12 +26,12 @@ __all__ = [
     "SLACK_MM",
     "Layout",
     "Outline",
+    "binding_limit_text",
     "candidates",
     "channel_counts",
     "coil_axis_mm",
     "coil_reach_mm",
     "corner_groove",
-    "explain",
     "full_smaller_layouts",
     "groove",
     "hexagon",
@@ -39,12 +39,12 @@ __all__ = [
     "most_outputs",
     "outline",
     "pitch_of",
-    "place",
     "placed_taxel",
     "room",
     "shape_inputs",
-    "slots",
+    "sub_cell_centres",
     "taxel_places",
+    "taxel_site",
     "to_cell",
 ]
 
@@ -221,7 +221,7 @@ def most_coils(spec: Spec) -> tuple[int, int]:
 
 def most_outputs(spec: Spec) -> float:
     """Return the most coils that the spec's amplifier and sound card have outputs for; infinity without either."""
-    return min((device.channels for _, device in spec.feeds), default=inf)
+    return min((device.channels for _, device in spec.drive_devices), default=inf)
 
 
 def _grids(spec: Spec, coils: int) -> list[tuple[int, int]]:
@@ -259,7 +259,7 @@ def room(spec: Spec, layout: Layout) -> Room:
     """
     length, width = _sides_mm(spec, layout)
     slide = max(width - plate_shape(spec).width_mm, 0) / 2 - spec.printer.smallest_gap_mm
-    centres = [at if layout.beam_axis == "x" else at[::-1] for at in slots(layout)]
+    centres = [at if layout.beam_axis == "x" else at[::-1] for at in sub_cell_centres(layout)]
     # What sliding across leaves of v is a chord's distance from the coil's axis: the winding reaches half that chord.
     beside = [(abs(u), max(abs(v) - max(slide, 0), 0)) for u, v in centres]
     reaches = [(u, sqrt(max((spec.coil.outer_diameter_mm / 2) ** 2 - off**2, 0.0))) for u, off in beside]
@@ -299,7 +299,7 @@ def _slacks(spec: Spec, parts: _Parts, layout: Layout) -> tuple[tuple[str, float
     # That of the reach is the farthest washer's to the coil's, with plates slid towards the coil.
     pocket = recess_mm(spec)[0] / 2 + spec.printer.line_width_mm + parts.gap_mm + spec.pad.rib_mm / 2
     x_mm, y_mm = (max(side / 2 - pocket, 0) for side in (layout.sub_width_mm, layout.sub_depth_mm))
-    farthest = max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in slots(layout))
+    farthest = max(hypot(max(abs(x) - x_mm, 0), max(abs(y) - y_mm, 0)) for x, y in sub_cell_centres(layout))
     return *_part_slacks(spec, parts, layout, room(spec, layout)), ("reach", coil_reach_mm(spec) - farthest)
 
 
@@ -334,12 +334,12 @@ def coil_reach_mm(spec: Spec) -> float:
 
     For a mover with a `reach_m` it is that, if it is less: the pull on a magnet turns round within the overlap.
     """
-    overlap_mm = (spec.coil.outer_diameter_mm + spec.moved.outer_diameter_mm) / 2
+    overlap_mm = (spec.coil.outer_diameter_mm + spec.washer_or_magnet.outer_diameter_mm) / 2
     reach = getattr(MOVERS.get(spec.mover.kind, "mover.kind"), "reach_m", None)
-    return min(overlap_mm, reach(spec.coil, spec.moved) / MM) if reach else overlap_mm
+    return min(overlap_mm, reach(spec.coil, spec.washer_or_magnet) / MM) if reach else overlap_mm
 
 
-def slots(layout: Layout) -> list[tuple[float, float]]:
+def sub_cell_centres(layout: Layout) -> list[tuple[float, float]]:
     """Return the centres in mm, from the coil axis, of the sub-cells that hold a channel, channel 0 first.
 
     The highest channels need the most force and lie nearest to the coil.
@@ -358,7 +358,7 @@ def slots(layout: Layout) -> list[tuple[float, float]]:
     return sorted(nearest, key=lambda at: (at[1], at[0]))
 
 
-def place(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:
+def taxel_site(spec: Spec, layout: Layout, centre: tuple[float, float], arrangement: Arrangement) -> Site:
     """Return the site of a taxel in its sub-cell, its washer as near to the coil axis as room and `ring_mm` allow.
 
     The root lies on the side away from the coil. Where the cell is not divided along the beams, the roots lie on
@@ -398,14 +398,14 @@ def _share_to_ring(ring_mm: float, near: np.ndarray, way: np.ndarray) -> float:
     return min(sqrt(ahead**2 + short / length) - ahead, 1.0)
 
 
-def explain(spec: Spec, layout: Layout) -> str:
+def binding_limit_text(spec: Spec, layout: Layout) -> str:
     """Return one clause that names the limit that binds this layout, and by how much."""
     kind, slack = layout.binding
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
     sub = f"a taxel has {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm"
     inside = room(spec, layout)
     plate = plate_shape(spec)
-    washer = spec.moved
+    washer = spec.washer_or_magnet
     reach_mm = coil_reach_mm(spec)
     least = coil_room_mm(spec, layout.rows)
     short_mm = 2 * spec.printer.smallest_gap_mm - (inside.width_mm - plate.width_mm)

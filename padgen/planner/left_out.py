@@ -39,9 +39,9 @@ from padgen.planner.channels import (
     coil_modes,
     hanging_gap_um,
     heard_modes,
-    pulled_shares,
     site_pulls,
     site_wrenches,
+    working_mode_ratios,
 )
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import outline
@@ -247,7 +247,7 @@ def left_out(plan: Plan) -> tuple[LeftOut, ...]:
     if plan.reuse.leak_db is not None:
         entries.append(LeftOut("leakage", plan.reuse.leak_error, "1", "leak from coil to coil", computed=True))
     shaken = plan.recoil
-    if shaken.in_step_db is not None and not plan.spec.mount.is_fast:
+    if shaken.in_step_db is not None and not plan.spec.mount.is_immovable:
         heard = 10 ** (-shaken.kept_db(inf, shaken.in_step_db) / 20)
         entries.append(LeftOut("recoil", heard, "1", "ON level", computed=False))
     if plan.warm.resonance_shift:
@@ -534,7 +534,7 @@ def _remanence(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
     spec = plan.spec
     share = spec.drive.remanent_share
     offset_m = np.array([channel.site.coil_distance_mm for channel in channels]) * MM
-    rho = mover_of(spec).remanent_currents(spec.coil, spec.moved, share or USUAL_REMANENCE, offset_m)
+    rho = mover_of(spec).remanent_currents(spec.coil, spec.washer_or_magnet, share or USUAL_REMANENCE, offset_m)
     line = np.array([channel.line_a2 for channel in channels])
     bound = np.zeros(len(channels))
     scheme = plan.scheme
@@ -611,7 +611,7 @@ def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.nda
     def on_mode(nearer_um: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return pulls at gaps less `nearer_um` over planned ones, errors of slope per µm and curvature per µm²."""
         at = site_pulls(spec, sites, np.maximum(gap_um - nearer_um, gap_um / LEAST_GAP))
-        share = pulled_shares(modes, site_wrenches(spec, at, sites))
+        share = working_mode_ratios(modes, site_wrenches(spec, at, sites))
         return at.pull * share / here, at.slope_off * unsure * UM, at.bend_off * unsure * UM**2
 
     # The deflection under the mean pull if that did not grow; a few iterations then find the balance.

@@ -24,16 +24,16 @@ from padgen.planner.printed_pads import (
     Drift,
     few_pads,
     pads_until_sure,
-    printed,
     quantile_error,
     rising_db,
     share_error,
+    simulated_prints,
     spreads_of,
-    work,
+    work_per_pad,
 )
 from padgen.planner.search import largest_that_holds
 from padgen.planner.touched_prints import touched_pads
-from padgen.planner.warm_pad import softened
+from padgen.planner.warm_pad import warm_resonance_ratio
 from padgen.spec import Spec
 
 __all__ = ["keeps_for_life", "planned_life"]
@@ -62,7 +62,7 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     life = _life(plan, design, few)
     if today.good_share < plan.spec.print_share:
         return life
-    pads = min(pads_until_sure(work(design), life.error_share, life.error_db or 0.0, few), today.pads)
+    pads = min(pads_until_sure(work_per_pad(design), life.error_share, life.error_db or 0.0, few), today.pads)
     if pads > WORTH * few:
         life = _life(plan, design, pads)
     if life.good_share < plan.spec.print_share:
@@ -129,13 +129,13 @@ def _after(plan: Plan, design: Design, change_k: float, pads: int, least_share: 
     if plan.touch is not None:
         ratio = touched_pads(plan, pads, plan.touch.tones, True, design, drift=drift).ratio
         return _Judged(ratio, ratio >= design.need)
-    later = printed(design, spreads_of(spec), pads, 0, STAGES[-1:], drift, least_share)
+    later = simulated_prints(design, spreads_of(spec), pads, 0, STAGES[-1:], drift, least_share)
     return _Judged(later.ratio[0], later.good[0])
 
 
 def _shift(spec: Spec, change_k: float) -> float:
     """Return the relative change of all resonances of a pad that is warmer by `change_k`."""
-    return float(softened(spec.material, change_k)) - 1
+    return float(warm_resonance_ratio(spec.material, change_k)) - 1
 
 
 def _with_planned_modes(design: Design) -> Design:

@@ -11,14 +11,14 @@ from math import hypot, inf
 from typing import Any, NamedTuple
 
 from padgen.core.errors import SpecError, about, at_least, at_most, number, plural
-from padgen.core.registry import table_of_registered
+from padgen.core.registry import new_extension_table
 from padgen.core.units import MM, UM
 from padgen.physics.magnetics import balanced_deflection, pull_in_deflection
 from padgen.physics.resonator import HAND_LIMIT_M_PER_S2, weighted_acceleration
 from padgen.physics.selectivity import SQUARE
 from padgen.physics.warmth import WARM_ERROR
 from padgen.planner.channels import hanging_gap_um
-from padgen.planner.movers.magnet import limit_c
+from padgen.planner.movers.magnet import demagnetising_limit_c
 from padgen.planner.plan import Channel
 from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
 from padgen.spec import Coil, Spec, catalogue
@@ -30,7 +30,7 @@ __all__ = [
     "Demand",
     "Exceeded",
     "Limit",
-    "Moved",
+    "MovingTaxel",
     "exceeded",
     "limits",
     "linear_deflection_um",
@@ -56,7 +56,7 @@ GAPS_TRIED = (1.01, 1.3, 2.0)
 Cures = tuple[dict[str, Any], ...]
 
 
-class Moved(NamedTuple):
+class MovingTaxel(NamedTuple):
     """A taxel of `channel` that moves at the share `level` of its ON level; its coil's mean i² is `square_a2` in A².
 
     For a force in proportion to the current itself, which has no mean, it is 0.
@@ -78,7 +78,7 @@ class Demand(NamedTuple):
     peak_a: float
     coil_w: float
     pad_w: float
-    moved: tuple[Moved, ...] = ()
+    moved: tuple[MovingTaxel, ...] = ()
     beam_rise_k: float = 0.0
 
 
@@ -94,7 +94,7 @@ def pull_in_share(spec: Spec, channel: Channel, square_a2: float) -> float:
     return linear_deflection_um(channel, square_a2) / largest_um
 
 
-def _resting_um(spec: Spec, one: Moved) -> float:
+def _resting_um(spec: Spec, one: MovingTaxel) -> float:
     """Return a mover's static deflection in µm by weight and mean pull; if it snaps, by weight and the whole gap.
 
     A magnet's includes the deflection by the core's pull at rest.
@@ -107,12 +107,12 @@ def _resting_um(spec: Spec, one: Moved) -> float:
     return channel.sag_um + at_rest_um + (gap_um if static_um is None else static_um)
 
 
-def _travel_mm(spec: Spec, one: Moved) -> float:
+def _travel_mm(spec: Spec, one: MovingTaxel) -> float:
     """Return the largest deflection of a washer in mm from the straight beam: by weight, mean pull and amplitude."""
     return (_resting_um(spec, one) + one.level * one.channel.level_um) * UM / MM
 
 
-def _root_stress_mpa(spec: Spec, one: Moved) -> float:
+def _root_stress_mpa(spec: Spec, one: MovingTaxel) -> float:
     """Return the largest stress in MPa at the roots of a taxel's beams: by sag, mean pull and amplitude."""
     return one.channel.root_stress_mpa * _travel_mm(spec, one) * MM / UM / one.channel.level_um
 
@@ -143,8 +143,8 @@ LARGEST_GAP_MM = next(item.metadata["high"] for item in fields(Coil) if item.nam
 class Limit:
     """One limit: a quantity that a plan or drive asks for, and the bound that it must not exceed.
 
-    `asked` returns the quantity in `unit` of a `Demand`, or of a `Moved` where it is `of_taxels`; `bound` returns what
-    a spec allows, infinity where nothing limits it, and `bound_name` says what that is. The quantity goes with the
+    `asked` returns the quantity in `unit` of a `Demand`, or of a `MovingTaxel` where it is `of_taxels`; `bound` returns
+    what a spec allows, infinity where nothing limits it, and `bound_name` says what that is. The quantity goes with the
     level's power of 1/`power`; None: with no power of it. `cures` returns changes of the spec that may keep the limit,
     by default the level that does. `planned` is the level of a plan's finding.
 
@@ -255,7 +255,7 @@ def _pad_w(spec: Spec) -> float:
 
 
 def _magnet_rise_k(spec: Spec) -> float:
-    return inf if spec.magnet is None else limit_c(spec.magnet) - spec.limits.room_c
+    return inf if spec.magnet is None else demagnetising_limit_c(spec.magnet) - spec.limits.room_c
 
 
 def _thicker_magnets(spec: Spec) -> Cures:
@@ -451,7 +451,7 @@ LIMITS = (
     ),
 )
 """The table: a limit is a row of it."""
-_registered: dict[str, Limit] = table_of_registered()
+_registered: dict[str, Limit] = new_extension_table()
 
 
 def limits() -> tuple[Limit, ...]:

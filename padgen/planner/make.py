@@ -56,12 +56,12 @@ from padgen.planner.plan import (
     Plate,
     Selectivity,
     Taxel,
+    can_play,
     channel_sets,
     level_law,
     non_finite_figures,
-    passes,
     scheme_named,
-    sets_db,
+    worst_set_db,
 )
 from padgen.planner.printed_pads import NOT_PRINTED, SURELY, compared_prints, design_of, what_prints_keep
 from padgen.planner.printing import print_settings
@@ -83,7 +83,7 @@ from padgen.planner.taxel_model import plate_shape, post_diameter_mm, recess_mm
 from padgen.planner.touch import felt_levels, skin_figures
 from padgen.planner.touch_search import TouchTrial, decided_under_touch
 from padgen.planner.touched_prints import planned_touch, played_channels, touched_felt, touched_figures
-from padgen.planner.verdict import judged
+from padgen.planner.verdict import with_verdict
 from padgen.planner.warm_pad import planned_warmth
 from padgen.spec import Spec
 from padgen.spec.model import FOUND_SCHEMES
@@ -155,7 +155,7 @@ BROKEN_DOWN = (ArithmeticError, np.linalg.LinAlgError)
 
 
 @contextmanager
-def numbers_hold() -> Iterator[None]:
+def strict_arithmetic() -> Iterator[None]:
     """Make computations in a `with` block raise `SolverError` where they divide by zero, overflow or give NaN.
 
     Code that means to has a `numpy.errstate` of its own, with the reason.
@@ -193,20 +193,20 @@ def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
         raise named_breakdown(spec, error, partial(_planned_with, spec, None)) from error
 
 
-@numbers_hold()
+@strict_arithmetic()
 def with_cures(spec: Spec, choice: Choice) -> Plan:
     """Return the plan of a `choice` for `spec`; its findings keep only cures that were tried and work."""
     return with_tried_cures(_finite(finish(choice)), partial(_planned_with, spec, choice))
 
 
-@numbers_hold()
+@strict_arithmetic()
 def _without_cures(choice: Choice) -> Plan:
     """Return the plan of a `choice`, whose findings have no cures."""
     plan = _finite(finish(choice))
-    return judged(plan, tuple(replace(finding, cures=()) for finding in plan.findings))
+    return with_verdict(plan, tuple(replace(finding, cures=()) for finding in plan.findings))
 
 
-@numbers_hold()
+@strict_arithmetic()
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
 
@@ -223,7 +223,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     return finish(searched, quick=True)
 
 
-@numbers_hold()
+@strict_arithmetic()
 def choose(spec: Spec) -> Choice:
     """Return the layout and beams that make the asked share of prints work with the fewest coils.
 
@@ -297,7 +297,7 @@ def _decided_specs(spec: Spec) -> Iterator[Spec]:
     reuses = REUSES if coil.reuse == "auto" else (coil.reuse,)
     gaps = (coil.gap_mm,) if coil.gap_mm else GAPS_MM
     for reuse, scheme, gap_mm in product(reuses, schemes, gaps):
-        if scheme == "auto" or passes(spec, scheme_named(spec, scheme)):
+        if scheme == "auto" or can_play(spec, scheme_named(spec, scheme)):
             yield replace(spec, coil=replace(coil, reuse=reuse, gap_mm=gap_mm), drive=replace(drive, scheme=scheme))
 
 
@@ -305,7 +305,7 @@ Driven = dict[int, tuple[Choice, tuple[Channel, ...], ChosenDrive]]
 """Choices whose drive has been chosen, by `id`: kept with them, so that no other choice gets the same `id`."""
 
 
-class Tried(NamedTuple):
+class ChoiceFigures(NamedTuple):
     """Figures of a choice: a bound of its selectivity in dB, the share of prints that work, and the dB they keep.
 
     A negative `share` means that no prints were simulated. `unsure_share` is by how much more prints might change it;
@@ -341,7 +341,7 @@ def _best(
     again, with `overloaded`; what is `known` of them is not computed again.
     """
     judged_by = _Round(known or {}, for_cure, overloaded)
-    tried: list[tuple[Choice, Tried]] = []
+    tried: list[tuple[Choice, ChoiceFigures]] = []
     works = _first_that_works(rank, judged_by, tried)
     if works is not None:
         return works, True
@@ -359,7 +359,7 @@ def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
     and as many channels per coil are judged: what a pad loses when its resonances drift depends on how near they are.
     Skin differs so much that under a contact drift counts for little.
     """
-    if not works.spec.touch.is_none or _lasts(_assemble(works, *_driven(works))):
+    if not works.spec.touch.is_untouched or _lasts(_assemble(works, *_channels_and_selectivity(works))):
         return works
     judged_by = _Round({}, for_cure=False, overloaded=False, for_life=True)
     short_lived = [_drive_and_layout(works)]
@@ -394,13 +394,15 @@ def _lasts(bare: Plan) -> bool:
     return keeps_for_life(bare, design_of(bare, None))
 
 
-def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, Tried]]) -> Choice | None:
+def _first_that_works(
+    rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, ChoiceFigures]]
+) -> Choice | None:
     """Return the first choice of `rank`, then of bent beams, whose prints work; append the others to `tried`.
 
     Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
     (`NO_HOPE_DB`, `MOST_FAR_SHORT`).
     """
-    hopeless: dict[tuple[Layout, str, str], Tried] = {}
+    hopeless: dict[tuple[Layout, str, str], ChoiceFigures] = {}
     judged_pads = set[tuple[Any, ...]]()
     far_short = Counter[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
@@ -426,14 +428,14 @@ def _first_that_works(rank: Iterator[Choice], judged_by: _Round, tried: list[tup
     return None
 
 
-def _least_short(tried: list[tuple[Choice, Tried]], judged_by: _Round) -> Choice:
+def _least_short(tried: list[tuple[Choice, ChoiceFigures]], judged_by: _Round) -> Choice:
     """Return the choice with the most working prints, where none works as often as asked.
 
     In falling order of their upper bounds: once a bound is below what was found, no print need be simulated. Few prints
     are enough of those that surely work less often than another.
     """
-    best = Tried(-inf, -inf, -inf)
-    compared: list[tuple[int, Choice, Tried]] = []
+    best = ChoiceFigures(-inf, -inf, -inf)
+    compared: list[tuple[int, Choice, ChoiceFigures]] = []
     least = -inf
     surely = max(one.share - one.unsure_share for _, one in tried)
     most_likely = sorted((one.share + one.unsure_share for _, one in tried if one.unsure_share), reverse=True)
@@ -466,7 +468,7 @@ def _pad_of(choice: Choice, drive: str) -> tuple[Any, ...]:
     return choice.layout, choice.channels, choice.spec.suspension.topology, coil.reuse, coil.gap_mm, drive
 
 
-def _with_bent_beams(tried: Sequence[tuple[Choice, Tried]]) -> Iterator[Choice]:
+def _with_bent_beams(tried: Sequence[tuple[Choice, ChoiceFigures]]) -> Iterator[Choice]:
     """Yield choices with families of bent beams (serpentines), which 'auto' leaves out and which vary less in print.
 
     They are made of the first of those `tried` that would work if printed exactly.
@@ -487,7 +489,7 @@ def _tried(
     for_cure: bool,
     overloaded: bool,
     for_life: bool,
-) -> Tried:
+) -> ChoiceFigures:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
     The steps are the resonances and the sag alone, then pull and modes, then what prints keep `for_life`, if that is
@@ -496,11 +498,11 @@ def _tried(
     """
     spec = choice.spec
     hz = np.array([channel.target_hz for channel in choice.channels])
-    at_most = sets_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
+    at_most = worst_set_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
     if at_most < least_db:
-        return Tried(at_most)
+        return ChoiceFigures(at_most)
     if any(channel.model.sag_m >= spec.coil.gap_mm * MM for channel in choice.channels):
-        return Tried(-inf)
+        return ChoiceFigures(-inf)
     if id(choice) not in known:
         undriven = _channels_of(choice)
         chosen = chosen_drive(spec, undriven)
@@ -509,34 +511,34 @@ def _tried(
     meets = any(c.level_um + c.sag_um + c.static_um >= spec.coil.gap_mm * MM / UM for c in channels)
     load = coil_load(spec, channels, scheme_named(spec, chosen.drive))
     if meets or not is_fed(spec, load):
-        return Tried(-inf)
+        return ChoiceFigures(-inf)
     if not overloaded and any(exceeded(spec, coil_demand(load, choice.layout.coils))):
-        return Tried(-inf)
+        return ChoiceFigures(-inf)
     at_most = min(at_most, chosen.kept_db)
     if at_most < least_db:
-        return Tried(at_most)
+        return ChoiceFigures(at_most)
     bare = _assemble(choice, channels, _selectivity_of(choice))
-    if not spec.touch.is_none:
+    if not spec.touch.is_untouched:
         return _plan_tried_under_touch(bare, overloaded)
     if for_life and not _lasts(bare):
-        return Tried(at_most)
+        return ChoiceFigures(at_most)
     paper_db, prints = compared_prints(bare, least_db, least_share, for_cure)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
-        return Tried(at_most)
+        return ChoiceFigures(at_most)
     print_db = inf if prints.print_db is None else prints.print_db
     spread = SURELY * prints.error_share
     unsure = spread if 0 < prints.good_share < least_share - spread else 0.0
-    return Tried(at_most, prints.good_share, print_db, unsure)
+    return ChoiceFigures(at_most, prints.good_share, print_db, unsure)
 
 
-@numbers_hold()
+@strict_arithmetic()
 def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
     """Return selectivity and heat under touch, and the level that puts the weakest channel `felt_db` over threshold."""
     choice = _searched(spec, quick=True)
     if choice is None:
         raise InfeasibleError("no layout holds", "resolution")
-    bare = _assemble(choice, *_driven(choice))
+    bare = _assemble(choice, *_channels_and_selectivity(choice))
     if spec.coil.kind == "board":
         board_of(bare)
     touch = planned_touch(bare, quick=True)
@@ -565,7 +567,7 @@ UNSURE_HEAT = 1.4
 """Heat by many simulated pads over that by few, which may leave 1.4 dB too little in hand."""
 
 
-def _plan_tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
+def _plan_tried_under_touch(bare: Plan, overloaded: bool) -> ChoiceFigures:
     """Judge a plan by simulated prints under touch, and its coils by the levels that touch needs."""
     spec = bare.spec
     touch = planned_touch(bare, quick=True)
@@ -573,9 +575,9 @@ def _plan_tried_under_touch(bare: Plan, overloaded: bool) -> Tried:
     load = coil_load(spec, played_channels(replace(bare, touch=touch)), bare.scheme)
     coils = bare.coils.rows * bare.coils.columns
     if not overloaded and any(exceeded(spec, coil_demand(load, coils))):
-        return Tried(-inf)
+        return ChoiceFigures(-inf)
     print_db = inf if touch.print_db is None else touch.print_db
-    return Tried(print_db, touch.good_share, print_db)
+    return ChoiceFigures(print_db, touch.good_share, print_db)
 
 
 def finish(choice: Choice, quick: bool = False) -> Plan:
@@ -585,7 +587,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     capacity is not counted, and recoil is worked out only where the spec says how the pad is held: cures are judged by
     no other.
     """
-    channels, selectivity = _driven(choice)
+    channels, selectivity = _channels_and_selectivity(choice)
     models = [sized.model for sized in choice.channels]
     pins = [pushed(channel.pin, model) for channel, model in zip(channels, models, strict=True)]
     if not quick:
@@ -620,7 +622,7 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
         parts=fitting_parts(bare),
         refresh=frame_contrasts(bare.channels, spec.coil.sets, bare.selectivity),
     )
-    return judged(known, judge(known))
+    return with_verdict(known, judge(known))
 
 
 def _finite(plan: Plan) -> Plan:
@@ -631,7 +633,7 @@ def _finite(plan: Plan) -> Plan:
     return plan
 
 
-def _driven(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:
+def _channels_and_selectivity(choice: Choice) -> tuple[tuple[Channel, ...], Selectivity]:
     """Return the channels of a choice, and the selectivity with the drive that is chosen for them."""
     selectivity = _selectivity_of(choice)
     scheme = scheme_named(choice.spec, selectivity.drive)

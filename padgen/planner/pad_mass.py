@@ -16,7 +16,7 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import COPPER_KG_PER_M3, COPPER_OHM_M, G_PER_CM3, GRAM, MG, MM
-from padgen.physics.modes import RigidBody, box, combine, gathered, ring
+from padgen.physics.modes import RigidBody, box, combine, combine_stacked, ring
 from padgen.planner.fixtures import Tray, plan_tray
 from padgen.planner.layout import coil_axis_mm, corner_groove
 from padgen.planner.plan import TURNS, Channel, Plan, Taxel
@@ -68,7 +68,7 @@ class PadMass:
     @property
     def plastic_kg(self) -> float:
         """Mass of the printed pad alone."""
-        washer = self.plan.spec.moved
+        washer = self.plan.spec.washer_or_magnet
         area_mm2 = pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2)
         washer_kg = area_mm2 * washer.thickness_mm * MM**3 * washer.density_g_per_cm3 * G_PER_CM3
         ballast = self.plan.spec.ballast
@@ -177,7 +177,7 @@ def _placed(body: RigidBody, channel: Channel, taxels: Sequence[Taxel]) -> Rigid
     turns = np.array([_turn(channel, taxel) for taxel in taxels])
     at = np.array([(taxel.x_mm * MM, taxel.y_mm * MM, 0.0) for taxel in taxels])
     mass = np.full(len(taxels), body.mass)
-    return gathered(RigidBody(mass, turns @ body.centroid + at, turns @ body.inertia @ np.swapaxes(turns, 1, 2)))
+    return combine_stacked(RigidBody(mass, turns @ body.centroid + at, turns @ body.inertia @ np.swapaxes(turns, 1, 2)))
 
 
 def _turn(channel: Channel, taxel: Taxel) -> np.ndarray:
@@ -202,7 +202,7 @@ def _channel_mass(plan: Plan, channel: Channel) -> ChannelMass:
         for index, segment in enumerate(path.segments):
             at = _beam_point(path, path.within(index, (np.arange(PIECES) + 0.5) / PIECES))
             mass = np.full(PIECES, density * section * float(segment.length_mm) * MM / PIECES)
-            parts.append(gathered(RigidBody(mass, at, np.zeros((PIECES, 3, 3)))))
+            parts.append(combine_stacked(RigidBody(mass, at, np.zeros((PIECES, 3, 3)))))
         parts.append(RigidBody(np.array(density * fillets), _beam_point(path, path.corners[0]), np.zeros((3, 3))))
     if channel.pin.on_beam:
         parts.append(_pin(channel, arrangement.beams[0], density))

@@ -114,7 +114,7 @@ def _stop(
         cosine, sine = TURNS[site.along]
         x_mm = cosine * at_mm[0] - sine * at_mm[1] + site.origin_mm[0]
         y_mm = sine * at_mm[0] + cosine * at_mm[1] + site.origin_mm[1]
-        clear_mm = spec.coil.gap_mm - (spec.recess_depth_mm - spec.moved.thickness_mm)
+        clear_mm = spec.coil.gap_mm - (spec.recess_depth_mm - spec.washer_or_magnet.thickness_mm)
         if hypot(x_mm, y_mm) <= spec.coil.outer_diameter_mm / 2:
             ways.append((clear_mm, "coil"))
     if not ways:

@@ -58,11 +58,11 @@ __all__ = [
     "Taxel",
     "Touch",
     "Touched",
+    "can_play",
     "carrier_hz",
     "channel_sets",
     "level_law",
     "non_finite_figures",
-    "passes",
     "plan_from_json",
     "plan_from_table",
     "plan_to_json",
@@ -70,7 +70,7 @@ __all__ = [
     "read_plan",
     "scheme_for",
     "scheme_named",
-    "sets_db",
+    "worst_set_db",
 ]
 
 
@@ -1085,7 +1085,7 @@ def carrier_hz(spec: Spec, scheme: Scheme, highest_hz: float) -> float | None:
     return float(at_least(CARRIER_OVER_RESONANCE * highest_hz)) if needed else None
 
 
-def passes(spec: Spec, scheme: Scheme) -> bool:
+def can_play(spec: Spec, scheme: Scheme) -> bool:
     """Return whether the spec's devices can play a scheme; those that are AC coupled pass no constant current."""
     return spec.blocked_by is None or not scheme.is_biased
 
@@ -1100,11 +1100,11 @@ def scheme_for(spec: Spec, resonance_hz: np.ndarray) -> Scheme:
     if spec.force_order == 1:
         return Scheme("linear")
     tones = Scheme("tones")
-    keeps = sets_db(spec, resonance_hz, np.ones(len(resonance_hz)), tones) >= decibel(spec.delta_y)
+    keeps = worst_set_db(spec, resonance_hz, np.ones(len(resonance_hz)), tones) >= decibel(spec.delta_y)
     return tones if keeps else Scheme("spur-free")
 
 
-def sets_db(spec: Spec, resonance_hz: np.ndarray, mass: np.ndarray, scheme: Scheme) -> float:
+def worst_set_db(spec: Spec, resonance_hz: np.ndarray, mass: np.ndarray, scheme: Scheme) -> float:
     """Return the worst-state selectivity in dB of the worst of the spec's sets, which take channels (n,) in turn."""
     level = level_law(spec)(resonance_hz)
     sets = spec.coil.sets

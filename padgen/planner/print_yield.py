@@ -17,9 +17,9 @@ from padgen.planner.printed_pads import (
     Simulated,
     Spreads,
     design_of,
-    printed,
+    simulated_prints,
     spreads_of,
-    work,
+    work_per_pad,
 )
 
 __all__ = ["ChannelSpread", "Cost", "Gain", "Outcome", "PrintYield", "Share", "print_yield"]
@@ -150,14 +150,14 @@ def print_yield(
         raise ValueError(f"pads must be at least 1, got {pads}")
     spreads = spreads or spreads_of(plan.spec)
     design = design_of(plan, None)
-    affordable = max(int(budget / work(design)), 1)
+    affordable = max(int(budget / work_per_pad(design)), 1)
     made = min(pads, affordable)
-    prints = printed(design, spreads, made, seed)
+    prints = simulated_prints(design, spreads, made, seed)
     cost_pads = min(made, max(made // COST_SHARE, COST_PADS), max(affordable // COST_SHARE, 1))
     costs = tuple(_costs(design, spreads, cost_pads, seed))
     pairs = sum(coils.taxels.shape[1] * (len(coils.channels) - 1) for coils in design.coils) * made
     swapped, crowded = (float(count) / pairs if pairs else None for count in prints.neighbours)
-    drawn = float(printed(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
+    drawn = float(simulated_prints(design, spreads.none(), 1, 0, STAGES[-1:]).ratio[0, 0])
     sigma = np.sqrt(prints.square / (np.bincount(design.channel, minlength=len(design.q)) * made)).tolist()
     slopes = design.sensitivity.tolist()
     return PrintYield(
@@ -219,10 +219,10 @@ def _share(good: int, made: int, independent: int) -> Share:
 
 
 def _costs(design: Design, spreads: Spreads, pads: int, seed: int) -> Iterator[Cost]:
-    base = printed(design, spreads, pads, seed)
+    base = simulated_prints(design, spreads, pads, seed)
     taxels = len(design.channel)
     for name, sigma in zip(NAMES, astuple(spreads), strict=True):
-        without = printed(design, replace(spreads, **{name: 0.0}), pads, seed) if sigma else base
+        without = simulated_prints(design, replace(spreads, **{name: 0.0}), pads, seed) if sigma else base
         yield Cost(name, sigma, *(_gain(base, without, k, taxels) for k in (0, -1)))
 
 

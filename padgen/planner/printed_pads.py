@@ -19,7 +19,7 @@ width, length         a taxel                         s_w dw/w, s_l dl/l
 thickness             a taxel                         s_t dt/t
 beads                 a taxel                         s_b dr/r
 glue                  a taxel                         −1/2 dm over the effective mass
-washer                a taxel                         by the washer's kinetic energy in the mode (`_washer_weight`)
+washer                a taxel                         by its kinetic energy in the mode (`_washer_offset_sensitivity`)
 gap                   a taxel                         (m + 1) by the pull's softening, dg/g
 ====================  ==============================  =====================================================
 
@@ -82,22 +82,22 @@ __all__ = [
     "compared_prints",
     "covariance",
     "design_of",
-    "drawn_later",
+    "detuning_sigmas",
+    "drawn_drift",
     "drawn_prints",
     "known_print_db",
     "leaked_energy",
     "log_resonances",
-    "missed_spreads",
     "pads_until_sure",
-    "printed",
     "quantile_error",
     "ratio_spread",
     "rising_db",
     "sensitivities",
     "share_error",
+    "simulated_prints",
     "spreads_of",
     "what_prints_keep",
-    "work",
+    "work_per_pad",
 ]
 
 
@@ -304,7 +304,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
         "thickness_mm": thickness,
         "length_mm": length,
         "glue_mg": glue,
-        "washer_mm": _washer_weight(plan),
+        "washer_mm": _washer_offset_sensitivity(plan),
         "common_beads": beads,
         IN_EVERY_PRINT: beads.mean() - beads,
         "beads": beads,
@@ -342,7 +342,7 @@ def design_of(plan: Plan, places_mm: np.ndarray | None) -> Design:
     )
 
 
-def work(design: Design) -> float:
+def work_per_pad(design: Design) -> float:
     """Return the computing work of a simulated pad, in resonator responses; random numbers of a taxel count as ten."""
     with_pairs = design.scheme.has_pair_spurs
     each = [(n := len(coils.channels)) ** 2 + with_pairs * (n > 2) * n**2 * (n - 1) for coils in design.coils]
@@ -429,12 +429,12 @@ class _PrintedModes(NamedTuple):
         return (energy.reshape(count, -1, pads) / self.q_ratio[rows, None] ** 2).reshape(energy.shape)
 
 
-def _washer_weight(plan: Plan) -> np.ndarray:
+def _washer_offset_sensitivity(plan: Plan) -> np.ndarray:
     """Return |d ln f| (n,) per mm that a channel's washer lies off the middle of its recess, in the worst direction.
 
     First-order perturbation: the relative fall of f is half of the washer's relative gain of kinetic energy.
     """
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     area = np.pi / 4 * (washer.outer_diameter_mm**2 - washer.inner_diameter_mm**2) * MM**2
     mass = area * washer.thickness_mm * MM * washer.density_g_per_cm3 * G_PER_CM3
     motion = np.array([c.mode_motions[int(np.argmax(c.mode_shares))] for c in plan.channels])
@@ -459,7 +459,7 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
     return float(np.sqrt(worst))
 
 
-def missed_spreads(design: Design, spreads: Spreads) -> tuple[float, ...]:
+def detuning_sigmas(design: Design, spreads: Spreads) -> tuple[float, ...]:
     """Return the sigma of ln(resonance/tone) of the worst channel's taxels at each of `STAGES`."""
     square = (np.array(astuple(replace(spreads, **{IN_EVERY_PRINT: 0.0})))[:, None] * design.weight) ** 2
     known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
@@ -481,7 +481,7 @@ class Drift(NamedTuple):
     life: LifeTable
 
 
-class Later(NamedTuple):
+class Drifted(NamedTuple):
     """Prints some time after re-tuning (taxels, pads): ln of resonance over that at re-tuning, ln of Q over the plan's.
 
     Q was the same when they were re-tuned, so that their lines follow it.
@@ -531,14 +531,14 @@ def drawn_prints(design: Design, spreads: Spreads, seed: int, unit: int, pads: i
     return Drawn(log_x, log_pull)
 
 
-def drawn_later(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> Later:
+def drawn_drift(drift: Drift, taxels: int, seed: int, unit: int, pads: int) -> Drifted:
     """Draw random changes of `pads` prints after re-tuning, from streams separate from those of `drawn_prints`."""
     of_print, of_taxel = (np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(unit, k))) for k in (4, 5))
     life = drift.life
     ageing, common_q = of_print.standard_normal((pads, 2)).T
     q = of_taxel.standard_normal((pads, taxels)).T
     log_x = np.broadcast_to(drift.log_x + life.ageing * ageing, q.shape)
-    return Later(log_x, np.clip(life.common_q * common_q + life.q * q, -FARTHEST, FARTHEST))
+    return Drifted(log_x, np.clip(life.common_q * common_q + life.q * q, -FARTHEST, FARTHEST))
 
 
 def _field(design: Design, rng: np.random.Generator, pads: int) -> np.ndarray:
@@ -586,7 +586,7 @@ def covariance(design: Design, spreads: Spreads, coupon: np.ndarray | None = Non
     return total
 
 
-def printed(
+def simulated_prints(
     design: Design,
     spreads: Spreads,
     pads: int,
@@ -606,7 +606,7 @@ def printed(
     for number in range(-(-pads // unit)):
         many = min(unit, pads - number * unit)
         drawn = drawn_prints(design, spreads, seed, number, many)
-        later = None if drift is None else drawn_later(drift, taxels, seed, number, many)
+        later = None if drift is None else drawn_drift(drift, taxels, seed, number, many)
         if not _judge_drawn(design, drawn, number * unit, stages, prints, later, least_share):
             break
     return prints
@@ -659,7 +659,7 @@ def _judge_drawn(
     before: int,
     stages: tuple[str, ...],
     prints: Simulated,
-    later: Later | None = None,
+    later: Drifted | None = None,
     least_share: float = 0.0,
 ) -> bool:
     """Judge randomly drawn prints at given stages of tuning, and write results into `prints` from pad `before` on.
@@ -771,7 +771,7 @@ def what_prints_keep(plan: Plan, design: Design, quick: bool = False) -> Prints:
 
 def few_pads(design: Design) -> int:
     """Return how many pads are simulated to compare layouts: fewer where a pad takes much work."""
-    return min(QUICK_PADS, pads_until_sure(work(design)))
+    return min(QUICK_PADS, pads_until_sure(work_per_pad(design)))
 
 
 def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool = False) -> tuple[float, Prints]:
@@ -785,12 +785,12 @@ def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool
     exact = design_of(plan, None)
     design = exact._replace(modes=(None,) * len(exact.coils))
     stages = STAGES[-1:]
-    ratio = float(printed(design, spreads_of(plan.spec).none(), 1, 0, stages).ratio.min())
+    ratio = float(simulated_prints(design, spreads_of(plan.spec).none(), 1, 0, stages).ratio.min())
     paper_db = 10 * float(np.log10(ratio)) if ratio > 0 else float("-inf")
     if paper_db < least_db:
         return paper_db, NOT_PRINTED
     few = few_pads(design)
-    many = few if quick else max(few, pads_until_sure(work(design)))
+    many = few if quick else max(few, pads_until_sure(work_per_pad(design)))
     rounds = [(design, FIRST_PADS), (design, few), (exact, FIRST_PADS), (exact, few)]
     if many > few:
         rounds.append((exact, many))
@@ -803,13 +803,13 @@ def compared_prints(plan: Plan, least_db: float, least_share: float, quick: bool
     if quick:
         return paper_db, prints
     # What they keep in dB is sure enough by now to compare layouts.
-    pads = pads_until_sure(work(exact), prints.error_share, 0.0, many)
+    pads = pads_until_sure(work_per_pad(exact), prints.error_share, 0.0, many)
     return paper_db, prints if pads == many else _simulated(plan, exact, pads, stages)
 
 
 def _simulated_until_sure(plan: Plan, design: Design, stages: tuple[str, ...]) -> Prints:
-    prints = _simulated(plan, design, pads_until_sure(work(design)), stages)
-    pads = pads_until_sure(work(design), prints.error_share, prints.error_db or 0.0, prints.pads)
+    prints = _simulated(plan, design, pads_until_sure(work_per_pad(design)), stages)
+    pads = pads_until_sure(work_per_pad(design), prints.error_share, prints.error_db or 0.0, prints.pads)
     return prints if pads == prints.pads else _simulated(plan, design, pads, stages)
 
 
@@ -842,7 +842,7 @@ def pads_until_sure(work_of_pad: float, error_share: float | None = None, error_
 def _simulated(plan: Plan, design: Design, made: int, stages: tuple[str, ...]) -> Prints:
     spreads = spreads_of(plan.spec)
     columns = plan.coils.columns
-    prints = printed(design, spreads, made, 0, stages)
+    prints = simulated_prints(design, spreads, made, 0, stages)
     share = plan.spec.print_share
     kept, reached = rising_db(prints.ratio, share)
     good = float(prints.good[-1].mean())

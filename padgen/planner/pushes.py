@@ -27,25 +27,25 @@ EDGE_SHARE = 0.75
 """Share of a boss' height that the chamfer of its edge takes at most in a cure: a spec may have 0.9."""
 
 
-class _Give(NamedTuple):
+class _PushCompliance(NamedTuple):
     """Compliance in m/N under a push on the boss: of the washer's middle, and of the lowest point of its rim."""
 
     middle: float
     rim: float
 
 
-def _give(spec: Spec, channel: Channel) -> _Give:
+def _push_compliance(spec: Spec, channel: Channel) -> _PushCompliance:
     modes = [
         (motion, motion[2] / (2 * pi * hz) ** 2)
         for motion, hz in zip(channel.mode_motions, channel.modes_hz, strict=True)
     ]
     sinks, roll, pitch = (sum(motion[axis] * push for motion, push in modes) for axis in (2, 3, 4))
-    return _Give(sinks, sinks + spec.moved.outer_diameter_mm / 2 * MM * hypot(roll, pitch))
+    return _PushCompliance(sinks, sinks + spec.washer_or_magnet.outer_diameter_mm / 2 * MM * hypot(roll, pitch))
 
 
 def pushed_taxels(spec: Spec, channels: Sequence[Channel]) -> Pushed:
     """Return how far static pushes and resting skin deflect each channel's OFF taxel, and forces that close its gap."""
-    gives = [_give(spec, channel) for channel in channels]
+    gives = [_push_compliance(spec, channel) for channel in channels]
     at_rest = 1.0 if spec.force_order == 1 else 0.0  # a core pulls at rest, a current does not
     gaps_mm = [max(spec.coil.gap_mm - (c.sag_um + at_rest * c.static_um) * UM / MM, 0.0) for c in channels]
     rows = []

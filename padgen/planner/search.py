@@ -25,13 +25,21 @@ from padgen.physics.ladder import (
     whole_channels,
 )
 from padgen.physics.schemes import simplest_first
-from padgen.physics.selectivity import Channels, Scheme, all_states, channels, loudest_line, one_hot_db, print_share
+from padgen.physics.selectivity import (
+    Channels,
+    Scheme,
+    all_states,
+    channels,
+    estimated_print_share,
+    loudest_line,
+    one_hot_db,
+)
 from padgen.planner.channels import hanging_gap_um, plan_channels, resting
-from padgen.planner.core_pull import on_snapping, snaps
+from padgen.planner.core_pull import snapping_message_and_cures, snaps
 from padgen.planner.drive_scheme import chosen_drive
-from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, place, room, slots
+from padgen.planner.layout import SLACK_MM, Layout, coil_reach_mm, room, sub_cell_centres, taxel_site
 from padgen.planner.plan import Capacity, Site, level_law, scheme_named
-from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beams_for_resonances, beams_only, reach
+from padgen.planner.sizing import DRAWN_SHARE, SizedChannel, beam_inputs, beams_for_resonances, reach
 from padgen.planner.suspensions import Room, allowed
 from padgen.spec import DriveTable, Spec
 
@@ -45,11 +53,11 @@ __all__ = [
     "largest_counts",
     "largest_that_holds",
     "layouts_to_size",
+    "most_channels_tried",
     "optimum",
     "planned_optimum",
     "printed_count",
     "reachable_hz",
-    "searched_to",
     "sites_of",
     "sized_layouts",
     "slot_band_hz",
@@ -192,37 +200,39 @@ def _known(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
         cache.store(KIND, key, best)
         return best
 
-    return cache.once(KIND, key, kept, made)
+    return cache.get_or_compute(KIND, key, kept, made)
 
 
 def _searched(spec: Spec, count: int, low_hz: float, high_hz: float) -> Optimum:
     band = (low_hz, high_hz)
     asked_db = decibel(spec.delta_y)
     if spec.drive.scheme != "auto":
-        return _best(spec, count, *band, spec.drive.scheme)
+        return _band_optimum(spec, count, *band, spec.drive.scheme)
     if spec.force_order == 1:
-        return _best(spec, count, *band, "linear")
+        return _band_optimum(spec, count, *band, "linear")
     best = None
     # Where as many or fewer channels cannot keep the asked selectivity with plain tones in a wider band, they cannot
     # here.
-    if count > 2 and all(_wider(spec, few, *band, "tones").all_states_db >= asked_db for few in range(3, count + 1)):
-        best = _best(spec, count, *band, "tones")
+    if count > 2 and all(
+        _wider_band_optimum(spec, few, *band, "tones").all_states_db >= asked_db for few in range(3, count + 1)
+    ):
+        best = _band_optimum(spec, count, *band, "tones")
     if best is None or best.all_states_db < asked_db:
-        best = _best(spec, count, *band, "spur-free")
+        best = _band_optimum(spec, count, *band, "spur-free")
     if best.all_states_db < asked_db:
-        turns = _best(spec, count, *band, "time-shared")
+        turns = _band_optimum(spec, count, *band, "time-shared")
         best = turns if turns.all_states_db >= asked_db else best
     return best
 
 
-def _best(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
+def _band_optimum(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
     """Return the most selective resonances in a band for a drive scheme, searched from the optimum of a wider band."""
     law = level_law(spec)
-    near_hz = np.array(_wider(spec, count, low_hz, high_hz, drive).resonances_hz)
+    near_hz = np.array(_wider_band_optimum(spec, count, low_hz, high_hz, drive).resonances_hz)
     return _found(low_hz, high_hz, count, spec.q_min, law, scheme_named(spec, drive), near_hz)
 
 
-def _wider(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
+def _wider_band_optimum(spec: Spec, count: int, low_hz: float, high_hz: float, drive: str) -> Optimum:
     """Return the most selective resonances of a wider band, by a global search that bands of similar width share."""
     law = level_law(spec)
     start_hz = low_hz if law.curve_hz else 1.0  # under a power law a shift in octaves changes nothing
@@ -357,7 +367,7 @@ def snapping(spec: Spec, options: Iterable[Layout]) -> tuple[str, list[dict[str,
         if rest is not None and snaps(rest):
             gap_um = hanging_gap_um(spec, np.array([float(c.model.sag_m) for c in channels]) / UM)
             stiffness = np.array([float(c.model.stiffness_n_per_m) for c in channels])
-            return on_snapping(spec, sites, gap_um, stiffness, rest)
+            return snapping_message_and_cures(spec, sites, gap_um, stiffness, rest)
     return None
 
 
@@ -377,16 +387,16 @@ def _with_even_pull(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ..
 
 def sites_of(spec: Spec, layout: Layout, channels: tuple[SizedChannel, ...]) -> tuple[Site, ...]:
     """Return the place of each channel's taxel in its cell."""
-    centres = slots(layout)
+    centres = sub_cell_centres(layout)
     return tuple(
-        place(spec, layout, centres[k // spec.coil.sets], channel.model.arrangement)
+        taxel_site(spec, layout, centres[k // spec.coil.sets], channel.model.arrangement)
         for k, channel in enumerate(channels)
     )
 
 
 def _beams(spec: Spec, layout: Layout) -> tuple[SizedChannel, ...] | None:
     """Return beams for the first ladder of resonances that can be printed; if optimised, for the most selective one."""
-    bare = beams_only(spec)
+    bare = beam_inputs(spec)
     if spec.spacing == "optimised":
         bare = replace(bare, drive=spec.drive)
     options = _sized(bare, layout.channels, room(spec, layout), SUSPENSIONS.changes)
@@ -482,7 +492,7 @@ def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
     scheme = scheme._replace(remanence=0.0)
     states, one_hot = largest_counts(spec.band_hz, spec.q_min, law, scheme, decibel(spec.delta_y))
     ratio = ladder_ratio(spec.q_min, spec.delta_y)
-    most = searched_to(scheme)
+    most = most_channels_tried(scheme)
     breaks = "none that was tried"
     if states < most:
         # The line of the drive that shakes an OFF taxel most when there is one channel more.
@@ -495,7 +505,7 @@ def coil_capacity(spec: Spec, scheme: Scheme, limit: str) -> Capacity:
     return Capacity(whole_channels(paper), states, ratio, limit, paper, one_hot, breaks, most)
 
 
-def searched_to(scheme: Scheme) -> int:
+def most_channels_tried(scheme: Scheme) -> int:
     """Return the most channels per coil that are tried for a drive scheme when the capacity of a coil is searched."""
     return LARGEST_WITH_SPURS if scheme.has_pair_spurs else LARGEST
 
@@ -533,7 +543,7 @@ def largest_counts(
     singly = min(TRIED_SINGLY, most)
     one_hot = next((count - 1 for count in range(2, singly + 1) if one_hot_kept_db(count) < target_db), singly)
     # From above, since no count keeps more in all states than with one channel on.
-    from_above = range(min(one_hot, searched_to(scheme)), 1, -1)
+    from_above = range(min(one_hot, most_channels_tried(scheme)), 1, -1)
     states = next((count for count in from_above if states_keep_db(count) >= target_db), 1)
     if one_hot == TRIED_SINGLY:
         one_hot = largest(one_hot_kept_db, most)
@@ -563,7 +573,7 @@ def printed_count(
 
     def holds(count: int) -> bool:
         ladder = _ladder(band_hz, count, q, law)
-        return print_share(ladder, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
+        return estimated_print_share(ladder, scheme, 10 ** (target_db / 10), coils, followed, missed, share) >= share
 
     most = min(largest_counts(band_hz, q, law, scheme, target_db)[0], LARGEST_PRINTED)
     if most <= TRIED_SINGLY:

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import Finding, about, quieter
+from padgen.core.errors import Finding, about, less_or_more_text
 from padgen.core.units import GRAM, MM
 from padgen.physics.modes import RigidBody, box, combine
 from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs, rigid_mass, support_stiffness
@@ -32,9 +32,9 @@ from padgen.spec import MountTable
 __all__ = [
     "LOST_DB",
     "ShakenPad",
-    "chance_images",
     "pad_recoil",
     "planned_recoil",
+    "random_images",
     "recoil_energy",
     "recoil_findings",
 ]
@@ -50,7 +50,7 @@ BASES_G = (50.0, 100.0, 200.0, 400.0, 800.0, 1600.0, 3200.0, 6400.0)
 """Masses of a base plate that are tried, the lightest first."""
 
 
-class HeardImages(NamedTuple):
+class ImageAmplitudes(NamedTuple):
     """Smallest ON and largest OFF amplitude of each image, each over the same taxel's planned amplitude when ON."""
 
     on: np.ndarray
@@ -116,7 +116,7 @@ class ShakenPad:
     @property
     def moving_kg(self) -> float | None:
         """Mass of everything on the mount; None where that does not move."""
-        return None if self.mount.is_fast else float(self.body.mass)
+        return None if self.mount.is_immovable else float(self.body.mass)
 
     @cached_property
     def base(self) -> Base:
@@ -168,7 +168,7 @@ class ShakenPad:
         heard_by = [np.flatnonzero(self.channel_of == channel) for channel in channels]
         return [shaken.listening_matrix(listeners) for shaken, listeners in zip(self.shaken, heard_by, strict=True)]
 
-    def listen_apart(self, shown: np.ndarray) -> HeardImages:
+    def listen_apart(self, shown: np.ndarray) -> ImageAmplitudes:
         """Return ON and OFF amplitudes of images of levels (k, n), each taxel driven at a separate frequency.
 
         The frequencies lie so near the channel's that the pad answers alike; what they move adds as energies. All
@@ -195,7 +195,7 @@ class ShakenPad:
             np.add.at(energy.T, mate, (square[:, driven] * more).T)
             on[:, of_channel] = motion[mate == of_channel[driven]]
         off = np.sqrt(np.where(shown != 0, 0.0, energy).max(-1))
-        return HeardImages(np.where(shown != 0, on, np.inf).min(-1), off)
+        return ImageAmplitudes(np.where(shown != 0, on, np.inf).min(-1), off)
 
     def _coil_mates(self, taxels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return all pairs (m,) of taxels over one coil: the first's index in `taxels` (i,), the second's number."""
@@ -207,7 +207,7 @@ class ShakenPad:
         within = np.arange(len(driven)) - np.repeat(np.cumsum(many) - many, many)
         return driven, by_coil[np.repeat(begin, many) + within]
 
-    def listen(self, driven: np.ndarray, clamped: bool = False) -> HeardImages:
+    def listen(self, driven: np.ndarray, clamped: bool = False) -> ImageAmplitudes:
         """Return ON and OFF amplitudes of images of signed levels `driven` (…, n); if `clamped`, the pad is still."""
         energy = np.broadcast_to(self.leak, driven.shape).copy()
         on = np.full(driven.shape, np.inf)
@@ -218,10 +218,10 @@ class ShakenPad:
             np.divide(motion, np.abs(driven), out=on, where=playing)
             energy += np.where(playing, 0.0, motion) ** 2
         off = np.sqrt(np.where(driven != 0, 0.0, energy).max(-1))
-        return HeardImages(on.min(-1), off)
+        return ImageAmplitudes(on.min(-1), off)
 
 
-def chance_images(count: int, images: int, seed: int = 33) -> np.ndarray:
+def random_images(count: int, images: int, seed: int = 33) -> np.ndarray:
     """Return random images (images, count) of 0 and 1, each with one to all but one of the taxels ON."""
     rng = np.random.default_rng(seed)
     levels = np.zeros((images, count))
@@ -240,8 +240,8 @@ def pad_recoil(plan: Plan, mount: MountTable | None = None, images: int = IMAGES
     known = _recoil_without_signs(pad, images)
     if known.images == 0:
         return known
-    shown = chance_images(len(plan.taxels), images)
-    known = replace(known, signed_db=known.clamped_db if pad.mount.is_fast else _signed_db(pad, shown))
+    shown = random_images(len(plan.taxels), images)
+    known = replace(known, signed_db=known.clamped_db if pad.mount.is_immovable else _signed_db(pad, shown))
 
     def keeps(moving_db: float | None) -> bool:
         return _or_inf(known.clamped_db) - _or_inf(moving_db) <= LOST_DB
@@ -257,7 +257,7 @@ def planned_recoil(plan: Plan, prints: Prints) -> Recoil:
     if known.images == 0 or moving_pad_db(planned) is None:
         return known
 
-    shown = chance_images(len(plan.taxels), IMAGES)
+    shown = random_images(len(plan.taxels), IMAGES)
     listened = ShakenPad.listen if works_by_table(planned) else ShakenPad.listen_apart
 
     def heard_db(heavier: ShakenPad) -> float | None:
@@ -295,7 +295,7 @@ def recoil_findings(plan: Plan) -> Iterator[Finding]:
         "pad.recoil",
         "pad",
         f"taxels that are ON shake the pad ({about(recoil.moving_g)} g with all that moves with it), so that in"
-        f" {plan.spec.print_share:.0%} of prints they vibrate {only}{quieter(-left_db)} than OFF ones (asked:"
+        f" {plan.spec.print_share:.0%} of prints they vibrate {only}{less_or_more_text(-left_db)} than OFF ones (asked:"
         f" {asked_db:.1f} dB)",
         cures,
     )
@@ -322,9 +322,9 @@ def _recoil_without_signs(pad: ShakenPad, images: int) -> Recoil:
     )
     if len(plan.taxels) < 2 or not (pad.unit > 0).all():
         return known
-    shown = chance_images(len(plan.taxels), images)
+    shown = random_images(len(plan.taxels), images)
     clamped_db = _worst(pad.listen(shown, clamped=True))
-    if pad.mount.is_fast:
+    if pad.mount.is_immovable:
         return replace(known, images=images, clamped_db=clamped_db, in_step_db=clamped_db, apart_db=clamped_db)
     return replace(
         known,
@@ -363,7 +363,7 @@ def _signed_db(pad: ShakenPad, shown: np.ndarray) -> float | None:
     return _worst(pad.listen(np.array([levels * pad.signs(levels) for levels in shown])))
 
 
-def _worst(heard: HeardImages) -> float | None:
+def _worst(heard: ImageAmplitudes) -> float | None:
     """Return ON over OFF in dB of the worst image; None where no OFF taxel moves in any."""
     db = float(heard.db.min())
     return db if isfinite(db) else None

@@ -21,7 +21,7 @@ import numpy as np
 from padgen.core.registry import SUSPENSIONS
 from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import channels as resonators
-from padgen.planner.plan import level_law, scheme_for, sets_db
+from padgen.planner.plan import level_law, scheme_for, worst_set_db
 from padgen.planner.suspensions import BeamShape, Room, allowed, suspension
 from padgen.planner.taxel_model import STRAIGHT, Exponents, TaxelModel, narrowest_mm, plate_shape, shortest_mm
 from padgen.spec import Printer, Spec, Spread
@@ -35,12 +35,12 @@ __all__ = [
     "IdealBeam",
     "Reach",
     "SizedChannel",
+    "beam_inputs",
     "beams_for_resonances",
-    "beams_only",
     "crowded_modes",
     "frequency_spread",
-    "on_grid",
     "printable_beams",
+    "printable_widths_mm",
     "reach",
     "steps_are_coarse",
 ]
@@ -84,7 +84,7 @@ def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarra
     """Return printable beams for the `ideal` ones, which resonate at `target_hz` (n,)."""
     if not steps_are_coarse(spec):
         return [
-            item.beam._replace(width_mm=float(on_grid(spec, item.beam.width_mm, item.width_span_mm[1])))
+            item.beam._replace(width_mm=float(printable_widths_mm(spec, item.beam.width_mm, item.width_span_mm[1])))
             for item in ideal
         ]
     options = [_options(spec, item, float(f)) for item, f in zip(ideal, target_hz, strict=True)]
@@ -93,7 +93,7 @@ def printable_beams(spec: Spec, ideal: Sequence[IdealBeam], target_hz: np.ndarra
     return [beam for beam, *_ in _most_selective(spec, options, target_hz)]
 
 
-def on_grid(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.ndarray:
+def printable_widths_mm(spec: Spec, width_mm: float | np.ndarray, widest_mm: float) -> np.ndarray:
     """Return the nearest printable widths in mm: the smallest beam plus whole steps, at most `widest_mm`."""
     smallest = spec.printer.smallest_beam_mm
     step = spec.printer.width_step_mm
@@ -111,7 +111,7 @@ def _options(spec: Spec, item: IdealBeam, target_hz: float) -> list[_Option]:
     layer_mm = spec.printer.layer_mm
     shortest, longest = item.length_span_mm
     near_mm = ideal.width_mm + spec.printer.width_step_mm * np.arange(-WIDTHS_TRIED, WIDTHS_TRIED + 1)
-    widths = np.array(sorted(set(on_grid(spec, near_mm, item.width_span_mm[1]).tolist())))
+    widths = np.array(sorted(set(printable_widths_mm(spec, near_mm, item.width_span_mm[1]).tolist())))
     thicknesses = np.array([ideal.thickness_mm])
     lengths = np.array([ideal.length_mm])
     if "thickness" in spec.suspension.tune and spec.suspension.thickness_mm is None:
@@ -145,11 +145,11 @@ def _most_selective(spec: Spec, options: Sequence[Sequence[_Option]], target_hz:
     scheme = scheme_for(spec, target_hz)
 
     def kept_db(chosen: Sequence[_Option]) -> float:
-        return sets_db(spec, np.array([hz for _, hz, _ in chosen]), np.array([kg for *_, kg in chosen]), scheme)
+        return worst_set_db(spec, np.array([hz for _, hz, _ in chosen]), np.array([kg for *_, kg in chosen]), scheme)
 
     chosen = [nearest for nearest, *_ in options]
     best = kept_db(chosen)
-    enough = sets_db(spec, target_hz, np.array([kg for *_, kg in chosen]), scheme)
+    enough = worst_set_db(spec, target_hz, np.array([kg for *_, kg in chosen]), scheme)
     for _ in range(ROUNDS):
         before = best
         if best >= enough:
@@ -262,7 +262,7 @@ ANY_COIL = Coil("any", 2.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 1.0, gap_mm=1.0)
 """A coil for searches on which the coil has no influence."""
 
 
-def beams_only(spec: Spec) -> Spec:
+def beam_inputs(spec: Spec) -> Spec:
     """Return `spec` with fixed values in all fields on which beams in a given room do not depend, to share searches.
 
     Of the coil only the number of sets is kept, of the drive nothing.
@@ -291,7 +291,7 @@ def reach(spec: Spec, topology: str, room: Room, wanted_hz: tuple[float, float] 
     # A grid of beams does not depend on what is asked of them, either. `_reach` has the topology as an argument, and
     # `tune` only matters when a beam is chosen from the grid.
     any_ladder = replace(
-        beams_only(spec),
+        beam_inputs(spec),
         band_hz=(1.0, 2.0),
         q_min=1.0,
         delta_y=10.0,
@@ -339,7 +339,7 @@ def _grid(spec: Spec, topology: str, room: Room) -> tuple[np.ndarray, np.ndarray
     return thickness, length, np.geomspace(narrowest, max(widest, narrowest * (1 + 1e-6)), WIDTHS)
 
 
-def _on_grid(spec: Spec, topology: str, thickness: np.ndarray, length: np.ndarray, width: np.ndarray) -> TaxelModel:
+def _grid_model(spec: Spec, topology: str, thickness: np.ndarray, length: np.ndarray, width: np.ndarray) -> TaxelModel:
     """Return the beam model of taxels for all combinations (T, L, W) of thicknesses, lengths and widths in mm."""
     thick, long, wide = np.meshgrid(thickness, length, width, indexing="ij", sparse=True)
     return TaxelModel(spec, topology, plate_shape(spec), BeamShape(wide, thick, long))
@@ -359,7 +359,7 @@ def _bent_corners_hz(spec: Spec, topology: str, room: Room, changes: int) -> tup
     if grid is None:
         return None
     thickness, length, width = grid
-    model = _on_grid(spec, topology, thickness[[0, -1]], length[[0, -1]], width)
+    model = _grid_model(spec, topology, thickness[[0, -1]], length[[0, -1]], width)
     if model.is_straight:
         return None
     resonance = _grid_hz(model)
@@ -374,7 +374,7 @@ def _reach(spec: Spec, topology: str, room: Room, changes: int) -> Reach | None:
     if grid is None:
         return None
     thickness, length, width = grid
-    model = _on_grid(spec, topology, *grid)
+    model = _grid_model(spec, topology, *grid)
     resonance = _grid_hz(model)
     if np.isnan(resonance).all():
         return None

@@ -129,7 +129,7 @@ def pin_place_mm(spec: Spec, arrangement: Arrangement) -> tuple[Any, Any]:
 
 def recess_mm(spec: Spec) -> tuple[float, float]:
     """Return diameter and depth in mm of the recess in the plate's underside."""
-    return spec.moved.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
+    return spec.washer_or_magnet.outer_diameter_mm + spec.taxel.washer_clearance_mm, spec.recess_depth_mm
 
 
 def open_recess_mm(spec: Spec) -> tuple[float, float]:
@@ -161,7 +161,7 @@ def hollows_mm(spec: Spec) -> list[tuple[float, float, float, float]]:
 
 def post_diameter_mm(spec: Spec) -> float:
     """Return the diameter in mm of the recess's centre post, 0 where it has none."""
-    bore = spec.moved.inner_diameter_mm - spec.taxel.washer_clearance_mm
+    bore = spec.washer_or_magnet.inner_diameter_mm - spec.taxel.washer_clearance_mm
     return bore if spec.taxel.centre_post and bore >= spec.printer.line_width_mm else 0.0
 
 
@@ -302,9 +302,9 @@ class TaxelModel:
         top = taxel.plate_thickness_mm * MM
         boss_top = top if spec.pin_share is not None else _rigid_top_mm(spec) * MM
         high = spec.mover_top_mm * MM
-        low = high - spec.moved.thickness_mm * MM
-        outer = spec.moved.outer_diameter_mm * MM
-        bore = spec.moved.inner_diameter_mm * MM
+        low = high - spec.washer_or_magnet.thickness_mm * MM
+        outer = spec.washer_or_magnet.outer_diameter_mm * MM
+        bore = spec.washer_or_magnet.inner_diameter_mm * MM
         washer_at = (self.arrangement.washer_x_mm * MM, 0.0)
         parts = [
             *(
@@ -316,7 +316,7 @@ class TaxelModel:
                 ring(washer_at, low_mm * MM, high_mm * MM, outer_mm * MM, inner_mm * MM, -density)
                 for low_mm, high_mm, outer_mm, inner_mm in hollows_mm(spec)
             ),
-            ring(washer_at, low, high, outer, bore, spec.moved.density_g_per_cm3 * G_PER_CM3),
+            ring(washer_at, low, high, outer, bore, spec.washer_or_magnet.density_g_per_cm3 * G_PER_CM3),
         ]
         if ballast := spec.ballast:
             ballast_at = (spec.pocket_top_mm - ballast.height_mm) * MM, spec.pocket_top_mm * MM

@@ -10,7 +10,7 @@ from math import inf, log, pi
 
 import numpy as np
 
-from padgen.core.errors import Finding, at_least, at_most, number, plural, quieter
+from padgen.core.errors import Finding, at_least, at_most, less_or_more_text, number, plural
 from padgen.core.registry import CONTACTS
 from padgen.core.units import GRAM, MM, UM, decibel
 from padgen.physics.contact import Contact, Contactor, LoadedTaxels, Scaled, loaded_resonance
@@ -60,7 +60,7 @@ LOW_HIGH_SIGMAS = 1.6449
 
 
 def _site(spec: Spec) -> str:
-    return SITE if spec.touch.is_none else spec.touch.contact
+    return SITE if spec.touch.is_untouched else spec.touch.contact
 
 
 def skin_spreads(spec: Spec) -> dict[str, tuple[float, float]]:
@@ -83,7 +83,7 @@ def contact_of(spec: Spec, which: str = "typical", factors: Mapping[str, np.ndar
 
     With `factors`, figures of skin are multiplied by them. A spec without a contact is judged by fingertips.
     """
-    if factors is None and (spec.touch.is_none or spec.touch.people is None) and spec.touch.contact != "own":
+    if factors is None and (spec.touch.is_untouched or spec.touch.people is None) and spec.touch.contact != "own":
         return skin_contact(_site(spec), which)
     if factors is None:
         sigmas = {"low": -LOW_HIGH_SIGMAS, "typical": 0.0, "high": LOW_HIGH_SIGMAS}[which]
@@ -111,7 +111,7 @@ def indentation_mm(spec: Spec) -> float:
 
     The height counts up to `MOST_PRESSED_MM`. The indentation is 0 without a touch, or with neither of them.
     """
-    if spec.touch.is_none:
+    if spec.touch.is_untouched:
         return 0.0
     if spec.touch.indentation_mm is not None:
         return spec.touch.indentation_mm
@@ -127,7 +127,7 @@ def lever_of(spec: Spec, channels: Sequence[Channel]) -> np.ndarray:
 
     It is 1 where the spec plans for no contact: what untouched pads say of fingers is of bosses that move straight up.
     """
-    if spec.touch.is_none:
+    if spec.touch.is_untouched:
         return np.ones(len(channels))
     return np.array([channel.pin.load_lever for channel in channels])
 
@@ -188,7 +188,7 @@ HIGHEST_FELT_HZ = 800.0
 HALVINGS = 40
 
 
-def _burden(skin: Contact, contactor: Contactor, hz: float, stiffness: float) -> float:
+def _skin_load_ratio(skin: Contact, contactor: Contactor, hz: float, stiffness: float) -> float:
     """Return skin's load on a taxel over the tolerable load: above 1, f rises by over 5 % or Q falls below 8."""
     added = skin.impedance(hz, contactor)
     stiffens = float(added.stiffness) / stiffness / STIFFENED
@@ -214,7 +214,7 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
         return
     skin = contact_of(plan.spec, "typical")
     contactor = contactor_of(plan.spec)
-    burdens = [_burden(skin, contactor, c.resonance_hz, c.stiffness_n_per_m) for c in plan.channels]
+    burdens = [_skin_load_ratio(skin, contactor, c.resonance_hz, c.stiffness_n_per_m) for c in plan.channels]
     worst = max(plan.channels, key=lambda c: burdens[c.index])
     if burdens[worst.index] <= 1:
         return
@@ -223,10 +223,10 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
     stiffness = worst.stiffness_n_per_m
 
     def smaller(radius: float) -> bool:
-        return _burden(skin, contactor._replace(radius=radius), worst.resonance_hz, stiffness) <= 1
+        return _skin_load_ratio(skin, contactor._replace(radius=radius), worst.resonance_hz, stiffness) <= 1
 
     def too_low(hz: float) -> bool:
-        return _burden(skin, contactor, hz, mass * (2 * pi * hz) ** 2) > 1
+        return _skin_load_ratio(skin, contactor, hz, mass * (2 * pi * hz) ** 2) > 1
 
     contact_mm = 0.0
     if smaller(SMALLEST_CONTACT_MM / 2 * MM):
@@ -236,7 +236,7 @@ def judge_touch(plan: Plan) -> Iterator[Finding]:
     hz = typical.resonance_hz[worst.index]
     q = typical.q[worst.index]
     kept = typical.all_states_db
-    heard = "" if kept is None else f", and OFF taxels vibrate {quieter(kept)} than ON ones"
+    heard = "" if kept is None else f", and OFF taxels vibrate {less_or_more_text(kept)} than ON ones"
     ways = []
     if contact_mm:
         ways.append(f"a contact {at_most(contact_mm)} mm wide")

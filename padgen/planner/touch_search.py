@@ -262,7 +262,7 @@ def _plate(spec: Spec, parts: _TouchParts, is_open: frozenset[str]) -> Cure:
     height_mm = catalogue("ballast")[name]["height_mm"] if name else 0.0
     if "ballast" not in is_open and spec.ballast:
         height_mm = spec.ballast.height_mm
-    moved_mm = spec.moved.thickness_mm
+    moved_mm = spec.washer_or_magnet.thickness_mm
     if not is_open.isdisjoint(OF_MOVER):
         moved_mm = catalogue(_kind(parts.mover))[parts.mover]["thickness_mm"]
     recess_mm = printer.height_mm(printer.layers_up_to(moved_mm + spec.taxel.glue_gap_mm))

@@ -39,9 +39,9 @@ from padgen.planner.printed_pads import (
     Coils,
     Design,
     Drift,
-    Later,
+    Drifted,
     design_of,
-    drawn_later,
+    drawn_drift,
     drawn_prints,
     leaked_energy,
     quantile_error,
@@ -54,7 +54,7 @@ from padgen.planner.touch import contact_of, contactor_of, felt_levels, indentat
 from padgen.spec import Spec
 
 __all__ = [
-    "Fingers",
+    "TouchedPrints",
     "judge_touched_prints",
     "planned_touch",
     "played_channels",
@@ -130,7 +130,7 @@ def touched_plan(plan: Plan) -> Plan:
     return replace(plan, channels=driven(plan.spec, channels_, plan.scheme))
 
 
-class Fingers(NamedTuple):
+class TouchedPrints(NamedTuple):
     """Simulated pads (p,) under random skins: squared ON over OFF of the worst coil, squared least level of ON taxels.
 
     The second is over that taxel's planned level. The first is inf where nothing moves OFF taxels.
@@ -163,7 +163,7 @@ def _reached_db(energy: np.ndarray, share: float) -> float:
     return float(sorted_db[reached])
 
 
-class _Beside(NamedTuple):
+class _AddedEnergies(NamedTuple):
     """Squared amplitudes (n,) that leakage, other modes and recoil add to OFF taxels, over those of the taxels when ON.
 
     `leaks` (2, n) are of the coils around, driven by the table and re-tuned; `modes` is by their other modes, and
@@ -175,7 +175,7 @@ class _Beside(NamedTuple):
     recoil: float
 
 
-def _added_energies(plan: Plan, tones: str) -> _Beside:
+def _added_energies(plan: Plan, tones: str) -> _AddedEnergies:
     """Return what leakage, other modes and recoil add to OFF taxels' squared amplitude, under one kind of `TONES`."""
     played = touched_plan(plan).channels if tones == TONES[0] else plan.channels
     modes = np.zeros(len(plan.channels))
@@ -188,8 +188,8 @@ def _added_energies(plan: Plan, tones: str) -> _Beside:
         more = off_energy(taxels, plan.scheme, heard, drivers) - off_energy(taxels, plan.scheme, None, drivers)
         modes[[channel.index for channel in own_set]] = np.maximum(more, 0.0)
     mount = plan.spec.mount
-    moves = mount.is_said and not mount.is_fast
-    return _Beside(leaked_energy(plan), modes, recoil_energy(touched_plan(plan)) if moves else 0.0)
+    moves = mount.is_said and not mount.is_immovable
+    return _AddedEnergies(leaked_energy(plan), modes, recoil_energy(touched_plan(plan)) if moves else 0.0)
 
 
 def _lines_of(channel_set: Sequence[Channel]) -> Channels:
@@ -205,7 +205,7 @@ def touched_pads(
     design: Design | None = None,
     as_drawn: str = "",
     drift: Drift | None = None,
-) -> Fingers:
+) -> TouchedPrints:
     """Simulate `pads` prints under reproducibly random skins, driven by `tones` (of `TONES`); return what they keep.
 
     Where they are `retuned`, every bare taxel's resonance is measured and its tone moved; else tones and forces are the
@@ -228,7 +228,7 @@ def touched_pads(
         part = slice(number * unit, number * unit + count)
         drawn = drawn_prints(design, spreads, 0, number, count)
         log_x = np.clip(drawn.log_x[2], GRID[0], GRID[-1])
-        later = None if drift is None else drawn_later(drift, taxels, 0, number, count)
+        later = None if drift is None else drawn_drift(drift, taxels, 0, number, count)
         skin = _Skin(spec, number, count, taxels, as_drawn)
         for coils in design.coils:
             known = np.zeros_like(log_x) if not retuned else log_x
@@ -239,7 +239,7 @@ def touched_pads(
             off += leak + beside.modes[coils.channels, None, None] + beside.recoil
             ratio[part] = np.minimum(ratio[part], design.kept * _worst(on, off))
             weakest[part] = np.minimum(weakest[part], design.kept * on.min((0, 1)))
-    return Fingers(ratio, weakest)
+    return TouchedPrints(ratio, weakest)
 
 
 def _worst(on: np.ndarray, off: np.ndarray) -> np.ndarray:
@@ -300,7 +300,7 @@ class _TouchedCoil:
         lever: np.ndarray,
         x: np.ndarray,
         pull: np.ndarray,
-        later: Later | None,
+        later: Drifted | None,
     ) -> None:
         spec = plan.spec
         self.plan = plan
@@ -329,7 +329,7 @@ class _TouchedCoil:
 
         `known` and `known_pull` (taxels, pads) are the logarithms of resonance and pull that the tones follow.
         """
-        drivers, level = self._played(tones, known[self.coils.taxels], known_pull[self.coils.taxels])
+        drivers, level = self._played_lines(tones, known[self.coils.taxels], known_pull[self.coils.taxels])
         count = len(self.hz)
         on = np.zeros(self.x.shape)
         off = np.zeros(self.x.shape)
@@ -348,7 +348,7 @@ class _TouchedCoil:
                     off[i] = join(off[i], energy)
         return on, off
 
-    def _played(self, tones: str, known: np.ndarray, known_pull: np.ndarray) -> tuple[Channels, np.ndarray]:
+    def _played_lines(self, tones: str, known: np.ndarray, known_pull: np.ndarray) -> tuple[Channels, np.ndarray]:
         """Return frequencies and strengths of the tones that are played, and the levels (by the level law) aimed at."""
         hz = np.empty(known.shape)
         force = np.empty(known.shape)
@@ -405,7 +405,7 @@ def planned_touch(plan: Plan, quick: bool = False) -> Touch | None:
     With `quick`, few pads are simulated, and only as re-tuned.
     """
     spec = plan.spec
-    if spec.touch.is_none:
+    if spec.touch.is_untouched:
         return None
     share = spec.print_share
     kinds = TONES if spec.touch.tones == "auto" else (spec.touch.tones,)
@@ -458,7 +458,7 @@ def planned_touch(plan: Plan, quick: bool = False) -> Touch | None:
     )
 
 
-def _loose_db(plan: Plan, fingers: Fingers) -> float | None:
+def _loose_db(plan: Plan, fingers: TouchedPrints) -> float | None:
     """Return the selectivity in dB that the asked share of loose prints keeps; None if the spec says how a pad is held.
 
     Every OFF taxel is taken to hear the recoil, and the weakest ON taxel of a pad to be compared with it.
@@ -466,7 +466,7 @@ def _loose_db(plan: Plan, fingers: Fingers) -> float | None:
     if plan.spec.mount.is_said:
         return None
     shaken = recoil_energy(touched_plan(plan)) / fingers.weakest
-    return Fingers(1 / (1 / fingers.ratio + shaken), fingers.weakest).kept_db(plan.spec.print_share)
+    return TouchedPrints(1 / (1 / fingers.ratio + shaken), fingers.weakest).kept_db(plan.spec.print_share)
 
 
 def played_channels(plan: Plan) -> tuple[Channel, ...]:
@@ -529,7 +529,7 @@ def judge_touched_prints(plan: Plan) -> Iterator[Finding]:
             f"touched, with every taxel re-tuned, {touch.good_share:.0%} of {plan.spec.touch.prints_text} keep the"
             f" {asked_db:.1f} dB of ON over OFF that are asked for; {wanted:.0%} keep {touch.print_db:.1f} dB;"
             " padgen plan --explain ranks what would help",
-            tuple(_nearest(plan, touch.print_db)),
+            tuple(_touch_cures(plan, touch.print_db)),
         )
     elif touch.planned_db is not None and touch.planned_db < asked_db:
         yield Finding(
@@ -572,7 +572,7 @@ NEARER = 0.8
 """Share of a pin's place that may keep what is asked."""
 
 
-def _nearest(plan: Plan, kept_db: float) -> Iterator[dict[str, Any]]:
+def _touch_cures(plan: Plan, kept_db: float) -> Iterator[dict[str, Any]]:
     """Yield spec changes by which touched prints may pass: pins nearer the roots, fewer taxels, a lower `delta_y`."""
     spec = plan.spec
     share = spec.pin_share

@@ -8,10 +8,10 @@ pad is held, the verdict is on one that is held still, and says so if recoil wou
 from dataclasses import replace
 from math import inf
 
-from padgen.core.errors import Finding, Verdict, about, as_lines, number, quieter
+from padgen.core.errors import Finding, Verdict, about, as_lines, less_or_more_text, number
 from padgen.planner.plan import Plan, Touch
 
-__all__ = ["based_pad_db", "judged", "left_by_recoil_db", "moving_pad_db", "recoil_db", "works_by_table"]
+__all__ = ["based_pad_db", "left_by_recoil_db", "moving_pad_db", "recoil_db", "with_verdict", "works_by_table"]
 
 CAUSES = ("selectivity.all_states", "coil.leak", "print.share")
 """Codes of findings that say why prints keep too little, the deepest cause first."""
@@ -56,7 +56,7 @@ def works_by_table(plan: Plan) -> bool:
     return planned_db is None or planned_db >= plan.selectivity.asked_db
 
 
-def judged(plan: Plan, findings: tuple[Finding, ...]) -> Plan:
+def with_verdict(plan: Plan, findings: tuple[Finding, ...]) -> Plan:
     """Return `plan` with `findings` and the verdict that follows: from the first error if any, else the figures."""
     known = replace(plan, findings=findings)
     errors = [finding for finding in findings if finding.level == "error"]
@@ -94,21 +94,23 @@ def _working(plan: Plan) -> Verdict:
             return Verdict("short", f"{short}: {slow.message}.", touched, slow.code, _cure_of(slow), heard_db)
         sentence = f"{works}: no taxel hears another."
         if heard_db is not None:
-            sentence = f"{works}: ON taxels vibrate {_kept(heard_db)} OFF ones, which only hear the pad recoil."
+            sentence = (
+                f"{works}: ON taxels vibrate {_compared_text(heard_db)} OFF ones, which only hear the pad recoil."
+            )
         return Verdict("good", sentence, touched, "", "", heard_db, shaken)
     share = f"in {plan.spec.print_share:.0%} of prints ON taxels"
     asked = f"(asked: {asked_db:.1f} dB)"
     print_db = prints.print_db if left_db is None else left_db
     if slow:
-        kept = f"{share} vibrate {_kept(print_db)} OFF ones {asked}"
+        kept = f"{share} vibrate {_compared_text(print_db)} OFF ones {asked}"
         sentence = f"{short}: {slow.message}. Measured and re-tuned, {kept}."
         return Verdict("short", sentence, touched, slow.code, _cure_of(slow), print_db)
     if prints.planned_db >= asked_db:
         planned_db = prints.planned_db if left_db is None else left_db
-        kept = f"{share} vibrate {_kept(planned_db)} OFF ones {asked}."
+        kept = f"{share} vibrate {_compared_text(planned_db)} OFF ones {asked}."
         sentence = f"{works}, as printed: driven by the plan's table, {kept}"
         return Verdict("good", sentence, touched, "", "", planned_db, shaken)
-    kept = f"{share} then vibrate {_kept(print_db)} OFF ones {asked}."
+    kept = f"{share} then vibrate {_compared_text(print_db)} OFF ones {asked}."
     if prints.good_share >= plan.spec.print_share:
         sentence = f"{works}, once every taxel is measured and re-tuned: {kept}"
         return Verdict("retune", sentence, touched, "print.spread", "", print_db, shaken)
@@ -164,9 +166,9 @@ def _under_touch(plan: Plan, touch: Touch) -> Verdict:
             f" {touch.loose_db:.1f} dB under {hand}; fasten it to what does not move."
         )
     if touch.planned_db is not None and touch.planned_db >= asked_db:
-        sentence = f"{works}, as printed: {share} vibrate {_kept(touch.planned_db)} OFF ones {asked}."
+        sentence = f"{works}, as printed: {share} vibrate {_compared_text(touch.planned_db)} OFF ones {asked}."
         return Verdict("good", sentence, untouched, "", "", touch.planned_db, shaken)
-    kept = f"{share} then vibrate {_kept(touch.print_db)} OFF ones {asked}."
+    kept = f"{share} then vibrate {_compared_text(touch.print_db)} OFF ones {asked}."
     if touch.good_share >= plan.spec.print_share:
         sentence = f"{works}, once every taxel is measured and re-tuned: {kept}"
         return Verdict("retune", sentence, untouched, "touch.spread", "", touch.print_db, shaken)
@@ -180,7 +182,7 @@ def _untouched_sentence(plan: Plan) -> str:
     prints = plan.prints
     if prints.print_db is None:
         return ""
-    kept = f"ON taxels vibrate {_kept(prints.print_db)} OFF ones"
+    kept = f"ON taxels vibrate {_compared_text(prints.print_db)} OFF ones"
     return (
         f"Untouched, with tones at the untouched resonances, in {plan.spec.print_share:.0%} of re-tuned prints {kept}."
     )
@@ -200,11 +202,11 @@ def _shaken_sentence(plan: Plan) -> str:
     return f"Lying loose, {loose}; {held}."
 
 
-def _kept(db: float) -> str:
+def _compared_text(db: float) -> str:
     """Return in words how ON taxels compare with OFF ones at `db` of selectivity: 'at least 20.7 dB more than'."""
     if abs(db) < SILENT_DB:
         return "at least as much as"
-    return f"at {'least' if db > 0 else 'most'} {quieter(-db)} than"
+    return f"at {'least' if db > 0 else 'most'} {less_or_more_text(-db)} than"
 
 
 SILENT_DB = 0.05
@@ -239,7 +241,7 @@ def _touched_sentence(plan: Plan) -> str:
     kept_db = typical.all_states_db
     if kept_db is None:
         return f"Under a finger, {skin}, {moved}."
-    heard = f"OFF taxels vibrate {quieter(kept_db)} than ON ones; {moved}."
+    heard = f"OFF taxels vibrate {less_or_more_text(kept_db)} than ON ones; {moved}."
     if plan.touch is not None and kept_db > 0:
         return f"With {_contact_text(plan.touch)} on every taxel, {heard}"
     heard = f"{skin} {heard}"

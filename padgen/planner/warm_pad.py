@@ -25,7 +25,7 @@ from padgen.planner.pad_mass import PadMass
 from padgen.planner.plan import TURNS, Plan, Warm, carrier_hz
 from padgen.spec.model import Material
 
-__all__ = ["copper_ohm", "planned_warmth", "softened", "warm_layers"]
+__all__ = ["copper_ohm", "planned_warmth", "warm_layers", "warm_resonance_ratio"]
 
 PLASTIC_W_PER_M_K = 0.2
 """Conductivity of printed plastics: data sheets give 0.13 (PLA) to 0.25 (nylon), prints less across their layers."""
@@ -61,7 +61,7 @@ def planned_warmth(plan: Plan) -> Warm:
     stored_j = 4 * float((layers.stored_j_per_k * (warm_c - room_c)).sum())
     channel_rise_k = plates_c.mean((1, 2)) - room_c
     cold_hz = np.array([channel.resonance_hz for channel in plan.channels])
-    warm_hz = cold_hz * softened(spec.material, channel_rise_k)
+    warm_hz = cold_hz * warm_resonance_ratio(spec.material, channel_rise_k)
     mean_coil_c = coil_c
     if heat_w > 0:
         mean_coil_c = float(np.average(warm_c[0], weights=layers.heat_w))
@@ -77,7 +77,7 @@ def planned_warmth(plan: Plan) -> Warm:
         mean_beam_c=float(plates_c.mean()),
         error=WARM_ERROR,
         warm_up_min=stored_j / heat_w / 60 if heat_w > 0 else 0.0,
-        resonance_shift=float(softened(spec.material, beam_c - room_c)) - 1,
+        resonance_shift=float(warm_resonance_ratio(spec.material, beam_c - room_c)) - 1,
         resonances_hz=tuple(warm_hz.tolist()),
         mean_coil_c=mean_coil_c,
         levels_um=tuple((level_um * left).tolist()),
@@ -86,7 +86,7 @@ def planned_warmth(plan: Plan) -> Warm:
     )
 
 
-def softened(material: Material, rise_k: np.ndarray | float) -> np.ndarray:
+def warm_resonance_ratio(material: Material, rise_k: np.ndarray | float) -> np.ndarray:
     """Return a taxel's resonance with its plastic warmer by `rise_k` (negative: colder) over that at room temperature.
 
     Half the relative change of the modulus, which is a slope at room temperature.

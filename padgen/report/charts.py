@@ -18,11 +18,11 @@ from padgen.report.drawings import (
     SMALL_PT,
     Sheet,
     all_shapes,
-    border,
     circle,
     draw_exploded,
     draw_pad,
     draw_section,
+    pad_corners,
     title_of,
 )
 from padgen.report.figures import Figure, Panel, Points, colour_of, figure_names, figures_of
@@ -346,7 +346,7 @@ def print_map(axis: Any, plan: Plan) -> None:
         )
     )
     for grow, style in ((1.0, "-"), (0.0, ":")):
-        axis.plot(*border(plan, grow)[[0, 1, 2, 3, 0]].T, style, color=PALE, linewidth=0.8)
+        axis.plot(*pad_corners(plan, grow)[[0, 1, 2, 3, 0]].T, style, color=PALE, linewidth=0.8)
     axis.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
     asked = f"keeps {plan.selectivity.asked_db:.1f} dB in so many re-tuned prints"
     bar = axis.figure.colorbar(

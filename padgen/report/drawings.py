@@ -23,11 +23,11 @@ __all__ = [
     "NAME_PT",
     "SMALL_PT",
     "Sheet",
-    "border",
     "circle",
     "draw_exploded",
     "draw_pad",
     "draw_section",
+    "pad_corners",
     "pad_shapes",
     "title_of",
 ]
@@ -189,7 +189,7 @@ def taxel_shapes(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
     plate = plan.plate
     length, width = (float(v) for v in arrangement.window_mm)
     x = float(arrangement.washer_x_mm)
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     bore = [circle(x, 0, washer.inner_diameter_mm)[::-1]] if washer.inner_diameter_mm else []
     return {
         "window": [rectangle(0, length, -width / 2, width / 2)],
@@ -219,7 +219,7 @@ def _in_cell(plan: Plan, channel: Channel) -> dict[str, list[Points]]:
     return {name: [to_cell(shape, channel) for shape in shapes] for name, shapes in taxel_shapes(plan, channel).items()}
 
 
-def border(plan: Plan, grow: float = 1.0) -> Points:
+def pad_corners(plan: Plan, grow: float = 1.0) -> Points:
     """Return the corners (4, 2) of the pad, or with `grow` 0 of its active area."""
     pad = plan.spec.pad
     x, y = (side / 2 + grow * pad.border_mm for side in (pad.width_mm, pad.depth_mm))
@@ -230,8 +230,8 @@ def pad_shapes(plan: Plan) -> list[tuple[str, Points]]:
     """Return the outlines of the pad from the touch side, by name: its frame, the groove in a corner, and its holes."""
     pad = plan.spec.pad
     groove = corner_groove(plan.spec)
-    low = border(plan)[0, 1]
-    corners = border(plan, 0.5)[[2, 3, 0, 1]]
+    low = pad_corners(plan)[0, 1]
+    corners = pad_corners(plan, 0.5)[[2, 3, 0, 1]]
     round_corner = circle(0, 0, pad.border_mm)
     bows = [corner + round_corner[np.arange(12 * k, 12 * k + 13) % 48] for k, corner in enumerate(corners)]
     shapes = [("frame", np.vstack(bows)), ("groove", rectangle(groove.x0, groove.x1, low, groove.y1))]
@@ -247,7 +247,7 @@ def both_sides(
 
     The functions bring points (n, 2) from the pad's axes to each side's place on the sheet.
     """
-    (left, low), (right, high) = border(plan)[[0, 2]]
+    (left, low), (right, high) = pad_corners(plan)[[0, 2]]
     apart = 1.12 * (right - left)
     sheet = Sheet(title_of(plan, title), Outline(left, right + apart, low, high), (0.7, 0.3, 1.1, 0.85), most)
     views: list[Callable[[Points], Points]] = [lambda shape: shape, lambda shape: shape * (-1, 1) + (apart, 0)]
@@ -263,8 +263,8 @@ def both_sides(
 def draw_pad(plan: Plan) -> Any:
     """Draw the printed pad from the touch side and from below, with its dimensions."""
     pad = plan.spec.pad
-    x, y = border(plan)[2]
-    inner_x, inner_y = border(plan, 0)[2]
+    x, y = pad_corners(plan)[2]
+    inner_x, inner_y = pad_corners(plan, 0)[2]
     sides = (f"touch side: {felt_parts(plan)} to feel", f"underside: beams, recesses and {plan.spec.mover.kind}s")
     sheet, views = both_sides(plan, "the printed pad, in mm", sides)
     parts = ("window", "beam", "plate", "boss"), ("window", "plate", "beam", "recess", "washer")
@@ -281,7 +281,7 @@ def draw_pad(plan: Plan) -> Any:
     note = (
         f"frame {number(pad.frame_thickness_mm)} high, border {number(pad.border_mm)} wide{holes};"
         f" {plan.spec.mover.kind}s"
-        f" {number(plan.spec.moved.outer_diameter_mm)} across; black: the groove that marks a corner"
+        f" {number(plan.spec.washer_or_magnet.outer_diameter_mm)} across; black: the groove that marks a corner"
     )
     sheet.words((-x, -y - 2 * step - 0.2 * sheet.mm), note, ha="left", va="top")
     return sheet.figure
@@ -296,7 +296,7 @@ def draw_section(plan: Plan) -> Any:
     channel = plan.channels[0]
     spec = plan.spec
     plate = plan.plate
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     ballast = spec.ballast
     coil = spec.coil
     thick = spec.pad.frame_thickness_mm
@@ -513,9 +513,9 @@ def draw_exploded(plan: Plan) -> Any:
 
     spec = plan.spec
     coil = plan.spec.coil
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     plate = plan.plate
-    edges = border(plan)
+    edges = pad_corners(plan)
     grid = [coil_axis_mm(plan.coils, r, c) for r in reversed(range(plan.coils.rows)) for c in range(plan.coils.columns)]
     bosses = np.array([(taxel.x_mm, taxel.y_mm) for taxel in plan.taxels])
     bosses = bosses[np.argsort(-(bosses @ TURN[1]), kind="stable")]
@@ -568,7 +568,7 @@ def draw_exploded(plan: Plan) -> Any:
     pins = pins[np.argsort(-(pins @ TURN[1]), kind="stable")]
     foot = z if plan.channels[0].pin.on_beam else height
     pad += prisms("boss", pins, plan.channels[0].pin.diameter_mm, foot, z + plan.channels[0].pin.top_mm)
-    corners = border(plan, 0.5)[[3, 2, 0, 1] if spec.pad.hole_diameter_mm else []]
+    corners = pad_corners(plan, 0.5)[[3, 2, 0, 1] if spec.pad.hole_diameter_mm else []]
     pad += prisms("hole", corners, spec.pad.hole_diameter_mm, top)
     layers.append(("frame", "1 pad", f"printed: frame, beams, plates, {felt_parts(plan)}", pad))
     if spec.guard_height_mm:

@@ -174,7 +174,7 @@ def _fields(body: bytes) -> Any:
 # What workers do.
 
 
-def _worked_out(live: Live, name: str, body: bytes) -> str:
+def _call_live(live: Live, name: str, body: bytes) -> str:
     """Call the method `name` of `live` with the fields in a request's body; return a page, or else JSON."""
     gc.set_threshold(MOST_OBJECTS)
     answer = getattr(live, name)(_fields(body))
@@ -241,7 +241,7 @@ class Work:
         leaving = asyncio.ensure_future(gone)
         leaving.add_done_callback(lambda _: _end(end, "was ended, since its page has gone"))
         try:
-            return await self._asked(end, self._planners, _worked_out, self.live, name, body)
+            return await self._run_in_worker(end, self._planners, _call_live, self.live, name, body)
         finally:
             leaving.cancel()
             if self._newest.get(page) is end:
@@ -249,13 +249,13 @@ class Work:
 
     async def saved(self, name: str, body: bytes) -> Answer:
         """Return the answer of a quick method of `Live`, such as to save; finish it even if the page has gone."""
-        return await self._asked(None, self._savers, _worked_out, self.live, name, body)
+        return await self._run_in_worker(None, self._savers, _call_live, self.live, name, body)
 
     async def bare_page(self, body: bytes, error: PadgenError) -> Answer:
         """Return the page with the form and the `error` in place of a plan."""
-        return await self._asked(None, self._savers, _bare_page, self.live, body, error)
+        return await self._run_in_worker(None, self._savers, _bare_page, self.live, body, error)
 
-    async def _asked(
+    async def _run_in_worker(
         self, end: "asyncio.Future[str] | None", runner: Runner, function: Callable[..., str], *arguments: Any
     ) -> Answer:
         """Run `function` in a worker and return its answer, or a failure once `end` is set or time is up."""

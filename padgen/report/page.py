@@ -172,7 +172,7 @@ def scene_data(plan: Plan, pad: Pad | None = None, bill: str = "", *, live: bool
         "bom": list(csv.reader(io.StringIO(bill or (pad.bill if pad else bill_of_materials(plan, plastic_g))))),
         "masses_g": {
             "plastic": plastic_g,
-            "washers": _mass_g(volumes_mm3["steel"], plan.spec.moved.density_g_per_cm3)
+            "washers": _mass_g(volumes_mm3["steel"], plan.spec.washer_or_magnet.density_g_per_cm3)
             + (plan.spec.ballast.mass_g * len(plan.taxels) if plan.spec.ballast else 0.0),
         },
     }
@@ -241,7 +241,7 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
 
 def _pad(plan: Plan) -> dict[str, Any]:
     pad = plan.spec.pad
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     coil = plan.spec.coil
     return {
         "width_mm": pad.width_mm,
@@ -356,7 +356,7 @@ def _manual(plan: Plan) -> dict[str, Any]:
         "guard": _guard_of(plan),
         "screw": tray.screw._asdict() if tray and tray.screw else None,
         "mover": plan.spec.mover.kind,
-        "washer": plan.spec.moved.name,
+        "washer": plan.spec.washer_or_magnet.name,
         "ballast": ballast_size(plan.spec.ballast) if plan.spec.ballast else "",
         "ballast_step": ballast_step(plan.spec),
         "board": _board_of(plan),

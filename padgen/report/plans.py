@@ -12,11 +12,11 @@ from padgen.core.errors import (
     Verdict,
     about,
     at_most,
+    less_or_more_text,
     listed,
     number,
     plain,
     plural,
-    quieter,
 )
 from padgen.core.units import COPPER_MELTS_C
 
@@ -51,11 +51,11 @@ def summary_text(plan: "Plan") -> str:
         heading_rows = len(rows) - len(plan.channels)
         rows[heading_rows + SHOWN_CHANNELS // 2 : -SHOWN_CHANNELS // 2] = [" …"]
     return "\n".join(
-        [verdict_text(plan.verdict), "", pad_line(plan), "", *rows, *_folds(plan), "", *_power_lines(plan)]
+        [verdict_text(plan.verdict), "", pad_line(plan), "", *rows, *_serpentine_lines(plan), "", *_power_lines(plan)]
     )
 
 
-def _folds(plan: "Plan") -> list[str]:
+def _serpentine_lines(plan: "Plan") -> list[str]:
     """Return a line on what the number in the name of a serpentine means; none for other suspensions."""
     for topology in dict.fromkeys(channel.beam.topology for channel in plan.channels):
         if topology.startswith("serpentine-"):
@@ -279,7 +279,7 @@ def _power_lines(plan: "Plan") -> list[str]:
         if plan.touch is None:
             lines += lasting
     left_db = moving_pad_db(plan)
-    is_told = plan.spec.mount.is_fast or plan.verdict.shaken or plan.touch is not None
+    is_told = plan.spec.mount.is_immovable or plan.verdict.shaken or plan.touch is not None
     if left_db is not None and prints.print_db is not None and not is_told:
         where = "on its mount" if plan.spec.mount.is_said else "lying loose"
         by_table = works_by_table(plan)
@@ -494,7 +494,7 @@ def _drive_lines(plan: "Plan") -> list[str]:
     elif leak_db is not None:
         leaked = (
             "with the tones of drive.csv on all coils at once, the coils around make an OFF taxel vibrate at worst"
-            f" {quieter(leak_db)} than when it is ON"
+            f" {less_or_more_text(leak_db)} than when it is ON"
         )
     lines = [
         f"drive: {figures.drive}, {figures.why}",

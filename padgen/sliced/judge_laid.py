@@ -178,7 +178,7 @@ def _judged(
     keeps = known_print_db(plan, laid_hz) if (laid_hz > 0).all() else None
     findings = [
         *_of_pad(laid, wrong),
-        *_of_beams(plan, beams, wrong),
+        *_beam_findings(plan, beams, wrong),
         *_of_taxels(plan, laid, plastic, wrong),
         *_resonance_findings(plan, laid_hz),
     ]
@@ -226,7 +226,7 @@ def _channels(plan: Plan) -> np.ndarray:
     return np.array([taxel.channel for taxel in plan.taxels])
 
 
-def _of(plan: Plan, channel: Channel) -> np.ndarray:
+def _taxel_indices(plan: Plan, channel: Channel) -> np.ndarray:
     """Return the indices of a channel's taxels."""
     return np.flatnonzero(_channels(plan) == channel.index)
 
@@ -235,7 +235,7 @@ def _beam(plan: Plan, channel: Channel, laid: LaidPad, index: int) -> _LaidBeam:
     laid_beam = laid.beams[channel.index][index]
     beam = channel.beam
     steps = laid.steps_mm
-    area = laid.areas_mm2[:, _of(plan, channel), laid_beam]
+    area = laid.areas_mm2[:, _taxel_indices(plan, channel), laid_beam]
     at = np.linspace(0, beam.length_mm, area.shape[2])
     end = min(beam.fillet_mm + plan.spec.printer.line_width_mm, beam.length_mm / 4)
     between = (at >= end - 1e-9) & (at <= beam.length_mm - end + 1e-9)
@@ -280,7 +280,7 @@ def _resonances(plan: Plan, beams: list[list[_LaidBeam]], plastic: np.ndarray) -
     result = np.full(len(plan.taxels), np.nan)
     plate = plate_shape(plan.spec)
     for channel, channel_beams in zip(plan.channels, beams, strict=True):
-        taxels = _of(plan, channel)
+        taxels = _taxel_indices(plan, channel)
         whole = np.logical_and.reduce([b.is_laid.any(0) & np.isnan(b.broken_mm) for b in channel_beams])
         if not whole.any():
             continue
@@ -322,7 +322,7 @@ def _numeric(text: str) -> float | None:
         return None
 
 
-def _told(
+def _fault_finding(
     level: str, code: str, names: Iterable[str], of: str, sentence: str, wrong: Wrong, *causes: str
 ) -> Iterator[Finding]:
     """Yield one finding that lists the first few of the faulty taxels or beams `names`; nothing where there are none.
@@ -343,27 +343,27 @@ def _range(values: np.ndarray) -> str:
     return " … ".join(dict.fromkeys(ends))
 
 
-def _of_beams(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> Iterator[Finding]:
+def _beam_findings(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> Iterator[Finding]:
     """Find faults of beams: missing beams, pieces and layers, wrong thickness and widths."""
     each = [
         (channel.beam, f"{plan.taxels[taxel].id}{f' beam {k + 1}' if len(channel_beams) > 1 else ''}", beam, at)
         for channel, channel_beams in zip(plan.channels, beams, strict=True)
         for k, beam in enumerate(channel_beams)
-        for at, taxel in enumerate(_of(plan, channel))
+        for at, taxel in enumerate(_taxel_indices(plan, channel))
     ]
     of = f"{len(each)} beams"
     laid = [item for item in each if item[2].is_laid[:, item[3]].any()]
     whole = [item for item in laid if np.isnan(item[2].broken_mm[item[3]])]
     walls = ("wall_generator", "elephant_foot_compensation", "nozzle")
     lost = [name for _, name, b, i in each if not b.is_laid[:, i].any()]
-    yield from _told("error", "laid.beam", lost, of, "are not laid at all", wrong, *walls)
+    yield from _fault_finding("error", "laid.beam", lost, of, "are not laid at all", wrong, *walls)
     for items, attribute, sentence in (
         (laid, "broken_mm", "are laid with a piece missing, so far from the root"),
         (whole, "thin_mm", "have a layer with a piece missing, so far from the root"),
     ):
         places = [(name, float(getattr(b, attribute)[i])) for _, name, b, i in items]
         names = [f"{name} at {number(round(at, 2))} mm" for name, at in places if at >= 0]
-        yield from _told("error", "laid.beam", names, of, sentence, wrong, *walls)
+        yield from _fault_finding("error", "laid.beam", names, of, sentence, wrong, *walls)
     off: dict[tuple[float, int, float, int], list[str]] = {}
     for beam, name, b, i in laid:
         thick = round(float(b.thickness_mm[i]), 4)
@@ -375,7 +375,9 @@ def _of_beams(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> Iterato
             f"are laid {number(thick)} mm thick in {count} layer{plural(count)}, instead of {number(planned)} mm"
             f" in {layers}"
         )
-        yield from _told("error", "laid.layers", names, of, sentence, wrong, "layer_height", "first_layer_height")
+        yield from _fault_finding(
+            "error", "laid.layers", names, of, sentence, wrong, "layer_height", "first_layer_height"
+        )
     for what, part in (("first layer", slice(0, 1)), ("layers above the first", slice(1, None))):
         misses = [((b.width_mm[part, i] - beam.width_mm)[b.is_laid[part, i]], name) for beam, name, b, i in whole]
         for sign, word in ((-1, "narrower"), (1, "wider")):
@@ -384,13 +386,13 @@ def _of_beams(plan: Plan, beams: list[list[_LaidBeam]], wrong: Wrong) -> Iterato
             foot = () if sign > 0 or part.start else ("elephant_foot_compensation",)
             sentence = f"in the {what} are laid {most} mm {word} than planned"
             sides = "xy_size_compensation", "wall_generator", "nozzle", "infill_overlap", "fill_pattern", "perimeters"
-            yield from _told("warning", "laid.width", names, of, sentence, wrong, *foot, *sides)
+            yield from _fault_finding("warning", "laid.width", names, of, sentence, wrong, *foot, *sides)
 
 
 def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> Iterator[Finding]:
     """Find faults of gaps, recesses and plates, taxel by taxel."""
     ids = np.array([t.id for t in plan.taxels])
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     plate = plan.plate
     of = f"{len(ids)} taxels"
     depth = hollows_mm(plan.spec)[-1][1]
@@ -409,7 +411,7 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
             f"the gap around what moves is {word}: {_range(laid.gap_mm[which])} mm between beads"
             f" instead of {number(plate.gap_mm)} mm"
         )
-        yield from _told(level, "laid.gap", ids[which], of, sentence, wrong, *beside)
+        yield from _fault_finding(level, "laid.gap", ids[which], of, sentence, wrong, *beside)
     hangs = laid.recess_mm < depth - DEPTH_MM
     deep = laid.recess_mm > depth + DEPTH_MM
     sentence = (
@@ -418,16 +420,16 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     )
     level = "warning" if laid.recess_mm.min() >= parts_mm - 1e-6 else "error"
     roof = "thick_bridges", "layer_height", "first_layer_height"
-    yield from _told(level, "laid.recess", ids[hangs], of, sentence, wrong, *roof)
+    yield from _fault_finding(level, "laid.recess", ids[hangs], of, sentence, wrong, *roof)
     sentence = f"the {hollow} is {_range(laid.recess_mm[deep])} mm deep instead of {number(depth)} mm"
-    yield from _told("warning", "laid.recess", ids[deep], of, sentence, wrong, *roof)
+    yield from _fault_finding("warning", "laid.recess", ids[deep], of, sentence, wrong, *roof)
     tight = laid.room_mm < washer.outer_diameter_mm
     sentence = (
         f"the recess leaves {_range(laid.room_mm[tight])} mm between its beads, the {plan.spec.mover.kind}"
         f" {washer.name} has {number(washer.outer_diameter_mm)} mm"
     )
     sides = "xy_size_compensation", "wall_generator", "layer_height"
-    yield from _told("error", "laid.washer", ids[tight], of, sentence, wrong, *sides)
+    yield from _fault_finding("error", "laid.washer", ids[tight], of, sentence, wrong, *sides)
     off = np.abs(plastic - 1) > MASS_SHARE
     sentence = (
         f"the plastic of the plates is {_range(100 * plastic[off])} % of the plan's, must be within {MASS_SHARE:.0%}"
@@ -445,17 +447,17 @@ def _of_taxels(plan: Plan, laid: LaidPad, plastic: np.ndarray, wrong: Wrong) -> 
     moving = [_plate_mm3(plan, c) * mg_of_mm3 / (c.effective_mass_g * GRAM / MG) for c in plan.channels]
     of_moving = np.array(moving)[_channels(plan)]
     level = "error" if (np.abs(plastic - 1) * of_moving).max() > SURELY_OTHER_MASS else "warning"
-    yield from _told(level, "laid.mass", ids[off], of, sentence, wrong, *fills)
+    yield from _fault_finding(level, "laid.mass", ids[off], of, sentence, wrong, *fills)
     # A raft's own layers are supports, too.
     supported = ids[laid.is_supported & (laid.bottom_mm <= DEPTH_MM)]
     sentence = "supports stand under the plate, in the recess or in gaps, where they cannot be taken out without harm"
-    yield from _told("error", "laid.support", supported, of, sentence, wrong, "supports")
+    yield from _fault_finding("error", "laid.support", supported, of, sentence, wrong, "supports")
 
 
 def _resonance_findings(plan: Plan, laid_hz: np.ndarray) -> Iterator[Finding]:
     slot = slot_half_width(plan.spec.q_min, plan.spec.delta_y)
     for channel in plan.channels:
-        hz = laid_hz[_of(plan, channel)]
+        hz = laid_hz[_taxel_indices(plan, channel)]
         loose = int(np.isnan(hz).sum())
         hz = hz[~np.isnan(hz)]
         off = np.abs(hz / channel.resonance_hz - 1).max(initial=0.0)
@@ -485,7 +487,7 @@ def _taxel_figures(
     taxels: list[Any] = [None] * len(plan.taxels)
     for channel, channel_beams in zip(plan.channels, beams, strict=True):
         planned = _plate_mm3(plan, channel) * mg_of_mm3
-        for at, index in enumerate(_of(plan, channel)):
+        for at, index in enumerate(_taxel_indices(plan, channel)):
             taxels[index] = {
                 "id": plan.taxels[index].id,
                 "channel": channel.index,

@@ -602,7 +602,7 @@ def laid_pads(plan: Plan, path: Path, filament_mm: float | None = None) -> tuple
     where = str(path)
     maps = PadMaps(plan)
     reading = read_layers(path, filament_mm or FILAMENTS_MM[0])
-    placings, layer, step, full = _placed(maps, reading, where)
+    placings, layer, step, full = _find_pads(maps, reading, where)
     diameter_mm = filament_mm or min(FILAMENTS_MM, key=lambda mm: abs(np.log(full * (mm / FILAMENTS_MM[0]) ** 2)))
     share = 1.0 if filament_mm else (diameter_mm / FILAMENTS_MM[0]) ** 2
     bottom = layer.top_mm - step
@@ -687,7 +687,7 @@ def _of_layers(
     )
 
 
-def _placed(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[list[Placing], Layer, float, float]:
+def _find_pads(maps: PadMaps, layers: Iterator[Layer], where: str) -> tuple[list[Placing], Layer, float, float]:
     """Find the pads by their lowest layer; return places, layer, its thickness in mm, and its laid over planned volume.
 
     The fullness is the plastic of that layer within the first pad's taxels over the plan's there.

@@ -16,20 +16,20 @@ from padgen.core.errors import Finding, GeometryError, at_least, number, plural
 from padgen.core.files import sha256_hex
 from padgen.core.rules import Rule, RuleBook, broken_rules
 from padgen.planner.plan import Plan
-from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, loose_triangles, same_faces
+from padgen.solid.compare import SMALLEST_MM, Cells, Difference, differences, same_faces, unmatched_triangles
 from padgen.solid.measure import (
     Dimension,
     NarrowSpot,
+    longest_unsupported_span,
     measured,
     narrow,
+    narrowest_width_mm,
     sections,
-    smallest,
     thin_skins,
-    unsupported_spans,
     washer_rooms,
 )
 from padgen.solid.mesh import MOST_FOUND, Mesh, Topology, as_manifold, intersecting_pairs, topology
-from padgen.solid.pad_solid import PadSolid, Places, assembled, sampled
+from padgen.solid.pad_solid import PadSolid, SampleShifts, assembled_pad_mesh, sampled
 from padgen.spec import Printer, Spec
 
 __all__ = [
@@ -42,7 +42,7 @@ __all__ = [
     "check_mesh",
     "check_pad",
     "difference_findings",
-    "few",
+    "first_of_each_code",
     "volume_findings",
 ]
 
@@ -85,7 +85,7 @@ def check_mesh(mesh: Mesh, printer: Printer, density_g_per_cm3: float) -> Report
     pierced = list(_pierced(mesh))
     # Of a mesh that lies in itself a thousandfold, cross-sections would take hours and tell nothing.
     printable = state.closed and state.volume_mm3 > 0 and state.shells <= MOST_BODIES and UNCOMPARED not in pierced
-    more_figures, more = _printable(mesh, printer, Places()) if printable else ({}, [])
+    more_figures, more = _printable(mesh, printer, SampleShifts()) if printable else ({}, [])
     return Report(figures | more_figures, (*findings, *pierced, *more))
 
 
@@ -100,7 +100,7 @@ def check_pad(pad: PadSolid, plan: Plan) -> Report:
     own_figures, tile_findings = _of_tiles(pad, plan, state.closed)
     findings += [*volume_findings(state.volume_mm3, pad.volume_mm3), *tile_findings]
     if state.closed and own_figures["measured_taxels"] < len(plan.taxels):
-        placed = assembled(plan, pad.tiles, pad.border, pad.grid)
+        placed = assembled_pad_mesh(plan, pad.tiles, pad.border, pad.grid)
         if not all(np.array_equal(a, b) for a, b in zip(placed, pad.mesh, strict=True)):
             findings += _differing(pad.mesh, placed, plan)[1]
     return Report(figures | own_figures, tuple(findings))
@@ -121,7 +121,7 @@ def check_against(mesh: Mesh, pad: PadSolid, plan: Plan) -> Report:
     same, differing = _differing(mesh, pad.mesh, plan)
     findings += [] if same else _pierced(mesh)
     if differing:
-        more_figures, more = _printable(mesh, printer, Places()) if state.shells <= MOST_BODIES else ({}, [])
+        more_figures, more = _printable(mesh, printer, SampleShifts()) if state.shells <= MOST_BODIES else ({}, [])
     else:
         more_figures, more = _of_tiles(pad, plan, True)
     return Report(figures | more_figures, (*findings, *differing, *more))
@@ -207,7 +207,7 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     solid, refused = _manifold(mesh)
     if solid is None:
         return figures, [*findings, *refused]
-    print_figures, printable_findings = _kept_printable(mesh, plan.spec.printer, sample.places)
+    print_figures, printable_findings = _cached_printable(mesh, plan.spec.printer, sample.places)
     taxels = sample.plan.taxels
     dimensions = list(measured(sample.plan, solid))
     off_mm = [abs(d.built_mm - d.planned_mm) for d in dimensions]
@@ -220,15 +220,15 @@ def _of_tiles(pad: PadSolid, plan: Plan, closed: bool) -> tuple[dict[str, Any], 
     return figures, [
         *findings,
         *printable_findings,
-        *few(difference_findings(off, [], None)),
-        *few(_washers_enter(plan.spec, washer_rooms(sample.plan, solid, taxels))),
-        *few(broken_rules(_dimension_rules(plan.spec, dimensions))),
+        *first_of_each_code(difference_findings(off, [], None)),
+        *first_of_each_code(_washers_enter(plan.spec, washer_rooms(sample.plan, solid, taxels))),
+        *first_of_each_code(broken_rules(_dimension_rules(plan.spec, dimensions))),
     ]
 
 
 def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Finding]]:
     """Return whether all faces are those planned, and findings about where they differ."""
-    loose, lost, snapped = loose_triangles(mesh, planned)
+    loose, lost, snapped = unmatched_triangles(mesh, planned)
     if same_faces(snapped.corners_mm[loose], planned.corners_mm[lost]):
         return True, []
     cells = Cells.of(plan)
@@ -248,7 +248,7 @@ def _differing(mesh: Mesh, planned: Mesh, plan: Plan) -> tuple[bool, list[Findin
     differing = differences(one, other)
     rooms = washer_rooms(plan, one, taxels)
     entering = _washers_enter(plan.spec, rooms, SMALLEST_MM)
-    return False, [*few(difference_findings(off, differing, cells)), *few(entering)]
+    return False, [*first_of_each_code(difference_findings(off, differing, cells)), *first_of_each_code(entering)]
 
 
 def as_built(size_mm: float) -> str:
@@ -294,7 +294,7 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
     `within_mm` is forgiven: other programs may cut a round face into coarser triangles.
     """
     printer = spec.printer
-    washer = spec.moved
+    washer = spec.washer_or_magnet
     laid_mm = 2 * printer.xy_compensation_mm + printer.hole_loss_mm
     needed_mm = washer.outer_diameter_mm + laid_mm
     least_mm = laid_mm + FACET_MM
@@ -315,7 +315,7 @@ def _washers_enter(spec: Spec, rooms: Iterable[tuple[str, float]], within_mm: fl
 def _dimension_rules(spec: Spec, dimensions: Iterable[Dimension]) -> Iterator[Rule]:
     """Yield the rules of measured dimensions: recesses deep enough, beams wide enough, heights in whole layers."""
     printer = spec.printer
-    washer = spec.moved
+    washer = spec.washer_or_magnet
     for d in dimensions:
         if not isfinite(d.built_mm):
             continue
@@ -382,7 +382,7 @@ def _manifold(mesh: Mesh) -> tuple[Any, list[Finding]]:
         return None, [Finding("error", "mesh.manifold", "mesh", error.message)]
 
 
-def _kept_printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
+def _cached_printable(mesh: Mesh, printer: Printer, places: SampleShifts) -> tuple[dict[str, Any], list[Finding]]:
     """Return the result of `_printable` from the cache, or compute and store it; pads of equal taxels share it."""
     inputs = {
         "mesh": [sha256_hex(part.tobytes()) for part in mesh],
@@ -405,10 +405,10 @@ def _kept_printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[
         cache.store(KIND, key, (figures, [astuple(each) for each in findings]))
         return figures, findings
 
-    return cache.once(KIND, key, known, measured_anew)
+    return cache.get_or_compute(KIND, key, known, measured_anew)
 
 
-def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, Any], list[Finding]]:
+def _printable(mesh: Mesh, printer: Printer, places: SampleShifts) -> tuple[dict[str, Any], list[Finding]]:
     """Measure walls, gaps, overhangs, skins and bridges; return figures and findings, with places in the pad."""
     solid, refused = _manifold(mesh)
     if solid is None:
@@ -416,10 +416,10 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
     cuts = sections(solid, mesh)
     bound = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
     limit = printer.longest_bridge_mm
-    span, place = unsupported_spans(solid, mesh, limit + 1.0)
+    span, place = longest_unsupported_span(solid, mesh, limit + 1.0)
     figures = {
-        "smallest_wall_mm": smallest(cuts, False, bound),
-        "smallest_gap_mm": smallest(cuts, True, bound),
+        "smallest_wall_mm": narrowest_width_mm(cuts, False, bound),
+        "smallest_gap_mm": narrowest_width_mm(cuts, True, bound),
         # Where one of the two is None, there is none below this width.
         "searched_below_mm": bound if cuts else None,
         "longest_bridge_mm": span,
@@ -433,7 +433,7 @@ def _printable(mesh: Mesh, printer: Printer, places: Places) -> tuple[dict[str, 
         wrong.append(("print.bridge", place, f"{hangs}, {printer.name} bridges {number(limit)} mm"))
     spots = [_spot(*places.in_pad(at.x_mm, at.y_mm), at.z_mm) for _, at, _ in wrong]
     findings = (Finding("error", code, spot, sentence) for spot, (code, _, sentence) in zip(spots, wrong, strict=True))
-    return figures, list(few(findings))
+    return figures, list(first_of_each_code(findings))
 
 
 def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> Iterator[Wrong]:
@@ -449,7 +449,7 @@ def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> 
             sentence = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
             yield "print.gap", place, sentence
         else:
-            least_mm = smallest([cut], False, limit)
+            least_mm = narrowest_width_mm([cut], False, limit)
             least = "" if least_mm is None else f" (at this height down to {number(least_mm)} mm)"
             sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays{least}"
             yield "print.wall", place, sentence
@@ -476,7 +476,7 @@ def _spot(x_mm: float, y_mm: float, z_mm: float) -> str:
     return f"({number(x_mm)}, {number(y_mm)}, {number(z_mm)}) mm"
 
 
-def few(findings: Iterable[Finding]) -> Iterator[Finding]:
+def first_of_each_code(findings: Iterable[Finding]) -> Iterator[Finding]:
     """Yield the first findings of each code, then one that says how many more there are."""
     of_code: dict[str, list[Finding]] = {}
     for finding in findings:

@@ -22,9 +22,9 @@ __all__ = [
     "Difference",
     "Pose",
     "differences",
-    "loose_triangles",
     "pose_of",
     "same_faces",
+    "unmatched_triangles",
 ]
 
 SMALLEST_MM = 0.06
@@ -213,7 +213,7 @@ def _landmarks(mesh: Mesh) -> np.ndarray:
     return np.asarray(marks[:: len(marks) // LANDMARKS + 1])
 
 
-def loose_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, Mesh]:
+def unmatched_triangles(mesh: Mesh, planned: Mesh) -> tuple[np.ndarray, np.ndarray, Mesh]:
     """Return masks of each mesh's triangles that the other lacks, and `mesh` with corners snapped to `planned`.
 
     The first mask is of the triangles of `mesh`, the second of those of `planned`.

@@ -14,10 +14,18 @@ import numpy as np
 from padgen.core.errors import Finding, GeometryError, number
 from padgen.planner.guard import GuardPlate, plan_guard
 from padgen.planner.plan import Plan
-from padgen.solid.checks import BUILT_MM, Report, as_built, check_mesh, difference_findings, few, volume_findings
+from padgen.solid.checks import (
+    BUILT_MM,
+    Report,
+    as_built,
+    check_mesh,
+    difference_findings,
+    first_of_each_code,
+    volume_findings,
+)
 from padgen.solid.compare import differences
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.measure import Dimension, distance_to_sides, holes_of, run_mm
+from padgen.solid.measure import Dimension, distance_to_sides, holes_of, ray_distance_mm
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, tessellated
 from padgen.solid.taxel import box, only_solid
 from padgen.spec import PadTable
@@ -86,9 +94,9 @@ def check_guard(built: GuardSolid, plan: Plan, mesh: Mesh | None = None) -> Repo
         return Report(figures, tuple(findings))
     if mesh is not built.mesh:
         differing = differences(solid, as_manifold(built.mesh, "the guard plate as planned"))
-        findings += few(difference_findings([], differing, None))
+        findings += first_of_each_code(difference_findings([], differing, None))
     gauges = list(measured_guard(built.guard, solid))
-    findings += few(_off(gauges))
+    findings += first_of_each_code(_off(gauges))
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
     figures["largest_difference_from_plan_mm"] = max(off, default=None)
     figures["measured_dimensions"] = len(gauges)
@@ -111,7 +119,7 @@ def measured_guard(guard: GuardPlate, solid: Any) -> Iterator[Dimension]:
         corner_x = pocket.x0 + INSIDE_MM if x > (pocket.x0 + pocket.x1) / 2 else pocket.x1 - INSIDE_MM
         corner_y = pocket.y0 + INSIDE_MM if y > (pocket.y0 + pocket.y1) / 2 else pocket.y1 - INSIDE_MM
         above = guard.height_mm + 1.0
-        top = above - run_mm(solid, (corner_x, -corner_y, above), (corner_x, -corner_y, -1.0))
+        top = above - ray_distance_mm(solid, (corner_x, -corner_y, above), (corner_x, -corner_y, -1.0))
         yield Dimension(where, "thickness above the pocket", guard.thickness_mm, float(top))
 
 

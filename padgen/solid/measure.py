@@ -21,13 +21,13 @@ __all__ = [
     "NarrowSpot",
     "distance_to_sides",
     "holes_of",
+    "longest_unsupported_span",
     "measured",
     "narrow",
-    "run_mm",
+    "narrowest_width_mm",
+    "ray_distance_mm",
     "sections",
-    "smallest",
     "thin_skins",
-    "unsupported_spans",
     "washer_rooms",
 ]
 
@@ -89,7 +89,7 @@ def measured(plan: Plan, solid: Any, taxels: Sequence[Taxel] | None = None) -> I
         centre = np.array([*coil_axis_mm(plan.coils, *taxel.coil), 0.0])
         around = np.array([-1.0, -1.0, 1.0]) if taxel.turned else np.ones(3)
         for gauge in gauges[taxel.channel]:
-            runs = [run_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
+            runs = [ray_distance_mm(solid, *(ray * around + centre)) for ray in gauge.rays]
             yield Dimension(where, gauge.name, gauge.planned_mm, gauge.combine(runs), gauge.facets_mm)
 
 
@@ -250,7 +250,7 @@ def _crosses(outline: np.ndarray) -> np.ndarray:
     return np.asarray(x * next_y - next_x * y)
 
 
-def run_mm(solid: Any, start: Any, stop: Any) -> float:
+def ray_distance_mm(solid: Any, start: Any, stop: Any) -> float:
     """Return the distance in mm from a ray's start to the first face, nan where it meets none."""
     hits = solid.ray_cast(tuple(start), tuple(stop))
     return float(hits[0].distance * np.linalg.norm(np.subtract(stop, start))) if hits else nan
@@ -306,7 +306,7 @@ def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> l
     return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
 
 
-def smallest(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> float | None:
+def narrowest_width_mm(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> float | None:
     """Return the width in mm of the narrowest wall, or gap, in any of the cuts, None where none is below `bound_mm`.
 
     It is right within half of a step of `bound_mm` / `WIDTH_STEPS`. A cut that has nothing narrower than those before
@@ -329,7 +329,7 @@ def smallest(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> 
     return None if least > WIDTH_STEPS else (least - 0.5) * step_mm
 
 
-def unsupported_spans(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, NarrowSpot | None]:
+def longest_unsupported_span(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, NarrowSpot | None]:
     """Return the longest span in mm that is printed over air, up to `bound_mm`, and its place.
 
     A horizontal face that looks down is bridged from the material beneath its rim. Its span is twice the largest

@@ -18,7 +18,7 @@ __all__ = [
     "Mesh",
     "Topology",
     "as_manifold",
-    "expanded",
+    "group_indices",
     "intersecting_pairs",
     "shells",
     "signed_volume_mm3",
@@ -105,7 +105,7 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
     return Mesh(vertices_mm[first], triangles[(a != b) & (b != c) & (c != a)])
 
 
-def expanded(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def group_indices(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return for each item of successive groups of `counts` items its group's index and its place in the group, from 0.
 
     >>> expanded(np.array([2, 0, 3]))
@@ -268,7 +268,7 @@ def _overlapping(low: np.ndarray, high: np.ndarray) -> Iterator[np.ndarray]:
         np.cumsum(partners), np.arange(PAIRS_AT_ONCE, partners.sum() + PAIRS_AT_ONCE, PAIRS_AT_ONCE)
     )
     for chunk in np.split(np.arange(len(owner)), np.unique(np.minimum(stops + 1, len(owner)))):
-        run, step = expanded(partners[chunk])
+        run, step = group_indices(partners[chunk])
         a = owner[chunk[run]]
         b = owner[chunk[run] + 1 + step]
         for axis in (2, 0, 1):
@@ -296,7 +296,7 @@ def _columns(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         spans = last - first + 1
         cells = spans.prod(1)
         if cells.sum() <= MOST_CELLS * count:
-            owner, at = expanded(cells)
+            owner, at = group_indices(cells)
             column = first[owner, 0] + at % spans[owner, 0]
             row = first[owner, 1] + at // spans[owner, 0]
             key = column * (int(last[:, 1].max()) + 1) + row

@@ -24,9 +24,9 @@ from padgen.solid.taxel import Tile, cached_tile
 __all__ = [
     "PadSample",
     "PadSolid",
-    "Places",
+    "SampleShifts",
     "Tile",
-    "assembled",
+    "assembled_pad_mesh",
     "ballast_mesh",
     "border_mesh",
     "border_volume_mm3",
@@ -72,7 +72,7 @@ def border_mesh(
 
 def washer_mesh(plan: Plan, channel: Channel, chord_mm: float = CHORD_MM) -> Mesh:
     """Return the mesh of the washer or magnet where it is glued, in mm in the taxel's axes."""
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     high = plan.spec.mover_top_mm
     centre = (float(plan.arrangement(channel).washer_x_mm), 0.0)
     rings = [_circle(centre, washer.outer_diameter_mm, chord_mm, ANGLE_RAD)]
@@ -190,7 +190,7 @@ class PadSolid:
     grid: np.ndarray
 
 
-class Places(NamedTuple):
+class SampleShifts(NamedTuple):
     """Translations in mm, by column and row of coils, from places in a `PadSample` to the same places in the whole pad.
 
     `columns_mm` and `rows_mm` are the sample's coordinates at which its second, third … column and row of coils begin;
@@ -214,7 +214,7 @@ class PadSample(NamedTuple):
 
     plan: Plan
     pad: PadSolid
-    places: Places
+    places: SampleShifts
 
 
 def build_pad(
@@ -253,7 +253,7 @@ def _of_tiles(
     border = Tile(border_mesh(plan, grid.shape, chord_mm, angle_rad, mark), border_volume_mm3(plan, mark))
     counts = np.bincount(grid.ravel(), minlength=len(tiles))
     volume = border.volume_mm3 + sum(float(n) * t.volume_mm3 for n, t in zip(counts, tiles, strict=True))
-    return PadSolid(assembled(plan, tiles, border, grid), volume, tiles, border, grid)
+    return PadSolid(assembled_pad_mesh(plan, tiles, border, grid), volume, tiles, border, grid)
 
 
 def sampled(plan: Plan, pad: PadSolid) -> PadSample:
@@ -267,7 +267,7 @@ def sampled(plan: Plan, pad: PadSolid) -> PadSample:
     rows = _unrepeated([part.tobytes() for part in kinds.reshape(coils.rows, -1)])
     columns = _unrepeated([part.tobytes() for part in np.ascontiguousarray(kinds.T).reshape(coils.columns, -1)])
     if len(rows) * len(columns) == coils.rows * coils.columns:
-        return PadSample(plan, pad, Places())
+        return PadSample(plan, pad, SampleShifts())
     wide = len(columns) * coils.pitch_x_mm
     deep = len(rows) * coils.pitch_y_mm
     shift_x = [(k - j) * coils.pitch_x_mm + (wide - spec.pad.width_mm) / 2 for j, k in enumerate(columns)]
@@ -284,7 +284,7 @@ def sampled(plan: Plan, pad: PadSolid) -> PadSample:
         coils=replace(coils, rows=len(rows), columns=len(columns)),
         taxels=taxels,
     )
-    places = Places(
+    places = SampleShifts(
         tuple(j * coils.pitch_x_mm - wide / 2 for j in range(1, len(columns))),
         tuple(shift_x),
         tuple(i * coils.pitch_y_mm - deep / 2 for i in range(1, len(rows))),
@@ -320,7 +320,7 @@ def turned_grid(plan: Plan) -> np.ndarray:
     return cells.repeat(plan.cell.rows, 0).repeat(plan.cell.columns, 1)
 
 
-def assembled(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray) -> Mesh:
+def assembled_pad_mesh(plan: Plan, tiles: Sequence[Tile], border: Tile, grid: np.ndarray) -> Mesh:
     """Return the pad's mesh: tile ``tiles[grid[row, column]]`` in each sub-cell, `border` around, seams welded."""
     rows, columns = grid.shape
     spec = plan.spec

@@ -39,7 +39,7 @@ from padgen.solid.checks import (
     check_mesh,
     check_pad,
     difference_findings,
-    few,
+    first_of_each_code,
     volume_findings,
 )
 from padgen.solid.compare import Pose, differences, pose_of
@@ -47,7 +47,7 @@ from padgen.solid.formats import Part
 from padgen.solid.formats._3mf import LARGEST_FILE, MOST_TRIANGLES, read_3mf
 from padgen.solid.guard_plate import GuardSolid, build_guard, check_guard, free_diameter
 from padgen.solid.kernel import build123d, kernel_errors
-from padgen.solid.measure import Dimension, holes_of, run_mm
+from padgen.solid.measure import Dimension, holes_of, ray_distance_mm
 from padgen.solid.mesh import CHORD_MM, Mesh, as_manifold, sound_mesh, tessellated
 from padgen.solid.pad_solid import PadSolid, build_pad
 from padgen.solid.taxel import box, only_solid
@@ -171,9 +171,9 @@ def check_tray(built: TraySolid, plan: Plan, mesh: Mesh | None = None) -> Report
         return Report(figures, tuple(findings))
     if mesh is not built.mesh:
         differing = differences(solid, as_manifold(built.mesh, "the tray as planned"))
-        findings += few(difference_findings([], differing, None))
+        findings += first_of_each_code(difference_findings([], differing, None))
     gauges = list(measured_tray(tray, spec, solid))
-    findings += [*few(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
+    findings += [*first_of_each_code(_off(gauges)), *_gap(plan, gauges, figures), *_free(tray, spec, mesh, solid)]
     off = [abs(g.built_mm - g.planned_mm) for g in gauges if isfinite(g.built_mm) and not g.facets_mm]
     figures["largest_difference_from_plan_mm"] = max(off, default=None)
     figures["measured_dimensions"] = len(gauges)
@@ -216,7 +216,7 @@ def measured_tray(tray: Tray, spec: Spec, solid: Any) -> Iterator[Dimension]:
 def _top(solid: Any, tray: Tray, x: float, y: float) -> float:
     """Return the height in mm of the tray's highest face at a place, nan where there is none."""
     high = tray.height_mm + 1.0
-    return high - run_mm(solid, (x, y, high), (x, y, -1.0))
+    return high - ray_distance_mm(solid, (x, y, high), (x, y, -1.0))
 
 
 def _off(gauges: list[Dimension]) -> Iterator[Finding]:
@@ -282,7 +282,7 @@ def _free(tray: Tray, spec: Spec, mesh: Mesh, solid: Any) -> Iterator[Finding]:
         # A ray along the middle of a slot, from end to end, does not meet the tray.
         along_y = abs(middle[1]) > pad.depth_mm / 2
         half = np.array([0.0, slot.y1 - slot.y0, 0.0] if along_y else [slot.x1 - slot.x0, 0.0, 0.0]) / 2
-        if isfinite(run_mm(solid, middle - half, middle + half)):
+        if isfinite(ray_distance_mm(solid, middle - half, middle + half)):
             where = f"the slot at ({number(middle[0])}, {number(middle[1])}) mm"
             yield Finding("error", "tray.wires", where, "no wire passes from the sockets to the outside")
 
@@ -335,7 +335,7 @@ def bill_of_materials(plan: Plan, plastic_g: float, parts_g: Mapping[str, float]
     """
     spec = plan.spec
     coils = plan.coils.rows * plan.coils.columns
-    washer = spec.moved
+    washer = spec.washer_or_magnet
     coil = spec.coil
     pad = spec.pad
     screws = f"for {number(pad.hole_diameter_mm)} mm holes"

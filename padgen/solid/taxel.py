@@ -82,7 +82,7 @@ def taxel_solid(plan: Plan, channel: Channel) -> Any:
 
 def washer_solid(plan: Plan, channel: Channel) -> Any:
     """Return the solid of the washer or magnet where it is glued, in the taxel's axes, in mm."""
-    washer = plan.spec.moved
+    washer = plan.spec.washer_or_magnet
     washer_x = float(plan.arrangement(channel).washer_x_mm)
     high = plan.spec.mover_top_mm
     low = high - washer.thickness_mm
@@ -268,6 +268,6 @@ def cached_tile(plan: Plan, channel: Channel, chord_mm: float, angle_rad: float)
         cache.store_bytes(KIND, key, data.getvalue())
         return data.getvalue()
 
-    kept = cache.once(KIND, key, lambda: cache.load_bytes(KIND, key), made)
+    kept = cache.get_or_compute(KIND, key, lambda: cache.load_bytes(KIND, key), made)
     with np.load(io.BytesIO(kept), allow_pickle=False) as arrays:
         return Tile(Mesh(arrays["vertices_mm"], arrays["triangles"]), float(arrays["volume_mm3"]))

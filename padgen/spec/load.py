@@ -57,10 +57,10 @@ __all__ = [
     "SPEC_RULES",
     "catalogue",
     "find_spec",
-    "is_of_spec",
     "laid_over",
     "load_spec",
     "make_spec",
+    "matches_spec",
     "parse_spec",
     "parse_toml",
     "read_table",
@@ -139,7 +139,7 @@ def _parts_rules(spec: Spec) -> list[Rule]:
     material = spec.material
     spread = spec.spread
     printer = spec.printer
-    moved = spec.moved
+    moved = spec.washer_or_magnet
     coil = spec.coil
     scheme = spec.drive.scheme
     blocked_by = spec.blocked_by
@@ -172,9 +172,9 @@ def _parts_rules(spec: Spec) -> list[Rule]:
             not blocked_by or scheme == "auto" or SCHEMES.get(scheme).CURRENT != "biased",
             "drive.scheme",
             f"{scheme!r} has a constant current, which {blocked_by} does not pass",
-            [{"drive.scheme": "auto"}, spec.passing_cure],
+            [{"drive.scheme": "auto"}, spec.dc_coupling_change],
         ),
-        *_order_rules(spec),
+        *_scheme_rules(spec),
         *_sound_card_rules(spec),
         Rule(
             spec.mount.q is None or spec.mount.stiffness_n_per_m is not None,
@@ -190,7 +190,7 @@ def _parts_rules(spec: Spec) -> list[Rule]:
                 f"must be below the outer diameter of {number(part.outer_diameter_mm)} mm, got"
                 f" {number(part.inner_diameter_mm)} mm",
             )
-            for where, part in ((spec.mover_part, moved), ("coil", coil))
+            for where, part in ((spec.mover_table_name, moved), ("coil", coil))
         ),
         Rule(
             not coil.gap_mm or coil.gap_mm <= coil.outer_diameter_mm,
@@ -213,7 +213,7 @@ POWERS = {1: "the current", 2: "the square of the current"}
 """Quantity that a force is proportional to, by its order in the current."""
 
 
-def _order_rules(spec: Spec) -> Iterator[Rule]:
+def _scheme_rules(spec: Spec) -> Iterator[Rule]:
     """Yield the rule that a named drive scheme suits the force: quadratic in current on washers, linear on magnets."""
     scheme = spec.drive.scheme
     if scheme != "auto":
@@ -311,7 +311,7 @@ def _ballast_rules(spec: Spec) -> Iterator[Rule]:
         f"{ballast.name!r} of {number(ballast.height_mm)} mm over the {spec.mover.kind} and glue of {number(low)} mm"
         f" must leave two layers of roof in the plate of {number(taxel.plate_thickness_mm)} mm, which has room for"
         f" {number(max(room - low, 0.0))} mm: a longer part would be pressed out towards the coil",
-        () if fits else [*_flatter(spec, room), *_thicker(spec, least)],
+        () if fits else [*_flatter_ballast(spec, room), *_thicker(spec, least)],
     )
     bridged = spec.printer.longest_bridge_mm
     spans = ballast.corners_mm <= bridged + SLACK_MM
@@ -320,11 +320,11 @@ def _ballast_rules(spec: Spec) -> Iterator[Rule]:
         "ballast",
         f"{ballast.name!r} needs a pocket whose roof spans {number(ballast.corners_mm)} mm, {spec.printer.name}"
         f" bridges {number(bridged)} mm",
-        () if spans else _flatter(spec, room, bridged),
+        () if spans else _flatter_ballast(spec, room, bridged),
     )
 
 
-def _flatter(spec: Spec, top_mm: float, widest_mm: float = inf) -> list[dict[str, Any]]:
+def _flatter_ballast(spec: Spec, top_mm: float, widest_mm: float = inf) -> list[dict[str, Any]]:
     """Return a spec change to propose, or none: the heaviest ballast with top up to `top_mm`, width to `widest_mm`."""
     fitting = {}
     for name in catalogue("ballast"):
@@ -339,7 +339,7 @@ def _taxel_rules(spec: Spec) -> list[Rule]:
     taxel = spec.taxel
     pad = spec.pad
     printer = spec.printer
-    moved = spec.moved
+    moved = spec.washer_or_magnet
     least = spec.recess_depth_mm + 2 * printer.layer_mm
     boss_height = spec.contact_top_mm - taxel.plate_thickness_mm
     edge_bound = min(taxel.boss_diameter_mm / 2, boss_height) * 0.9
@@ -390,7 +390,7 @@ def _taxel_rules(spec: Spec) -> list[Rule]:
         ),
         Rule(
             span <= printer.longest_bridge_mm + SLACK_MM,
-            spec.mover_part,
+            spec.mover_table_name,
             f"{moved.name!r} needs a recess whose roof spans {number(span)} mm, {printer.name} bridges"
             f" {number(printer.longest_bridge_mm)} mm",
             _bridged(spec),
@@ -478,15 +478,15 @@ def _thicker(spec: Spec, plate_mm: float) -> list[dict[str, float]]:
 def _bridged(spec: Spec) -> list[dict[str, Any]]:
     """Return spec changes for a recess roof too wide to bridge: a smaller washer or magnet, or a post in the recess."""
     taxel = spec.taxel
-    moved = spec.moved
+    moved = spec.washer_or_magnet
     most_mm = spec.printer.longest_bridge_mm
     largest = most_mm - taxel.washer_clearance_mm
     sizes = {
         name: entry["outer_diameter_mm"]
-        for name, entry in catalogue(spec.mover_part).items()
+        for name, entry in catalogue(spec.mover_table_name).items()
         if entry["outer_diameter_mm"] <= largest and entry.get("relative_permeability", MAGNETIC) >= MAGNETIC
     }
-    ways: list[dict[str, Any]] = [{spec.mover_part: max(sizes, key=lambda name: sizes[name])}] if sizes else []
+    ways: list[dict[str, Any]] = [{spec.mover_table_name: max(sizes, key=lambda name: sizes[name])}] if sizes else []
     if (moved.outer_diameter_mm + taxel.washer_clearance_mm - moved.inner_diameter_mm) / 2 <= most_mm:
         ways.append({"taxel.centre_post": True})
     return ways
@@ -661,7 +661,7 @@ def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTa
 
     `given` are the names that the spec has, `kind` is the mover's.
     """
-    if touch.is_none or touch.search != "auto":
+    if touch.is_untouched or touch.search != "auto":
         return touch
     if not given.isdisjoint({"resonances_hz", "coil.grid"}):
         return replace(touch, search="none")
@@ -1086,7 +1086,7 @@ def _with_printer_file(table: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {**table, **from_file}
 
 
-def is_of_spec(recorded: Spec, asked: Spec) -> bool:
+def matches_spec(recorded: Spec, asked: Spec) -> bool:
     """Return whether a plan's spec `recorded` equals `asked`, but for the model and what `asked` leaves to the search.
 
     The model may differ, and values that `asked` leaves to the search are taken from the plan.

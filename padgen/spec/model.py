@@ -639,7 +639,7 @@ class MountTable:
         return self != MountTable()
 
     @property
-    def is_fast(self) -> bool:
+    def is_immovable(self) -> bool:
         """True where the pad is fastened to a base that does not move."""
         fastened = self.kind in ("screwed", "glued")
         return fastened and self.base_mass_g is None and self.stiffness_n_per_m is None
@@ -723,7 +723,7 @@ class TouchTable:
     )
 
     @property
-    def is_none(self) -> bool:
+    def is_untouched(self) -> bool:
         """True where the pad is planned for taxels that nobody touches."""
         return self.contact == "none"
 
@@ -893,7 +893,7 @@ class Spec:
         return self.pad.frame_thickness_mm + self.guard_height_mm + self.contact_proud_mm
 
     @property
-    def moved(self) -> Washer | Magnet:
+    def washer_or_magnet(self) -> Washer | Magnet:
         """The washer or magnet in a taxel's recess, which the coil moves."""
         part = self.magnet or self.washer
         assert part is not None, "make_spec gives a spec the part of its mover"
@@ -905,7 +905,7 @@ class Spec:
         return () if self.ballast is None else (self.ballast,)
 
     @property
-    def mover_part(self) -> str:
+    def mover_table_name(self) -> str:
         """Name of the spec's table of the part that the coil moves: 'washer' or 'magnet'."""
         return "magnet" if self.magnet else "washer"
 
@@ -925,7 +925,7 @@ class Spec:
         return self.leaves_layout_free and self.force_order == 2 and self.drive.scheme in FOUND_SCHEMES
 
     @property
-    def feeds(self) -> tuple[tuple[str, Amplifier | SoundCard], ...]:
+    def drive_devices(self) -> tuple[tuple[str, Amplifier | SoundCard], ...]:
         """The devices between computer and coils that the spec names, each with the word for its kind."""
         named = (("amplifier", self.amplifier), ("sound card", self.sound_card))
         return tuple((word, device) for word, device in named if device is not None)
@@ -933,14 +933,16 @@ class Spec:
     @property
     def blocked_by(self) -> str | None:
         """The first named device that blocks direct current, as "the AC-coupled ..."; None where none does."""
-        blocking = (f"the AC-coupled {word} {device.name!r}" for word, device in self.feeds if device.coupling == "AC")
+        blocking = (
+            f"the AC-coupled {word} {device.name!r}" for word, device in self.drive_devices if device.coupling == "AC"
+        )
         return next(blocking, None)
 
     @property
-    def passing_cure(self) -> dict[str, Any]:
+    def dc_coupling_change(self) -> dict[str, Any]:
         """The spec change that makes every named AC-coupled device pass direct current: values by dotted field name."""
         cure: dict[str, Any] = {
-            f"{word.replace(' ', '_')}.coupling": "DC" for word, device in self.feeds if device.coupling == "AC"
+            f"{word.replace(' ', '_')}.coupling": "DC" for word, device in self.drive_devices if device.coupling == "AC"
         }
         return cure | ({"sound_card.corner_hz": None} if self.corner_hz else {})
 
@@ -962,19 +964,21 @@ class Spec:
         """
         if self.ballast is None:
             return 0.0
-        return self._whole_layers_mm(self.moved.thickness_mm + self.taxel.glue_gap_mm + self.ballast.height_mm)
+        return self._whole_layers_mm(
+            self.washer_or_magnet.thickness_mm + self.taxel.glue_gap_mm + self.ballast.height_mm
+        )
 
     @property
     def mover_top_mm(self) -> float:
         """Height in mm above the pad's underside of the top of washer or magnet, which meets recess roof or ballast."""
         if self.ballast is None:
-            return self._whole_layers_mm(self.moved.thickness_mm + self.taxel.glue_gap_mm)
+            return self._whole_layers_mm(self.washer_or_magnet.thickness_mm + self.taxel.glue_gap_mm)
         return self.pocket_top_mm - self.ballast.height_mm
 
     @property
     def mover_low_mm(self) -> float:
         """Height in mm of the underside of washer or magnet above the pad's underside."""
-        return self.mover_top_mm - self.moved.thickness_mm
+        return self.mover_top_mm - self.washer_or_magnet.thickness_mm
 
     def _whole_layers_mm(self, height_mm: float) -> float:
         """Return a height in mm rounded up to whole layers."""

@@ -42,7 +42,7 @@ __all__ = [
     "Solver",
     "System",
     "accurate",
-    "assembled",
+    "assembled_system",
     "clamped_shape",
     "coarse_mesh",
     "converged_modes",
@@ -242,7 +242,7 @@ def mirrored_part(shape: Any, mirrors: tuple[Mirror, ...], clamp: str) -> Any:
 def meshed(shape: Any, fineness: Fineness = USUAL, where: str = "taxel", layered: set[str] | None = None) -> Any:
     """Return the NGSolve mesh of `shape` (see `clamped_shape`), refined in layers towards singular edges.
 
-    `assembled` curves it.
+    `assembled_system` curves it.
 
     It has layers along the edges named in `layered`, all singular ones by default. Where Netgen fails, or its layers
     leave an element without volume, slightly other meshes are tried.
@@ -456,7 +456,7 @@ class Eigen(NamedTuple):
     residual: float
 
 
-def assembled(
+def assembled_system(
     mesh: Any,
     materials: Mapping[str, Elastic],
     order: int,
@@ -827,7 +827,7 @@ def converged_modes(taxel: SolidTaxel, tolerance: float = 1e-3, modes: int = 6, 
 
 
 def _by_settings(
-    taxel: SolidTaxel, draft: "Draft", settings: tuple[FineSetting, ...], first: int, modes: int, tolerance: float
+    taxel: SolidTaxel, draft: "MeshDomain", settings: tuple[FineSetting, ...], first: int, modes: int, tolerance: float
 ) -> SolidModes:
     """Return modes at the cheapest mesh setting from index `first` on with error below `tolerance`, else the best."""
     known = None
@@ -900,7 +900,7 @@ def _extrapolated(coarser: SolidModes, finer: SolidModes) -> SolidModes:
     return finer._replace(modes=modes, error=error)
 
 
-class Draft(NamedTuple):
+class MeshDomain(NamedTuple):
     """The solid that is meshed: a taxel's, or the part of it on one side of planes of symmetry.
 
     `layered`: names of the edges that its modes, solved on a coarse mesh, strain; `loads`: those of the six on the
@@ -918,7 +918,7 @@ class Draft(NamedTuple):
 
 
 class SolvedDraft(NamedTuple):
-    """A solved `Draft`: system, loads (n, k) on the washer, static displacements (n, k) under them, and modes.
+    """A solved `MeshDomain`: system, loads (n, k) on the washer, static displacements (n, k) under them, and modes.
 
     `copies`: how often the meshed part goes into the solid.
     """
@@ -931,7 +931,7 @@ class SolvedDraft(NamedTuple):
     copies: int
 
 
-def _drafted(taxel: SolidTaxel, mirrors: tuple[Mirror, ...] = ()) -> Draft:
+def _drafted(taxel: SolidTaxel, mirrors: tuple[Mirror, ...] = ()) -> MeshDomain:
     """Return a taxel's solid to be meshed, or its part on one side of `mirrors`, with the edges to be refined."""
     ng.SetNumThreads(1)
     shape = clamped_shape(
@@ -941,20 +941,20 @@ def _drafted(taxel: SolidTaxel, mirrors: tuple[Mirror, ...] = ()) -> Draft:
         shape = mirrored_part(shape, mirrors, taxel.clamp)
     mesh = coarse_mesh(shape, where=taxel.where)
     singular = singular_edges(shape, mesh)
-    draft = Draft(shape, set(), mirrors)
+    draft = MeshDomain(shape, set(), mirrors)
     lean = _answered(taxel, draft, ng.Mesh(mesh), LEAN, len(draft.loads))
     shares = edge_energy_shares(mesh, energy_shares(lean.system, taxel.materials, lean.eigen))
     worst = max((shares.get(edge, 0.0) for edge in singular), default=0.0)
     return draft._replace(layered={edge for edge in singular if shares.get(edge, 0.0) > EDGE_RATIO * worst})
 
 
-def _layered(taxel: SolidTaxel, draft: Draft, setting: FineSetting) -> Any:
+def _layered(taxel: SolidTaxel, draft: MeshDomain, setting: FineSetting) -> Any:
     fineness = Fineness(levels=setting.levels, per_face=setting.per_face)
     return meshed(draft.shape, fineness, taxel.where, draft.layered)
 
 
 def _answered(
-    taxel: SolidTaxel, draft: Draft, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None
+    taxel: SolidTaxel, draft: MeshDomain, mesh: Any, order: int, modes: int, rich: np.ndarray | None = None
 ) -> SolvedDraft:
     """Return static displacements and modes of a taxel's mesh, by 3 x 3 blocks unless rounding spoils these."""
     volumes: dict[str, float] = {}
@@ -963,7 +963,7 @@ def _answered(
     density = taxel.materials[WASHER].density_kg_per_m3
     for blocks in (True, False):
         of_order = rich if blocks else None
-        system = assembled(
+        system = assembled_system(
             mesh, taxel.materials, order, blocks=blocks, rich=of_order, volume_mm3=volumes, mirrors=draft.mirrors
         )
         loads = rigid_loads(system, WASHER, density, taxel.washer_x_mm, only=draft.loads)

@@ -176,10 +176,12 @@ def body_wrench(solved: ScalarField, body: str, at_mm: tuple[float, float, float
     moved = np.fromiter((float(flag) for flag in space.GetDofs(solved.mesh.Materials(body))), float)
     near = ng.GridFunction(space)
     near.vec.FV().NumPy()[:] = moved
-    return BodyWrench(*(_stress_on(solved, shift, at_mm) for shift in (_spread(solved, space, near), near)))
+    return BodyWrench(
+        *(_stress_on(solved, shift, at_mm) for shift in (_virtual_displacement(solved, space, near), near))
+    )
 
 
-def _spread(solved: ScalarField, space: Any, near: Any) -> Any:
+def _virtual_displacement(solved: ScalarField, space: Any, near: Any) -> Any:
     """Return a virtual displacement: 1 on the body, harmonic in the air, 0 on other bodies and the far boundary."""
     mesh = solved.mesh
     others = [name for name in dict.fromkeys(mesh.GetMaterials()) if name != "air"]

@@ -20,7 +20,7 @@ from padgen.planner.plan import TURNS, Plan, Taxel
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape
 from padgen.verify import ng, occ
-from padgen.verify.elasticity import Elastic, Fineness, System, assembled, factored, meshed, rigid_loads
+from padgen.verify.elasticity import Elastic, Fineness, System, assembled_system, factored, meshed, rigid_loads
 
 __all__ = [
     "CLAMPINGS",
@@ -87,7 +87,7 @@ def pad_modes(plan: Plan, clamping: str, order: int) -> tuple[PadModes, PadModes
     material = plan.spec.material
     plastic = Elastic(material.modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
     on_frame, held = (
-        _on_frame(plan, assembled(mesh, {".*": plastic}, order, faces)) for faces in (HELD, f"{SEAM}|{HELD}")
+        _on_frame(plan, assembled_system(mesh, {".*": plastic}, order, faces)) for faces in (HELD, f"{SEAM}|{HELD}")
     )
     return on_frame, held
 

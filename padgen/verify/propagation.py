@@ -34,7 +34,7 @@ __all__ = [
     "propagate",
     "signal",
     "squared",
-    "steady_lines",
+    "steady_phasors",
     "tones",
     "turns",
 ]
@@ -135,7 +135,7 @@ def circuit_current(
     )
 
 
-def steady_lines(
+def steady_phasors(
     frequency_hz: np.ndarray, q: np.ndarray | float, mass_kg: np.ndarray | float, force: DecayingTones
 ) -> np.ndarray:
     """Return displacement phasors (n, m) in m of resonators (n,) under the steady tones (m,) of a `force` in N.

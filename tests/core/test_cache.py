@@ -318,14 +318,14 @@ def test_who_waits_for_a_killed_process_makes_it_itself(entries, tmp_path):
 def test_patience_has_an_end(entries, monkeypatch):
     monkeypatch.setattr(cache, "PATIENCE_S", 0.1)
     with cache.claimed("kind", KEYS[:1]), cache.claimed("kind", KEYS[:3]):
-        assert cache.once("kind", KEYS[1], lambda: None, lambda: 5) == 5
+        assert cache.get_or_compute("kind", KEYS[1], lambda: None, lambda: 5) == 5
     assert not files(entries)
 
 
 def test_a_claim_needs_no_folder(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path / "file"))
-    assert cache.once("kind", KEYS[0], lambda: None, lambda: 5) == 5
+    assert cache.get_or_compute("kind", KEYS[0], lambda: None, lambda: 5) == 5
 
 
 def test_a_lock_on_a_file_that_was_taken_away_is_none(tmp_path, monkeypatch):

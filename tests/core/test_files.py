@@ -32,8 +32,8 @@ from padgen.core.files import (
     read_bounded,
     read_manifest,
     recover,
+    remove_own_files,
     sha256_hex,
-    take_away,
     unlock_file,
 )
 from padgen.measured.read import read_measured
@@ -162,7 +162,7 @@ def test_a_folder_is_taken_away_with_what_a_killed_run_left(tmp_path):
     put(tmp_path / "out", plan_json=PLAN_A)
     (tmp_path / "out" / files.LOCK).touch()
     (tmp_path / "out" / ".partial-4194305").mkdir()  # above the largest process number
-    take_away(tmp_path / "out")
+    remove_own_files(tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -256,7 +256,7 @@ def test_a_tampered_manifest_is_none(tmp_path, text):
     raw = text.replace("HASH", sha256_hex(b"mine")).encode(errors="surrogateescape")
     (folder / "manifest.json").write_bytes(raw)
     assert read_manifest(folder) == {} and not is_current(folder, {})
-    take_away(folder)
+    remove_own_files(folder)
     put(folder, remove=["*"], plan_json=PLAN_A)
     assert victim.read_text() == "mine" and (folder / "study.csv").read_text() == "mine"
     assert (folder / "manifest.json.old").read_bytes() == raw
@@ -405,7 +405,7 @@ COMMITS = {
     "users' files that are kept": (old_build_edited, new_build),
     "a manifest that is a user's": (lambda folder: (folder.mkdir(), (folder / "manifest.json").touch()), new_build),
     "stale files alone": (old_build, lambda folder: put(folder, remove=["taxel.step", "notes.csv"])),
-    "a folder taken away": (old_build_edited, take_away),
+    "a folder taken away": (old_build_edited, remove_own_files),
 }
 commits = pytest.mark.parametrize(("before", "commit_"), COMMITS.values(), ids=COMMITS)
 
@@ -444,7 +444,7 @@ def test_where_a_call_fails_the_folder_is_the_old_or_the_new_one(tmp_path, caplo
             except FileError:
                 told = True
         state = seen(folder)
-        assert state in ((old, new) if commit_ is take_away else (old,) if told else (new,)), calls[at:]
+        assert state in ((old, new) if commit_ is remove_own_files else (old,) if told else (new,)), calls[at:]
         ends.add(state == new)
         if len(calls) <= at:
             break

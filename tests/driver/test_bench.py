@@ -25,7 +25,7 @@ from padgen.core.errors import FileError, SolverError
 from padgen.driver import sound_card
 from padgen.driver.excitation import sweep_table
 from padgen.driver.serial_line import Kind, Message, Reason, State, excite, refusal
-from padgen.driver.sound_card import audio_device, recorded
+from padgen.driver.sound_card import audio_device, record_input
 from padgen.driver.waveform import make_drive
 from padgen.spec import parse_spec
 from tests.firmware_host import compiled, feed, host
@@ -318,7 +318,7 @@ def test_an_interrupt_fades_out_and_lost_samples_are_told_of(card):
     tone = np.ones(4 * RATE_HZ)
 
     def record(**more):
-        return recorded(devices[0], RATE_HZ, 4.0, devices[1], tone, 2, **more)
+        return record_input(devices[0], RATE_HZ, 4.0, devices[1], tone, 2, **more)
 
     def interrupt(*_) -> None:
         while len(card.sounded[-1]) < 3:

@@ -30,7 +30,7 @@ from padgen.physics.magnetics import (
 from padgen.physics.pull import leakage, pull
 from padgen.physics.selectivity import Scheme
 from padgen.planner import plan_from_json, plan_to_json
-from padgen.planner.drive_scheme import _heard, pull_in_share
+from padgen.planner.drive_scheme import _foreign_coil_energies, pull_in_share
 from padgen.planner.movers.washer import magnetic_parts
 from padgen.solid.checks import check_pad
 from padgen.solid.mesh import as_manifold
@@ -401,7 +401,7 @@ def test_beats_bound_what_two_coils_make_together(scheme):
     """Twice the product of two coils' currents, by Fourier transform over states, is little below the bound."""
     plan = plan_of("resonances_hz = [60, 101, 150, 265]\n" + FOUR, scheme=scheme)
     spec = plan.spec
-    tones, _, beats = _heard(spec, Scheme(scheme), plan.channels, 0)
+    tones, _, beats = _foreign_coil_energies(spec, Scheme(scheme), plan.channels, 0)
     bound = beats + (tones if scheme == "biased" else 0)
     largest = np.zeros(4)
     for off in range(4):
@@ -425,7 +425,7 @@ def test_leakage_of_a_pair_adds_up(scheme):
     """From two coils side by side, tones leak by the square; spurs and beats on the same lines add by amplitude."""
     row = FOUR.replace("resolution = 16", "resolution = 4").replace("[2, 2]", "[1, 2]")
     plan = plan_of("resonances_hz = [60, 150]\n" + row, scheme=scheme)
-    tones, spurs, beats = _heard(plan.spec, Scheme(scheme), plan.channels, 0)
+    tones, spurs, beats = _foreign_coil_energies(plan.spec, Scheme(scheme), plan.channels, 0)
     place = np.array([c.site.washer_mm for c in plan.channels]) * 1e-3
     worst = 0.0
     pitch = plan.coils.pitch_x_mm * 1e-3

@@ -21,7 +21,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from padgen.driver.formats.c import SCHEME_NUMBERS, c_header, firmware_files, sealed
+from padgen.driver.formats.c import SCHEME_NUMBERS, c_header, firmware_files, with_tables_crc
 from padgen.driver.serial_line import (
     HOLD_WATCHDOGS,
     VERSION,
@@ -250,7 +250,7 @@ def spoiled(header: str, table: str, entry: str) -> str:
     own, rest = entries.split(";", 1)
     numbers = re.sub(r"-?\d+\.?\d*(e[-+]?\d+)?f", entry, own)
     assert numbers != own
-    return sealed(f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}")
+    return with_tables_crc(f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}")
 
 
 @pytest.mark.parametrize(("scheme", "table", "entry"), [

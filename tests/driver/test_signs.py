@@ -27,7 +27,7 @@ from padgen.physics.recoil_in_time import PadMotion
 from padgen.physics.switching import follow
 from padgen.planner.make import choose, finish
 from padgen.planner.plan import plan_to_json
-from padgen.planner.shaken_pad import chance_images, pad_recoil
+from padgen.planner.shaken_pad import pad_recoil, random_images
 from padgen.spec import load_spec
 from padgen.spec.model import MountTable
 from tests.pad_stepper import stepped_wave
@@ -74,7 +74,7 @@ PLAYED = {
 def test_the_stated_figure_is_that_of_the_files_bytes_stepped_in_time(case, signed, tmp_path, monkeypatch):
     name, mount, options = PLAYED[case]
     plan = quick(name, **mount)
-    frame = chance_images(len(plan.taxels), 3, seed=7)[2:]
+    frame = random_images(len(plan.taxels), 3, seed=7)[2:]
     driven, sidecar, motion, rate = saved(plan, frame, tmp_path, monkeypatch, signed, seconds=1.4, **options)
     span = driven.heard.spans[0]
     held = motion[:, round((span.stop_s - sidecar["period_s"]) * rate) : round(span.stop_s * rate)]

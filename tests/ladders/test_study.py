@@ -39,8 +39,8 @@ from padgen.ladders.rung import (
     observed_order,
     picks,
     recommended_row,
-    run_apart,
     timed,
+    value_from_process,
 )
 from padgen.ladders.stages import LADDERS
 from padgen.ladders.study import (
@@ -289,9 +289,9 @@ def test_caches_of_models_are_emptied_between_runs(monkeypatch):
 
 def test_a_step_apart_says_what_went_wrong():
     with pytest.raises(SolverError, match="rung: asks for more"):
-        run_apart(refuses)
+        value_from_process(refuses)
     with pytest.raises(SolverError, match="SIGABRT"):
-        run_apart(os.abort)
+        value_from_process(os.abort)
 
 
 # Files
@@ -618,7 +618,7 @@ def test_elements_know_their_error():
     138.80316 Hz is the block at 3 GPa by elements of order 4 in three layers (`extreme.solid_answer`, NGSolve 6.2.2608,
     not extrapolated: good to 1e-3); resonances go with the root of the moduli.
     """
-    answer = run_apart(solved, "modulus 1e+12 Pa, steel in proportion")
+    answer = value_from_process(solved, "modulus 1e+12 Pa, steel in proportion")
     truth = 138.80316391 * sqrt(1e12 / 3e9)
     assert relative_error(answer.values, np.array([truth])) <= answer.stated_error + 1e-3 < 5e-3
 

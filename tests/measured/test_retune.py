@@ -517,7 +517,7 @@ def test_two_taxels_too_close_are_told_with_a_trim_that_parts_them():
     assert "5.7% apart with a bandwidth of 3.3%" in finding.message
     assert "lower r0c1k0 to" in finding.message
     (trim,) = result.trims
-    assert (trim.row, trim.column, trim.reaches) == (0, 1, True)
+    assert (trim.row, trim.column, trim.is_sufficient) == (0, 1, True)
     (step,) = trim.steps
     # What the advice says is what the print then does.
     weighed = replace(
@@ -556,7 +556,7 @@ def test_two_taxels_are_lowered_where_one_is_not_enough():
     truth = moved(planned_tuning(plan), r0c0k0=72.0, r0c0k2=155.0)
     (trim,) = retuned(plan, fits_of(truth)).trims
     assert len(trim.steps) == 2
-    assert trim.reaches
+    assert trim.is_sufficient
     # The lightest of all pairs on a finer grid, other modes left out.
     taxels = truth.taxels[:4]
     mass = np.array([c.effective_mass_g for c in plan.channels])[:, None] * 1e3

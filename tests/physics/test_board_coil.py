@@ -10,7 +10,14 @@ import pytest
 import padgen as pg
 from padgen.core.errors import SpecError
 from padgen.core.units import COPPER_OHM_M, MM
-from padgen.physics.board_coil import board_layers, board_source, inductance, layer_resistances, resistance, shares
+from padgen.physics.board_coil import (
+    board_layers,
+    board_source,
+    inductance,
+    layer_current_shares,
+    layer_resistances,
+    resistance,
+)
 from padgen.physics.magnet_pull import magnet_pull
 from padgen.physics.magnets import DiscMagnet
 from padgen.planner import plan_to_json
@@ -36,7 +43,7 @@ def random_coil(rng):
 
 def filaments_of(coil, step_mm):
     tracks, _ = coil_path(coil, 1, (0.0, 0.0))
-    return Filaments(coil, tracks, shares(coil), step_mm)
+    return Filaments(coil, tracks, layer_current_shares(coil), step_mm)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -44,7 +51,7 @@ def test_resistance_and_inductance_are_those_of_the_tracks(seed):
     """The bars are R within 1 % and L within 3 %; a step of 0.4 mm errs by less than 0.5 % of L."""
     coil = board_coil(random_coil(np.random.default_rng(seed)))
     filaments = filaments_of(coil, 0.4)
-    share = shares(coil)
+    share = layer_current_shares(coil)
     tracks = float((np.array(layer_resistances(coil)) * share**2).sum())
     assert filaments.resistance(COPPER_OHM_M) == pytest.approx(tracks, rel=2e-3)
     assert resistance(coil) > tracks
@@ -58,7 +65,7 @@ def test_fifty_random_coils():
     for _ in range(50):
         coil = board_coil(random_coil(rng))
         filaments = filaments_of(coil, 0.3)
-        tracks = float((np.array(layer_resistances(coil)) * shares(coil) ** 2).sum())
+        tracks = float((np.array(layer_resistances(coil)) * layer_current_shares(coil) ** 2).sum())
         off.append((filaments.resistance(COPPER_OHM_M) / tracks - 1, filaments.inductance() / inductance(coil) - 1))
     worst = np.abs(off).max(0)
     print("R and L of 50 coils, worst and median:", worst, np.median(np.abs(off), 0))

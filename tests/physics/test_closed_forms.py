@@ -21,13 +21,13 @@ import numpy as np
 import pytest
 
 from padgen.physics.beams import BeamSection, largest_stress
-from padgen.physics.bounds import _turning, core_polarisation, saturation_loss
+from padgen.physics.bounds import _squared_slope, core_polarisation, saturation_loss
 from padgen.physics.contact import Contactor, loaded_resonance
 from padgen.physics.contact.half_space import HalfSpace
 from padgen.physics.magnetics import charged_core, solenoid
 from padgen.physics.modes import BeamPlacement, to_tip
 from padgen.planner.drive_scheme import cell_is_turned
-from padgen.planner.layout import candidates, room, slots
+from padgen.planner.layout import candidates, room, sub_cell_centres
 from padgen.planner.left_out import _common_radius
 from padgen.planner.plan import Plan
 from padgen.planner.suspensions import BeamShape
@@ -55,7 +55,7 @@ def test_the_squared_slope_of_a_cubic() -> None:
     x = (nodes + 1) / 2
     for a, w, b in rng.normal(size=(5, 3)):
         slope = a * (1 - 4 * x + 3 * x**2) + w * (6 * x - 6 * x**2) + b * (3 * x**2 - 2 * x)
-        assert _turning((a, w, b)) == pytest.approx(weights @ slope**2 / 2, rel=1e-12)
+        assert _squared_slope((a, w, b)) == pytest.approx(weights @ slope**2 / 2, rel=1e-12)
 
 
 @pytest.mark.parametrize("radius, apart", [(1.0, 0.4), (0.5, 1.0), (2.5, 0.3), (0.2, 0.1), (2.0, 4.0)])
@@ -145,10 +145,10 @@ def test_a_washer_beside_a_narrow_coil_has_no_room_along_it() -> None:
     spec = load_spec("quad-64")
     narrow = replace(spec, coil=replace(spec.coil, outer_diameter_mm=3.0, grid=None))
     layout = next(o for o in candidates(narrow, 8) if o.beam_axis == "y")
-    inside, (u, v) = room(narrow, layout), np.abs(slots(layout)).max(0)
+    inside, (u, v) = room(narrow, layout), np.abs(sub_cell_centres(layout)).max(0)
     assert v > 3.0 and u > 3.0
     assert (inside.before_washer_mm, inside.behind_washer_mm) == pytest.approx(
-        (inside.length_mm / 2 + np.abs(slots(layout))[:, 1].min(), inside.length_mm / 2 - v), rel=1e-12
+        (inside.length_mm / 2 + np.abs(sub_cell_centres(layout))[:, 1].min(), inside.length_mm / 2 - v), rel=1e-12
     )
 
 

@@ -34,7 +34,7 @@ from padgen.verify.propagation import (
     propagate,
     signal,
     squared,
-    steady_lines,
+    steady_phasors,
     tones,
 )
 from tests.finer_models import merged
@@ -110,7 +110,7 @@ def test_phasors_are_what_propagation_ends_in():
     # 145 ring-ups
     hz = np.array([60.0, 78.0])
     times = np.linspace(20, 20.1, 17)
-    lines = steady_lines(hz, 26.0, MASS, force)
+    lines = steady_phasors(hz, 26.0, MASS, force)
     turning = np.exp(2j * np.pi * force.frequency_hz[:, None] * times)
     moved = propagate(hz, 26.0, MASS, force, times)
     assert (lines @ turning).real == pytest.approx(moved, abs=1e-10 * np.abs(moved).max())
@@ -148,8 +148,8 @@ def test_a_circuit_current_solves_its_equation():
 def test_what_has_no_answer_is_refused():
     force = tones(60.0, 1.0)
     for broken in (
-        lambda: steady_lines([60.0], np.inf, MASS, force),
-        lambda: steady_lines([60.0], 15.0, MASS, tones(60.0, 1.0, 0.0, 1.0)),
+        lambda: steady_phasors([60.0], np.inf, MASS, force),
+        lambda: steady_phasors([60.0], 15.0, MASS, tones(60.0, 1.0, 0.0, 1.0)),
     ):
         with pytest.raises(SolverError):
             broken()

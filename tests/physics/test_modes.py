@@ -52,7 +52,7 @@ from padgen.planner.channels import (
     taxel_modes,
 )
 from padgen.planner.drive_scheme import _resonators, placed_channels, plan_selectivity
-from padgen.planner.judge import crowds
+from padgen.planner.judge import parasitic_modes
 from padgen.planner.plan import Site
 from padgen.planner.suspensions import BeamShape
 from padgen.planner.taxel_model import TaxelModel, plate_shape, solved_model
@@ -528,7 +528,7 @@ def test_a_crowded_mode_is_found_and_costs(crowded_plan):
     assert abs(wrench - wrench[0]).max() > 1e-3
     # No vertical pull at the axis excites it.
     straight = [replace(c, pull_wrench=tuple(UPWARD)) for c in channels_]
-    assert crowds(spec, straight, Scheme(figures.drive)) == []
+    assert parasitic_modes(spec, straight, Scheme(figures.drive)) == []
     assert plan_selectivity(spec, straight).modes_cost_db < 0.1
 
 
@@ -537,7 +537,7 @@ def test_a_mode_that_is_near_and_costs_is_one_finding(crowded_plan):
     spec = parse_spec(CROWDED.format(f"{lateral_hz(crowded_plan):.6g}") + "[drive]\nlevel_law = 0\n")
     plan = make_plan(spec)
     (crowded,) = of(plan, "modes.crowded")
-    (found,) = crowds(spec, plan.channels, plan.scheme)
+    (found,) = parasitic_modes(spec, plan.channels, plan.scheme)
     assert found.at_peak > 1 / spec.delta_y
     assert found.costs_db > 4
     assert f"by {found.at_peak:.2g} if a print" in crowded.message
@@ -560,7 +560,7 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
     hz = [spur_hz if k == torsion else f for k, f in enumerate(first.modes_hz)]
     motions = [tuple(10 * np.array(m)) if k == torsion else m for k, m in enumerate(first.mode_motions)]
     moved = (replace(first, modes_hz=tuple(hz), mode_motions=tuple(motions)), *others)
-    found = [c for c in crowds(spec, moved, Scheme("tones")) if (c.channel, c.mode) == (0, torsion)]
+    found = [c for c in parasitic_modes(spec, moved, Scheme("tones")) if (c.channel, c.mode) == (0, torsion)]
     assert [(c.line, c.is_spur) for c in found] == [("the sum spur of 1 and 3", True)]
     assert found[0].line_hz == pytest.approx(spur_hz)
     which = placed_channels(spec, moved)
@@ -571,11 +571,13 @@ def test_a_mode_on_a_spur_is_named_with_its_makers_and_cleared_by_a_drive(crowde
     heard = felt_energy(modes, slice(0, 1), np.array([spur_hz]))[0, 0]
     assert found[0].planned == pytest.approx(spur * np.sqrt(heard), rel=1e-9)
     assert [
-        c for c in crowds(spec, moved, Scheme("spur-free")) if (c.channel, c.mode) == (0, torsion) and c.is_spur
+        c
+        for c in parasitic_modes(spec, moved, Scheme("spur-free"))
+        if (c.channel, c.mode) == (0, torsion) and c.is_spur
     ] == []
     # On a taxel that makes the spur, it is no disturbance: it is there only when the taxel is ON.
     last = replace(others[2], modes_hz=tuple(hz), mode_motions=tuple(motions), mode_shares=first.mode_shares)
-    for crowd in crowds(spec, (first, *others[:2], last), Scheme("tones")):
+    for crowd in parasitic_modes(spec, (first, *others[:2], last), Scheme("tones")):
         assert "3" not in crowd.line or crowd.channel != 3
 
 

@@ -31,7 +31,7 @@ from padgen.physics.beams import (
     BeamSection,
     Surroundings,
     YokeSize,
-    curl,
+    anticlastic_factors,
     layered_edge,
     on_elastic_ends,
     tip_stiffness,
@@ -86,7 +86,7 @@ def strip_flexibility(length, poisson):
 @pytest.mark.parametrize("poisson", [0.25, 0.36, 0.45])
 @pytest.mark.parametrize("length", [0.4, 1.0, 2.5, 6.0])
 def test_a_clamped_strip_is_a_plate(length, poisson):
-    pure, guided = (share * poisson**2 for share in curl(np.array(length)))
+    pure, guided = (share * poisson**2 for share in anticlastic_factors(np.array(length)))
     ends = RIGID._replace(curl_pure=pure, curl_guided=guided)
     thickness = 1e-4  # shear counts for nothing
     section = BeamSection(1.0, thickness, length, ends=ends)
@@ -98,8 +98,8 @@ def test_a_clamped_strip_is_a_plate(length, poisson):
 
 
 def test_short_strips_are_plates_and_long_ones_are_beams():
-    assert curl(np.array(1e-6)) == pytest.approx((1, 1), abs=1e-5)
-    assert max(curl(np.array(1e4))) < 1e-3
+    assert anticlastic_factors(np.array(1e-6)) == pytest.approx((1, 1), abs=1e-5)
+    assert max(anticlastic_factors(np.array(1e4))) < 1e-3
 
 
 def cantilever_tip(length, bending, held, spring):

@@ -25,13 +25,13 @@ from padgen.core.units import MM, UM
 from padgen.physics.magnetics import (
     MU_0,
     SteelRing,
-    cylinder,
+    cylinder_outline,
     flux_density,
     ring_potential,
     solenoid,
     steel_body,
     toroidal,
-    tube,
+    tube_outline,
 )
 from padgen.physics.pull import OWN_ERROR, make_table, parts_key, pull, solved_pulls, supplied_table
 from padgen.planner import make_plan
@@ -108,11 +108,13 @@ def moments(body):
 
 def test_a_thin_disc_along_the_field():
     """A disc of infinite permeability is magnetised by a field in its plane to 16 a³/3 H (Landau and Lifshitz, § 4)."""
-    thin = steel_body(cylinder(1.0, 0.0, 1e-3, (14, 6, 14)), 1e9, 1)
+    thin = steel_body(cylinder_outline(1.0, 0.0, 1e-3, (14, 6, 14)), 1e9, 1)
     assert moments(thin)[1] == pytest.approx(16 / 3, rel=0.01)
 
 
-@pytest.mark.parametrize("sides", [tube(2.0, 0.85, 0.0, 0.3, (10, 6)), cylinder(1.0, -3.0, 0.0, (8, 10, 8))])
+@pytest.mark.parametrize(
+    "sides", [tube_outline(2.0, 0.85, 0.0, 0.3, (10, 6)), cylinder_outline(1.0, -3.0, 0.0, (8, 10, 8))]
+)
 def test_demagnetising_factors_add_to_one(sides):
     """This holds for any body in the limit of a weak χ (Brown, *Magnetostatic Principles in Ferromagnetism*, 1962)."""
     chi = 1e-3
@@ -125,7 +127,7 @@ def test_demagnetising_factors_add_to_one(sides):
 
 
 def test_a_long_rod_of_small_permeability_fills_with_flux():
-    body = steel_body(cylinder(1.0, -200.0, 0.0, (8, 20, 8)), 3.0, 0)
+    body = steel_body(cylinder_outline(1.0, -200.0, 0.0, (8, 20, 8)), 3.0, 0)
     along = body.response[0] @ -body.height
     assert (body.area * along * body.height).sum() == pytest.approx(2 * pi * 200, rel=0.01)
 
@@ -168,7 +170,7 @@ def test_the_forces_have_one_energy(gap_mm, offset_mm):
 def test_far_away_two_dipoles_pull():
     """The washer's moment by a uniform field meets the field of the distant coil on its axis."""
     gap = 0.2
-    washer = steel_body(tube(2 * MM, MM, 0.0, 0.5 * MM, (8, 6)), 1000.0, 0)
+    washer = steel_body(tube_outline(2 * MM, MM, 0.0, 0.5 * MM, (8, 6)), 1000.0, 0)
     moment = (washer.area * (washer.response[0] @ -washer.height) * washer.height).sum()
     height = gap + 0.25 * MM + np.array([-1, 1]) * 0.01 * gap
     _, near = flux_density(COIL, np.zeros(2), height)
@@ -257,7 +259,7 @@ def test_steel_on_top_of_a_washer(crown_mm):
     if crown_mm == CROWNS[0]:
         thicker = washer._replace(thickness=1.5 * MM)
         assert found == pytest.approx(pull(coil, thicker, 1 * MM, 0.0).axial, rel=0.003)
-    assert parts_key(coil, washer) == parts_key(coil, crowned.alone) != parts_key(coil, crowned)
+    assert parts_key(coil, washer) == parts_key(coil, crowned.without_crown) != parts_key(coil, crowned)
 
 
 def test_a_table_of_one_offset_knows_how_far_its_derivatives_are_off():
@@ -292,13 +294,13 @@ def test_the_tables_that_padgen_brings_are_those_of_its_parts(monkeypatch):
         plan = make_plan(spec)
         gap = hanging_gap_um(spec, np.array([c.sag_um for c in plan.channels])) * UM
         offset = np.array([c.site.coil_distance_mm for c in plan.channels]) * MM
-        found = mover_of(spec).pulls(spec.coil, spec.moved, gap, offset)
+        found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, offset)
         solved = solved_pulls(*magnetic_parts(spec), gap, offset)
         assert found.pull == pytest.approx(solved.pull, rel=0.003)
         assert found.slope == pytest.approx(solved.slope, rel=0.04)
         assert (np.abs(found.pull / solved.pull - 1) <= found.error).all()
     offset = np.linspace(0.3, 5.3, 8) * MM
-    found = mover_of(spec).pulls(spec.coil, spec.moved, np.full(8, 0.4 * MM), offset).pull
+    found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, np.full(8, 0.4 * MM), offset).pull
     solved = np.array([-pull(*magnetic_parts(spec), 0.4 * MM, place).axial for place in offset])
     assert found == pytest.approx(solved, rel=0.01)
 
@@ -312,7 +314,7 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
     offset = np.array([4.0, 4.0, 4.0, 0.0]) * MM
     washers._solved_table.cache_clear()
     washers._table_beside.cache_clear()
-    found = mover_of(spec).pulls(spec.coil, spec.moved, gap, offset)
+    found = mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, offset)
     solved = solved_pulls(*magnetic_parts(spec), gap, offset)
     assert found.pull == pytest.approx(solved.pull, rel=2e-3)
     assert found.slope == pytest.approx(solved.slope, rel=0.05)
@@ -323,7 +325,9 @@ def test_parts_of_ones_own_are_solved_once_and_kept(tmp_path, monkeypatch):
         raise AssertionError("is in the cache")
 
     monkeypatch.setattr(washers, "make_table", never)
-    assert mover_of(spec).pulls(spec.coil, spec.moved, gap, offset).pull == pytest.approx(found.pull, rel=1e-12)
+    assert mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap, offset).pull == pytest.approx(
+        found.pull, rel=1e-12
+    )
 
 
 def test_a_plan_states_the_pull_where_its_washers_hang_and_its_error():

@@ -99,13 +99,17 @@ def test_mass_and_moments_are_those_of_a_raster(nut):
     density[(z > plate.thickness_mm) & (radius < spec.taxel.boss_diameter_mm / 2)] = spec.material.density_g_per_cm3
     solid = replace(spec.ballast, inner_diameter_mm=0.0)
     density[inside(solid, x, y) & (z < spec.pocket_top_mm)] = 0.0
-    recess = (spec.moved.outer_diameter_mm + spec.taxel.washer_clearance_mm) / 2
+    recess = (spec.washer_or_magnet.outer_diameter_mm + spec.taxel.washer_clearance_mm) / 2
     density[(radius < recess) & (z < spec.recess_depth_mm)] = 0.0
     of_ballast = inside(spec.ballast, x, y) & (z < spec.pocket_top_mm)
     density[of_ballast & (z > spec.pocket_top_mm - spec.ballast.height_mm)] = spec.ballast.density_g_per_cm3
-    low = spec.pocket_top_mm - spec.ballast.height_mm - spec.moved.thickness_mm
-    of_magnet = (radius < spec.moved.outer_diameter_mm / 2) & (z > low) & (z < low + spec.moved.thickness_mm)
-    density[of_magnet] = spec.moved.density_g_per_cm3
+    low = spec.pocket_top_mm - spec.ballast.height_mm - spec.washer_or_magnet.thickness_mm
+    of_magnet = (
+        (radius < spec.washer_or_magnet.outer_diameter_mm / 2)
+        & (z > low)
+        & (z < low + spec.washer_or_magnet.thickness_mm)
+    )
+    density[of_magnet] = spec.washer_or_magnet.density_g_per_cm3
     mass_g = density * np.prod([side / round(side / step) for side in sides]) * 1e-3
     total_g = mass_g.sum()
     height_mm = (mass_g * z).sum() / total_g

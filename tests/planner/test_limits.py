@@ -29,7 +29,7 @@ from padgen.driver.drive_folder import Drive, Driven, write_excitation
 from padgen.driver.excitation import KINDS, excitation
 from padgen.driver.formats.c import boards_in_time, c_header, sample_mhz
 from padgen.driver.frames import state_frames
-from padgen.driver.loads import HEAT_S, excitation_load, heat_s, judge_limits, judge_load, load_of
+from padgen.driver.loads import HEAT_S, excitation_load, judge_limits, judge_load, least_thermal_time_s, load_of
 from padgen.driver.serial_line import frame_message
 from padgen.driver.signs import PlayedPad, choose_signs
 from padgen.driver.waveform import (
@@ -218,7 +218,9 @@ def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
         pytest.approx(max(found), rel=0.01)
     )
     # One slot after the other: the mean up to each one's end, what was before counting less and less.
-    weight = np.exp(driven.report.count / driven.report.rate_hz / 4 / heat_s(plan.spec.coil)) ** np.arange(4)
+    weight = np.exp(
+        driven.report.count / driven.report.rate_hz / 4 / least_thermal_time_s(plan.spec.coil)
+    ) ** np.arange(4)
     warmest = max(np.average(found[: n + 1], weights=weight[: n + 1]) for n in range(4))
     assert figure(driven, "coil.heat") == pytest.approx(warmest, rel=0.01)
 
@@ -229,12 +231,15 @@ def test_judged_watts_of_turns_are_those_of_the_warmest(tmp_path):
 def test_a_coils_heat_lags_by_what_its_copper_stores():
     coil = planned().spec.coil
     # 1000 turns of 22 m in all; 62.9 Ω of them are 0.0874 mm thick and weigh 1.18 g; 471 mm² give off 100 W/(m² K).
-    assert heat_s(coil) == pytest.approx(1.18e-3 * 385 / (100 * 471e-6), rel=0.01)
-    assert heat_s(replace(coil, resistance_ohm=629.0)) == pytest.approx(heat_s(coil) / 10)
+    assert least_thermal_time_s(coil) == pytest.approx(1.18e-3 * 385 / (100 * 471e-6), rel=0.01)
+    assert least_thermal_time_s(replace(coil, resistance_ohm=629.0)) == pytest.approx(least_thermal_time_s(coil) / 10)
     # A winding of 2 mm that is all copper, whatever its resistance; a large one.
     small = replace(coil, outer_diameter_mm=2.0, inner_diameter_mm=1.0, length_mm=2.0, resistance_ohm=1e-3)
-    assert heat_s(small) == pytest.approx(3.45e6 * 1.5e-9 * np.pi / (100 * 6e-6 * np.pi), rel=1e-9)
-    assert heat_s(replace(coil, resistance_ohm=1.0)) == HEAT_S and heat_s(replace(coil, resistance_ohm=1e6)) == 0.01
+    assert least_thermal_time_s(small) == pytest.approx(3.45e6 * 1.5e-9 * np.pi / (100 * 6e-6 * np.pi), rel=1e-9)
+    assert (
+        least_thermal_time_s(replace(coil, resistance_ohm=1.0)) == HEAT_S
+        and least_thermal_time_s(replace(coil, resistance_ohm=1e6)) == 0.01
+    )
 
 
 @pytest.mark.parametrize("ohm", [62.9, 1200.0, 1e6])
@@ -243,12 +248,12 @@ def test_the_firmware_averages_heat_over_no_longer(ohm):
     for rate in (8000, 48_000):
         header = c_header(plan, make_drive(plan, rate))
         averaged = 2 ** int(re.search(r"define PADGEN_HEAT_SHIFT (\d+)", header).group(1)) / rate
-        assert heat_s(plan.spec.coil) / 2 < averaged <= heat_s(plan.spec.coil)
+        assert least_thermal_time_s(plan.spec.coil) / 2 < averaged <= least_thermal_time_s(plan.spec.coil)
 
 
 def test_a_burst_after_a_pause_may_be_stronger_than_what_is_held_for_ever():
     plan = planned("", "scheme = 'tones'")
-    drive, lag = drive_at(plan, CONTROLLER_RATES_HZ), heat_s(plan.spec.coil)
+    drive, lag = drive_at(plan, CONTROLLER_RATES_HZ), least_thermal_time_s(plan.spec.coil)
     held = load_of(plan, drive, steady(np.ones(16), drive.period_s))
     assert (held.warm_a2 == held.square_a2).all()
 
@@ -272,7 +277,7 @@ def test_a_burst_after_a_pause_may_be_stronger_than_what_is_held_for_ever():
 def test_files_played_on_end_keep_a_coil_within_its_limit():
     """Ten plays of one file, from a coil as warm as it may be, with its heat integrated in small steps."""
     plan = planned("", "scheme = 'tones'")
-    lag = heat_s(plan.spec.coil)
+    lag = least_thermal_time_s(plan.spec.coil)
     step_s = 1e-3
     drive = drive_at(plan, CONTROLLER_RATES_HZ)
     rng = np.random.default_rng(5)
@@ -303,7 +308,7 @@ def test_no_coil_gets_warmer_than_it_may_by_the_bytes_of_a_file(tmp_path, scheme
     load = load_of(plan, drive, timeline(plan, frames))
     assert load.warm_a2.max() < (0.99 if scheme == "biased" else 0.7) * load.square_a2.max()
     _, ampere = integrated(tmp_path / "o", coil)
-    stays = np.exp(-1 / (heat_s(coil) * 48_000))
+    stays = np.exp(-1 / (least_thermal_time_s(coil) * 48_000))
     heat, _ = lfilter(
         [1 - stays], [1, -stays], ampere**2 / load.warm_a2, axis=0, zi=np.full((1, ampere.shape[1]), stays)
     )

@@ -449,7 +449,7 @@ def test_a_magnet_that_is_too_warm_is_an_error_with_a_cure():
     # Its own field N J/μ0 meets nine tenths of the coercivity, both at that temperature; N = 0.70 of 5 x 1 mm.
     disc = magnet.magnet_of(plan.spec.magnet)
     factor = demagnetising_factor(disc)
-    warm = magnet.limit_c(plan.spec.magnet) - 20
+    warm = magnet.demagnetising_limit_c(plan.spec.magnet) - 20
     own = factor * disc.polarisation * (1 - 0.0012 * warm) / (4e-7 * pi)
     assert own == pytest.approx(0.9 * 876e3 * (1 - 0.0075 * warm), rel=1e-6)
-    assert magnet.limit_c(plan.spec.magnet) == pytest.approx(25.9, abs=0.1)
+    assert magnet.demagnetising_limit_c(plan.spec.magnet) == pytest.approx(25.9, abs=0.1)

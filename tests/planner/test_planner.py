@@ -18,14 +18,14 @@ from padgen.physics.ladder import slot_half_width
 from padgen.physics.selectivity import Scheme, all_states, channels, one_hot_db
 from padgen.planner import make, make_plan, plan_from_json, plan_to_json, sizing
 from padgen.planner.channels import wanted_line_a2
-from padgen.planner.layout import candidates, channel_counts, place, room, slots
+from padgen.planner.layout import candidates, channel_counts, room, sub_cell_centres, taxel_site
 from padgen.planner.make import choose, finish
 from padgen.planner.plan import level_law
 from padgen.planner.search import TRIED_SINGLY, largest_counts
 from padgen.planner.sizing import SizedChannel, crowded_modes, reach
 from padgen.planner.suspensions import BeamShape, PlateShape, Room, allowed, names, suspension
 from padgen.planner.taxel_model import TaxelModel, plate_shape
-from padgen.planner.verdict import judged
+from padgen.planner.verdict import with_verdict
 from padgen.report.plans import plan_text
 from padgen.spec import load_spec, make_spec, parse_spec, template_paths
 from padgen.spec.load import without_none
@@ -465,7 +465,7 @@ def test_silent_second_modes_near_a_channel_are_noted():
 @pytest.mark.parametrize(("kept_db", "told"), [(13.84, "at least 13.8 dB more"), (-3.12, "at most 3.1 dB less")])
 def test_the_verdict_has_no_negative_decibels(paper_plan, kept_db, told):
     plan = replace(paper_plan, prints=replace(paper_plan.prints, print_db=kept_db, planned_db=-10.0))
-    sentence = judged(plan, plan.findings).verdict.sentence
+    sentence = with_verdict(plan, plan.findings).verdict.sentence
     assert f"in 90% of prints ON taxels then vibrate {told} than OFF ones (asked: 20.0 dB)." in sentence
 
 
@@ -744,10 +744,10 @@ def test_washers_keep_a_ring_where_that_evens_their_pull():
     layout = next(o for o in candidates(plan.spec, 11) if o.margin_mm >= 0)
     arrangement = TaxelModel(plan.spec, "cantilever", plate_shape(plan.spec), BeamShape(0.6, 0.5, 8.2)).arrangement
     inside = room(plan.spec, layout)
-    for centre in slots(layout):
+    for centre in sub_cell_centres(layout):
         u, v = centre
         nearest, *others = (
-            place(plan.spec, replace(layout, ring_mm=mm), centre, arrangement) for mm in (0, 8, 12, 18, 99)
+            taxel_site(plan.spec, replace(layout, ring_mm=mm), centre, arrangement) for mm in (0, 8, 12, 18, 99)
         )
         for ring, site in zip((8, 12, 18, 99), others, strict=True):
             assert nearest.coil_distance_mm - 1e-6 <= site.coil_distance_mm
@@ -818,11 +818,11 @@ def test_a_printed_choice_counts_beyond_the_bound_on_prints(monkeypatch):
 
     def tried(choice, *_):
         if choice is works:
-            return make.Tried(21.0, 0.6, 19.0)
+            return make.ChoiceFigures(21.0, 0.6, 19.0)
         if choice.channels in known:
-            return make.Tried(25.0, 0.0, 1.0)
+            return make.ChoiceFigures(25.0, 0.0, 1.0)
         known.add(choice.channels)
-        return make.Tried(25.0)
+        return make.ChoiceFigures(25.0)
 
     monkeypatch.setattr(make, "_tried", tried)
     assert make._best(iter(choices), make.MOST_PRINTED) == (works, False)

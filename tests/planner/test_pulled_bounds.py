@@ -16,10 +16,10 @@ from padgen.planner.channels import (
     hanging_gap_um,
     mode_fields,
     pull_exponent,
-    pulled_shares,
     site_pulls,
     site_wrenches,
     wanted_line_a2,
+    working_mode_ratios,
 )
 from padgen.planner.left_out import _pulled
 from tests.finer_models import true_gap, true_softening
@@ -56,7 +56,7 @@ def pulled_bounds(thinned: int = 1) -> tuple[int, list[tuple[object, ...]]]:
         pulled = site_pulls(spec, [site], hanging_um)
         modes = TaxelModes(np.array(channel.modes_hz), np.array(channel.mode_motions))
         wrenches = site_wrenches(spec, pulled, [site])
-        force = float((pulled.pull * pulled_shares([modes], wrenches))[0])
+        force = float((pulled.pull * working_mode_ratios([modes], wrenches))[0])
         if force <= 0:
             continue
         force_mn = channel.force_mn * 0.1 * gap_um / channel.level_um

@@ -15,7 +15,7 @@ from padgen.physics.recoil import Base, MovingPad, MovingTaxels, balanced_signs,
 from padgen.planner.make import choose, finish
 from padgen.planner.pad_mass import mode_momentum, pad_mass
 from padgen.planner.plan import plan_from_json, plan_to_json
-from padgen.planner.shaken_pad import LOST_DB, ShakenPad, chance_images, pad_recoil
+from padgen.planner.shaken_pad import LOST_DB, ShakenPad, pad_recoil, random_images
 from padgen.planner.verdict import moving_pad_db
 from padgen.report.plans import summary_text
 from padgen.spec import MountTable, load_spec, make_spec
@@ -187,7 +187,7 @@ def test_the_figure_is_that_of_the_pad_stepped_in_time(case, signed):
     plan = pg.plan(name)
     pad = ShakenPad(plan, MountTable(**fields))
     pad.leak[:] = 0.0
-    levels = chance_images(len(plan.taxels), 3, seed=7)[2]
+    levels = random_images(len(plan.taxels), 3, seed=7)[2]
     driven = levels * pad.signs(levels) if signed else levels
     assert stepped_db(table_of(plan, MountTable(**fields)), driven) == pytest.approx(
         float(pad.listen(driven).db), abs=0.01
@@ -227,7 +227,7 @@ def test_the_figure_apart_is_that_of_prints_whose_taxels_differ(name):
     1.5 dB worse: a pad answers a taxel that is off its tone with less. docs/recoil.md has more prints.
     """
     pad = ShakenPad(quick(name))
-    shown = chance_images(len(pad.unit), 100)
+    shown = random_images(len(pad.unit), 100)
     rng = np.random.default_rng(3)
     found = min(
         retuned_db(pad, pad.taxels.resonance_hz * (1 + 0.01 * rng.normal(size=len(pad.unit))), shown) for _ in range(3)

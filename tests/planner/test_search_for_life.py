@@ -15,7 +15,7 @@ LARGE = {"name": "large", "resolution": 32, **BAND, "pad": {"width_mm": 80, "dep
 
 
 def lasts(choice):
-    return make._lasts(make._assemble(choice, *make._driven(choice)))
+    return make._lasts(make._assemble(choice, *make._channels_and_selectivity(choice)))
 
 
 def test_a_pad_that_lasts_is_taken_before_one_of_fewer_coils_that_does_not():

@@ -49,9 +49,9 @@ def test_the_layout_that_works_most_often_is_found_with_many_prints_of_few(monke
         share = shares[choice.layout]
         unsure = 0.05
         if share + unsure < least_share:
-            return make.Tried(30.0, share - 0.02 * (choice.layout % 2), 20.0, unsure)
+            return make.ChoiceFigures(30.0, share - 0.02 * (choice.layout % 2), 20.0, unsure)
         sure.append(choice)
-        return make.Tried(30.0, share, 20.0)
+        return make.ChoiceFigures(30.0, share, 20.0)
 
     monkeypatch.setattr(make, "_tried", tried)
     monkeypatch.setattr(make, "_with_bent_beams", lambda tried: iter(()))
@@ -66,7 +66,7 @@ def _found(monkeypatch, choices, figures):
 
     def tried(choice, *_):
         judged.append(choice)
-        return make.Tried(*figures(choice))
+        return make.ChoiceFigures(*figures(choice))
 
     monkeypatch.setattr(make, "_tried", tried)
     monkeypatch.setattr(make, "_with_bent_beams", lambda tried: iter(()))

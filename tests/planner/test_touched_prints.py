@@ -14,7 +14,7 @@ from padgen.planner.printed_pads import Drift
 from padgen.planner.touch_search import TouchTrial, decided_under_touch
 from padgen.planner.touched_prints import touched_pads
 from padgen.spec import make_spec
-from padgen.spec.load import is_of_spec
+from padgen.spec.load import matches_spec
 from tests.touched_stepper import kept_db, kept_figures, stepped
 
 PIN = {
@@ -218,7 +218,7 @@ def test_four_lines_and_touch_find_a_pad_that_chooses_under_a_finger():
     assert spec.pin_share is not None
     # What the plan was decided to be is planned again from its own spec, without a search.
     assert plan_to_json(pg.plan(spec)) == plan_to_json(plan)
-    assert is_of_spec(spec, make_spec(FOUR))
+    assert matches_spec(spec, make_spec(FOUR))
 
 
 def test_what_a_spec_says_is_not_searched_for():

@@ -11,7 +11,7 @@ import padgen as pg
 from padgen import cli
 from padgen.core.errors import PadgenError, Verdict
 from padgen.planner import plan_to_json
-from padgen.planner.verdict import judged
+from padgen.planner.verdict import with_verdict
 from padgen.report.plans import plan_html
 from padgen.spec import template_paths
 from tests.conftest import FOUR_LINES, SMALL
@@ -169,7 +169,7 @@ def test_only_a_pad_that_works_is_to_be_printed(tmp_path, monkeypatch, capsys):
 
 def test_the_deepest_cause_of_a_shortfall_is_named(paper_plan):
     prints = replace(paper_plan.prints, planned_db=1.0, print_db=2.0, good_share=0.1)
-    short = judged(replace(paper_plan, prints=prints), paper_plan.findings)
+    short = with_verdict(replace(paper_plan, prints=prints), paper_plan.findings)
     assert (short.verdict.level, short.verdict.limit) == ("short", "selectivity.all_states")
 
 

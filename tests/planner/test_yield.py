@@ -40,7 +40,7 @@ from padgen.physics.ladder import LevelLaw, geometric_ladder, ladder_ratio
 from padgen.physics.pull import Leakage
 from padgen.physics.resonator import receptance
 from padgen.physics.schemes import in_order
-from padgen.physics.selectivity import Scheme, channels, print_share
+from padgen.physics.selectivity import Scheme, channels, estimated_print_share
 from padgen.planner import Plan, make_plan, plan_to_json
 from padgen.planner import printed_pads as module
 from padgen.planner.drive_scheme import _lines_apart
@@ -52,7 +52,7 @@ from padgen.planner.printed_pads import (
     Spreads,
     compared_prints,
     design_of,
-    printed,
+    simulated_prints,
     spreads_of,
     what_prints_keep,
 )
@@ -258,7 +258,7 @@ def test_beads_move_channels_apart_alike_in_every_print():
     assert abs(x).max() > 0.004
     # They are no spread.
     assert module.ratio_spread(design, only(across_beads=0.3)) == 0
-    assert module.missed_spreads(design, only(across_beads=0.3)) == (0, 0, 0, 0)
+    assert module.detuning_sigmas(design, only(across_beads=0.3)) == (0, 0, 0, 0)
 
 
 def test_pulls_go_with_their_gaps():
@@ -527,7 +527,7 @@ def good_share(count, q, law, scheme, need, sigma, stage, pads=200, band_hz=BAND
         *(np.tile(np.arange(count), coils), np.zeros((count * coils, 2)), 50.0),
         (module.Coils(np.arange(count), np.arange(count * coils).reshape(coils, count).T),),
     )
-    return module.printed(design, only(thickness_mm=sigma), pads, 1, (stage,)).good.mean()
+    return module.simulated_prints(design, only(thickness_mm=sigma), pads, 1, (stage,)).good.mean()
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -566,7 +566,7 @@ def test_two_channels_in_turn_print_as_their_ratio_does():
     hz = np.array([50.0, 75.0])
     closest = np.arcsinh(sqrt(need - 1) / (2 * q))
     alone = norm.cdf((log(1.5) - closest) / (sqrt(2) * sigma)) + norm.cdf((-log(1.5) - closest) / (sqrt(2) * sigma))
-    found = print_share(channels(hz, q, LevelLaw(1)(hz)), Scheme("time-shared"), need, 5, sigma)
+    found = estimated_print_share(channels(hz, q, LevelLaw(1)(hz)), Scheme("time-shared"), need, 5, sigma)
     assert 0.1 < found == pytest.approx(alone**5, rel=1e-9)
     # Eq. 12 asks for 1.4: it takes √(Δy² − 1) for Δy and the response as straight.
     assert np.exp(closest) == pytest.approx(ladder_ratio(q, 10), rel=0.015)
@@ -586,7 +586,7 @@ def test_spread_of_a_ratio_and_coils_of_a_plan():
     assert 1 <= plan.capacity.prints < plan.capacity.exact
     missed = [(log_x[2] - known).std(axis=-1).max() for known in (0.0, *log_x)]
     # The largest of several channels' samples is a little larger than its sigma.
-    assert module.missed_spreads(design, spreads) == pytest.approx(missed, rel=6 / sqrt(2 * pads))
+    assert module.detuning_sigmas(design, spreads) == pytest.approx(missed, rel=6 / sqrt(2 * pads))
     plan = replace(plan, selectivity=replace(plan.selectivity, asked_db=21.5))
     prints = what_prints_keep(plan, design_of(plan, None))
     taxels = print_yield(plan, prints.pads).good_prints
@@ -633,7 +633,7 @@ def test_a_seed_gives_the_same_bits_in_blocks_of_any_size(monkeypatch):
 def test_the_first_pads_are_the_same_however_many():
     plan = plan_of()
     design = module.design_of(plan, None)
-    few, many = (module.printed(design, USUAL, pads, 0) for pads in (100, 5000))
+    few, many = (module.simulated_prints(design, USUAL, pads, 0) for pads in (100, 5000))
     assert np.array_equal(few.ratio, many.ratio[:, :100])
     assert len(np.unique(many.ratio[0])) > 4990, "streams must differ"
 
@@ -749,12 +749,12 @@ def test_prints_are_not_judged_once_too_few_of_them_can_be_good():
     design = design_of(plan, None)
     spreads = spreads_of(plan.spec)
     drift = Drift(0.05, plan.spec.life)
-    whole = printed(design, spreads, 5000, 0, ("retuned",), drift)
+    whole = simulated_prints(design, spreads, 5000, 0, ("retuned",), drift)
     share = whole.good[0].mean()
     assert 0.1 < share < 0.99
-    kept = printed(design, spreads, 5000, 0, ("retuned",), drift, share - 0.01)
+    kept = simulated_prints(design, spreads, 5000, 0, ("retuned",), drift, share - 0.01)
     assert np.array_equal(kept.good, whole.good)
-    broken_off = printed(design, spreads, 5000, 0, ("retuned",), drift, 0.999)
+    broken_off = simulated_prints(design, spreads, 5000, 0, ("retuned",), drift, 0.999)
     judged = np.flatnonzero(np.isfinite(broken_off.ratio[0]))
     # In blocks: those that are judged come first, and the others count as good.
     assert 0 < len(judged) < 5000

@@ -231,7 +231,7 @@ def test_beams_plates_gaps_and_recesses_are_laid_as_planned(sliced, capsys):
         recesses += laid_recesses(one, near, tuple(middle))
     checks = json.loads((path / "checks.json").read_text())
     whole = lines.volume_mm3.sum() / checks["figures"]["volume_mm3"]
-    room = min(recess.room_mm for recess in recesses) - spec.moved.outer_diameter_mm
+    room = min(recess.room_mm for recess in recesses) - spec.washer_or_magnet.outer_diameter_mm
     lost = plan.plate.recess_diameter_mm - 2 * spec.printer.xy_compensation_mm - min(r.room_mm for r in recesses)
     with capsys.disabled():
         print(

@@ -14,7 +14,7 @@ from padgen.planner.layout import to_cell
 from padgen.report.plans import figures_text
 from padgen.solid import checks
 from padgen.solid.checks import check_against, check_mesh, check_pad
-from padgen.solid.measure import sections, smallest, unsupported_spans
+from padgen.solid.measure import longest_unsupported_span, narrowest_width_mm, sections
 from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import parse_spec
@@ -249,7 +249,7 @@ def test_a_long_bridge():
     assert "print.bridge" not in codes(checked(table(8)))
     solid = table(8)
     # 2 steps of the bisection of 11 mm, and of 64 facets.
-    assert unsupported_spans(solid, from_manifold(solid), 11)[0] == pytest.approx(8, abs=0.05)
+    assert longest_unsupported_span(solid, from_manifold(solid), 11)[0] == pytest.approx(8, abs=0.05)
 
 
 def test_a_face_that_hangs_from_nothing():
@@ -300,9 +300,9 @@ def test_walls_and_gaps_are_measured(width):
     wall = box((10, width, 3)) + box((3, 10, 3)) + box((3, 10, 3), (7, 0, 0))
     gap = box((10, 10, 3)) - box((8, width, 5), (1, 4, -1))
     cuts = sections(wall, from_manifold(wall))
-    assert len(cuts) == 1 and smallest(cuts, False, 1.8) == pytest.approx(width, abs=5e-3)
+    assert len(cuts) == 1 and narrowest_width_mm(cuts, False, 1.8) == pytest.approx(width, abs=5e-3)
     cuts = sections(gap, from_manifold(gap))
-    assert len(cuts) == 1 and smallest(cuts, True, 1.8) == pytest.approx(width, abs=5e-3)
+    assert len(cuts) == 1 and narrowest_width_mm(cuts, True, 1.8) == pytest.approx(width, abs=5e-3)
 
 
 @pytest.mark.parametrize("length", [0.05, 0.2, 0.5])
@@ -319,7 +319,7 @@ def test_narrow_places_are_measured_once(small_plan, monkeypatch, tmp_path):
     report = check_pad(pad, thin)
     assert "print.wall" in codes(report)
     calls = []
-    monkeypatch.setattr(checks, "smallest", lambda *arguments: calls.append(arguments) or 0.1)
+    monkeypatch.setattr(checks, "narrowest_width_mm", lambda *arguments: calls.append(arguments) or 0.1)
     assert check_pad(pad, thin) == report and not calls
     (entry,) = tmp_path.glob("narrow-places/*/*.entry")
     cache.store("narrow-places", entry.stem, {"another": "form"})
@@ -332,9 +332,9 @@ def test_the_narrowest_of_several_heights_is_that_of_the_narrowest_alone(widths)
     wall = sum((box((10, width, 3), (0, 0, 3 * k)) for k, width in enumerate(widths)), ends)
     cuts = sections(wall, from_manifold(wall))
     assert len(cuts) >= 3
-    alone = [width for cut in cuts if (width := smallest([cut], False, 1.8)) is not None]
-    assert smallest(cuts, False, 1.8) == min(alone, default=None)
-    assert smallest(cuts, False, 1.8) == (pytest.approx(min(widths), abs=5e-3) if min(widths) < 1.8 else None)
+    alone = [width for cut in cuts if (width := narrowest_width_mm([cut], False, 1.8)) is not None]
+    assert narrowest_width_mm(cuts, False, 1.8) == min(alone, default=None)
+    assert narrowest_width_mm(cuts, False, 1.8) == (pytest.approx(min(widths), abs=5e-3) if min(widths) < 1.8 else None)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 from padgen.planner import make_plan
 from padgen.planner.layout import coil_axis_mm
 from padgen.solid.checks import check_pad
-from padgen.solid.compare import SMALLEST_MM, STRIP_MM, differences, loose_triangles, pose_of, same_faces
+from padgen.solid.compare import SMALLEST_MM, STRIP_MM, differences, pose_of, same_faces, unmatched_triangles
 from padgen.solid.formats import _3mf
 from padgen.solid.formats._3mf import read_3mf
 from padgen.solid.mesh import Mesh, as_manifold, topology
@@ -208,12 +208,12 @@ def test_triangles_that_both_have_are_proven(small_pad):
     mesh = small_pad.mesh
     order = np.random.default_rng(1).permutation(len(mesh.triangles))
     again = as_single_precision(Mesh(mesh.vertices_mm, np.roll(mesh.triangles, 1, axis=1)[order]))
-    loose, lost, snapped = loose_triangles(again, mesh)
+    loose, lost, snapped = unmatched_triangles(again, mesh)
     assert not loose.any() and not lost.any()
     assert np.isin(snapped.vertices_mm, mesh.vertices_mm).all()
-    loose, lost, _ = loose_triangles(Mesh(mesh.vertices_mm, mesh.triangles[2:]), mesh)
+    loose, lost, _ = unmatched_triangles(Mesh(mesh.vertices_mm, mesh.triangles[2:]), mesh)
     assert (loose.sum(), lost.sum()) == (0, 2)
-    loose, lost, _ = loose_triangles(Mesh(mesh.vertices_mm, mesh.triangles[:, ::-1]), mesh)
+    loose, lost, _ = unmatched_triangles(Mesh(mesh.vertices_mm, mesh.triangles[:, ::-1]), mesh)
     assert loose.all() and lost.all()
     assert pose_of(again, mesh).share == 1
 

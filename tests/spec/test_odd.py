@@ -105,7 +105,7 @@ def test_beams_that_print_with_nothing_left_are_refused(printer, drawn_mm, key, 
 
 def pulled(table, gap_m, offset_m):
     spec = make_spec(table)
-    return mover_of(spec).pulls(spec.coil, spec.moved, gap_m, offset_m)
+    return mover_of(spec).pulls(spec.coil, spec.washer_or_magnet, gap_m, offset_m)
 
 
 @pytest.mark.parametrize("coil", sorted(catalogue("coil")))

@@ -29,7 +29,7 @@ from padgen.verify.elasticity import (
     _by_settings,
     _drafted,
     accurate,
-    assembled,
+    assembled_system,
     clamped_shape,
     coarse_mesh,
     converged_modes,
@@ -112,7 +112,7 @@ def solid_modes(
     from ngsolve import SetNumThreads
 
     SetNumThreads(1)
-    system = assembled(meshed(solid, fineness), {PRINTED: material}, order, flat=flat)
+    system = assembled_system(meshed(solid, fineness), {PRINTED: material}, order, flat=flat)
     return [float(f) for f in eigenmodes(system, factored(system), modes).frequency_hz]
 
 
@@ -238,7 +238,7 @@ def lowest_hz(step: Path, order: int, share: float) -> float:
     """Return f₁ with a `share` of the elements of `order`, and the others of order 2."""
     mesh = meshed(clamped_shape(taxel_shape(step, RING_MM3), "root"), Fineness(levels=1))
     rich = np.arange(mesh.ne) < share * mesh.ne
-    system = assembled(mesh, {PRINTED: POLYMER, WASHER: STEEL}, order, rich=rich)
+    system = assembled_system(mesh, {PRINTED: POLYMER, WASHER: STEEL}, order, rich=rich)
     return float(eigenmodes(system, factored(system), 1).frequency_hz[0])
 
 
@@ -286,7 +286,7 @@ def rounding(step: Path, order: int) -> list[bool]:
     mesh = meshed(clamped_shape(taxel_shape(step, RING_MM3), "root"), Fineness(levels=0, per_face=100.0))
     kept = []
     for blocks in (True, False):
-        system = assembled(mesh, {PRINTED: POLYMER, WASHER: STEEL}, order, blocks=blocks)
+        system = assembled_system(mesh, {PRINTED: POLYMER, WASHER: STEEL}, order, blocks=blocks)
         solve = factored(system)
         loads = rigid_loads(system, WASHER, 7900.0, 3.25)
         kept.append(accurate(system, solve, loads, np.array([solve(load) for load in loads.T]).T))

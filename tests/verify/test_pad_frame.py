@@ -23,7 +23,7 @@ from padgen.core.units import G_PER_CM3, GPA
 from padgen.planner import Plan, make_plan
 from padgen.planner.left_out import flexibility_bounds, frame_around
 from padgen.spec import parse_spec
-from padgen.verify.elasticity import Elastic, assembled, eigenmodes, factored, meshed
+from padgen.verify.elasticity import Elastic, assembled_system, eigenmodes, factored, meshed
 from padgen.verify.pad_frame import (
     CLAMPINGS,
     HELD,
@@ -149,7 +149,7 @@ def bare_frame_hz(plan, clamping):
     mesh = meshed(_frame_solid(plan, clamping), MESH, "frame", set())
     material = plan.spec.material
     plastic = Elastic(material.youngs_modulus_gpa * GPA, material.poisson_ratio, material.density_g_per_cm3 * G_PER_CM3)
-    system = assembled(mesh, {".*": plastic}, 2, HELD)
+    system = assembled_system(mesh, {".*": plastic}, 2, HELD)
     return float(eigenmodes(system, factored(system), 3).frequency_hz[0])
 
 

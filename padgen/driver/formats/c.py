@@ -24,9 +24,9 @@ from padgen.driver.formats import DriveJob
 from padgen.driver.loads import (
     channels_per_group,
     channels_per_signed_group,
-    heat_s,
     judge_limits,
     least_constants,
+    least_thermal_time_s,
     signed_constants,
 )
 from padgen.driver.serial_line import HOLD_WATCHDOGS, plan_hash
@@ -163,10 +163,10 @@ def c_header(plan: Plan, drive: PadDrive, tuning: Tuning | None = None) -> str:
     ]
     if drive.scheme.is_root:
         header += _constant_tables(list(kinds.values()), channels)
-    return sealed("\n".join([*header, "#endif\n"]))
+    return with_tables_crc("\n".join([*header, "#endif\n"]))
 
 
-def sealed(header: str) -> str:
+def with_tables_crc(header: str) -> str:
     """Return a C header with its list of tables, and the CRC-32 of their little-endian bytes, added or renewed."""
     header = re.sub(r"#define PADGEN_TABLES.*\n", "", header)
     names = []
@@ -251,7 +251,7 @@ def _limits(plan: Plan, drive: PadDrive) -> dict[str, int | str]:
         amplifier_v = max(volts, floor(spec.amplifier.voltage_v / MICRO + SMALL))
     amplifier_a = kept.get("PADGEN_AMPLIFIER_UA", reached)
     all_coils_uw = len(drive.coils) * kept["PADGEN_COIL_LIMIT_UW"]
-    shift = floor(log2(heat_s(spec.coil) * rate))
+    shift = floor(log2(least_thermal_time_s(spec.coil) * rate))
     k = resistance / (inductance * rate) if inductance else inf
     x = exp(-k)
     rise = -expm1(-k)

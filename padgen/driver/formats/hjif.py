@@ -24,7 +24,7 @@ from padgen.core.units import GRAM, MH, MM, UM
 from padgen.driver.formats import DriveJob
 from padgen.driver.frames import taxel_grid
 from padgen.driver.waveform import Timeline, blend
-from padgen.measured.tuning import Tuning, planned_tuning, tuned_spec
+from padgen.measured.tuning import Tuning, planned_tuning, spec_at_coil_temperature
 from padgen.physics.magnetics import impedance
 from padgen.planner.plan import Plan, level_law
 
@@ -129,7 +129,7 @@ def _devices(plan: Plan, tuning: Tuning) -> Iterator[dict[str, Any]]:
         key = (taxel.channel, tuned.resonance_hz, tuned.q)
         if key not in known:
             channel = plan.channels[taxel.channel]
-            coil = tuned_spec(plan, tuning.coil_c).coil
+            coil = spec_at_coil_temperature(plan, tuning.coil_c).coil
             hz = tuned.resonance_hz
             q = tuned.q
             drive_hz = hz if plan.scheme.at_resonance else hz / 2

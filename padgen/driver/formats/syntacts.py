@@ -18,7 +18,17 @@ import numpy as np
 from padgen.core.errors import at_least, number
 from padgen.core.files import OutputFolder
 from padgen.driver.formats import DriveJob
-from padgen.driver.waveform import CoilDrive, PadDrive, Timeline, coil_lines, constant_a2, edges, is_fed, ramp_s, volts
+from padgen.driver.waveform import (
+    CoilDrive,
+    PadDrive,
+    Timeline,
+    bias_flows_at,
+    coil_lines,
+    constant_a2,
+    edges,
+    ramp_s,
+    volts,
+)
 from padgen.planner.plan import Plan
 
 __all__ = ["FILE", "MADE_OF", "ORDER", "syntacts_script", "write"]
@@ -241,7 +251,7 @@ def _parts(
         if drive.scheme.is_root:
             text = _root_text(drive, coil, stretch, levels[keys], constant[keys], scale_v)
         else:
-            fed = is_fed(timeline, stretch.key), is_fed(timeline, stretch.key + 1)
+            fed = bias_flows_at(timeline, stretch.key), bias_flows_at(timeline, stretch.key + 1)
             text = _tones_text(drive, coil, stretch, levels[keys], fed, scale_v)
         if text:
             yield stretch, text

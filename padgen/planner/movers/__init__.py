@@ -59,7 +59,7 @@ def assembly_of(spec: Spec) -> Assembly:
     sentences_of = getattr(mover_of(spec), "assembly", None)
     if sentences_of is None:
         return Assembly("", "Connect all coils alike.", "")
-    return Assembly(*sentences_of(spec.moved))
+    return Assembly(*sentences_of(spec.washer_or_magnet))
 
 
 register = MOVERS.register

@@ -28,8 +28,8 @@ __all__ = [
     "assembly",
     "core_coupling",
     "coupling",
+    "demagnetising_limit_c",
     "leakage",
-    "limit_c",
     "magnet_of",
     "pulls",
     "reach_m",
@@ -51,7 +51,7 @@ def magnet_of(magnet: Magnet) -> DiscMagnet:
     return DiscMagnet(*sizes, working_polarisation(remanence_t, magnet.recoil_permeability, factor))
 
 
-def limit_c(part: Magnet) -> float:
+def demagnetising_limit_c(part: Magnet) -> float:
     """Return the temperature in °C up to which a magnet keeps its polarisation by itself.
 
     It is that of its grade, or the lower one at which half of so flat a magnet is past the knee of its curve.

@@ -39,9 +39,9 @@ __all__ = [
     "colour_of",
     "figure_names",
     "figures_of",
-    "kept_in",
     "packed",
     "page_figures",
+    "parts_shown_in",
     "plain_figure",
     "register",
     "unregister",
@@ -336,10 +336,10 @@ def figures_of(plan: "Plan", name: str, medium: str, quick: bool = False) -> tup
     SpecError
         There is no figure of that name; the sentence has the nearest.
     """
-    return tuple(kept_in(figure, medium) for figure in FIGURES.get(name).make(plan, quick))
+    return tuple(parts_shown_in(figure, medium) for figure in FIGURES.get(name).make(plan, quick))
 
 
-def kept_in(figure: Figure, medium: str) -> Figure:
+def parts_shown_in(figure: Figure, medium: str) -> Figure:
     """Return a figure without the parts that are for other media only."""
 
     def kept(parts: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from padgen.planner.printed_pads import STAGES, design_of, printed, spreads_of
+from padgen.planner.printed_pads import STAGES, design_of, simulated_prints, spreads_of
 from padgen.report.figures import Bars, Facts, Figure, Line, Panel, Scale
 from padgen.report.plans import STAGES as STAGE_WORDS
 
@@ -61,7 +61,7 @@ def _histogram(plan: "Plan") -> Panel:
     prints = plan.prints
     asked_db = plan.selectivity.asked_db
     stages = STAGES[0], STAGES[-1]
-    ratio = printed(design_of(plan, None), spreads_of(plan.spec), prints.pads, 0, stages).ratio
+    ratio = simulated_prints(design_of(plan, None), spreads_of(plan.spec), prints.pads, 0, stages).ratio
     kept_db = np.clip(10 * np.log10(np.maximum(ratio, np.finfo(float).tiny)), -MOST_DB, MOST_DB)
     low_db = float(np.floor(min(kept_db.min(), asked_db)))
     high_db = max(float(np.ceil(max(kept_db.max(), asked_db))), low_db + 1)

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from padgen.planner.layout import coil_axis_mm
 from padgen.planner.movers import assembly_of
-from padgen.report.drawings import border, pad_shapes
+from padgen.report.drawings import pad_corners, pad_shapes
 from padgen.report.figures import Discs, Figure, Panel, Scale, Shape
 from padgen.report.plans import feeding_line
 
@@ -27,7 +27,7 @@ def make(plan: "Plan", quick: bool) -> tuple[Figure, ...]:
     """Return the map from the touch side, and for files also turned over about its y axis, from below."""
     grid = plan.coils
     where = [(row, column) for row in range(grid.rows) for column in range(grid.columns)]
-    half_x, half_y = border(plan)[2].tolist()
+    half_x, half_y = pad_corners(plan)[2].tolist()
     panels = []
     for side, turn in (("from the touch side", 1), ("from below", -1)):
         places = [coil_axis_mm(grid, row, column) for row, column in where]

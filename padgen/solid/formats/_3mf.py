@@ -24,7 +24,7 @@ from padgen.core.files import OutputFolder, read_bounded
 from padgen.planner.plan import Plan
 from padgen.planner.printing import prusa_profile
 from padgen.solid.formats import REREAD_MM, ExportJob, verify_volume
-from padgen.solid.mesh import AT_ONCE, Mesh, expanded, sound_mesh
+from padgen.solid.mesh import AT_ONCE, Mesh, group_indices, sound_mesh
 from padgen.solid.pad_solid import PadSolid, turned_grid
 
 __all__ = [
@@ -445,5 +445,5 @@ def _covered(corners: np.ndarray, width: int, height: int) -> tuple[np.ndarray, 
 
 def _runs(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return, for every integer from first[k] to last[k] of each range k, the index k and the integer."""
-    run, step = expanded(np.maximum(last - first + 1, 0).astype(np.int64))
+    run, step = group_indices(np.maximum(last - first + 1, 0).astype(np.int64))
     return run, first[run].astype(np.int64) + step

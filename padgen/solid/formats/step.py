@@ -42,7 +42,7 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
     """
     writer = cache.code_hash("solid/formats/step.py")
     ballast = {"ballast": asdict(plan.spec.ballast)} if plan.spec.ballast else {}
-    key = taxel_key(plan, channel, washer=asdict(plan.spec.moved), step=_UNNAMED, writer=writer, **ballast)
+    key = taxel_key(plan, channel, washer=asdict(plan.spec.washer_or_magnet), step=_UNNAMED, writer=writer, **ballast)
 
     def made() -> bytes:
         printed = taxel_solid(plan, channel)
@@ -56,7 +56,7 @@ def write_taxel_step(plan: Plan, channel: Channel, path: Path) -> None:
         cache.store_bytes(STEP_KIND, key, path.read_bytes())
         return path.read_bytes()
 
-    known = cache.once(STEP_KIND, key, lambda: cache.load_bytes(STEP_KIND, key), made)
+    known = cache.get_or_compute(STEP_KIND, key, lambda: cache.load_bytes(STEP_KIND, key), made)
     path.write_bytes(known.replace(_UNNAMED.encode(), f"{plan.name} taxel {channel.index}".encode()))
 
 
