@@ -2,6 +2,7 @@
 
 python docs/measure_yield.py templates    each template's estimate against 40,000 simulated pads of another seed
 python docs/measure_yield.py life         what each template keeps for life, beside a program of its own
+python docs/measure_yield.py lasting      how many plain pads last when the search plans for life, and when it does not
 python docs/measure_yield.py [SPECS]      the same of random specs, and as many small ones of which every layout is
                                           planned; an hour for 200
 """
@@ -12,20 +13,22 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 
 from padgen.core.errors import PadgenError
 from padgen.core.units import decibel
-from padgen.planner import Plan, make_plan
+from padgen.planner import Plan, make, make_plan
 from padgen.planner.layout import SLACK_MM, candidates, coil_reach_mm
 from padgen.planner.life import planned_life
 from padgen.planner.make import Choice, _assemble, _channels_and_selectivity, _decided_specs, choose
 from padgen.planner.plan import plan_to_json
 from padgen.planner.printed_pads import STAGES, design_of, simulated_prints, spreads_of
 from padgen.planner.search import _beams, channel_limit, sites_of
-from padgen.spec import Spec, load_spec, parse_spec
+from padgen.spec import Spec, load_spec, make_spec, parse_spec
 from padgen.spec.load import template_paths
 from padgen.spec.model import LifeTable
 
@@ -38,6 +41,7 @@ PADS = 40_000
 SMALL_PADS = 4000
 MOST_TAXELS = 5_120_000
 """Printed taxels of a template at most: 10,000 pads of `big-512`, whose share is then good to 1 % (two sigma)."""
+NOTHING_CHANGES = LifeTable(temperature_range_k=0.0, ageing=0.0, common_q=0.0, q=0.0)
 PRINTERS = ("fdm-0.4", "fdm-0.4", "fdm-0.25", "resin-0.05")
 
 
@@ -138,6 +142,34 @@ def for_life() -> list[str]:
     return lines
 
 
+def lasting() -> list[str]:
+    """Count plain pads, of four lines and the sides, that keep what is asked for life, and their coils."""
+    rows = list[str]()
+    figures = {"re-tuned": list[tuple[float, int, float]](), "for life": list[tuple[float, int, float]]()}
+    for taxels, q_min, band_hz, side_mm in product(
+        (16, 32, 64), (10, 15, 20, 30, 50), ((50, 200), (60, 400)), (50, 80)
+    ):
+        pad = {"width_mm": side_mm, "depth_mm": side_mm}
+        spec = make_spec({"name": "plain", "resolution": taxels, "band_hz": band_hz, "q_min": q_min, "pad": pad})
+        for way, found in figures.items():
+            for_life = make._lasting if way == "for life" else lambda works, later: works
+            start = time.process_time()
+            try:
+                with patch.object(make, "_lasting", for_life):
+                    plan = make_plan(spec, tries_cures=False)
+            except PadgenError:
+                continue
+            seconds = time.process_time() - start
+            found.append((plan.life.good_share, plan.coils.rows * plan.coils.columns, seconds))
+    for way, found in figures.items():
+        shares, coils, seconds = np.array(found).T
+        rows.append(
+            f"| {way} | {len(found)} | {(shares >= 0.9).sum()} | {coils.mean():.1f} |"
+            f" {np.median(seconds):.2f} | {seconds.max():.1f} |"
+        )
+    return ["| searched | planned | last | coils, mean | median, s | slowest, s |", "|---|---|---|---|---|---|", *rows]
+
+
 def estimates(specs: int) -> list[str]:
     seed = 0
     off = list[tuple[float, ...]]()
@@ -169,7 +201,7 @@ def searches(specs: int) -> list[str]:
     times = list[float]()
     while len(found) < specs:
         seed += 1
-        spec = random_spec(seed, 24)
+        spec = replace(random_spec(seed, 24), life=NOTHING_CHANGES)
         start = time.process_time()
         try:
             choose(spec)
@@ -190,7 +222,7 @@ def searches(specs: int) -> list[str]:
 
 if __name__ == "__main__":
     asked = sys.argv[1] if len(sys.argv) > 1 else str(SPECS)
-    for name, lines in (("templates", templates), ("life", for_life)):
+    for name, lines in (("templates", templates), ("life", for_life), ("lasting", lasting)):
         if asked == name:
             raise SystemExit(print("\n".join(lines())))
     count = int(asked)
