@@ -41,7 +41,7 @@ soak: $(STAMP) ## random bytes for the firmware, random specs, and the samples a
 
 hostile: $(STAMP) ## a thousand folders as strangers may send them, fifty under strace (installed from Debian if missing; an hour)
 	@command -v strace >/dev/null || { apt-get update -qq && apt-get install -y -qq --no-install-recommends strace; }
-	$(BIN)/python -m pytest -m hostile -n $(CORES) tests/core/test_hostile_folders.py
+	$(BIN)/python -m pytest -m hostile -o faulthandler_timeout=3600 -n $(CORES) tests/core/test_hostile_folders.py
 
 odd: $(STAMP) ## plan 20,000 odd specs, fields anywhere within their bounds, and print faults (SPECS=N for fewer; hours)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python docs/measure_odd.py $(SPECS)

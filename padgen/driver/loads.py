@@ -364,7 +364,7 @@ def _group_constants_a2(drive: PadDrive, coil: CoilDrive) -> tuple[float, list[n
 
 
 def _constants_a2(drive: PadDrive, coil: CoilDrive) -> np.ndarray:
-    """Return the constant part (2ⁿ,) of i² in A² that the firmware adds in each on/off state, margin included."""
+    """Return the constant (2ⁿ,) in A² that the firmware adds in each on/off state so that i² stays above its margin."""
     all_on, groups, size = _group_constants_a2(drive, coil)
     states = _states(len(coil.line_a2))
     which = np.arange(len(states))

@@ -486,7 +486,7 @@ def _solid_case(name: str, pull: PullQuestion) -> ExtremeCase:
 
 
 def _off_axis(pull: PullQuestion) -> Solved:
-    """Return the pull by the 3-D field, by elements of higher order if the usual ones are not accurate enough."""
+    """Return a coil's pull by 3-D finite elements, of a higher order where the usual ones are not accurate enough."""
     try:
         return three_d_pull(pull)
     except SolverError:

@@ -481,7 +481,7 @@ def _study_text(study: Study) -> str:
         left = sum(row.measured is NOT_RUN for row in result.rows)
         every = len(result.rows)
         if left:
-            stopped.append(f"not run: {left} of {every} models of {result.ladder.name}, {result.ladder.subject}")
+            stopped.append(f"not run: {left} of {every} models of {result.ladder.name} ({result.ladder.subject})")
             undecided.add(result.ladder.name)
         if left < every:
             parts.append(ladder_text(result, study.tolerances))
@@ -545,7 +545,9 @@ def picks_text(picks: Iterable[Pick], undecided: Container[str] = ()) -> str:
     """Return a table of the recommended model by ladder and tolerance; `undecided` ladders were not run to the end."""
     rows = []
     for pick in picks:
-        none = "not decided: the study was stopped" if pick.ladder in undecided else "none is known to be so accurate"
+        none = (
+            "not known, since the study was stopped" if pick.ladder in undecided else "none is known to be so accurate"
+        )
         rung = f"{pick.model}, {pick.resolution}" if pick.model else none
         cost = (seconds_text(pick.seconds), percent(pick.at_most, 3)) if pick.model else ("", "")
         rows.append((pick.ladder, percent(pick.tolerance, 3), rung, *cost))

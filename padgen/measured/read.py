@@ -221,7 +221,7 @@ def _ordered(parts: list[Part], stated: bool, where: str, plan: Plan) -> Measure
 
 
 def _nearest(name: str, known: tuple[str, ...]) -> str:
-    """Return the end of a sentence that names the known name most like `name`, or the first and the last one."""
+    """Return the end of an error message: the known name most like `name`, or if none is like it the first and last."""
     close = get_close_matches(name[:LONGEST_NAME], known, 1, 0.5)
     return f"; the nearest is {close[0]!r}" if close else f"; they run from {known[0]!r} to {known[-1]!r}"
 

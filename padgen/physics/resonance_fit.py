@@ -223,7 +223,7 @@ class _Solved(NamedTuple):
 
     @property
     def of_fed(self) -> slice:
-        """Slice that selects, from columns and factors, those of the forces `fed` that the response itself makes."""
+        """Slice of the fit's columns for forces that depend on the response itself, such as a cubic spring's."""
         end = len(self.factors) - self.extra.shape[1]
         return slice(end - len(self.lines.fed), end)
 

@@ -191,7 +191,7 @@ def felt_energy(taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: n
 def felt_response(
     taxels: ModalTaxels, rows: slice, frequency: np.ndarray, rest: np.ndarray | float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return felt amplitudes (rows, 3, lines) of taxels under force lines of 1 N, in phase and a quarter cycle behind.
+    """Return motion (rows, 3, lines), up and two tilts, under force lines of 1 N: parts in phase and 90° behind.
 
     The parts are those of `felt_gains`: up, and by tilting about both axes. Under ``cos ωt`` a part moves as
     ``real cos ωt + imaginary sin ωt``.

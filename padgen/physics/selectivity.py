@@ -309,7 +309,7 @@ def off_energy(
 
 
 def _made_by_others(part: Lines, taxel: int) -> Lines:
-    """Return the lines of `part` that `taxel` does not make itself."""
+    """Return those of the spectral lines `part` to which the tone of `taxel` does not contribute."""
     others = np.all([maker != taxel for maker in part.makers], axis=0)
     if others.all():
         return part

@@ -53,7 +53,7 @@ def snaps(rest: CoreRest | None) -> bool:
 
 
 def finite_rest(rest: CoreRest, hanging_um: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return gaps in µm and stiffness shares (n,) at rest; small finite values stand in for taxels that snap."""
+    """Return gaps in µm and stiffness shares (n,) of `rest`, finite and small for taxels that snap to the core."""
     lost = np.isnan(rest.gap_um)
     gap_um = np.where(lost, SNAPPED_GAP * hanging_um, rest.gap_um)
     return gap_um, np.where(lost, SNAPPED_SHARE, rest.stiffness_share)

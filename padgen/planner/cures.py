@@ -224,7 +224,8 @@ def _too_many(spec: Spec, limit: int) -> str:
         there_are = f"the {word} {device.name} has channels for"
     return (
         f"{there_are} {coils} coil{plural(coils)} of {number(spec.coil.outer_diameter_mm)} mm; band, Q and room for"
-        f" plates allow each at most {per_coil} channel{plural(per_coil)}, {coils * per_coil} taxels in all"
+        f" plates allow each at most {per_coil} channel{plural(per_coil)}: {coils * per_coil} taxels before beams are"
+        " counted"
     )
 
 

@@ -534,7 +534,7 @@ def _chosen_scheme(spec: Spec, figures: dict[str, SchemeFigures], planned: Seque
         may_be_found = ", or chosen by the search for the fewest coils" if spec.may_have_found_scheme else ""
         return spec.drive.scheme, f"as the spec says{may_be_found}"
     few = {
-        1: "a plain tone is the simplest, and a coil's one channel has no other to be told from",
+        1: "a plain tone is the simplest, and each coil has only one channel, so that there is nothing to separate",
         2: "plain tones are the simplest, and no third taxel is there for their spurs to fall on",
     }
     if (why := few.get(len(planned) // spec.coil.sets)) and spec.force_order == SQUARE:

@@ -188,7 +188,10 @@ RUNGS = {
     "gap": ("the pull changes as a washer swings", "a lower drive.level_um or a wider coil.gap_mm"),
     "softening": ("the coil's pull softens the spring", "padgen study --only dynamics"),
     "motion": ("moving washers induce a voltage", "padgen study --only dynamics"),
-    "switching": ("the last pull still moves a taxel that is switched off", "leave that much more time between frames"),
+    "switching": (
+        "the current that stops a taxel takes time to change, so that the taxel rings down later",
+        "leave that much more time between frames",
+    ),
     "air's mass": ("air moves along", "re-tune: it is the same for every taxel"),
     "air's damping": ("air damps", "a wider coil.gap_mm, or state the measured Q"),
     "large slopes": ("beams bend far", "a lower drive.level_um, or beams that sag less"),
@@ -227,6 +230,10 @@ UNBOUNDED = {
 STRESSES = "stresses of the print"
 """An unbounded effect: shrinkage pulls beams tight that cannot shorten, and raises their resonance. A plan with such
 beams warns of it."""
+
+
+LISTED = 4
+"""Effects that a finding on what is left out names, the largest: a longer list is not read."""
 
 
 def left_out(plan: Plan) -> tuple[LeftOut, ...]:
@@ -321,6 +328,9 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
             ({"suspension.topology": "folded"}, {"suspension.topology": "cantilever"}),
         )
     if sentences:
+        more = len(sentences) - LISTED
+        if more > 0:
+            sentences = [*sentences[:LISTED], f"and {more} smaller one{plural(more)} (left_out in plan.json)"]
         yield Finding(
             "note",
             "model.left_out",
@@ -585,7 +595,7 @@ def _motion_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut
     if not scheme.takes_turns and (ring_down > 0).any():
         pulse = pull * (plan.load.current_peak_ma * MA) ** 2 / stiffness / (level * UM)
         delay = ring_down_error(static / level, pulse, resonance, q, np.exp(ring_down / ring_up), henry / ohm)
-        yield _worst_channel("switching", "ring-down", channels, np.where(ring_down > 0, delay, 0.0))
+        yield _worst_channel("switching", "ring-down time", channels, np.where(ring_down > 0, delay, 0.0))
 
 
 def _pulled(plan: Plan, channels: Sequence[Channel]) -> tuple[np.ndarray, np.ndarray]:

@@ -372,6 +372,7 @@ LIMITS = (
         lambda _: 1.0,
         lambda spec, one: pull_in_share(spec, one.channel, one.square_a2),
         of_taxels=True,
+        pattern="the mean pull is {asked} times the pull at which the washer snaps to the coil; it must stay below it",
     ),
     Limit(
         "gap.contact",

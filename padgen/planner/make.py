@@ -219,7 +219,7 @@ def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
     most = min(MOST_FOR_CURE, max(MOST_TAXELS_FOR_CURE // cured_spec.resolution, 1))
     searched = _searched(cured_spec, quick=choice is None, most=most)
     if searched is None:
-        raise InfeasibleError("no layout holds", "resolution")
+        raise InfeasibleError("no layout has room for its taxels", "resolution")
     return finish(searched, quick=True)
 
 
@@ -537,7 +537,7 @@ def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
     """Return selectivity and heat under touch, and the level that puts the weakest channel `felt_db` over threshold."""
     choice = _searched(spec, quick=True)
     if choice is None:
-        raise InfeasibleError("no layout holds", "resolution")
+        raise InfeasibleError("no layout has room for its taxels", "resolution")
     bare = _assemble(choice, *_channels_and_selectivity(choice))
     if spec.coil.kind == "board":
         board_of(bare)

@@ -588,7 +588,8 @@ class Push:
     """Deflection of each channel's OFF taxel (n,) under one static push, and the gap to its coil that is left.
 
     `push_mn` is a force on the boss; or it is None, and `skin` lies at the height of the frame: 'low', 'typical' or
-    'high'. `deflection_mm` is that of the washer's axis if no coil were below; `contact` is where that closes the gap.
+    'high'. `deflection_mm` and `gap_left_mm` are at the washer's axis, as if no coil were below; `contact` is where the
+    tilted washer's rim touches it.
     """
 
     skin: str

@@ -460,7 +460,7 @@ def ratio_spread(design: Design, spreads: Spreads) -> float:
 
 
 def detuning_sigmas(design: Design, spreads: Spreads) -> tuple[float, ...]:
-    """Return the sigma of ln(resonance/tone) of the worst channel's taxels at each of `STAGES`."""
+    """Return sigmas of ln(resonance/tone) of the worst channel with nothing, a coupon, some or all taxels measured."""
     square = (np.array(astuple(replace(spreads, **{IN_EVERY_PRINT: 0.0})))[:, None] * design.weight) ** 2
     known = (), OF_A_PRINT, (*OF_A_PRINT, "field_z_mm"), NAMES
     return tuple(float(square[[name not in some for name in NAMES]].sum(0).max() ** 0.5) for some in known)

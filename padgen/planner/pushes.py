@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from math import hypot, pi
 from typing import NamedTuple
 
-from padgen.core.errors import Finding, at_least, at_most, number
+from padgen.core.errors import Finding, at_least, at_most, listed, number, plural
 from padgen.core.units import MM, MN, UM
 from padgen.planner.plan import Channel, Plan, Push, Pushed
 from padgen.planner.sizing import STRENGTH_OVER_FATIGUE
@@ -50,11 +50,11 @@ def pushed_taxels(spec: Spec, channels: Sequence[Channel]) -> Pushed:
     gaps_mm = [max(spec.coil.gap_mm - (c.sag_um + at_rest * c.static_um) * UM / MM, 0.0) for c in channels]
     rows = []
     for push_mn in PUSHES_MN:
-        rows.append(_push("", push_mn, [push_mn * MN * give.middle / MM for give in gives], gaps_mm))
+        rows.append(_push("", push_mn, [push_mn * MN * give.middle / MM for give in gives], gaps_mm, gives))
     for name in SKINS:
         spring = float(skin_contact("fingertip", name).impedance(0.0, contactor_of(spec)).stiffness)
         moved_mm = [spec.taxel.boss_protrusion_mm * spring / (spring + 1 / give.middle) for give in gives]
-        rows.append(_push(name, None, moved_mm, gaps_mm))
+        rows.append(_push(name, None, moved_mm, gaps_mm, gives))
     bent = [
         channel.root_stress_mpa * spec.coil.gap_mm * MM / UM / channel.level_um for channel in channels
     ]  # sag and push together
@@ -66,9 +66,17 @@ def pushed_taxels(spec: Spec, channels: Sequence[Channel]) -> Pushed:
     )
 
 
-def _push(skin: str, push_mn: float | None, moved_mm: Sequence[float], gaps_mm: Sequence[float]) -> Push:
+def _push(
+    skin: str,
+    push_mn: float | None,
+    moved_mm: Sequence[float],
+    gaps_mm: Sequence[float],
+    gives: Sequence[_PushCompliance],
+) -> Push:
     left_mm = [max(gap - moved, 0.0) for gap, moved in zip(gaps_mm, moved_mm, strict=True)]
-    return Push(skin, push_mn, tuple(moved_mm), tuple(left_mm), tuple(left <= 0 for left in left_mm))
+    # The washer tilts, so that its rim moves farther than its middle.
+    contact = [moved * give.rim / give.middle >= gap for moved, gap, give in zip(moved_mm, gaps_mm, gives, strict=True)]
+    return Push(skin, push_mn, tuple(moved_mm), tuple(left_mm), tuple(contact))
 
 
 def judge_pushes(plan: Plan) -> Iterator[Finding]:
@@ -80,22 +88,24 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
     pushed = plan.pushed
     typical = next(push for push in pushed.pushes if push.skin == "typical")
     strength = STRENGTH_OVER_FATIGUE * spec.material.fatigue_stress_mpa
+    stopped = [force <= PUSHES_MN[-1] for force in pushed.rim_force_mn]
     closed = [force <= PUSHES_MN[-1] for force in pushed.closing_force_mn]
     broken = [c.index for c in plan.channels if closed[c.index] and pushed.closed_stress_mpa[c.index] > strength]
-    if not any(closed) and not any(typical.contact):
+    if not any(stopped) and not any(typical.contact):
         return
-    soft = min(plan.channels, key=lambda channel: pushed.closing_force_mn[channel.index])
+    soft = min(plan.channels, key=lambda channel: pushed.rim_force_mn[channel.index])
     at = soft.index
-    gap_mm = spec.coil.gap_mm - soft.sag_um * UM / MM
-    others = [k for k in range(len(plan.channels)) if k != at and closed[k]]
-    further = f" ({number(PUSHES_MN[-1])} mN close {sum(closed)} of {len(closed)} channels)" if others else ""
-    rim = _short(pushed.rim_force_mn[at])
-    closing = _short(pushed.closing_force_mn[at])
-    tilts = "" if rim == closing else f"with {rim} mN tilts the {plan.spec.mover.kind} onto the coil, and "
+    mover = spec.mover.kind
+    others = [k for k in range(len(plan.channels)) if k != at and stopped[k]]
+    further = f"; {number(PUSHES_MN[-1])} mN stop {sum(stopped)} of {len(stopped)} channels" if others else ""
+    touching = [str(k) for k, touches in enumerate(typical.contact) if touches]
+    resting = (
+        f"stops channel{plural(len(touching))} {listed(touching)}" if touching else "leaves every taxel free to move"
+    )
     sentence = (
-        f"a finger that pushes its boss {tilts}with {closing} mN closes its gap of {_short(gap_mm)} mm, so that"
-        f" it no longer moves{further}; typical skin (a provisional model) of a finger that lies on the frame pushes"
-        f" the boss, which stands {number(spec.taxel.boss_protrusion_mm)} mm proud, by"
+        f"a finger that presses its boss with {_short(pushed.rim_force_mn[at])} mN stops it: the {mover} then touches"
+        f" the coil{further}; one that only lies on the frame, with typical skin (a provisional model), {resting}, and"
+        f" presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
         f" {_short(typical.deflection_mm[at])} mm"
     )
     yield Finding(

@@ -353,9 +353,10 @@ def _warm_levels_line(plan: "Plan") -> str:
     warm = plan.warm
     levels = ", ".join(f"{level:.2g}" for level in warm.levels_um)
     return (
-        f"once all taxels that stay on have warmed the pad, currents as in drive.csv leave levels of {levels} µm"
-        f" ({span_text(warm.lost_db, 'z.1f')} dB less), voltages {span_text(warm.lost_by_voltage_db, 'z.1f')} dB less,"
-        f" as coils at {warm.mean_coil_c:.0f} °C (the mean) take less current; padgen drive --warm makes up for it"
+        f"warm, with all taxels left on: the currents of drive.csv reach levels of {levels} µm"
+        f" ({span_text(warm.lost_db, 'z.1f')} dB less than planned), its voltages"
+        f" {span_text(warm.lost_by_voltage_db, 'z.1f')} dB less, since coils at {warm.mean_coil_c:.0f} °C (their mean)"
+        " take less current; padgen drive --warm makes up for it"
     )
 
 
@@ -389,12 +390,12 @@ def plan_text(plan: "Plan") -> str:
     lines = [
         f"{plan.name}: {len(plan.taxels)} taxel{plural(len(plan.taxels))} on {number(pad.width_mm)} x"
         f" {number(pad.depth_mm)} mm; {_coils_text(plan)} at {pitch} mm, of {_channels_text(plan)}",
-        f"channels that a coil could have in this band: {capacity.prints} if {plan.spec.print_share:.0%} of prints are"
-        f" to keep what is asked (the ratio of two neighbouring resonances scatters by ± {plan.prints.ratio_spread:.1%}"
-        f" from print to print), {_count_text(capacity.exact, capacity.searched_to)} without print errors (driven"
-        f" {figures.drive}), {capacity.exact_one_hot} with one channel on at a time; {capacity.paper} by the paper's"
-        f" bound ({capacity.paper_unrounded:.2f}; each resonance {number(capacity.ratio)} times the one below). It has"
-        f" {count}, and no more because of {limit}.",
+        f"A coil has {count} channel{plural(count)}, and no more because of {limit}. In this band it could have"
+        f" {capacity.prints} of which {plan.spec.print_share:.0%} of prints keep what is asked, since the ratio of"
+        f" neighbouring resonances scatters by ± {plan.prints.ratio_spread:.1%} from print to print. Printed exactly,"
+        f" and driven {figures.drive}, it could have {_count_text(capacity.exact, capacity.searched_to)}; with only one"
+        f" of them on at a time {capacity.exact_one_hot}; by the paper's bound {capacity.paper}"
+        f" ({capacity.paper_unrounded:.2f}, each resonance {number(capacity.ratio)} times the one below).",
         "",
         _channels_table(plan.channels, MOTION, narrow=True),
         "",
@@ -453,8 +454,9 @@ def _felt_table(plan: "Plan") -> str:
     ]
     count = _from_to(felt.least_frequencies, felt.most_frequencies)
     return (
-        f"what a fingertip feels of {touched} taxels, in dB above what is just felt (a provisional threshold); it tells"
-        f" {count} of {len(plan.channels)} frequencies apart, and as many strengths as the last column has:\n"
+        f"what a fingertip feels of {touched} taxels, in dB above what is just felt (a provisional threshold); a"
+        f" fingertip tells {count} of the {len(plan.channels)} frequencies apart; the last column says how many"
+        " strengths of each it tells apart:\n"
         + table(["ch", "just felt µm", "± dB", "ON dB", "OFF dB", "strengths"], rows)
     )
 
@@ -573,7 +575,7 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
         f"with unequal pulls, other modes and stretching beams {kept:.1f} dB are left in the worst state{cost}"
         if kept is not None and kept < states - SHOWN_DB
         else "",
-        "" if optimum is None else f"with equal masses the optimised resonances would reach {optimum:.2f} dB",
+        "" if optimum is None else f"were all taxels of one mass, the best resonances would reach {optimum:.2f} dB",
         f"selectivity lost to the printer's resolution: {lost:.2f} dB" if lost >= SHOWN_DB else "",
     ]
     return [line for line in lines if line]

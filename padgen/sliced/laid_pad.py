@@ -406,7 +406,7 @@ class TaxelMap:
 
 
 class PadMaps:
-    """The `TaxelMap` of every channel, concatenated, so that points on all taxels are looked up at once."""
+    """Look-up of points on a pad: the part of a taxel (frame, plate, beam, gap) that each lies in."""
 
     owner: np.ndarray
     node: np.ndarray

@@ -571,7 +571,7 @@ def factored(system: System) -> Solver:
 
 
 def accurate(system: System, solve: Solver, loads: np.ndarray, answers: np.ndarray) -> bool:
-    """Return whether displacements `answers` (n, k) under `loads` (n, k) are accurate, by the most compliant load case.
+    """Return whether `answers` (n, k) solve the system under `loads` (n, k); the load that deflects it most is tested.
 
     The inverses of 3 × 3 pivots in NGSolve's Cholesky lose soft directions when the stiffnesses of a
     solid lie more than about 1e8 apart, without a word.

@@ -327,9 +327,9 @@ DRUM = {**catalogue("coil")["paper"], "outer_diameter_mm": 200}
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({}, "25 coils of 10 mm; .* each at most 25 channels, 625 taxels in all; resolution = 48 would do"),
-        ({"pad": WIDE}, "62500 taxels in all; no single change .* that was tried would do"),
-        ({"q_min": 15}, "band, Q and room for plates allow each at most 4 channels, 100 taxels in all"),
+        ({}, "25 coils of 10 mm; .* most 25 channels: 625 taxels before beams are counted; resolution = 48 would do"),
+        ({"pad": WIDE}, "62500 taxels before beams are counted; no single change .* that was tried would do"),
+        ({"q_min": 15}, "room for plates allow each at most 4 channels: 100 taxels before beams are counted"),
         ({"coil": {"name": "paper", "grid": [2, 2]}}, "the grid has 4 coils"),
         ({"pad": WIDE, "coil": DRUM}, "4 coils of 200 mm"),
         ({"resonances_hz": [50 + k / 2 for k in range(300)]}, "at most 300 channels"),

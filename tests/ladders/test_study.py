@@ -424,8 +424,8 @@ def test_an_interrupted_study_writes_what_it_has(paper_plan, tmp_path):
     notes = [row["note"] for row in csv.DictReader(io.StringIO(table))]
     assert notes == ["", ""] + ["not run: the study was stopped"] * (len(rows) - 2)
     text = study.text()
-    assert "not run: 4 of 6 models of allocation, " in text and "not run: 8 of 8 models of geometry, " in text
-    assert "not decided: the study was stopped" in text and "none is known" not in text
+    assert "not run: 4 of 6 models of allocation (" in text and "not run: 8 of 8 models of geometry (" in text
+    assert "not known, since the study was stopped" in text and "none is known" not in text
     assert study.total == len(rows)
     assert "\ngeometry," not in text
 

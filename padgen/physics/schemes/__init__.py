@@ -53,7 +53,7 @@ class DriveScheme(Protocol):
     """True where two channels together make unwanted lines of i²."""
 
     def pair_square(self, scheme: Scheme, a: np.ndarray, b: np.ndarray, strongest: np.ndarray | float) -> np.ndarray:
-        """Return the squared amplitude of the spurs of two channels whose wanted lines have the amplitudes a and b.
+        """Return the squared amplitude of a spur of two channels, given the amplitudes a and b of their wanted lines.
 
         `strongest` is the line that sets the bias.
         """
