@@ -60,6 +60,7 @@ __all__ = [
     "graded_quadrature",
     "impedance",
     "multiple_of_eight",
+    "mutual_inductance",
     "paper_force_constant",
     "pole_error",
     "pole_field",
@@ -755,6 +756,17 @@ def pole_error(coil: CoilSource, distance: np.ndarray) -> np.ndarray:
     """Return the relative error of `pole_field` at a `distance` (…) in m: the next multipole's, ``¾ ⟨r²⟩/d²``."""
     square = max((coil.core_diameter / 2) ** 2, *(_mean_square_radius(winding) for winding in coil.windings))
     return np.asarray(0.75 * square / distance**2)
+
+
+def mutual_inductance(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
+    """Return the mutual inductance (…) in H of two equal, parallel coils side by side, axes `apart` (…) in m.
+
+    It is negative: the flux of one returns through the other. Of poles on the axes, so that its amount is too small by
+    up to four times `pole_error`; cores answer a field as they do the coil's own current.
+    """
+    charge, height = coil_poles(coil).T
+    distance = np.hypot(np.asarray(apart)[..., None, None], height[:, None] - height)
+    return np.asarray(-MU_0 / (4 * np.pi) * (charge[:, None] * charge / distance).sum((-1, -2)))
 
 
 def _mean_square_radius(winding: Winding) -> float:

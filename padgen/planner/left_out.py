@@ -29,7 +29,7 @@ from padgen.physics.bounds import (
     washer_eddies,
     washer_magnetised,
 )
-from padgen.physics.magnetics import impedance
+from padgen.physics.magnetics import impedance, mutual_inductance, pole_error
 from padgen.physics.modes import resonance_rise
 from padgen.physics.pull import pull_range
 from padgen.physics.remanence import root_lines
@@ -43,6 +43,7 @@ from padgen.planner.channels import (
     site_wrenches,
     working_mode_ratios,
 )
+from padgen.planner.coils import coil_source
 from padgen.planner.drive_scheme import placed_channels
 from padgen.planner.layout import outline
 from padgen.planner.movers import mover_of
@@ -188,6 +189,7 @@ RUNGS = {
     "gap": ("the pull changes as a washer swings", "a lower drive.level_um or a wider coil.gap_mm"),
     "softening": ("the coil's pull softens the spring", "padgen study --only dynamics"),
     "motion": ("moving washers induce a voltage", "padgen study --only dynamics"),
+    "mutual inductance": ("coils induce currents in each other", "drive with a current source"),
     "switching": (
         "the current that stops a taxel takes time to change, so that the taxel rings down later",
         "leave that much more time between frames",
@@ -224,7 +226,6 @@ UNBOUNDED = {
     "losses of plastic and glue": ("Q, which the spec sets", "measure Q of a coupon"),
     "losses and lag by hysteresis of the steel": ("force", "measure the level"),
     "amplifier's own impedance and bandwidth": ("current", "measure the current"),
-    "mutual inductance of coils": ("current", "drive with a current source"),
 }
 """Effects that nothing in a spec bounds: what each changes, and what to do about it."""
 STRESSES = "stresses of the print"
@@ -499,6 +500,22 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     if spec.washer:
         yield from _steel_effects(plan, channels)
     yield from _motion_effects(plan, channels)
+    if plan.coils.rows * plan.coils.columns > 1:
+        yield _coupled_coils(plan, channels)
+
+
+def _coupled_coils(plan: Plan, channels: Sequence[Channel]) -> LeftOut:
+    """Bound the current that all other coils, alike and in phase, induce in the one in the middle, over its own."""
+    spec = plan.spec
+    coils = plan.coils
+    coil = coil_source(spec.coil)
+    row, column = np.divmod(np.arange(coils.rows * coils.columns), coils.columns)
+    away_mm = np.hypot((row - coils.rows // 2) * coils.pitch_y_mm, (column - coils.columns // 2) * coils.pitch_x_mm)
+    apart = away_mm[away_mm > 0] * MM
+    henry = (np.abs(mutual_inductance(coil, apart)) * (1 + 4 * pole_error(coil, apart))).sum()
+    hz = np.array([channel.drive_hz for channel in channels])
+    own_ohm = np.abs(impedance(spec.coil.resistance_ohm, spec.coil.inductance_mh * MH, hz))
+    return _worst_channel("mutual inductance", "current", channels, 2 * pi * hz * henry / own_ohm)
 
 
 def _steel_effects(plan: Plan, channels: Sequence[Channel]) -> Iterator[LeftOut]:
