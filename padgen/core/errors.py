@@ -308,7 +308,7 @@ def percent(share: float, digits: int = 2) -> str:
 def less_or_more_text(level_db: float) -> str:
     """Return a level difference in dB as text: ``20.9 dB less``, or ``7.3 dB more`` where it is negative.
 
-    >>> quieter(20.94), quieter(-7.3)
+    >>> less_or_more_text(20.94), less_or_more_text(-7.3)
     ('20.9 dB less', '7.3 dB more')
     """
     return f"{abs(level_db):.1f} dB {'less' if level_db >= 0 else 'more'}"

@@ -108,7 +108,7 @@ def welded(vertices_mm: np.ndarray, triangles: np.ndarray, tolerance_mm: float =
 def group_indices(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return for each item of successive groups of `counts` items its group's index and its place in the group, from 0.
 
-    >>> expanded(np.array([2, 0, 3]))
+    >>> group_indices(np.array([2, 0, 3]))
     (array([0, 0, 2, 2, 2]), array([0, 1, 0, 1, 2]))
     """
     run = np.repeat(np.arange(len(counts)), counts)

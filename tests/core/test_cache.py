@@ -279,7 +279,7 @@ def make():
     cache.store("kind", sys.argv[2], 1)
     return 1
 
-print(cache.once("kind", sys.argv[2], lambda: cache.load("kind", sys.argv[2]), make))
+print(cache.get_or_compute("kind", sys.argv[2], lambda: cache.load("kind", sys.argv[2]), make))
 """
 
 
