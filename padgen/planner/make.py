@@ -541,7 +541,7 @@ def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
     bare = _assemble(choice, *_channels_and_selectivity(choice))
     if spec.coil.kind == "board":
         board_of(bare)
-    touch = planned_touch(bare, quick=True)
+    touch = planned_touch(bare, design_of(bare, None), quick=True)
     assert touch is not None, "the spec names a contact"
     bare = replace(bare, touch=touch)
     spec = bare.spec
@@ -570,7 +570,7 @@ UNSURE_HEAT = 1.4
 def _plan_tried_under_touch(bare: Plan, overloaded: bool) -> ChoiceFigures:
     """Judge a plan by simulated prints under touch, and its coils by the levels that touch needs."""
     spec = bare.spec
-    touch = planned_touch(bare, quick=True)
+    touch = planned_touch(bare, design_of(bare, None), quick=True)
     assert touch is not None, "the spec names a contact"
     load = coil_load(spec, played_channels(replace(bare, touch=touch)), bare.scheme)
     coils = bare.coils.rows * bare.coils.columns
@@ -600,10 +600,10 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     design = design_of(bare, None)
     prints = what_prints_keep(bare, design, quick)
     recoil = NO_RECOIL if quick and not spec.mount.is_said else planned_recoil(bare, prints)
-    if touch := planned_touch(replace(bare, recoil=recoil), quick):
+    if touch := planned_touch(replace(bare, recoil=recoil), design, quick):
         bare = replace(bare, touch=touch)
         bare = replace(bare, load=coil_load(spec, played_channels(bare), bare.scheme), felt=touched_felt(bare))
-        bare = replace(bare, touched=touched_figures(bare))
+        bare = replace(bare, touched=touched_figures(bare, design))
     warm = planned_warmth(bare)
     coils = bare.coils.rows * bare.coils.columns
     capacity = NOT_COUNTED

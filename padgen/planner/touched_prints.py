@@ -399,17 +399,16 @@ class _TouchedCoil:
         return np.asarray(without + contact.impedance(hz, contactor).through(self.lever[i]).dynamic_stiffness(hz))
 
 
-def planned_touch(plan: Plan, quick: bool = False) -> Touch | None:
+def planned_touch(plan: Plan, design: Design, quick: bool = False) -> Touch | None:
     """Return resonances, drive and selectivity of a pad under its spec's contact; None where the spec names none.
 
-    With `quick`, few pads are simulated, and only as re-tuned.
+    `design` is the plan's own. With `quick`, few pads are simulated, and only as re-tuned.
     """
     spec = plan.spec
     if spec.touch.is_untouched:
         return None
     share = spec.print_share
     kinds = TONES if spec.touch.tones == "auto" else (spec.touch.tones,)
-    design = design_of(plan, None)
     tried = {kind: touched_pads(plan, QUICK_PADS, kind, True, design) for kind in kinds}
     kept_db = {kind: fingers.kept_db(share) for kind, fingers in tried.items()}
     tones = max(kinds, key=lambda kind: _or_inf(kept_db[kind]))
@@ -541,12 +540,11 @@ def judge_touched_prints(plan: Plan) -> Iterator[Finding]:
         )
 
 
-def touched_figures(plan: Plan) -> tuple[Touched, ...]:
+def touched_figures(plan: Plan, design: Design) -> tuple[Touched, ...]:
     """Return resonances, Q and selectivity under low, typical and high skin, driven by the tones of the plan."""
     touch = plan.touch
     if touch is None:
         return plan.touched
-    design = design_of(plan, None)
     return tuple(
         replace(
             touched,
