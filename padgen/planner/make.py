@@ -365,9 +365,10 @@ def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
     short_lived = [_drive_and_layout(works)]
     judged = 0
     for one in later:
-        kind = reuse, scheme, layout = _drive_and_layout(one)
-        as_dense = [k for k in short_lived if k[:2] == (reuse, scheme) and k[2].channels <= layout.channels]
-        if kind in short_lived or len(as_dense) >= MOST_ALIKE:
+        kind = _drive_and_layout(one)
+        of_this_drive = [other[-1] for other in short_lived if other[:2] == kind[:2]]
+        as_dense = sum(layout.channels <= one.layout.channels for layout in of_this_drive)
+        if kind in short_lived or as_dense >= MOST_ALIKE:
             continue
         choice = one.choice()
         if choice is None:
@@ -402,13 +403,13 @@ def _first_that_works(
     Pads that were judged for an automatic drive are not judged again for that drive by its name, nor hopeless ones
     (`NO_HOPE_DB`, `MOST_FAR_SHORT`).
     """
-    hopeless: dict[tuple[Layout, str, str], ChoiceFigures] = {}
+    hopeless: dict[tuple[str, str, Layout], ChoiceFigures] = {}
     judged_pads = set[tuple[Any, ...]]()
     far_short = Counter[tuple[Any, ...]]()
     for choice in chain(rank, _with_bent_beams(tried)):  # those with bent beams once all of `rank` are in `tried`
         asked = decibel(choice.spec.delta_y)
-        key = (choice.layout, choice.spec.coil.reuse, choice.spec.drive.scheme)
-        kind = (len(choice.channels), choice.spec.suspension.topology, *key[1:])
+        key = _drive_and_layout(choice)
+        kind = (len(choice.channels), choice.spec.suspension.topology, *key[:2])
         if _pad_of(choice, choice.spec.drive.scheme) in judged_pads or far_short[kind] >= MOST_FAR_SHORT:
             continue
         if key in hopeless:
