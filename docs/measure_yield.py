@@ -143,9 +143,9 @@ def for_life() -> list[str]:
 
 
 def lasting() -> list[str]:
-    """Count plain pads, of four lines and the sides, that keep what is asked for life, and their coils."""
+    """Count plain pads, of four lines and the sides, that keep what is asked for life without an error."""
     rows = list[str]()
-    figures = {"re-tuned": list[tuple[float, int, float]](), "for life": list[tuple[float, int, float]]()}
+    figures = {"re-tuned": list[tuple[bool, int, float]](), "for life": list[tuple[bool, int, float]]()}
     for taxels, q_min, band_hz, side_mm in product(
         (16, 32, 64), (10, 15, 20, 30, 50), ((50, 200), (60, 400)), (50, 80)
     ):
@@ -160,11 +160,13 @@ def lasting() -> list[str]:
             except PadgenError:
                 continue
             seconds = time.process_time() - start
-            found.append((plan.life.good_share, plan.coils.rows * plan.coils.columns, seconds))
+            has_errors = any(finding.level == "error" for finding in plan.findings)
+            lasts = plan.life.good_share >= spec.print_share and not has_errors
+            found.append((lasts, plan.coils.rows * plan.coils.columns, seconds))
     for way, found in figures.items():
-        shares, coils, seconds = np.array(found).T
+        last, coils, seconds = np.array(found).T
         rows.append(
-            f"| {way} | {len(found)} | {(shares >= 0.9).sum()} | {coils.mean():.1f} |"
+            f"| {way} | {len(found)} | {last.sum():.0f} | {coils.mean():.1f} |"
             f" {np.median(seconds):.2f} | {seconds.max():.1f} |"
         )
     return ["| searched | planned | last | coils, mean | median, s | slowest, s |", "|---|---|---|---|---|---|", *rows]

@@ -397,6 +397,12 @@ def _bed(plan: Plan) -> Iterator[Finding]:
         )
 
 
+def _share_below(share: float, wanted: float) -> str:
+    """Return a share below the one that is wanted in percent, with a decimal where whole percents would be equal."""
+    whole = f"{share:.0%}"
+    return f"{share:.1%}" if whole == f"{wanted:.0%}" else whole
+
+
 def _prints(plan: Plan) -> Iterator[Finding]:
     """Tell how many prints keep the asked selectivity, and whether every taxel must be measured for that."""
     prints = plan.prints
@@ -409,9 +415,9 @@ def _prints(plan: Plan) -> Iterator[Finding]:
             "warning",
             "print.share",
             "pad",
-            f"with every taxel re-tuned, {prints.good_share:.0%} of its prints keep the {asked:.1f} dB of ON over OFF"
-            f" that are asked for; {wanted:.0%} of all prints keep {prints.print_db:z.1f} dB; padgen plan"
-            " --explain ranks what would help, --plot draws which coils suffer",
+            f"with every taxel re-tuned, {_share_below(prints.good_share, wanted)} of its prints keep the"
+            f" {asked:.1f} dB of ON over OFF that are asked for; {wanted:.0%} of all prints keep"
+            f" {prints.print_db:z.1f} dB; padgen plan --explain ranks what would help, --plot draws which coils suffer",
         )
     if prints.planned_db < min(asked, prints.print_db):
         yield Finding(
@@ -445,8 +451,8 @@ def _life(plan: Plan) -> Iterator[Finding]:
         "warning",
         "print.life",
         "pad",
-        f"re-tuned once, only {life.good_share:.0%} of its {plan.spec.touch.prints_text} (asked: {wanted:.0%}) still"
-        f" {do} when {plan.spec.life.changes_text}{kept}; {when}",
+        f"re-tuned once, only {_share_below(life.good_share, wanted)} of its {plan.spec.touch.prints_text} (asked:"
+        f" {wanted:.0%}) still {do} when {plan.spec.life.changes_text}{kept}; {when}",
     )
 
 

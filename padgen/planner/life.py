@@ -71,11 +71,19 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
 
 
 def keeps_for_life(plan: Plan, design: Design) -> bool:
-    """Return whether enough of a plan's prints keep what is asked for life, by few prints and without figures."""
-    share = plan.spec.print_share
+    """Return whether enough of a plan's prints keep what is asked for life, by as few prints as leave no doubt."""
+    asked = plan.spec.print_share
+    few = few_pads(design)
     # To follow other modes from print to print takes several times as long: first those of the plan.
-    designs = (_with_planned_modes(design), design)
-    return all(_at_both_ends(plan, one, few_pads(design), share).good.mean() >= share for one in designs)
+    rounds = [(_with_planned_modes(design), few), (design, few), (design, pads_until_sure(work_per_pad(design)))]
+    for one, pads in rounds:
+        share = float(_at_both_ends(plan, one, pads, asked).good.mean())
+        unsure = share_error(share, pads)
+        if share < asked - unsure:
+            return False
+        if one is design and share >= asked + unsure:
+            return True
+    return share >= asked
 
 
 def _life(plan: Plan, design: Design, pads: int, least_share: float = 0.0) -> Life:

@@ -184,8 +184,7 @@ def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
         No layout works; the message names the limits of the best candidates, and changes that were tried and work.
     """
     try:
-        spec = decided_under_touch(spec, _touch_trial)
-        choice = choose(spec)
+        choice = choose(decided_under_touch(spec, _touch_trial))
         return with_cures(spec, choice) if tries_cures else _without_cures(choice)
     except SolverError as error:
         if not isinstance(error.__cause__, BROKEN_DOWN):
@@ -195,7 +194,7 @@ def make_plan(spec: Spec, tries_cures: bool = True) -> Plan:
 
 @strict_arithmetic()
 def with_cures(spec: Spec, choice: Choice) -> Plan:
-    """Return the plan of a `choice` for `spec`; its findings keep only cures that were tried and work."""
+    """Return the plan of a `choice` for the asked `spec`; its findings keep only cures that were tried and work."""
     return with_tried_cures(_finite(finish(choice)), partial(_planned_with, spec, choice))
 
 
@@ -208,14 +207,15 @@ def _without_cures(choice: Choice) -> Plan:
 
 @strict_arithmetic()
 def _planned_with(spec: Spec, choice: Choice | None, cure: Cure) -> Plan:
-    """Return the plan of `spec` with the fields of `cure`, from few simulated prints.
+    """Return the plan of the asked `spec` with the fields of `cure`, from few simulated prints.
 
-    Where `cure` only changes the mount or the printer's bed, the beams of `choice` are kept. Without a `choice`, the
-    plan is that of the first layout that works, however its prints come out. Raises `InfeasibleError` without cures.
+    What the spec leaves open is searched for anew, as it will be for who follows the cure. Where `cure` only changes
+    the mount or the printer's bed, the beams of `choice` are kept. Without a `choice`, the plan is that of the first
+    layout that works, however its prints come out. Raises `InfeasibleError` without cures.
     """
     if choice and set(cure) <= BESIDE_THE_BEAMS:
         return finish(choice._replace(spec=varied(choice.spec, cure)), quick=True)
-    cured_spec = varied(spec, cure)
+    cured_spec = decided_under_touch(varied(spec, cure), _touch_trial)
     most = min(MOST_FOR_CURE, max(MOST_TAXELS_FOR_CURE // cured_spec.resolution, 1))
     searched = _searched(cured_spec, quick=choice is None, most=most)
     if searched is None:
@@ -261,7 +261,7 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
         fewest_coils = best = some_found[0]
     else:
         fewest_coils, works = _best(chain(some_found, sized), for_cure=most is not None)
-        best = _lasting(fewest_coils, merged) if works and most is None else fewest_coils
+        best = _lasting(fewest_coils, merged) if works else fewest_coils
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     if snaps(resting(spec, channels, sites)):
@@ -353,41 +353,63 @@ def _best(
 
 
 def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
-    """Return the choice that `works`, or another that also keeps what is asked for life; the first if none does.
+    """Return the choice that `works`, or another without errors that also keeps what is asked for life.
 
     The others are of the layouts `later` in rank. Where some with a drive and reuse do not last, no others with that
     and as many channels per coil are judged: what a pad loses when its resonances drift depends on how near they are.
-    Skin differs so much that under a contact drift counts for little.
+    Where none lasts, the first that works without getting too hot is returned, else the one that `works`. Skin differs
+    so much that under a contact drift counts for little.
     """
-    if not works.spec.touch.is_untouched or _lasts(_assemble(works, *_channels_and_selectivity(works))):
+    if not works.spec.touch.is_untouched:
         return works
-    judged_by = _Round({}, for_cure=False, overloaded=False, for_life=True)
+    bare = _assemble(works, *_channels_and_selectivity(works))
+    sound = None if _is_too_hot(bare) else works
+    if sound and _lasts(bare):
+        return works
+    today = _Round({}, for_cure=False, overloaded=False)
+    for_life = today._replace(for_life=True)
     short_lived = [_drive_and_layout(works)]
     judged = 0
     for one in later:
         kind = _drive_and_layout(one)
         of_this_drive = [other[-1] for other in short_lived if other[:2] == kind[:2]]
         as_dense = sum(layout.channels <= one.layout.channels for layout in of_this_drive)
-        if kind in short_lived or as_dense >= MOST_ALIKE:
+        if sound and (kind in short_lived or as_dense >= MOST_ALIKE):
             continue
         choice = one.choice()
         if choice is None:
             continue
         asked = choice.spec.print_share
-        tried = _tried(choice, decibel(choice.spec.delta_y), asked, *judged_by)
-        if tried.share >= asked:
+        asked_db = decibel(choice.spec.delta_y)
+        tried = _tried(choice, asked_db, asked, *for_life)
+        if tried.share >= asked and not _has_errors(choice):
             return choice
-        if tried.at_most_db > -inf:  # no limit of this gap is exceeded
+        # Where a limit is exceeded another gap may do.
+        if tried.share < asked and tried.at_most_db > -inf:
             short_lived.append(kind)
+            if not sound and _tried(choice, asked_db, asked, *today).share >= asked and not _has_errors(choice):
+                sound = choice
         judged += 1
         if judged == MOST_JUDGED_FOR_LIFE:
             break
-    return works
+    return sound or works
+
+
+def _is_too_hot(bare: Plan) -> bool:
+    """Return whether a plan's beams or coils exceed a limit of heat or current once all its taxels are on."""
+    coils = bare.coils.rows * bare.coils.columns
+    demand = coil_demand(bare.load, coils)._replace(beam_rise_k=planned_warmth(bare).beam_rise_k)
+    return any(one.limit.planned == "error" for one in exceeded(bare.spec, demand))
 
 
 def _drive_and_layout(one: Choice | _Unsized) -> tuple[str, str, Layout]:
     """Return what all gaps of a candidate share: the reuse of frequencies by coils, the drive and the layout."""
     return one.spec.coil.reuse, one.spec.drive.scheme, one.layout
+
+
+def _has_errors(choice: Choice) -> bool:
+    """Return whether the plan of a choice has an error, as by a limit that only whole plans are judged by."""
+    return any(finding.level == "error" for finding in finish(choice, quick=True).findings)
 
 
 def _lasts(bare: Plan) -> bool:
@@ -557,9 +579,7 @@ def _touch_trial(spec: Spec, felt_db: float) -> TouchTrial:
         copper_loss_w=load.copper_loss_w * hotter,
         mean_copper_loss_w=load.mean_copper_loss_w * hotter,
     )
-    demand = coil_demand(load, coils)._replace(beam_rise_k=planned_warmth(replace(bare, load=load)).beam_rise_k)
-    is_borne = not any(one.limit.planned == "error" for one in exceeded(spec, demand))
-    within = load.reachable_level_um >= level_um and is_borne
+    within = load.reachable_level_um >= level_um and not _is_too_hot(replace(bare, load=load))
     kept_db = -inf if touch.print_db is None else touch.print_db
     return TouchTrial(kept_db, load.mean_copper_loss_w * coils, level_um, within)
 
@@ -601,7 +621,8 @@ def finish(choice: Choice, quick: bool = False) -> Plan:
     design = design_of(bare, None)
     prints = what_prints_keep(bare, design, quick)
     recoil = NO_RECOIL if quick and not spec.mount.is_said else planned_recoil(bare, prints)
-    if touch := planned_touch(replace(bare, recoil=recoil), design, quick):
+    # Not quick for cures either: of few prints and fingers one in ten is known to a decibel.
+    if touch := planned_touch(replace(bare, recoil=recoil), design):
         bare = replace(bare, touch=touch)
         bare = replace(bare, load=coil_load(spec, played_channels(bare), bare.scheme), felt=touched_felt(bare))
         bare = replace(bare, touched=touched_figures(bare, design))

@@ -20,9 +20,10 @@ def lasts(choice):
 
 def test_a_pad_that_lasts_is_taken_before_one_of_fewer_coils_that_does_not():
     """Nine in ten prints last by the plan and by a program that shares no code; at 2 K fewer coils do."""
-    spec = make_spec({**LARGE, "q_min": 20})
+    spec = make_spec({**LARGE, "q_min": 25})
     plan = make_plan(spec, tries_cures=False)
     assert (len(plan.channels), plan.life.retune_k) == (2, 10.0)
+    assert not [finding for finding in plan.findings if finding.level == "error"]
     assert make.choose(spec).limits == "what prints keep for life"
     kept = kept_db(json.loads(plan_to_json(plan)), pads=2000, for_life=True)
     assert np.mean(kept >= plan.selectivity.asked_db) > spec.print_share - 0.04
@@ -50,7 +51,7 @@ def test_no_layout_in_rank_before_the_one_that_is_taken_lasts(monkeypatch, table
     judged_by = make._Round({}, for_cure=False, overloaded=False)
     for choice in before:
         one = make._tried(choice, 20.0, spec.print_share, *judged_by)
-        assert one.share < spec.print_share or not lasts(choice)
+        assert one.share < spec.print_share or not lasts(choice) or make._has_errors(choice)
 
 
 def test_where_no_layout_lasts_the_one_of_the_fewest_coils_is_taken(monkeypatch):
@@ -59,3 +60,10 @@ def test_where_no_layout_lasts_the_one_of_the_fewest_coils_is_taken(monkeypatch)
     assert not lasts(chosen)
     monkeypatch.setattr(make, "_lasting", lambda works, later: works)
     assert make.choose(spec) == chosen
+
+
+def test_a_pad_that_lasts_but_is_too_hot_is_not_taken():
+    """At Q = 20 plain tones of two channels a coil would last, but warm their beams too much."""
+    plan = make_plan(make_spec({**LARGE, "q_min": 20}), tries_cures=False)
+    assert plan.life.good_share >= plan.spec.print_share
+    assert not [finding for finding in plan.findings if finding.level == "error"]
