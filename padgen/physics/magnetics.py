@@ -60,6 +60,7 @@ __all__ = [
     "graded_quadrature",
     "impedance",
     "multiple_of_eight",
+    "mutual_error",
     "mutual_inductance",
     "paper_force_constant",
     "pole_error",
@@ -762,11 +763,25 @@ def mutual_inductance(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
     """Return the mutual inductance (…) in H of two equal, parallel coils side by side, axes `apart` (…) in m.
 
     It is negative: the flux of one returns through the other. Of poles on the axes, so that its amount is too small by
-    up to four times `pole_error`; cores answer a field as they do the coil's own current.
+    up to a share of `mutual_error`; cores answer a field as they do the coil's own current.
     """
     charge, height = coil_poles(coil).T
     distance = np.hypot(np.asarray(apart)[..., None, None], height[:, None] - height)
     return np.asarray(-MU_0 / (4 * np.pi) * (charge[:, None] * charge / distance).sum((-1, -2)))
+
+
+def mutual_error(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
+    """Return the share (…) by which the amount of `mutual_inductance` may be too small for coils `apart` (…) in m.
+
+    The next multipole of flat coils adds ``c = 9/4 ⟨r⁴⟩/(⟨r²⟩ d²)``, r the radius of turns; the rest of the series is
+    bounded by ``2 c² + 7.5 c³`` up to coils that touch (filament sums in `tests/physics/test_mutual_inductance.py`).
+    """
+    outer, inner = (
+        np.array([getattr(w, f"{side}_diameter") / 2 for w in coil.windings]) for side in ("outer", "inner")
+    )
+    square = (0.6 * (outer**5 - inner**5) / (outer**3 - inner**3)).max()
+    next_pole = 2.25 * square / np.asarray(apart) ** 2
+    return np.asarray(next_pole * (1 + 2 * next_pole + 7.5 * next_pole**2))
 
 
 def _mean_square_radius(winding: Winding) -> float:

@@ -25,6 +25,7 @@ Screws by ISO: clearance holes (273, fine), coarse threads (261: tapping drill =
 driven into a hole of the tapping drill's size.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import NamedTuple
@@ -44,6 +45,7 @@ __all__ = [
     "screw_for",
     "spacer_mm",
     "tray_findings",
+    "tray_room_findings",
 ]
 
 SUFFIX = "-coupon"
@@ -321,6 +323,17 @@ def tray_findings(plan: Plan, tray: Tray) -> tuple[Finding, ...]:
             )
         )
     return tuple(findings)
+
+
+def tray_room_findings(plan: Plan) -> Iterator[Finding]:
+    """Yield a warning where no tray with sockets can be printed for the wound coils of a plan."""
+    if plan.spec.coil.kind == "board":
+        return
+    try:
+        plan_tray(plan)
+    except InfeasibleError as error:
+        message = f"no tray can be printed for them (padgen build --parts tray): {error.where} {error.message}"
+        yield Finding("warning", "tray.room", "coils", message)
 
 
 def _refuse(plan: Plan, clear_mm: float) -> None:

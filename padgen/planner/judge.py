@@ -22,6 +22,7 @@ from padgen.planner.channels import coil_modes, mode_names
 from padgen.planner.core_pull import core_findings
 from padgen.planner.cures import Cure
 from padgen.planner.drive_scheme import coil_demand, placed_channels
+from padgen.planner.fixtures import tray_room_findings
 from padgen.planner.guard import guard_findings
 from padgen.planner.left_out import judge_left_out
 from padgen.planner.limits import MovingTaxel, exceeded, lower_level
@@ -441,10 +442,7 @@ def _life(plan: Plan) -> Iterator[Finding]:
     if life.print_db is None or life.print_db >= asked_db:
         do = "move every taxel by more than 0.7 of its level"
         kept = ""
-    when = (
-        "even in a room of constant temperature ageing and Q leave too few of them: re-tune it before each use, and"
-        " when the room gets warmer or colder"
-    )
+    when = "half a kelvin is too much already, or ageing and Q are: re-tune it before each use"
     if life.retune_k > 0:
         when = f"re-tune it after every change of {number(life.retune_k)} K"
     yield Finding(
@@ -826,6 +824,7 @@ PLAN_RULES: RuleBook[Plan] = RuleBook(
     _mechanics,
     _places,
     board_findings,
+    tray_room_findings,
     judge_touch,
     judge_touched_prints,
     judge_felt,

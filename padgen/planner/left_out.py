@@ -29,7 +29,7 @@ from padgen.physics.bounds import (
     washer_eddies,
     washer_magnetised,
 )
-from padgen.physics.magnetics import impedance, mutual_inductance, pole_error
+from padgen.physics.magnetics import impedance, mutual_error, mutual_inductance
 from padgen.physics.modes import resonance_rise
 from padgen.physics.pull import pull_range
 from padgen.physics.remanence import root_lines
@@ -512,7 +512,7 @@ def _coupled_coils(plan: Plan, channels: Sequence[Channel]) -> LeftOut:
     row, column = np.divmod(np.arange(coils.rows * coils.columns), coils.columns)
     away_mm = np.hypot((row - coils.rows // 2) * coils.pitch_y_mm, (column - coils.columns // 2) * coils.pitch_x_mm)
     apart = away_mm[away_mm > 0] * MM
-    henry = (np.abs(mutual_inductance(coil, apart)) * (1 + 4 * pole_error(coil, apart))).sum()
+    henry = (np.abs(mutual_inductance(coil, apart)) * (1 + mutual_error(coil, apart))).sum()
     hz = np.array([channel.drive_hz for channel in channels])
     own_ohm = np.abs(impedance(spec.coil.resistance_ohm, spec.coil.inductance_mh * MH, hz))
     return _worst_channel("mutual inductance", "current", channels, 2 * pi * hz * henry / own_ohm)

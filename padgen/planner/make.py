@@ -145,6 +145,11 @@ class _Unsized(NamedTuple):
     layout: Layout
     size: Callable[[], SizedLayout | None]
 
+    @classmethod
+    def of(cls, choice: Choice) -> "_Unsized":
+        """Return a choice as a candidate whose beams have been sized already."""
+        return cls(choice.spec, choice.layout, lambda: (choice.layout, choice.channels))
+
     def choice(self) -> Choice | None:
         """Return the choice with its beams sized; None where the layout does not work."""
         sized = self.size()
@@ -261,7 +266,9 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
         fewest_coils = best = some_found[0]
     else:
         fewest_coils, works = _best(chain(some_found, sized), for_cure=most is not None)
-        best = _lasting(fewest_coils, merged) if works else fewest_coils
+        # The second is in neither list if the first works.
+        unjudged = some_found[1:] if fewest_coils is some_found[0] else []
+        best = _lasting(fewest_coils, chain(map(_Unsized.of, unjudged), merged)) if works else fewest_coils
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     if snaps(resting(spec, channels, sites)):

@@ -67,3 +67,12 @@ def test_a_pad_that_lasts_but_is_too_hot_is_not_taken():
     plan = make_plan(make_spec({**LARGE, "q_min": 20}), tries_cures=False)
     assert plan.life.good_share >= plan.spec.print_share
     assert not [finding for finding in plan.findings if finding.level == "error"]
+
+
+def test_the_second_layout_in_rank_is_judged_too():
+    """Of 4 coils both; the first, 1 x 4, keeps nothing of it, the second, 2 x 2, all."""
+    table = {"name": "second", "resolution": 16, "band_hz": [50, 400], "q_min": 50, "delta_y": 7, "drive": "biased"}
+    spec = make_spec({**table, "pad": {"width_mm": 60, "depth_mm": 60}, "coil": {"gap_mm": 1, "reuse": "same"}})
+    chosen = make.choose(spec)
+    assert (chosen.layout.rows, chosen.layout.columns) == (2, 2)
+    assert lasts(chosen)

@@ -448,3 +448,22 @@ def test_every_template_has_a_tray_and_a_coupon(name):
     assert len(own.taxels) == len(plan.channels)
     # Two sets of channels alternate between coils: a cell of each.
     assert len(plan_tray(own).coils_mm) == (2 if plan.spec.coil.reuse == "alternate" else 1)
+
+
+def test_a_plan_says_when_no_tray_can_hold_its_coils():
+    """Coils of 10 mm at 10 mm touch each other; `build --parts tray` refuses them in the same words."""
+    table = {"name": "dense", "resolution": 24, "band_hz": [60, 300], "q_min": 15, "delta_db": 14}
+    close = pg.plan(
+        {
+            **table,
+            "pad": {"width_mm": 60, "depth_mm": 40},
+            "coil": {"name": "air-10", "grid": [4, 3]},
+            "magnet": "disc-3x1",
+        }
+    )
+    with pytest.raises(InfeasibleError) as refused:
+        plan_tray(close)
+    (found,) = (finding for finding in close.findings if finding.code == "tray.room")
+    assert found.level == "warning"
+    assert found.message.endswith(str(refused.value.message))
+    assert not any(finding.code == "tray.room" for finding in pg.plan("pad-32").findings)
