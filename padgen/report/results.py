@@ -57,8 +57,9 @@ def driven_text(
     name = plan.name
     done = f"The drive of {name} is written"
     if heard is not None and heard.selectivity_db is not None:
+        untouched = "" if plan.touch is None else " that nobody touches"
         done = (
-            f"Played on a simulated {name}, drive.wav has {heard.selectivity_db:.1f} dB of ON over OFF,"
+            f"Played on a simulated {name}{untouched}, drive.wav has {heard.selectivity_db:.1f} dB of ON over OFF,"
             f" faintest over loudest of all that it shows (asked: {heard.asked_db:.1f} dB)"
         )
     picture = ""
