@@ -184,8 +184,8 @@ def print_yield(
 def _criterion(plan: Plan, design: Design) -> str:
     untouched = "" if plan.touch is None else "nobody touches these pads (the verdict is of touched ones); "
     asked = (
-        f"{untouched}a taxel or a pad is good with an ON over OFF of {plan.selectivity.asked_db:.1f} dB, leakage of other coils"
-        " and other modes of the taxels included"
+        f"{untouched}a taxel or a pad is good with an ON over OFF of {plan.selectivity.asked_db:.1f} dB, leakage of"
+        " other coils and other modes of the taxels included"
     )
     alone = "a taxel with a coil to itself while its tone moves it by 1/sqrt(2) of its level"
     counts = {len(coils.channels) for coils in design.coils}
