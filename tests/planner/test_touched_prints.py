@@ -1,6 +1,7 @@
 """Pads planned under a finger, against a program of its own that steps them in time, and draws persons and prints."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -216,8 +217,13 @@ def test_four_lines_and_touch_find_a_pad_that_chooses_under_a_finger():
     assert spec.touch.search == "none"
     assert spec.ballast is not None
     assert spec.pin_share is not None
-    # What the plan was decided to be is planned again from its own spec, without a search.
-    assert plan_to_json(pg.plan(spec)) == plan_to_json(plan)
+    # What the plan was decided to be is planned again from its own spec, without a search. Only cures may differ, since
+    # they are tried on the spec that was asked for.
+    again = pg.plan(spec)
+    assert [finding.code for finding in again.findings] == [finding.code for finding in plan.findings]
+    bare = [replace(one, findings=(), verdict=plan.verdict) for one in (again, plan)]
+    assert plan_to_json(bare[0]) == plan_to_json(bare[1])
+    assert again.verdict.sentence == plan.verdict.sentence
     assert matches_spec(spec, make_spec(FOUR))
 
 
