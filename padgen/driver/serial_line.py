@@ -107,7 +107,7 @@ class Kind(IntEnum):
 
 
 class State(IntEnum):
-    """What a device's coils do, as its acknowledgements (ACK) tell: silent, switching or holding a frame."""
+    """The state of a device's coils by its acknowledgements (ACK): silent, switching or holding a frame."""
 
     SILENT = 0
     SWITCHING = 1

@@ -776,9 +776,8 @@ def mutual_error(coil: CoilSource, apart: np.ndarray) -> np.ndarray:
     The next multipole of flat coils adds ``c = 9/4 ⟨r⁴⟩/(⟨r²⟩ d²)``, r the radius of turns; the rest of the series is
     bounded by ``2 c² + 7.5 c³`` up to coils that touch (filament sums in `tests/physics/test_mutual_inductance.py`).
     """
-    outer, inner = (
-        np.array([getattr(w, f"{side}_diameter") / 2 for w in coil.windings]) for side in ("outer", "inner")
-    )
+    outer = np.array([winding.outer_diameter / 2 for winding in coil.windings])
+    inner = np.array([winding.inner_diameter / 2 for winding in coil.windings])
     square = (0.6 * (outer**5 - inner**5) / (outer**3 - inner**3)).max()
     next_pole = 2.25 * square / np.asarray(apart) ** 2
     return np.asarray(next_pole * (1 + 2 * next_pole + 7.5 * next_pole**2))

@@ -22,6 +22,7 @@ from padgen.planner.printed_pads import (
     STAGES,
     Design,
     Drift,
+    design_of,
     few_pads,
     pads_until_sure,
     quantile_error,
@@ -70,9 +71,10 @@ def planned_life(plan: Plan, design: Design, quick: bool = False) -> Life:
     return life
 
 
-def keeps_for_life(plan: Plan, design: Design) -> bool:
+def keeps_for_life(plan: Plan) -> bool:
     """Return whether enough of a plan's prints keep what is asked for life, by as few prints as leave no doubt."""
     asked = plan.spec.print_share
+    design = design_of(plan, None)
     few = few_pads(design)
     # To follow other modes from print to print takes several times as long: first those of the plan.
     rounds = [(_with_planned_modes(design), few), (design, few), (design, pads_until_sure(work_per_pad(design)))]

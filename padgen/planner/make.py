@@ -329,7 +329,7 @@ class _Round(NamedTuple):
     """Settings of a round in which choices are judged.
 
     Drives that are `known` are not chosen again. Few prints are simulated `for_cure`. Where the pads are all
-    `overloaded`, limits of the coils do not count. Prints must keep what is asked `for_life`, too.
+    `overloaded`, the amplifier's limits count and the coils' do not. Prints must keep what is asked `for_life`, too.
     """
 
     known: Driven
@@ -371,7 +371,7 @@ def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
         return works
     bare = _assemble(works, *_channels_and_selectivity(works))
     sound = None if _is_too_hot(bare) else works
-    if sound and _lasts(bare):
+    if sound and keeps_for_life(bare):
         return works
     today = _Round({}, for_cure=False, overloaded=False)
     for_life = today._replace(for_life=True)
@@ -388,13 +388,13 @@ def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
             continue
         asked = choice.spec.print_share
         asked_db = decibel(choice.spec.delta_y)
-        tried = _tried(choice, asked_db, asked, *for_life)
+        tried = _tried(choice, asked_db, asked, for_life)
         if tried.share >= asked and not _has_errors(choice):
             return choice
         # Where a limit is exceeded another gap may do.
         if tried.share < asked and tried.at_most_db > -inf:
             short_lived.append(kind)
-            if not sound and _tried(choice, asked_db, asked, *today).share >= asked and not _has_errors(choice):
+            if not sound and _tried(choice, asked_db, asked, today).share >= asked and not _has_errors(choice):
                 sound = choice
         judged += 1
         if judged == MOST_JUDGED_FOR_LIFE:
@@ -419,11 +419,6 @@ def _has_errors(choice: Choice) -> bool:
     return any(finding.level == "error" for finding in finish(choice, quick=True).findings)
 
 
-def _lasts(bare: Plan) -> bool:
-    """Return whether enough prints of a plan keep what is asked for life."""
-    return keeps_for_life(bare, design_of(bare, None))
-
-
 def _first_that_works(
     rank: Iterator[Choice], judged_by: _Round, tried: list[tuple[Choice, ChoiceFigures]]
 ) -> Choice | None:
@@ -444,7 +439,7 @@ def _first_that_works(
         if key in hopeless:
             tried.append((choice, hopeless[key]))
             continue
-        one = _tried(choice, asked, choice.spec.print_share, *judged_by)
+        one = _tried(choice, asked, choice.spec.print_share, judged_by)
         if one.share >= choice.spec.print_share:
             return choice
         tried.append((choice, one))
@@ -476,7 +471,7 @@ def _least_short(tried: list[tuple[Choice, ChoiceFigures]], judged_by: _Round) -
             break
         may_be_better = one.share < 0 or (one.unsure_share and one.share + one.unsure_share >= max(surely, best.share))
         if may_be_better and printed < MOST_PRINTED:
-            one = _tried(choice, least, max(surely, best.share), *judged_by)
+            one = _tried(choice, least, max(surely, best.share), judged_by)
             printed += 1
         compared.append((rank, choice, one))
         if (one.share, one.print_db) > (best.share, best.print_db):
@@ -511,22 +506,14 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, ChoiceFigures]]) -> Iterator[
             yield from (Choice(bent, *sized) for sized in islice(sized_layouts(bent, options), 1))
 
 
-def _tried(
-    choice: Choice,
-    least_db: float,
-    least_share: float,
-    known: Driven,
-    for_cure: bool,
-    overloaded: bool,
-    for_life: bool,
-) -> ChoiceFigures:
+def _tried(choice: Choice, least_db: float, least_share: float, judged_by: _Round) -> ChoiceFigures:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
-    The steps are the resonances and the sag alone, then pull and modes, then what prints keep `for_life`, if that is
-    asked, then leakage, then simulated prints. Where
-    `overloaded`, only the amplifier's limits are kept, not the coils'.
+    The steps are the resonances and the sag alone, then pull and modes, then what prints keep for life if that is
+    asked, then leakage, then simulated prints.
     """
     spec = choice.spec
+    known = judged_by.known
     hz = np.array([channel.target_hz for channel in choice.channels])
     at_most = worst_set_db(spec, hz, np.ones(len(hz)), Scheme("time-shared"))  # the quietest drive
     if at_most < least_db:
@@ -542,17 +529,17 @@ def _tried(
     load = coil_load(spec, channels, scheme_named(spec, chosen.drive))
     if meets or not is_fed(spec, load):
         return ChoiceFigures(-inf)
-    if not overloaded and any(exceeded(spec, coil_demand(load, choice.layout.coils))):
+    if not judged_by.overloaded and any(exceeded(spec, coil_demand(load, choice.layout.coils))):
         return ChoiceFigures(-inf)
     at_most = min(at_most, chosen.kept_db)
     if at_most < least_db:
         return ChoiceFigures(at_most)
     bare = _assemble(choice, channels, _selectivity_of(choice))
     if not spec.touch.is_untouched:
-        return _plan_tried_under_touch(bare, overloaded)
-    if for_life and not _lasts(bare):
+        return _plan_tried_under_touch(bare, judged_by.overloaded)
+    if judged_by.for_life and not keeps_for_life(bare):
         return ChoiceFigures(at_most)
-    paper_db, prints = compared_prints(bare, least_db, least_share, for_cure)
+    paper_db, prints = compared_prints(bare, least_db, least_share, judged_by.for_cure)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
         return ChoiceFigures(at_most)

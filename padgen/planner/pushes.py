@@ -95,7 +95,6 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
         return
     soft = min(plan.channels, key=lambda channel: pushed.rim_force_mn[channel.index])
     at = soft.index
-    mover = spec.mover.kind
     others = [k for k in range(len(plan.channels)) if k != at and stopped[k]]
     further = f"; {number(PUSHES_MN[-1])} mN stop {sum(stopped)} of {len(stopped)} channels" if others else ""
     touching = [str(k) for k, touches in enumerate(typical.contact) if touches]
@@ -103,9 +102,9 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
         f"stops channel{plural(len(touching))} {listed(touching)}" if touching else "leaves every taxel free to move"
     )
     sentence = (
-        f"a finger that presses its boss with {_short(pushed.rim_force_mn[at])} mN stops it: the {mover} then touches"
-        f" the coil{further}; one that only lies on the frame, with typical skin (a provisional model), {resting}, and"
-        f" presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
+        f"a finger that presses its boss with {_short(pushed.rim_force_mn[at])} mN stops it: the {spec.mover.kind} then"
+        f" touches the coil{further}; one that only lies on the frame, with typical skin (a provisional model),"
+        f" {resting}, and presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
         f" {_short(typical.deflection_mm[at])} mm"
     )
     yield Finding(

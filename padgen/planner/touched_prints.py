@@ -402,7 +402,7 @@ class _TouchedCoil:
 def planned_touch(plan: Plan, design: Design, quick: bool = False) -> Touch | None:
     """Return resonances, drive and selectivity of a pad under its spec's contact; None where the spec names none.
 
-    `design` is the plan's own. With `quick`, few pads are simulated, and only as re-tuned.
+    `design` is the plan's (`design_of`). With `quick`, few pads are simulated, and only as re-tuned.
     """
     spec = plan.spec
     if spec.touch.is_untouched:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from padgen.planner import make, make_plan, plan_to_json
+from padgen.planner.life import keeps_for_life
 from padgen.spec import make_spec
 from tests.print_and_count import kept_db
 
@@ -15,7 +16,7 @@ LARGE = {"name": "large", "resolution": 32, **BAND, "pad": {"width_mm": 80, "dep
 
 
 def lasts(choice):
-    return make._lasts(make._assemble(choice, *make._channels_and_selectivity(choice)))
+    return keeps_for_life(make._assemble(choice, *make._channels_and_selectivity(choice)))
 
 
 def test_a_pad_that_lasts_is_taken_before_one_of_fewer_coils_that_does_not():
@@ -50,7 +51,7 @@ def test_no_layout_in_rank_before_the_one_that_is_taken_lasts(monkeypatch, table
     assert len(before) > 10
     judged_by = make._Round({}, for_cure=False, overloaded=False)
     for choice in before:
-        one = make._tried(choice, 20.0, spec.print_share, *judged_by)
+        one = make._tried(choice, 20.0, spec.print_share, judged_by)
         assert one.share < spec.print_share or not lasts(choice) or make._has_errors(choice)
 
 

@@ -220,7 +220,9 @@ def test_four_lines_and_touch_find_a_pad_that_chooses_under_a_finger():
     # What the plan was decided to be is planned again from its own spec, without a search. Only cures may differ, since
     # they are tried on the spec that was asked for.
     again = pg.plan(spec)
-    assert [finding.code for finding in again.findings] == [finding.code for finding in plan.findings]
+    for one, other in zip(again.findings, plan.findings, strict=True):
+        assert (one.level, one.code, one.where) == (other.level, other.code, other.where)
+        assert one.message.startswith(other.message) or other.message.startswith(one.message)
     bare = [replace(one, findings=(), verdict=plan.verdict) for one in (again, plan)]
     assert plan_to_json(bare[0]) == plan_to_json(bare[1])
     assert again.verdict.sentence == plan.verdict.sentence
