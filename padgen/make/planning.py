@@ -11,9 +11,10 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from padgen import __version__
 from padgen.core import cache
 from padgen.core.errors import FileError, OlderPlanError, PadgenError, SolverError, SpecError, number
-from padgen.core.files import read_as_one, wait_for_commit
+from padgen.core.files import read_as_one, read_manifest, wait_for_commit
 from padgen.core.registry import has_extensions
 from padgen.spec import Spec, find_spec, load_spec, make_spec
 from padgen.spec.load import laid_over, matches_spec, read_table, without_none
@@ -89,11 +90,17 @@ def parse_tolerance(text: str) -> float:
 
 
 def spec_as_recorded(spec: Spec, folder: Path) -> Spec:
-    """Return `spec` with the model, and the layout that a search chose, as the plan in `folder` records them.
+    """Return `spec` with the model that the plan in `folder` records, and the layout of one by another padgen.
 
-    The spec stays as it is where it names a model itself, or where the plan is of another spec.
+    The spec stays as it is where it names a model itself, or where the plan is of another spec. A layout that this
+    version's search chose is found again, with the same cures, where the spec is planned as it was asked for.
     """
-    return spec if spec.model.structure != "auto" else _as_recorded(spec, folder)
+    if spec.model.structure != "auto":
+        return spec
+    recorded = _as_recorded(spec, folder)
+    if read_manifest(folder).get("padgen") == __version__:
+        return replace(spec, model=recorded.model)
+    return recorded
 
 
 def with_found_layout(spec: Spec, folder: Path) -> Spec:
