@@ -115,8 +115,10 @@ FAR_SHORT_DB = 2.0
 """Layouts of as many channels, of none of which a print works, all this far from it, after which no others are judged:
 prints of theirs differ by less than that."""
 MOST_JUDGED_FOR_LIFE = 48
+MOST_TAXELS_FOR_LIFE = 1 << 14
 MOST_ALIKE = 3
-"""Layouts that are judged for life after one that works re-tuned only, and those of one drive and channel count."""
+"""Layouts that are judged for life after one that works re-tuned only, the taxels of all of them together (so that a
+large pad is planned as quickly), and layouts of one drive and channel count."""
 ALIKE_DB = 0.1
 """Difference of what prints keep below which two choices that work as often, mostly never, keep as much."""
 MOST_PRINTED = 16
@@ -329,12 +331,14 @@ class _Round(NamedTuple):
     """Settings of a round in which choices are judged.
 
     Drives that are `known` are not chosen again. Few prints are simulated `for_cure`. Where the pads are all
-    `overloaded`, the amplifier's limits count and the coils' do not. Prints must keep what is asked `for_life`, too.
+    `overloaded`, the amplifier's limits count and the coils' do not. With `for_life`, prints must keep what is asked for
+    life, too; with `cool`, beams and coils must not get too hot.
     """
 
     known: Driven
     for_cure: bool
     overloaded: bool
+    cool: bool = False
     for_life: bool = False
 
 
@@ -373,9 +377,10 @@ def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
     sound = None if _is_too_hot(bare) else works
     if sound and keeps_for_life(bare):
         return works
-    today = _Round({}, for_cure=False, overloaded=False)
+    today = _Round({}, for_cure=False, overloaded=False, cool=True)
     for_life = today._replace(for_life=True)
     short_lived = [_drive_and_layout(works)]
+    most = min(MOST_JUDGED_FOR_LIFE, max(MOST_TAXELS_FOR_LIFE // works.spec.resolution, 1))
     judged = 0
     for one in later:
         kind = _drive_and_layout(one)
@@ -397,7 +402,7 @@ def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
             if not sound and _tried(choice, asked_db, asked, today).share >= asked and not _has_errors(choice):
                 sound = choice
         judged += 1
-        if judged == MOST_JUDGED_FOR_LIFE:
+        if judged == most:
             break
     return sound or works
 
@@ -509,8 +514,8 @@ def _with_bent_beams(tried: Sequence[tuple[Choice, ChoiceFigures]]) -> Iterator[
 def _tried(choice: Choice, least_db: float, least_share: float, judged_by: _Round) -> ChoiceFigures:
     """Judge a choice in steps of rising cost, and stop once it cannot keep `least_db`, or `least_share` of prints.
 
-    The steps are the resonances and the sag alone, then pull and modes, then what prints keep for life if that is
-    asked, then leakage, then simulated prints.
+    The steps are the resonances and the sag alone, then pull and modes, then what prints keep for life and heat if that
+    is asked, then leakage, then simulated prints.
     """
     spec = choice.spec
     known = judged_by.known
@@ -539,6 +544,8 @@ def _tried(choice: Choice, least_db: float, least_share: float, judged_by: _Roun
         return _plan_tried_under_touch(bare, judged_by.overloaded)
     if judged_by.for_life and not keeps_for_life(bare):
         return ChoiceFigures(at_most)
+    if judged_by.cool and _is_too_hot(bare):
+        return ChoiceFigures(-inf)
     paper_db, prints = compared_prints(bare, least_db, least_share, judged_by.for_cure)
     at_most = min(at_most, paper_db)
     if prints is NOT_PRINTED:
