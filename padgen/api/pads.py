@@ -168,20 +168,24 @@ def read_plan(path: "str | Path") -> "Plan":
     return recorded_plan(Path(path))
 
 
-def explain(plan: "Plan", *, progress: Progress = _silent) -> "Explanation":
-    """Return the limits that keep a coil of a plan from one more channel, and the gain by each change of the spec.
+def explain(
+    plan: "Plan", spec: "str | Path | Mapping[str, Any] | Spec | None" = None, *, progress: Progress = _silent
+) -> "Explanation":
+    """Return the limits that keep a coil of a plan from one more channel, and the changes of the spec that would help.
 
-    Every change is tried: its figures are those of a layout on the same coil grid with resonances chosen anew.
+    Every change is planned, as `plan` would plan the `spec` with it: what that leaves open is searched for anew. Without
+    the `spec`, what the plan's search decided stays as it is.
 
     Examples
     --------
     >>> import padgen as pg
-    >>> pg.explain(pg.plan("paper-pair")).channels_in_band["tones"]  # doctest: +SKIP
-    4
+    >>> [change.change for change in pg.explain(pg.plan("paper-pair"), "paper-pair").changes]  # doctest: +SKIP
+    ["material = 'petg'", 'q_min = 18.8']
     """
+    from padgen.make.planning import spec_of
     from padgen.planner.explain import explain_plan
 
-    return explain_plan(plan, progress)
+    return explain_plan(plan, None if spec is None else spec_of(spec, {}), progress)
 
 
 def print_yield(plan: "Plan", pads: int = 100_000, seed: int = 0) -> "PrintYield":

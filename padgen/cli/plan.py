@@ -58,13 +58,13 @@ def _plan(options: argparse.Namespace) -> int:
     explanation = None
     printed = None
     with progress_line() as progress:
+        spec, folder = spec_and_folder(options, recorded=False)
         plan = plan_of(options, progress, recorded=False)
         if options.explain:
-            explanation = explain(plan, progress=progress)
+            explanation = explain(plan, spec, progress=progress)
         if options.pads is not None:
             progress(f"printing {options.pads} pads")
             printed = print_yield(plan, options.pads, options.seed)
-    folder = spec_and_folder(options, recorded=False)[1]
     saved = save_plan(plan, folder, printed=printed, plot=options.plot)
     if options.json:
         more = {key: part for key, part in (("explain", explanation), ("yield", printed)) if part}

@@ -28,7 +28,7 @@ from padgen.planner.plan import Plan
 from padgen.planner.search import channel_limit, ladders, reachable_hz, sized_layouts, snapping
 from padgen.planner.verdict import with_verdict
 from padgen.spec import Spec, SuspensionTable, load_spec, make_spec
-from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, without_none
+from padgen.spec.load import CARRIED_HEADROOM, catalogue, laid_over, spread_of, still_searched, without_none
 
 __all__ = ["Cure", "named_breakdown", "refusal", "varied", "with_tried_cures"]
 
@@ -56,6 +56,11 @@ def varied(spec: Spec, cure: Cure) -> Spec:
     others = [name.split(".")[0] for name in cure]
     if amplifier and "amplifier" in others and drive["voltage_limit_v"] == amplifier.voltage_v:
         del drive["voltage_limit_v"]
+    search = spec.touch.search
+    if search != "none":  # the file leaves it to the parts that it does not give
+        given = {name for name, value in cure.items() if value is not None}
+        given |= {name.split(".")[0] for name in given}
+        table["touch"]["search"] = still_searched(search.split("+"), given)
     if spec.blocked_by and {"amplifier", "sound_card"} & {*others} and drive["headroom"] == CARRIED_HEADROOM:
         del drive["headroom"]
     return make_spec(without_none(laid_over(table, cure)))

@@ -32,7 +32,7 @@ from padgen.planner.search import (
 )
 from padgen.planner.thresholds import SENSATION
 from padgen.spec import Spec, catalogue, make_spec
-from padgen.spec.load import without_none
+from padgen.spec.load import still_searched, without_none
 
 __all__ = ["CapacityRow", "Change", "Explanation", "MoverRow", "explain_plan"]
 
@@ -48,6 +48,7 @@ WORTH_DB = 0.1
 WORTH_SHARE = 0.01
 COSTS = ("a line of the spec", "another print", "other parts", "another pad")
 ANOTHER_PRINT = 1
+OTHER_PARTS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,26 +64,25 @@ class CapacityRow:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """A change of the spec that was tried: the lines to write into its file, the cost (one of `COSTS`), and the gain.
+    """A change of the spec that was planned: the lines to write into its file, the cost (one of `COSTS`), and the gain.
 
-    With the change `channels` per coil, driven by the scheme `drive`, keep the asked selectivity: `gained` more than
-    without it. If there were room for all, `gained_in_band` more would (0 where no more are counted). `gained_db` is
-    added to the all-state selectivity of as many channels as planned. A new plan with the change and as many channels
-    has `good_share` of its re-tuned prints keep the asked selectivity, `life_share` of them for life (`Life`), and the
-    asked share of them keep `print_db`; all are None where that plan has errors, the last also where a coil has one
-    channel.
+    With the change the pad has `coils` coils of `channels` channels each, driven by the scheme `drive`: the layout that
+    `padgen plan` then finds. `good_share` of its re-tuned prints keep what is asked, `life_share` of them for life
+    (`Life`), and the asked share of them keep `print_db` (None where a coil has one channel). `gained_db` is added to
+    the selectivity in all on/off states of a perfect print. In the band, if there were room for all, a coil would have
+    `gained_in_band` more channels that keep what is asked (0 where no more are counted).
     """
 
     change: str
     cost: str
+    coils: int
     channels: int
     drive: str
-    gained: int
-    gained_in_band: int
-    gained_db: float | None
-    good_share: float | None
-    life_share: float | None
+    good_share: float
+    life_share: float
     print_db: float | None
+    gained_db: float | None
+    gained_in_band: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,13 +109,15 @@ class MoverRow:
 class Explanation:
     """The limits of a plan's coils, and the changes that would help.
 
-    On the plan's grid `channels` per coil, driven by the scheme `drive`, keep the asked selectivity; `limits` say what
-    stops one more. `good_share`, `life_share` and `print_db` are of the plan's prints, as in `Change`. `channel_shares`
+    `layout` are the plan's coils and the channels of each. On its grid perfect prints of `channels` per coil, driven by the scheme `drive`, keep the asked selectivity;
+    `limits` say what stops one more. `good_share`, `life_share` and `print_db` are of the plan's prints, as in
+    `Change`; all are None where the plan has errors, the last also where a coil has one channel. `channel_shares`
     (n,) are the shares of the prints in which a taxel of each channel is good. `stage_channels` are the channels per
     coil that prints would keep in the band at each of `padgen.planner.printed_pads.STAGES`, the last one
     `Capacity.prints`.
     """
 
+    layout: tuple[int, int]
     channels: int
     drive: str
     limits: tuple[str, ...]
@@ -153,6 +155,9 @@ def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
     table = without_none(asdict(spec))
     for name in ("washer", "magnet", "mover", "coil", "resonances_hz"):
         table.pop(name, None)
+    if spec.touch.search != "none":
+        search = still_searched(spec.touch.search.split("+"), {kind, "coil"})
+        table["touch"] = table["touch"] | {"search": search}
     if (table["drive"].get("scheme"), kind) != ("linear", "magnet"):
         table["drive"] = table["drive"] | {"scheme": "auto"}
     try:
@@ -174,88 +179,101 @@ def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
     )
 
 
-def explain_plan(plan: Plan, progress: Callable[[str], None] = lambda step: None) -> Explanation:
-    """Find the limits of `plan`, try changes of its spec on its coil grid, and plan other movers on grids of their own.
+def explain_plan(
+    plan: Plan, asked: Spec | None = None, progress: Callable[[str], None] = lambda step: None
+) -> Explanation:
+    """Find the limits of `plan`, plan changes of the `asked` spec anew, and other movers on grids of their own.
 
-    Resonances are chosen anew, but those that the spec lists for as many channels stay.
+    What `asked` leaves open is searched for with every change, as by who writes it into the file. Without `asked`, what
+    the plan's search decided stays.
     """
     spec = plan.spec
+    asked = asked or spec
     grid = (plan.coils.rows, plan.coils.columns)
-    count = len(plan.sets[0])
     progress("what stops one more channel")
-    least = min(count, MOST_TRIED)
-    held, drive = _channels_held(spec, grid, least)
-    in_band = _channels_in_band(spec)
-    now = plan.selectivity.kept_db
-    now_printed = _printed(plan)
-    changes = []
-    for cost, cure in _changes(plan):
-        try:
-            changed = varied(spec, cure)
-        except SpecError:
-            continue
-        progress(as_lines(cure))
-        optimise = count <= OPTIMISED_TRIED
-        figures = _figures(changed, grid, count, optimise) if count <= MOST_TRIED else None
-        if figures is None and count <= MOST_TRIED:
-            continue  # with this change the pad cannot be laid out
-        channels, scheme = _channels_held(changed, grid, least)
-        after = figures.kept_db if figures else None
-        gained_db = after - now if after is not None and now is not None else None
-        more_in_band = 0 if in_band >= MOST_IN_BAND else _channels_in_band(changed) - in_band
-        again = _planned(changed, grid, count, optimise) if figures else None
-        prints = _printed(again) if again else NO_PRINTS
-        if again and not _is_same_print(plan, again):
-            cost = max(cost, ANOTHER_PRINT)
-        change = Change(
-            as_lines(cure), COSTS[cost], channels, scheme, channels - held, more_in_band, gained_db, *prints
-        )
-        more_db = max(gained_db or 0.0, (prints.kept_db or -inf) - (now_printed.kept_db or inf))
-        prints_more = (prints.good_share or 0.0) - (now_printed.good_share or 0.0) > WORTH_SHARE
-        lives_longer = (prints.life_share or 0.0) - (now_printed.life_share or 0.0) > WORTH_SHARE
-        if (
-            prints_more
-            or lives_longer
-            or change.gained > 0
-            or (change.gained == 0 and (more_in_band > 0 or more_db > WORTH_DB))
-        ):
-            changes.append(change)
-    changes.sort(key=lambda change: _rank(change, spec.print_share))
+    held, drive = _channels_held(spec, grid, min(len(plan.sets[0]), MOST_TRIED))
+    now = _printed(plan)
     design = design_of(plan, None)
     spreads = spreads_of(spec)
     good = simulated_prints(design, spreads, plan.prints.pads, 0, STAGES[-1:]).good_prints[0]
     shares = np.bincount(design.channel, good) / np.bincount(design.channel) / plan.prints.pads
-    asked = plan.selectivity.asked_db, spec.print_share, plan.coils.rows * plan.coils.columns
+    coils = plan.coils.rows * plan.coils.columns
+    of_prints = plan.selectivity.asked_db, spec.print_share, coils
     stages = [
-        printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *asked, 0.0, missed)
+        printed_count(spec.band_hz, spec.q_min, level_law(spec), plan.scheme, *of_prints, 0.0, missed)
         for missed in detuning_sigmas(design, spreads)[:-1]
     ]
     return Explanation(
+        layout=(coils, len(plan.sets[0])),
         channels=held,
         drive=drive,
         limits=tuple(_limits(plan, held, drive)),
-        changes=tuple(changes),
+        changes=_changes_that_help(plan, asked, progress),
         capacities=tuple(_capacities(spec)),
         channel_shares=tuple(shares.tolist()),
-        good_share=now_printed.good_share,
-        life_share=now_printed.life_share,
-        print_db=now_printed.kept_db,
+        good_share=now.good_share,
+        life_share=now.life_share,
+        print_db=now.kept_db,
         stage_channels=(*stages, plan.capacity.prints),
-        movers=tuple(_movers(spec)),
+        movers=tuple(_movers(asked)),
     )
+
+
+def _changes_that_help(plan: Plan, asked: Spec, progress: Callable[[str], None]) -> tuple[Change, ...]:
+    """Plan the `asked` spec with each of `_changes`, and return those that are better in some way, the best first."""
+    in_band = _channels_in_band(plan.spec)
+    now = _printed(plan)
+    now_db = plan.selectivity.kept_db
+    coils = plan.coils.rows * plan.coils.columns
+    changes = []
+    for cost, cure in _changes(plan, asked):
+        progress(as_lines(cure))
+        try:
+            again = make_plan(varied(asked, cure), tries_cures=False)
+        except PadgenError:
+            continue  # no pad can be planned with this change
+        prints = _printed(again)
+        if prints.good_share is None or prints.life_share is None:
+            continue
+        if (again.coils.rows, again.coils.columns) != (plan.coils.rows, plan.coils.columns):
+            cost = max(cost, OTHER_PARTS)
+        if not _is_same_print(plan, again):
+            cost = max(cost, ANOTHER_PRINT)
+        after_db = again.selectivity.kept_db
+        change = Change(
+            change=as_lines(cure),
+            cost=COSTS[cost],
+            coils=again.coils.rows * again.coils.columns,
+            channels=len(again.sets[0]),
+            drive=again.selectivity.drive,
+            good_share=prints.good_share,
+            life_share=prints.life_share,
+            print_db=prints.kept_db,
+            gained_db=after_db - now_db if after_db is not None and now_db is not None else None,
+            gained_in_band=0 if in_band >= MOST_IN_BAND else _channels_in_band(again.spec) - in_band,
+        )
+        more_db = max(change.gained_db or 0.0, (prints.kept_db or -inf) - (now.kept_db or inf))
+        enough = min(plan.spec.print_share, now.good_share or 0.0)
+        if (
+            change.good_share - (now.good_share or 0.0) > WORTH_SHARE
+            or change.life_share - (now.life_share or 0.0) > WORTH_SHARE
+            or (change.coils < coils and change.good_share >= enough)
+            or (change.coils <= coils and (change.gained_in_band > 0 or more_db > WORTH_DB))
+        ):
+            changes.append(change)
+    return tuple(sorted(changes, key=lambda change: _rank(change, plan.spec.print_share)))
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
     """Return the sort key of a change: share of good prints up to `asked`, then the dB kept, then prints good for life.
 
-    Changes that are alike in this go by the channels that they buy, then by their cost.
+    Changes that are alike in this go by the coils that they need, the channels that they buy, then by their cost.
     """
-    share = change.good_share or 0.0
-    life_share = min(change.life_share or 0.0, asked)
+    share = change.good_share
     print_db = change.print_db or 0.0
     short_db = -print_db if share < asked else 0.0
-    bought = -change.gained, -change.gained_in_band, COSTS.index(change.cost)
-    return -min(share, asked), short_db, -life_share, *bought, -print_db
+    bought = change.coils, -change.gained_in_band, COSTS.index(change.cost)
+    return -min(share, asked), short_db, -min(change.life_share, asked), *bought, -print_db
 
 
 def _channels_in_band(spec: Spec) -> int:
@@ -338,7 +356,7 @@ def _with_grid(spec: Spec, grid: tuple[int, int], count: int, optimise: bool) ->
 
 
 class _Printed(NamedTuple):
-    """Figures of simulated prints: `Change.good_share`, `Change.life_share` and `Change.print_db`."""
+    """Figures of simulated prints: `Explanation.good_share`, `life_share` and `print_db`."""
 
     good_share: float | None
     life_share: float | None
@@ -346,14 +364,6 @@ class _Printed(NamedTuple):
 
 
 NO_PRINTS = _Printed(None, None, None)
-
-
-def _planned(spec: Spec, grid: tuple[int, int], count: int, optimise: bool = False) -> Plan | None:
-    """Return the plan of `spec` with `count` channels per coil on `grid`; None where the spec is refused."""
-    try:
-        return make_plan(_with_grid(spec, grid, count, optimise), tries_cures=False)
-    except SpecError:
-        return None
 
 
 def _is_same_print(plan: Plan, other: Plan) -> bool:
@@ -426,8 +436,8 @@ def _limits(plan: Plan, held: int, drive: str) -> Iterator[str]:
         yield f"static pull: {load.pull_in_share:.0%} of the pull at which the softest washer snaps to the coil"
 
 
-def _changes(plan: Plan) -> list[tuple[int, Cure]]:
-    """Return the changes to try, each with its cost (index into `COSTS`)."""
+def _changes(plan: Plan, asked: Spec) -> list[tuple[int, Cure]]:
+    """Return the changes of the `asked` spec of a plan to try, each with its cost (index into `COSTS`)."""
     spec = plan.spec
     weakest = max(plan.channels, key=lambda channel: channel.print_spread)
     low, high = spec.band_hz
@@ -445,7 +455,7 @@ def _changes(plan: Plan) -> list[tuple[int, Cure]]:
     laws = () if spec.drive.threshold_hz else (0.0, 1.0, 2.0)
     free = {"topology": "auto", "tune": "width+thickness+length"}
     kinds: list[tuple[int, Iterable[Cure]]] = [
-        (0, [{"resonances_hz": None}] if spec.resonances_hz else ()),
+        (0, [{"resonances_hz": None}] if asked.resonances_hz and asked.touch.is_untouched else ()),
         (0, ({"drive.scheme": name} for name in in_order(plan.spec.force_order) if name != plan.selectivity.drive)),
         (0, ({"spacing": way} for way in ("spread", "optimised") if spec.spacing not in (way, "optimised"))),
         (0, ({"drive.level_law": law} for law in laws if law != spec.drive.level_law)),

@@ -647,29 +647,31 @@ COUNTED_IN_PRINTS = ("ladder.", "selectivity.", "coil.leak", "modes.")
 
 def explanation_text(explanation: "Explanation") -> str:
     """Return the limits that bind, a table of changes and gains, and the most channels by scheme and level law."""
-    keep = "channel per coil keeps" if explanation.channels == 1 else "channels per coil keep"
+    keep = "channel of a coil would keep" if explanation.channels == 1 else "channels of a coil would keep"
     shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
     stages = ", ".join(f"{n} with {stage}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
     lines = [
-        f"{explanation.channels} {keep} what was asked (driven {explanation.drive}); what stops one more:",
+        f"on this grid of coils, printed perfectly, {explanation.channels} {keep} what was asked (driven"
+        f" {explanation.drive}); what stops one more:",
         *(f"  - {limit}" for limit in explanation.limits or ["nothing that was tried"]),
         f"untouched prints in which a re-tuned taxel keeps what was asked: {shares}",
         f"channels per coil with which prints would keep what was asked, spread over the whole band: {stages} measured",
     ]
     if explanation.changes:
-        rows = [("as it is", "", *_printed_cells(explanation), "", "", "")]
+        coils, channels = explanation.layout
+        rows = [("as it is", "", f"{coils} x {channels}", *_printed_cells(explanation), "", "")]
         rows += [
             (
                 change.change.replace(" with ", "\n  with "),
                 change.cost.split()[-1],
+                f"{change.coils} x {change.channels}",
                 *_printed_cells(change),
-                f"{change.gained:+d} ({change.drive})" if change.gained else "",
-                f"{change.gained_in_band:+d}" if change.gained_in_band else "",
                 "" if change.gained_db is None else f"{change.gained_db:+z.1f}",
+                f"{change.gained_in_band:+d}" if change.gained_in_band else "",
             )
             for change in explanation.changes
         ]
-        lines += ["", "what one change of the spec does to its prints, and what it would do if there were more room:"]
+        lines += ["", "what padgen plan makes of the spec with one change:"]
         lines += [table(EXPLAINED, rows, left=2)]
         if any(change.change.startswith("delta_y") for change in explanation.changes):
             lines += ["Prints of a row are good if they keep what the row asks: a lower delta_y asks for less."]
@@ -694,12 +696,12 @@ def explanation_text(explanation: "Explanation") -> str:
 EXPLAINED = (
     "change",
     "make\nanew",
+    "coils x\nchannels\nof each",
     "good\nprints",
     "still\ngood\nlater",
     "prints\nkeep dB",
-    "more\nchannels",
-    "more, were\nthere room",
     "dB gained\nif prints\nwere perfect",
+    "channels\nmore, were\nthere room",
 )
 
 

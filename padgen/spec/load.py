@@ -9,7 +9,7 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from copy import deepcopy
 from dataclasses import MISSING, asdict, fields, is_dataclass, replace
 from functools import cache
@@ -67,6 +67,7 @@ __all__ = [
     "read_toml",
     "spec_schema",
     "spread_of",
+    "still_searched",
     "template_paths",
     "with_threshold",
     "without_none",
@@ -663,12 +664,18 @@ def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTa
     """
     if touch.is_untouched or touch.search != "auto":
         return touch
-    if not given.isdisjoint({"resonances_hz", "coil.grid"}):
-        return replace(touch, search="none")
-    open_parts = [name for name in ("coil", "ballast", "suspension", "contactor") if name not in given]
-    if given.isdisjoint({"magnet", "washer"}):
-        open_parts.insert(0, kind if "mover" in given else "mover")
-    return replace(touch, search="+".join([*open_parts, "resonances"]))
+    mover = kind if "mover" in given else "mover"
+    return replace(
+        touch, search=still_searched([mover, "coil", "ballast", "suspension", "contactor", "resonances"], given)
+    )
+
+
+def still_searched(parts: Sequence[str], given: Collection[str]) -> str:
+    """Return `touch.search` with those of `parts` that a spec does not give; "none" if it gives resonances or a grid."""
+    if {"resonances_hz", "coil.grid"} & {*given}:
+        return "none"
+    of_mover = {"mover", "magnet", "washer"} if {"magnet", "washer"} & {*given} else set()
+    return "+".join(name for name in parts if name not in given and name not in of_mover)
 
 
 OWN_CONTACT = ("k_n_per_m", "c_n_s_per_m", "m_g")
