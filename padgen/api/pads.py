@@ -173,8 +173,8 @@ def explain(
 ) -> "Explanation":
     """Return the limits that keep a coil of a plan from one more channel, and the changes of the spec that would help.
 
-    Every change is planned, as `plan` would plan the `spec` with it: what that leaves open is searched for anew. Without
-    the `spec`, what the plan's search decided stays as it is.
+    Every change is planned, as `plan` would plan the `spec` with it: what that leaves open is searched for anew.
+    Without the `spec`, what the plan's search decided stays as it is.
 
     Examples
     --------

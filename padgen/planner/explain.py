@@ -109,12 +109,12 @@ class MoverRow:
 class Explanation:
     """The limits of a plan's coils, and the changes that would help.
 
-    `layout` are the plan's coils and the channels of each. On its grid perfect prints of `channels` per coil, driven by the scheme `drive`, keep the asked selectivity;
-    `limits` say what stops one more. `good_share`, `life_share` and `print_db` are of the plan's prints, as in
-    `Change`; all are None where the plan has errors, the last also where a coil has one channel. `channel_shares`
-    (n,) are the shares of the prints in which a taxel of each channel is good. `stage_channels` are the channels per
-    coil that prints would keep in the band at each of `padgen.planner.printed_pads.STAGES`, the last one
-    `Capacity.prints`.
+    `layout` are the plan's coils and the channels of each. On this grid, perfect prints of `channels` per coil, driven
+    by the scheme `drive`, keep the asked selectivity; `limits` say what stops one more. `good_share`, `life_share` and
+    `print_db` are of the plan's prints, as in `Change`; all are None where the plan has errors, the last also where a
+    coil has one channel. `channel_shares` (n,) are the shares of the prints in which a taxel of each channel is good.
+    `stage_channels` are the channels per coil that prints would keep in the band at each of
+    `padgen.planner.printed_pads.STAGES`, the last one `Capacity.prints`.
     """
 
     layout: tuple[int, int]

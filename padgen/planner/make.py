@@ -331,8 +331,8 @@ class _Round(NamedTuple):
     """Settings of a round in which choices are judged.
 
     Drives that are `known` are not chosen again. Few prints are simulated `for_cure`. Where the pads are all
-    `overloaded`, the amplifier's limits count and the coils' do not. With `for_life`, prints must keep what is asked for
-    life, too; with `cool`, beams and coils must not get too hot.
+    `overloaded`, the amplifier's limits count and the coils' do not. With `for_life`, prints must keep what is asked
+    for life, too; with `cool`, beams and coils must not get too hot.
     """
 
     known: Driven

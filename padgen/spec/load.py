@@ -671,7 +671,7 @@ def _with_search_parts(touch: TouchTable, given: set[str], kind: str) -> TouchTa
 
 
 def still_searched(parts: Sequence[str], given: Collection[str]) -> str:
-    """Return `touch.search` with those of `parts` that a spec does not give; "none" if it gives resonances or a grid."""
+    """Return `touch.search` with the `parts` that a spec does not give; "none" if it gives resonances or a grid."""
     if {"resonances_hz", "coil.grid"} & {*given}:
         return "none"
     of_mover = {"mover", "magnet", "washer"} if {"magnet", "washer"} & {*given} else set()
