@@ -252,16 +252,27 @@ def _changes_that_help(plan: Plan, asked: Spec, progress: Callable[[str], None])
             gained_db=after_db - now_db if after_db is not None and now_db is not None else None,
             gained_in_band=0 if in_band >= MOST_IN_BAND else _channels_in_band(again.spec) - in_band,
         )
-        more_db = max(change.gained_db or 0.0, (prints.kept_db or -inf) - (now.kept_db or inf))
-        enough = min(plan.spec.print_share, now.good_share or 0.0)
-        if (
-            change.good_share - (now.good_share or 0.0) > WORTH_SHARE
-            or change.life_share - (now.life_share or 0.0) > WORTH_SHARE
-            or (change.coils < coils and change.good_share >= enough)
-            or (change.coils <= coils and (change.gained_in_band > 0 or more_db > WORTH_DB))
-        ):
+        if _helps(change, plan, now, coils):
             changes.append(change)
     return tuple(sorted(changes, key=lambda change: _rank(change, plan.spec.print_share)))
+
+
+def _helps(change: Change, plan: Plan, now: "_Printed", coils: int) -> bool:
+    """Return whether a change makes more prints good, today or for life, or else is no worse and better in some way.
+
+    `now` are figures of the plan as it is, with so many `coils`.
+    """
+    enough = plan.spec.print_share
+    today = now.good_share or 0.0
+    for_life = now.life_share or 0.0
+    if change.good_share - today > WORTH_SHARE or change.life_share - for_life > WORTH_SHARE:
+        return True
+    if change.good_share < min(enough, today) or change.life_share < min(enough, for_life) or change.coils > coils:
+        return False
+    more_db = change.gained_db or 0.0
+    if change.print_db is not None and now.kept_db is not None:
+        more_db = change.print_db - now.kept_db
+    return change.coils < coils or change.gained_in_band > 0 or more_db > WORTH_DB
 
 
 def _rank(change: Change, asked: float) -> tuple[float, ...]:
