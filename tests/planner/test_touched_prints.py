@@ -10,7 +10,7 @@ import padgen as pg
 from padgen.core.errors import SpecError
 from padgen.driver.formats.csv import drive_rows
 from padgen.driver.waveform import make_drive
-from padgen.planner import plan_from_json, plan_to_json
+from padgen.planner import make_plan, plan_from_json, plan_to_json
 from padgen.planner.printed_pads import Drift
 from padgen.planner.touch_search import TouchTrial, decided_under_touch
 from padgen.planner.touched_prints import touched_pads
@@ -244,7 +244,7 @@ def test_what_a_spec_says_is_not_searched_for():
 @pytest.mark.parametrize("given", [{"magnet": "disc-4x1"}, {"mover": {"kind": "magnet"}}, {"band_hz": [50, 500]}])
 def test_parts_that_are_given_are_kept_and_the_others_found(given):
     """A band that holds another one is searched where taxels choose best, and heat stays within what is borne."""
-    plan = pg.plan({**FOUR, **given})
+    plan = make_plan(make_spec({**FOUR, **given}), tries_cures=False)
     assert plan.verdict.level in ("good", "retune")
     assert plan.spec.coil.name == "air-10"
     assert plan.spec.mover.kind == "magnet"
@@ -284,7 +284,8 @@ def test_a_search_that_finds_no_pad_says_so_with_a_wider_one():
     with pytest.raises(pg.InfeasibleError, match=sentence) as refused:
         pg.plan(given)
     (cure,) = refused.value.cures
-    wider = pg.plan({**given, "pad": {name.partition(".")[2]: size for name, size in cure.items()}})
+    cured = {**given, "pad": {name.partition(".")[2]: size for name, size in cure.items()}}
+    wider = make_plan(make_spec(cured), tries_cures=False)
     assert not [finding for finding in wider.findings if finding.level == "error"]
 
 
@@ -297,5 +298,5 @@ def test_a_band_that_is_too_narrow_for_touch_is_refused_by_that_name():
     (cure,) = refused.value.cures
     assert set(cure) == {"band_hz", "pad.width_mm", "pad.depth_mm"}
     pad = {side: cure[f"pad.{side}"] for side in ("width_mm", "depth_mm")}
-    wider = pg.plan({**given, "band_hz": cure["band_hz"], "pad": pad})
+    wider = make_plan(make_spec({**given, "band_hz": cure["band_hz"], "pad": pad}), tries_cures=False)
     assert not [finding for finding in wider.findings if finding.level == "error"]
