@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import product
-from math import inf, pi
+from math import pi
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -124,14 +124,14 @@ def test_drive_writes_a_file_or_a_folder(work):
 
 
 def test_retune_and_drive_a_print(work):
-    assert cli.run(["retune", "paper-pair", "--simulate", "3", "-o", "r"]) in (0, 1)
-    plan = pg.plan("paper-pair")
+    assert cli.run(["retune", "tiny.toml", "--simulate", "3", "-o", "r"]) in (0, 1)
+    plan = pg.plan("tiny.toml")
     result = pg.retune(plan, "r/measured.csv")
     assert result.tuning == pg.retune(plan, "r/measured.csv").tuning
     read = pg.read_tuning("r/tuning.json", plan)
     hz = [taxel.resonance_hz for taxel in result.tuning.taxels]
     assert [taxel.resonance_hz for taxel in read.taxels] == pytest.approx(hz, rel=1e-9)  # ten digits in the file
-    assert pg.drive(plan, state="10", tuning="r/tuning.json").tuning == read
+    assert pg.drive(plan, state="1000", tuning="r/tuning.json").tuning == read
 
 
 def test_a_sweep_is_a_table(work):
