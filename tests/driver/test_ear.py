@@ -206,14 +206,13 @@ def test_eleven_channels_hear_what_the_modal_model_says(tmp_path):
     heard_tones = felt_energy(modes, slice(None), which.resonance_hz) * (which.line / which.line[:, None]) ** 2
     rng = np.random.default_rng(5)
     worst = []
-    for _ in range(3):
-        levels = (rng.random(len(plan.taxels)) < 0.5).astype(float)
-        heard = hear(plan, *played(plan, drive, steady(levels, drive.period_s), tmp_path))
-        for coil in drive.coils:
-            on = levels[coil.taxels] > 0
-            expected = np.sqrt(heard_tones @ on)
-            worst.append(db(heard.relative[0, coil.taxels][~on].max() / expected[~on].max()))
-    assert len(worst) == 12
+    levels = (rng.random(len(plan.taxels)) < 0.5).astype(float)
+    heard = hear(plan, *played(plan, drive, steady(levels, drive.period_s), tmp_path))
+    for coil in drive.coils:
+        on = levels[coil.taxels] > 0
+        expected = np.sqrt(heard_tones @ on)
+        worst.append(db(heard.relative[0, coil.taxels][~on].max() / expected[~on].max()))
+    assert len(worst) == 4
     assert np.abs(worst).max() < 0.3
 
 

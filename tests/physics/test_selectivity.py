@@ -266,10 +266,11 @@ def test_4096_channels_without_spurs_against_a_sample_of_fifty_digits():
         assert energy[i] == pytest.approx(float(exact_off_energy(which, SPUR_FREE, i)), rel=1e-12)
 
 
-def test_512_tones_against_a_plain_sum():
-    which = even(geometric_ladder(20, 1000, 512), q=1e3)
-    i, (a, b) = 200, np.triu_indices(512, 1)
-    a, b = (index[(a != 200) & (b != 200)] for index in (a, b))
+def test_256_tones_against_a_plain_sum():
+    which = even(geometric_ladder(20, 1000, 256), q=1e3)
+    i = 100
+    a, b = np.triu_indices(256, 1)
+    a, b = (index[(a != i) & (b != i)] for index in (a, b))
     r = which.resonance_hz
     s = np.delete(which.resonance_hz, i) / which.resonance_hz[i]
     total = (1 / ((1e3 * (1 - s**2)) ** 2 + s**2) * (np.delete(which.line, i) / which.line[i]) ** 2).sum()

@@ -68,12 +68,12 @@ EIGHT = {
 
 @pytest.fixture(scope="module")
 def eight():
-    return make_plan(make_spec(EIGHT))
+    return make_plan(make_spec(EIGHT), tries_cures=False)
 
 
 @pytest.fixture(scope="module")
 def pad():
-    return make_plan(make_spec(MAGNETS))
+    return make_plan(make_spec(MAGNETS), tries_cures=False)
 
 
 def looped_current(path, full_scale_v, ohm, henry):
