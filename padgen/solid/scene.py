@@ -4,6 +4,7 @@ Without a modelled pad, taxels are made from the plan's dimensions by manifold3d
 kernel; they lack chamfers and fillets. Lengths are in mm, from the pad's centre, heights from its underside.
 """
 
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -11,6 +12,9 @@ import manifold3d
 import numpy as np
 
 from padgen.core.errors import InfeasibleError
+from padgen.core.units import MM
+from padgen.planner.board_layout import PIN_DRILL_MM, Track, board_of, coil_path
+from padgen.planner.coils.board import board_coil
 from padgen.planner.fixtures import plan_tray
 from padgen.planner.guard import plan_guard
 from padgen.planner.layout import Outline, coil_axis_mm, corner_groove, hexagon, outline, to_cell
@@ -58,9 +62,10 @@ SceneParts = tuple[ScenePart, ...]
 
 
 def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
-    """Return the parts of a plan's pad (with the meshes of `pad` if given), its coils, tray and guard plate.
+    """Return the parts of a plan's pad (with the meshes of `pad` if given), its coils, tray or board, and guard plate.
 
-    A taxel has its origin on the washer's axis, as its places have. Without room for a tray there is none.
+    A taxel has its origin on the washer's axis, as its places have. Without room for a tray there is none, and coils
+    are drawn without a board that has no room for its tracks.
     """
     parts = [part for channel in plan.channels for part in _taxel_and_washer(plan, pad, channel)]
     grid = tile_grid(plan)
@@ -73,7 +78,7 @@ def scene_parts(plan: Plan, pad: PadSolid | None = None) -> SceneParts:
         parts.append(ScenePart("frame", "pad", pad.tiles[-1].mesh if pad else mesh, tuple(bare)))
     border = pad.border.mesh if pad else border_mesh(plan, grid.shape, CHORD_MM, ANGLE_RAD, corner_groove(plan.spec))
     parts.append(ScenePart("border", "pad", border, (Place("border", 0.0, 0.0),)))
-    return (*parts, *_coils(plan), *_tray(plan), *_guard(plan))
+    return (*parts, *(_board(plan) or _coils(plan)), *_tray(plan), *_guard(plan))
 
 
 def _taxel_and_washer(plan: Plan, pad: PadSolid | None, channel: Channel) -> list[ScenePart]:
@@ -236,6 +241,90 @@ def _coils(plan: Plan) -> SceneParts:
         )
         for name, (material, outlines) in rings.items()
     )
+
+
+def _board(plan: Plan) -> SceneParts:
+    """Return the circuit board of the coils, with its spacers and the copper on its top, as scene parts.
+
+    () with other coils, and where the board has no room for its tracks.
+    """
+    spec = plan.spec
+    if spec.coil.kind != "board":
+        return ()
+    try:
+        board = board_of(plan)
+    except InfeasibleError:
+        return ()
+    coil = board_coil(spec.coil)
+    section = manifold3d.CrossSection
+    top = spec.mover_low_mm - spec.coil.gap_mm
+    low = top - coil.copper[0] / MM
+    x0, y0, x1, y1 = board.outline_mm
+    bores = [_disc(hole.diameter_mm, *hole.at_mm) for hole in board.holes]
+    bores += [_disc(PIN_DRILL_MM, *pin.at_mm, sides=FEWER_SIDES) for pin in board.pins]
+    slab = section([_rectangle(Outline(x0, x1, y0, y1))]) - section(bores)
+    axes = [coil_axis_mm(plan.coils, r, c) for r, c in product(range(plan.coils.rows), range(plan.coils.columns))]
+    spiral = _on_top(coil_path(coil, 1, (0.0, 0.0))[0])
+    of_spirals = {track for k, axis in enumerate(axes) for track in coil_path(coil, k + 1, axis)[0]}
+    lanes = _on_top([track for track in board.tracks if track not in of_spirals])
+    coils = tuple(Place(f"winding-{k + 1}", x, y) for k, (x, y) in enumerate(axes))
+    parts = [
+        ScenePart(
+            "board", "board", _mesh_of(_lifted(slab, top - board.thickness_mm, low)), (Place("board", 0.0, 0.0),)
+        ),
+        ScenePart("winding", "copper", _mesh_of(_lifted(spiral, low, top)), coils),
+    ]
+    if not lanes.is_empty():
+        parts.append(ScenePart("lanes", "copper", _mesh_of(_lifted(lanes, low, top)), (Place("lanes", 0.0, 0.0),)))
+    if board.holes:
+        hole_mm = board.holes[0].diameter_mm
+        ring = section([_disc(hole_mm + 2 * SPACER_WALL_MM), _disc(hole_mm)[::-1]])
+        places = tuple(Place(f"spacer-{k + 1}", *hole.at_mm) for k, hole in enumerate(board.holes))
+        parts.append(ScenePart("spacer", "board", _mesh_of(_lifted(ring, top, 0.0)), places))
+    return tuple(parts)
+
+
+SPACER_WALL_MM = 1.0
+ARC_SIDES = 16
+"""Wall of the spacers that are drawn, and sides by which an arc of a track is drawn."""
+
+
+def _on_top(tracks: Sequence[Track]) -> manifold3d.CrossSection:
+    """Return the outline of those of the tracks that lie on the first layer."""
+    section = manifold3d.CrossSection
+    return section.batch_boolean(
+        [section([_ribbon(track)]) for track in tracks if track.layer == 0], manifold3d.OpType.Add
+    )
+
+
+def _ribbon(track: Track) -> np.ndarray:
+    """Return the outline (n, 2) of a track in mm; its ends are cut square, half its width beyond where it ends."""
+    start, end = (np.array(at) for at in (track.start_mm, track.end_mm))
+    if track.middle_mm is None:
+        points = np.array([start, end])
+    else:
+        middle = np.array(track.middle_mm)
+        # The centre is as far from all three points.
+        centre = np.linalg.solve(
+            2 * np.array([middle - start, end - start]), [middle @ middle - start @ start, end @ end - start @ start]
+        )
+        angles = [complex(*(at - centre)) for at in (start, middle, end)]
+        way = np.sign(np.angle(angles[1] / angles[0]))
+        sweep = way * (way * np.angle(angles[2] / angles[0]) % (2 * np.pi))
+        turned = angles[0] * np.exp(1j * sweep * np.linspace(0, 1, ARC_SIDES + 1))
+        points = centre + np.stack([turned.real, turned.imag], -1)
+    ahead = np.gradient(points, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1)[:, None]
+    half = track.width_mm / 2
+    points[0] -= half * ahead[0]
+    points[-1] += half * ahead[-1]
+    aside = half * np.stack([-ahead[:, 1], ahead[:, 0]], -1)
+    return np.concatenate([points - aside, (points + aside)[::-1]])
+
+
+def _lifted(shape: manifold3d.CrossSection, low_mm: float, high_mm: float) -> manifold3d.Manifold:
+    """Return the solid of an outline between two heights."""
+    return shape.extrude(high_mm - low_mm).translate((0, 0, low_mm))
 
 
 def _tray(plan: Plan) -> SceneParts:

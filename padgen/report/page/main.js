@@ -70,7 +70,7 @@ function makeOnce() {
   }, { rootMargin: "400px" }).observe(byId("manual"));
 }
 
-const BELOW = ["copper", "iron", "tray"];
+const BELOW = ["copper", "iron", "tray", "board"];
 function showParts(which) {
   byId("parts").value = which;
   view?.hide({ all: [], coils: ["tray", "guard"], pad: [...BELOW, "guard"] }[which]);

@@ -32,9 +32,9 @@ import {
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { decoded } from "./dom.js";
 
-const MATERIALS = { pad: "#d9d5cb", steel: "#8d949e", ballast: "#a39a72", copper: "#b8753a", iron: "#4a4e55", tray: "#b9c0c9", guard: "#c9d8c5" };
+const MATERIALS = { pad: "#d9d5cb", steel: "#8d949e", ballast: "#a39a72", copper: "#b8753a", iron: "#4a4e55", tray: "#b9c0c9", board: "#4f7d5c", guard: "#c9d8c5" };
 // How far parts move apart, over the pad's thickness: the pad up, washers, coils and tray down.
-const APART = { pad: 3.2, steel: 1.2, ballast: 2.2, copper: -1.2, iron: -1.2, tray: -6, guard: 5 };
+const APART = { pad: 3.2, steel: 1.2, ballast: 2.2, copper: -1.2, iron: -1.2, tray: -6, board: -1.2, guard: 5 };
 // Directions to look from, azimuth and elevation in degrees, and how much of a ball around the pad is to be seen.
 const LOOKS = { aslant: [-35, 38, 0.88], top: [0, 89.9, 0.8], below: [-35, -40, 0.88], side: [0, 2, 0.8] };
 const MARKS = 256;
@@ -259,9 +259,11 @@ export function makeView(canvas, { picked, drawn }) {
   /** Look at all parts against the direction `ahead`; `share` is how much of a ball around them is to be seen. */
   function lookAlong(ahead, share) {
     const [top, low] = [data.pad.boss_top_mm + zOf("pad"), hidden.includes("tray") ? zOf("steel") : bottom + zOf("tray")];
-    const around = Math.hypot(radius, (top - low) / 2);
+    // A board reaches beyond the pad, to its connectors.
+    const board = hidden.includes("board") ? null : layers.find(({ shape }) => shape.material === "board")?.mesh.boundingSphere;
+    const around = Math.hypot(Math.max(radius, board?.radius ?? 0), (top - low) / 2);
     const far = (share * (camera.aspect < 1.3 ? 1.1 : 1) * around) / Math.sin((camera.fov * Math.PI) / 360) / Math.min(1, camera.aspect);
-    controls.target.set(0, 0, (top + low) / 2);
+    controls.target.set(0, board?.center.y ?? 0, (top + low) / 2);
     camera.position.copy(controls.target).addScaledVector(ahead, far);
     camera.near = far / 50;
     camera.far = far * 10;
@@ -328,7 +330,9 @@ export function makeView(canvas, { picked, drawn }) {
     const [coilX, coilY] = nearest(coils.places);
     const coil = half(pad.coil_mm[0], coilY - y);
     if (coil) name("coil", "copper", coilX + 0.9 * coil, pad.washer_underside_mm - pad.gap_mm - pad.coil_mm[1] / 2);
-    if (layers.some(({ shape }) => shape.material === "tray")) name("tray", "tray", side, bottom + 1);
+    const has = (material) => layers.some(({ shape }) => shape.material === material);
+    if (has("tray")) name("tray", "tray", side, bottom + 1);
+    if (has("board")) name("board", "board", side, pad.washer_underside_mm - pad.gap_mm - pad.coil_mm[1] / 2);
     return parts;
   }
 
