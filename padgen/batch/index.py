@@ -130,7 +130,7 @@ class Overview:
 
     @property
     def points(self) -> np.ndarray:
-        """Objective values (points, objectives) of the Pareto front and of the other variants held for plotting."""
+        """Values (points, objectives) of what is minimised, of all plotted variants, the Pareto front's first."""
         return np.concatenate([self.values, self.beaten, self.short, self.faulty])
 
     def best(self) -> dict[str, int]:

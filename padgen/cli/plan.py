@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from inspect import signature
 from typing import Any
 
 from padgen.api.pads import explain, print_yield, save_plan
@@ -19,8 +20,6 @@ from padgen.core.errors import plain
 from padgen.core.rules import Rule, refuse
 
 __all__ = ["add"]
-
-USUAL_PADS = 100_000
 
 
 def add(commands: Any) -> None:
@@ -43,7 +42,7 @@ def add(commands: Any) -> None:
         metavar="PADS",
         type=int,
         nargs="?",
-        const=USUAL_PADS,
+        const=signature(print_yield).parameters["pads"].default,
         help="print the pad so many times in the computer (default: %(const)s) and say how many keep what is asked",
     )
     add_option(parser, print_yield, "seed", type=int)

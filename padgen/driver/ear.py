@@ -825,7 +825,10 @@ def ear_findings(heard: Heard) -> Iterator[Finding]:
 
 
 def _tone_db(heard: Heard) -> np.ndarray:
-    """Return each ON taxel's amplitude at its tone over the wanted one, in dB (h, n); NaN for OFF taxels."""
+    """Return the amplitude of each ON taxel at its tone over the amplitude that is wanted, in dB; NaN for OFF taxels.
+
+    Rows are the frames that are held, columns the taxels.
+    """
     wanted = heard.shares * heard.wanted_um
     return _db(np.divide(heard.tone_um, wanted, out=np.full(wanted.shape, np.nan), where=wanted > 0))
 

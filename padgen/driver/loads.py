@@ -417,9 +417,10 @@ def channels_per_signed_group(channels: int) -> int:
 
 
 def signed_constants(coil: CoilDrive, size: int) -> tuple[tuple[float, ...], ...]:
-    """Return the least constants of i² in A² of each group of `size` channels, by state: one base-3 digit a channel.
+    """Return, for each group of `size` channels and each of its states, the least constant in A² that keeps i² ≥ 0.
 
-    A digit is 0 for off, 1 for on, 2 for in counter-phase; the first channel's is the lowest.
+    A state's index has one base-3 digit a channel: 0 for off, 1 for on, 2 for in counter-phase; the first channel's is
+    the lowest.
     """
     groups = []
     for start in range(0, len(coil.line_a2), size):

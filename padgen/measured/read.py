@@ -667,7 +667,10 @@ def _taxel_columns(
 
 
 def _refuse_not_rising(sheet: _Sheet, values: np.ndarray, skip: int, axis: int, unit: str) -> None:
-    """Raise FileError if times or frequencies do not rise, or a frequency is not above 0, `skip` lines left out."""
+    """Raise FileError if times or frequencies do not rise, or a frequency is not above 0.
+
+    `skip` is the number of lines of the sheet before the first of `values`.
+    """
     column = values[:, axis]
     name = sheet.names[axis]
     bad = np.flatnonzero(np.diff(column, prepend=0.0 if unit == "Hz" else -np.inf) <= 0)

@@ -196,7 +196,10 @@ class MeasuredLines(NamedTuple):
         return self._replace(fed=np.fft.rfft(moved**3)[None, 1:-1] / largest**2)
 
     def around(self, hz: float, q: float, close: Sequence["_Peak"] = ()) -> "MeasuredLines":
-        """Return the lines within `REACH` half bandwidths of a resonance or near peaks `close`, up to `MOST_LINES`."""
+        """Return the lines within `REACH` half bandwidths of a resonance, and those about the peaks in `close`.
+
+        Of more than `MOST_LINES` every second, third, … is kept.
+        """
         away = np.abs(detuning(self.frequency, hz, q))
         inside = away <= max(REACH, float(np.sort(away)[:FEWEST_LINES][-1]))
         for peak in close:

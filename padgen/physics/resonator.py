@@ -162,9 +162,9 @@ def felt_gains(
 
 
 def modal_taxels(frequency_hz: np.ndarray, gain: np.ndarray, q: np.ndarray, own_hz: np.ndarray) -> ModalTaxels:
-    """Return `ModalTaxels` from felt amplitudes `gain` (n, k, p) and each taxel's own tone `own_hz` (n,).
+    """Return `ModalTaxels` whose amplitudes `gain` are scaled to 1 at each taxel's own tone `own_hz` (n,).
 
-    The amplitudes of a taxel may have any unit.
+    `gain` (n, k, p) is the amplitude that is felt of n taxels in k modes by p parts of the motion, in any unit.
 
     Raises
     ------

@@ -327,7 +327,10 @@ def _fan(
     half_y: float,
     connector: int,
 ) -> _Fan:
-    """Return tracks from coils to a connector, its pins, y in mm of the edge beyond; `sign` is -1 at the near side."""
+    """Return tracks from coils to a connector, its pins, and the y in mm of the board's edge behind it.
+
+    `sign` is -1 for the connector at the edge of lower y, else +1.
+    """
     step = max(lanes_mm.values()) + coil.space / MM
     outer = coil.outer_diameter / 2 / MM
     last = len(coil.copper) - 1

@@ -210,9 +210,10 @@ RATE_STEP = 1e-3
 
 
 def frame_contrasts(channels: Sequence[Channel], sets: int, selectivity: Selectivity) -> tuple[FrameRate, ...]:
-    """Return the `frame_rates` of all schemes, with the ON over OFF contrast of frames where the selectivity is known.
+    """Return how fast frames can follow each other with every drive scheme, and their ON over OFF contrast then.
 
-    The rates that keep a contrast are looked for with the chosen scheme alone.
+    The contrast is None where the selectivity with a scheme is not known. The rates that keep a contrast are looked for
+    with the chosen scheme alone.
     """
     reached = {figures.scheme: figures.reached_db for figures in selectivity.schemes}
     ramp_s = switch_ms(channels, sets) * MS

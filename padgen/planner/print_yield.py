@@ -131,7 +131,7 @@ class PrintYield:
 
 def print_yield(
     plan: Plan,
-    pads: int = 100_000,
+    pads: int,
     seed: int = 0,
     *,
     spreads: Spreads | None = None,

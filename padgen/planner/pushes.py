@@ -103,9 +103,9 @@ def judge_pushes(plan: Plan) -> Iterator[Finding]:
     )
     sentence = (
         f"a finger that presses its boss with {_short(pushed.rim_force_mn[at])} mN stops it: the {spec.mover.kind} then"
-        f" touches the coil{further}; one that only lies on the frame, with typical skin (a provisional model),"
-        f" {resting}, and presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
-        f" {_short(typical.deflection_mm[at])} mm"
+        f" touches the coil{further}; a finger of typical skin (a provisional model) that only rests on the frame"
+        f" presses this boss, {number(spec.taxel.boss_protrusion_mm)} mm proud, in by"
+        f" {_short(typical.deflection_mm[at])} mm, and {resting}"
     )
     yield Finding(
         "warning" if any(typical.contact) else "note",

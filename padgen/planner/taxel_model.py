@@ -715,7 +715,7 @@ class SolvedModel(TaxelModel):
 
     @property
     def sag_error(self) -> np.ndarray:
-        """Relative error within which the sag most likely lies, by the beam model and the solved stiffness."""
+        """Relative error of the sag under gravity: the beam model's, with the solved stiffness's error for its own."""
         return self.beam_model.sag_error + STATIC * (self.solver_error - float(self.beam_model.error_estimate))
 
     @property

@@ -322,10 +322,9 @@ def judge_felt(plan: Plan) -> Iterator[Finding]:
             "warning",
             "felt.below",
             f"channel{plural(len(silent))} {', '.join(map(str, silent))}",
-            f"{f'at worst, on channel {softest.index}, ' if len(silent) > 1 else ''}"
-            f"it vibrates by {softest.level_um:.2g} µm at {number(softest.resonance_hz)} Hz when ON, {below_db:.1f} dB"
-            f" below what {through}, {felt.threshold_um[softest.index]:.2g} µm"
-            f" ± {felt.error_db[softest.index]:.0f} dB",
+            f"too faint to be felt: {f'at worst, channel {softest.index}' if len(silent) > 1 else 'it'} vibrates by"
+            f" {softest.level_um:.2g} µm at {number(softest.resonance_hz)} Hz when ON, {below_db:.1f} dB less than the"
+            f" {felt.threshold_um[softest.index]:.2g} µm (± {felt.error_db[softest.index]:.0f} dB) that {through}",
             tuple(_louder(plan, below_db)),
         )
     if above_db > 0:
@@ -333,9 +332,9 @@ def judge_felt(plan: Plan) -> Iterator[Finding]:
             "warning",
             "felt.off",
             f"channel {loudest.index}",
-            f"OFF, it is felt in the worst state: at the frequencies of ON taxels it vibrates {above_db:.1f} dB above"
-            f" what {through}, ± {felt.error_db[loudest.index]:.0f} dB; the faintest ON taxel is {abs(below_db):.1f} dB"
-            f" {'above' if below_db <= 0 else 'below'} what is felt at its own frequency",
+            f"felt although it is OFF: in the worst state the tones of ON taxels move it {above_db:.1f} dB"
+            f" (± {felt.error_db[loudest.index]:.0f} dB) above what {through}; the faintest ON taxel is"
+            f" {abs(below_db):.1f} dB {'above' if below_db <= 0 else 'below'} what is felt at its own frequency",
             tuple(_softer(plan, above_db)) if below_db + above_db < 0 else (),
         )
 

@@ -1,4 +1,4 @@
-"""Figures as inline SVG, for notebooks: rows as one strip, all else as small charts and tables below each other.
+"""Figures as inline SVG, for notebooks: lists of rows side by side, charts and tables below each other.
 
 It needs no library, and text goes in escaped, so that a name cannot become markup.
 """

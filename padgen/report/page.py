@@ -227,7 +227,7 @@ def _figures(plan: Plan) -> list[dict[str, str]]:
         {
             "label": "Heat",
             "value": f"{about(plan.heat_w)} W",
-            "note": f"all coils, all taxels on; a coil takes up to {about(load.copper_loss_w)} W (limit"
+            "note": f"all coils, all taxels on; a coil draws up to {about(load.copper_loss_w)} W (limit"
             f" {about(coil.power_limit_w, 3)} W)" + idle,
         },
         {

@@ -243,7 +243,7 @@ def _power_lines(plan: "Plan") -> list[str]:
     count = plan.coils.rows * plan.coils.columns
     lines = [
         f"Drive: {plan.selectivity.drive}, {in_words(plan.scheme)}. All taxels on: {plan.heat_w:.2g} W in the coils"
-        f" (a coil takes up to {load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and"
+        f" (a coil draws up to {load.current_rms_ma:.0f} mA rms, {load.current_peak_ma:.0f} mA and"
         f" {load.voltage_peak_v:.2g} V peak);"
         f" idle: {count * load.idle_w:.2g} W."
     ]
@@ -260,20 +260,20 @@ def _power_lines(plan: "Plan") -> list[str]:
     if plan.life.good_share >= plan.spec.print_share and plan.life.print_db is not None:
         today_db = plan.retuned_prints.print_db
         # Fewer prints are simulated for that than for what prints keep today: by chance they may keep more.
-        is_less = today_db is None or plan.life.print_db < today_db
+        kept_db = plan.life.print_db if today_db is None else min(plan.life.print_db, today_db)
         lasting.append(
             f"Re-tuned once, {plan.spec.print_share:.0%} of {plan.spec.touch.prints_text} still keep"
-            f" {f'{plan.life.print_db:z.1f} dB' if is_less else 'as much'} when {plan.spec.life.changes_text}."
+            f" {kept_db:z.1f} dB when {plan.spec.life.changes_text}."
         )
     if plan.touch is not None:
         lines += _touch_lines(plan, plan.touch) + lasting
     if prints.print_db is not None:
         stages = zip(STAGES, (prints.planned_db, prints.coupon_db, prints.some_db, prints.print_db), strict=True)
-        stages_text = ", ".join(f"{db:z.1f} with {stage}" for stage, db in stages if db is not None)
+        stages_text = ", ".join(f"{stage} {db:z.1f}" for stage, db in stages if db is not None)
         on_over_off = "ON over OFF in dB" if plan.touch is None else "Untouched, ON over OFF in dB"
         lines.append(
-            f"{on_over_off} that {plan.spec.print_share:.0%} of prints keep: {stages_text} measured"
-            f" (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
+            f"{on_over_off} that {plan.spec.print_share:.0%} of prints keep, by what was measured to re-tune them:"
+            f" {stages_text} (± {prints.error_db:.1g} dB with 95 % confidence, by {prints.pads}"
             " prints in the computer)."
         )
         if plan.touch is None:
@@ -323,25 +323,26 @@ def _touch_lines(plan: "Plan", touch: "Touch") -> list[str]:
     ]
     kept = ""
     if touch.print_db is not None:
-        planned = "" if touch.planned_db is None else f"; {touch.planned_db:z.1f} dB not re-tuned"
+        planned = "" if touch.planned_db is None else f"; {touch.planned_db:z.1f} dB as planned"
         other = ""
         if touch.other_db is not None:
             kind = "untouched" if touch.tones == "touched" else "touched"
-            other = f"; {touch.other_db:z.1f} dB re-tuned to {kind} resonances"
+            other = f"; {touch.other_db:z.1f} dB with every tone on its taxel's {kind} resonance"
         kept = (
-            f"ON over OFF under {skin} that {share:.0%} of {judged} keep: {touch.print_db:z.1f} dB re-tuned"
-            f" (± {touch.error_db:.1g} dB with 95 % confidence, by {touch.pads} pads in the computer){planned}{other}."
+            f"ON over OFF under {skin} that {share:.0%} of {judged} keep: {touch.print_db:z.1f} dB with every tone on"
+            f" its taxel's {touch.tones} resonance, as it was measured (± {touch.error_db:.1g} dB with 95 % confidence,"
+            f" by {touch.pads} pads in the computer){planned}{other}."
         )
     skinned = "" if touch.contact == "own" else " of typical skin (a provisional model)"
     louder = ""
     if touch.in_hand_db > 0:
         louder = (
-            f", driven {touch.in_hand_db:.1f} dB louder than planned, so that the faintest taxel of {share:.0%} of"
-            f" {judged} still reaches its planned level"
+            f". All figures and files drive it {touch.in_hand_db:.1f} dB louder than typical skin needs, so that in"
+            f" {share:.0%} of {judged} the faintest taxel, too, reaches its planned level"
         )
     lines = [
-        f"Under {skin}{skinned}, on {felt_parts(plan)} of {number(touch.contactor_mm)} mm, with tones at {touch.tones}"
-        f" resonances{louder}:",
+        f"Each channel under {skin}{skinned}, on {felt_parts(plan)} of {number(touch.contactor_mm)} mm, with tones at"
+        f" {touch.tones} resonances{louder}:",
         table(headings, rows),
         kept,
     ]
@@ -353,10 +354,10 @@ def _warm_levels_line(plan: "Plan") -> str:
     warm = plan.warm
     levels = ", ".join(f"{level:.2g}" for level in warm.levels_um)
     return (
-        f"warm, with all taxels left on: the currents of drive.csv reach levels of {levels} µm"
-        f" ({span_text(warm.lost_db, 'z.1f')} dB less than planned), its voltages"
-        f" {span_text(warm.lost_by_voltage_db, 'z.1f')} dB less, since coils at {warm.mean_coil_c:.0f} °C (their mean)"
-        " take less current; padgen drive --warm makes up for it"
+        f"once all taxels, left on, have warmed the pad: driven by the currents of drive.csv they reach {levels} µm"
+        f" ({span_text(warm.lost_db, 'z.1f')} dB less than planned), driven by its voltages"
+        f" {span_text(warm.lost_by_voltage_db, 'z.1f')} dB less than planned, since coils at {warm.mean_coil_c:.0f} °C"
+        " (their mean) have more resistance; padgen drive --warm makes up for it"
     )
 
 
@@ -390,11 +391,11 @@ def plan_text(plan: "Plan") -> str:
     lines = [
         f"{plan.name}: {len(plan.taxels)} taxel{plural(len(plan.taxels))} on {number(pad.width_mm)} x"
         f" {number(pad.depth_mm)} mm; {_coils_text(plan)} at {pitch} mm, of {_channels_text(plan)}",
-        f"A coil has {count} channel{plural(count)}, and no more because of {limit}. In this band it could have"
-        f" {capacity.prints} of which {plan.spec.print_share:.0%} of prints keep what is asked, since the ratio of"
-        f" neighbouring resonances scatters by ± {plan.prints.ratio_spread:.1%} from print to print. Printed exactly,"
-        f" and driven {figures.drive}, it could have {_count_text(capacity.exact, capacity.searched_to)}; with only one"
-        f" of them on at a time {capacity.exact_one_hot}; by the paper's bound {capacity.paper}"
+        f"A coil has {count} channel{plural(count)}, and no more because of {limit}. The most with which, room aside,"
+        f" this band keeps what is asked: {capacity.prints} in {plan.spec.print_share:.0%} of prints (their ratios of"
+        f" neighbouring resonances scatter by ± {plan.prints.ratio_spread:.1%}),"
+        f" {_count_text(capacity.exact, capacity.searched_to)} printed exactly and driven {figures.drive},"
+        f" {capacity.exact_one_hot} with only one of them on at a time, {capacity.paper} by the paper's bound"
         f" ({capacity.paper_unrounded:.2f}, each resonance {number(capacity.ratio)} times the one below).",
         "",
         _channels_table(plan.channels, MOTION, narrow=True),
@@ -428,8 +429,9 @@ def _pushes_table(plan: "Plan") -> str:
         for k, force in enumerate(pushed.closing_force_mn)
     ]
     return (
-        "gap in mm that is left under a push on the boss, and under a finger that lies on the frame, by its skin"
-        f" (coil: the {plan.spec.mover.kind} touches it):\n" + table(["ch", "closed\nby mN", *headings], rows)
+        "gap in mm that is left when the boss is pushed by a force, and when a finger of soft, typical or stiff skin"
+        f" rests on the frame (coil: the {plan.spec.mover.kind} touches the coil):\n"
+        + table(["ch", "closed\nby mN", *headings], rows)
     )
 
 
@@ -544,7 +546,11 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     states = figures.all_states_db or 0.0
     one_hot = figures.one_hot_db or 0.0
     paper = figures.paper_db
-    law = "equal sensation" if isinstance(figures.level_law, str) else f"levels {_law_text(figures.level_law)}"
+    law = (
+        "all channels felt equally strong"
+        if isinstance(figures.level_law, str)
+        else f"levels {_law_text(figures.level_law)}"
+    )
     worst = figures.worst_state
     kept = figures.kept_db
     optimum = figures.optimum_db
@@ -678,7 +684,7 @@ def explanation_text(explanation: "Explanation") -> str:
     if explanation.movers:
         lines += [
             "",
-            "the pad with a washer or magnet over a coil of the catalogue, layout and resonances chosen anew:",
+            "the same pad with other washers, magnets and coils of the catalogue, layout and resonances chosen anew:",
         ]
         lines += [table(MOVERS_TOLD, [_mover_cells(row) for row in explanation.movers], left=2)]
     laws = list(dict.fromkeys(row.level_law for row in explanation.capacities))

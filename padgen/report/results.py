@@ -143,10 +143,12 @@ def _wave_text(report: "WaveReport") -> str:
         f"drive.wav: {report.seconds:.3g} s of {len(report.rms_current_a)} channels (coils row by row) at"
         f" {report.rate_hz} Hz, {depth}, driven {report.scheme}; a sample of 1 stands for"
         f" {number(report.full_scale)} {unit}, the largest is {report.peak:.3g} {unit}",
-        f"each coil takes at most {1e3 * max(report.rms_current_a):.3g} mA rms and {max(report.copper_loss_w):.3g} W",
+        f"each coil draws at most {1e3 * max(report.rms_current_a):.3g} mA rms and {max(report.copper_loss_w):.3g} W",
     ]
     if report.loss_over_tones is not None and Scheme(report.scheme).has_constant:
-        lines[-1] += f"; all together heat {_heat_text(report.loss_over_tones)} plain tones of the same force would"
+        lines[-1] += (
+            f"; all coils together heat up {_heat_text(report.loss_over_tones)} with plain tones of the same force"
+        )
     if report.loops:
         lines.append("it repeats without a seam")
     if report.carrier_hz is not None:

@@ -277,7 +277,7 @@ class Spread:
 
     @property
     def bed_field_mm(self) -> float:
-        """Standard deviation in mm of the smooth thickness error over the bed, by whether its height is probed."""
+        """Sigma in mm of the thickness error that varies smoothly over the bed; less if the bed is probed."""
         return self.field_z_mm if self.bed_meshed else self.unmeshed_field_z_mm
 
 
