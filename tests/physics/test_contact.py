@@ -313,7 +313,7 @@ def test_taxels_that_are_not_felt_are_told_with_a_level_that_would_be(four):
     (found,) = (f for f in plan.findings if f.code == "felt.below")
     silent = [c.index for c in plan.channels if plan.felt.on_db[c.index] < 0]
     assert silent and found.where.removeprefix("channels ").removeprefix("channel ") == ", ".join(map(str, silent))
-    assert found.level == "warning" and f"{-min(plan.felt.on_db):.1f} dB below" in found.message
+    assert found.level == "warning" and f"{-min(plan.felt.on_db):.1f} dB less than the" in found.message
     again = make_plan(varied(spec, found.cures[0]))
     assert min(again.felt.on_db) >= 0
     assert "felt.below" not in {f.code for f in again.findings}
@@ -324,7 +324,7 @@ def test_off_taxels_that_are_felt_are_told_with_a_level_that_hides_them():
     plan = cured(make_plan(parse_spec(text)))
     (found,) = (f for f in plan.findings if f.code == "felt.off")
     loudest = max(db for db in plan.felt.off_db if db is not None)
-    assert loudest > 0 and f"{loudest:.1f} dB above" in found.message
+    assert loudest > 0 and f"move it {loudest:.1f} dB (±" in found.message
     again = make_plan(varied(plan.spec, found.cures[0]))
     assert max(db for db in again.felt.off_db if db is not None) <= 0 <= min(again.felt.on_db)
     quiet = make_plan(varied(plan.spec, {"drive.level_um": 10.0}))

@@ -48,8 +48,9 @@ def test_pushes_and_skin_leave_a_gap_or_none(plan):
 def test_one_finding_tells_of_pushes_and_its_cure_holds(plan):
     (found,) = (f for f in plan.findings if f.code == "touch.push")
     assert (found.level, found.where) == ("warning", "channel 0")
-    assert "presses its boss with 13 mN stops it" in found.message and "1 mm proud, in by 0.93 mm" in found.message
-    assert "with typical skin (a provisional model), stops channels 0" in found.message
-    cured = make_plan(varied(plan.spec, found.cures[0]))
+    assert "presses its boss with 13 mN stops it" in found.message
+    assert "of typical skin (a provisional model) that only rests on the frame" in found.message
+    assert "in by 0.93 mm, and stops channels 0" in found.message
+    cured = make_plan(varied(plan.spec, found.cures[0]), tries_cures=False)
     assert not any(next(p for p in cured.pushed.pushes if p.skin == "typical").contact)
     assert [f.level for f in cured.findings if f.code == "touch.push"] == ["note"]

@@ -336,7 +336,7 @@ def test_the_command_says_for_which_warmth_it_drives(tmp_path, capsys):
         assert cli.run([*arguments, *(["-o", str(tmp_path / "x")] if arguments[0] == "drive" else [])]) == 2
         assert "--warm" in capsys.readouterr().err
     assert cli.run(["plan", "paper-pair", "--verbose", "-o", str(tmp_path / "p")]) == 0
-    assert "(1.9 dB less than planned), its voltages 2.8 dB less" in " ".join(capsys.readouterr().out.split())
+    assert "(1.9 dB less than planned), driven by its voltages 2.8 dB less" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_file_that_is_played_over_and_over_is_as_warm_as_its_heat(tmp_path, eight):
