@@ -152,7 +152,7 @@ def lasting() -> list[str]:
         pad = {"width_mm": side_mm, "depth_mm": side_mm}
         spec = make_spec({"name": "plain", "resolution": taxels, "band_hz": band_hz, "q_min": q_min, "pad": pad})
         for way, found in figures.items():
-            for_life = make._lasting if way == "for life" else lambda works, later: works
+            for_life = make._lasting if way == "for life" else lambda works, later, for_cure: works
             start = time.process_time()
             try:
                 with patch.object(make, "_lasting", for_life):

@@ -115,10 +115,11 @@ FAR_SHORT_DB = 2.0
 """Layouts of as many channels, of none of which a print works, all this far from it, after which no others are judged:
 prints of theirs differ by less than that."""
 MOST_JUDGED_FOR_LIFE = 48
-MOST_TAXELS_FOR_LIFE = 1 << 14
+MOST_TAXELS_FOR_LIFE = 1 << 13
+LESS_FOR_CURE = 4
 MOST_ALIKE = 3
 """Layouts that are judged for life after one that works re-tuned only, the taxels of all of them together (so that a
-large pad is planned as quickly), and layouts of one drive and channel count."""
+large pad is planned as quickly), by how much fewer for a cure, and layouts of one drive and channel count."""
 ALIKE_DB = 0.1
 """Difference of what prints keep below which two choices that work as often, mostly never, keep as much."""
 MOST_PRINTED = 16
@@ -270,7 +271,9 @@ def _searched(spec: Spec, quick: bool = False, most: int | None = None) -> Choic
         fewest_coils, works = _best(chain(some_found, sized), for_cure=most is not None)
         # The second is in neither list if the first works.
         unjudged = some_found[1:] if fewest_coils is some_found[0] else []
-        best = _lasting(fewest_coils, chain(map(_Unsized.of, unjudged), merged)) if works else fewest_coils
+        best = fewest_coils
+        if works:
+            best = _lasting(fewest_coils, chain(map(_Unsized.of, unjudged), merged), for_cure=most is not None)
     spec, layout, channels, *_ = best
     sites = sites_of(spec, layout, channels)
     if snaps(resting(spec, channels, sites)):
@@ -363,13 +366,13 @@ def _best(
     return _least_short(tried, judged_by), False
 
 
-def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
+def _lasting(works: Choice, later: Iterator[_Unsized], for_cure: bool = False) -> Choice:
     """Return the choice that `works`, or another without errors that also keeps what is asked for life.
 
     The others are of the layouts `later` in rank. Where some with a drive and reuse do not last, no others with that
     and as many channels per coil are judged: what a pad loses when its resonances drift depends on how near they are.
-    Where none lasts, the first that works without getting too hot is returned, else the one that `works`. Skin differs
-    so much that under a contact drift counts for little.
+    Where none lasts, the first that works without getting too hot is returned, else the one that `works`. Fewer are
+    judged `for_cure`. Skin differs so much that under a contact drift counts for little.
     """
     if not works.spec.touch.is_untouched:
         return works
@@ -380,7 +383,10 @@ def _lasting(works: Choice, later: Iterator[_Unsized]) -> Choice:
     today = _Round({}, for_cure=False, overloaded=False, cool=True)
     for_life = today._replace(for_life=True)
     short_lived = [_drive_and_layout(works)]
-    most = min(MOST_JUDGED_FOR_LIFE, max(MOST_TAXELS_FOR_LIFE // works.spec.resolution, 1))
+    most = min(MOST_JUDGED_FOR_LIFE, MOST_TAXELS_FOR_LIFE // works.spec.resolution)
+    if for_cure:
+        most //= LESS_FOR_CURE
+    most = max(most, 1)
     judged = 0
     for one in later:
         kind = _drive_and_layout(one)

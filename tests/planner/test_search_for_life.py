@@ -43,7 +43,7 @@ def test_no_layout_in_rank_before_the_one_that_is_taken_lasts(monkeypatch, table
     spec = make_spec(table)
     chosen = make.choose(spec)
     assert lasts(chosen)
-    monkeypatch.setattr(make, "_lasting", lambda works, later: works)
+    monkeypatch.setattr(make, "_lasting", lambda works, later, for_cure: works)
     ranked = []
     monkeypatch.setattr(make, "_best", lambda rank, for_cure: (ranked.extend(rank) or ranked[0], False))
     make.choose(spec)
@@ -59,8 +59,27 @@ def test_where_no_layout_lasts_the_one_of_the_fewest_coils_is_taken(monkeypatch)
     spec = make_spec({"name": "small", "resolution": 32, "band_hz": [50, 200], "q_min": 30})
     chosen = make.choose(spec)
     assert not lasts(chosen)
-    monkeypatch.setattr(make, "_lasting", lambda works, later: works)
+    monkeypatch.setattr(make, "_lasting", lambda works, later, for_cure: works)
     assert make.choose(spec) == chosen
+
+
+@pytest.mark.parametrize(("taxels", "most", "for_cure"), [(96, 3, False), (32 * 8, 2, True), (1, 1, True)])
+def test_of_large_pads_and_for_cures_fewer_layouts_are_judged(monkeypatch, taxels, most, for_cure):
+    spec = make_spec({"name": "small", "resolution": 32, "band_hz": [50, 200], "q_min": 30})
+    judged = list[bool]()
+
+    def tried(choice, least_db, least_share, judged_by):
+        judged.append(judged_by.for_life)
+        return make.ChoiceFigures(0.0)
+
+    works = make.choose(spec)
+    monkeypatch.setattr(make, "MOST_TAXELS_FOR_LIFE", taxels)
+    monkeypatch.setattr(make, "_tried", tried)
+    monkeypatch.setattr(make, "keeps_for_life", lambda plan: False)
+    monkeypatch.setattr(make, "MOST_ALIKE", 100)
+    layouts = (works._replace(layout=replace(works.layout, surplus=100 + k)) for k in range(20))
+    assert make._lasting(works, map(make._Unsized.of, layouts), for_cure) == works
+    assert judged == [True] * most
 
 
 def test_a_pad_that_lasts_but_is_too_hot_is_not_taken():
