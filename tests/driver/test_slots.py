@@ -93,7 +93,7 @@ SHOWN = [
     ("paper-32", {"text": "HI"}, False),
     ("pad-32", {"text": "HI"}, True),
     ("triple-48", {"text": "HI"}, False),
-    ("quad-64", {"text": "OK"}, True),
+    pytest.param("quad-64", {"text": "OK"}, True, marks=pytest.mark.soak),
     pytest.param("wide-11", {"pattern": "rows"}, False, marks=pytest.mark.soak),
     pytest.param("paper-32", {"text": "HI"}, True, marks=pytest.mark.soak),
     pytest.param("pad-32", {"text": "HI"}, False, marks=pytest.mark.soak),

@@ -309,7 +309,7 @@ def test_driven_sigmas_are_honest():
     rng = np.random.default_rng(13)
     x = chirp(1000.0, 3)
     pull = []
-    for _ in range(40):
+    for _ in range(20):
         hz = 80 * np.exp(0.1 * rng.standard_normal())
         y = answer(x, 1000.0, hz, 15, 50.0)
         fit = fit_driven(1000.0, x, y + 0.03 * np.abs(y).max() * rng.standard_normal(len(y)))

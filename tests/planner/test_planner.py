@@ -300,7 +300,13 @@ def jittered(value, seed):
     return value * (1 - seed.uniform(0, 1e-7)) if isinstance(value, float) else value
 
 
-@pytest.mark.parametrize("name", sorted(template_paths()))
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name in ("pad-32", "magnet-6", "palm-24", "wide-11") else pytest.param(name, marks=pytest.mark.soak)
+        for name in sorted(template_paths())
+    ],
+)
 def test_a_plan_of_a_plan_is_the_same_to_the_last_digit(name):
     seed = random.Random(name)
     table = without_none(asdict(load_spec(name)))

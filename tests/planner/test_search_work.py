@@ -120,7 +120,7 @@ def test_a_pad_is_judged_once_though_its_drive_is_asked_for_by_name(monkeypatch)
     "changes",
     [
         {"band_hz": [50, 200], "q_min": 15},  # plain tones of two channels fall short there, without spurs they do not
-        {"band_hz": [50, 400], "q_min": 10, "delta_y": 5},
+        pytest.param({"band_hz": [50, 400], "q_min": 10, "delta_y": 5}, marks=pytest.mark.soak),
         {"band_hz": [20, 100], "q_min": 25},
         {"band_hz": [80, 320], "q_min": 15, "delta_y": 5, "magnet": "disc-3x1", "coil": "air-10"},
     ],

@@ -241,7 +241,16 @@ def test_what_a_spec_says_is_not_searched_for():
     assert search(touch="none") == "auto"
 
 
-@pytest.mark.parametrize("given", [{"magnet": "disc-4x1"}, {"mover": {"kind": "magnet"}}, {"band_hz": [50, 500]}])
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"magnet": "disc-4x1"},
+        *(
+            pytest.param(given, marks=pytest.mark.soak)
+            for given in ({"mover": {"kind": "magnet"}}, {"band_hz": [50, 500]})
+        ),
+    ],
+)
 def test_parts_that_are_given_are_kept_and_the_others_found(given):
     """A band that holds another one is searched where taxels choose best, and heat stays within what is borne."""
     plan = make_plan(make_spec({**FOUR, **given}), tries_cures=False)
