@@ -38,7 +38,6 @@ from padgen.driver.serial_line import (
 )
 from padgen.driver.waveform import Timeline, constant_a2, frame_s, make_drive, ramp_s, volts
 from tests.firmware_host import (
-    PADS,
     SANITIZED,
     STRICT,
     Host,
