@@ -201,6 +201,29 @@ def test_changes_are_ranked_by_what_prints_keep_then_by_what_they_buy(monkeypatc
     assert any(c.change.startswith("q_min = ") and c.gained_in_band > 0 for c in changes)
 
 
+@pytest.mark.parametrize(
+    ("figures", "helps"),
+    [
+        ({"good_share": 0.97}, True),  # more prints work
+        ({"life_share": 0.5, "good_share": 0.8}, True),  # for life
+        ({"good_share": 0.8, "gained_db": 3.0}, False),  # only perfect prints keep more
+        ({"print_db": 21.0}, True),
+        ({"coils": 8}, True),
+        ({"coils": 8, "good_share": 0.8}, False),
+        ({"coils": 20, "print_db": 25.0}, False),
+        ({"gained_in_band": 1}, True),
+        ({}, False),
+    ],
+)
+def test_a_row_is_better_in_some_way_and_else_no_worse(explained, figures, helps):
+    """Of a pad of 16 coils of whose prints 95 % keep 20 dB today, and 20 % for life."""
+    plan = explained[1]
+    now = explain._Printed(0.95, 0.2, 20.0)
+    same = explain.Change("q_min = 20", explain.COSTS[0], 16, 2, "biased", 0.95, 0.2, 20.0, 0.0, 0)
+    assert plan.spec.print_share == 0.9
+    assert explain._helps(replace(same, **figures), plan, now, 16) == helps
+
+
 def test_movers_are_ranked_for_the_same_pad(explained):
     """Those whose prints work come first, by heat; a row is what a plan of that mover says."""
     _, plan, explanation = explained
