@@ -24,7 +24,7 @@ def of_kind(kind, seed=3, taxels=TAXELS):
         pytest.param("leaning by 0.1", marks=pytest.mark.soak),
         pytest.param("leaning by 0.3", marks=pytest.mark.soak),
         "leaning by 1",
-        "half the force",
+        pytest.param("half the force", marks=pytest.mark.soak),
         pytest.param("pick-up of 20 %", marks=pytest.mark.soak),
         "pick-up of 100 %",
     ],
