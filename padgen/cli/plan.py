@@ -6,12 +6,12 @@ from inspect import signature
 from typing import Any
 
 from padgen.api.pads import explain, print_yield, save_plan
+from padgen.api.pads import plan as plan_pad
 from padgen.cli.common import (
     add_option,
     add_shared,
     add_spec,
     exit_code_of,
-    plan_of,
     progress_line,
     show,
     spec_and_folder,
@@ -58,7 +58,7 @@ def _plan(options: argparse.Namespace) -> int:
     printed = None
     with progress_line() as progress:
         spec, folder = spec_and_folder(options, recorded=False)
-        plan = plan_of(options, progress, recorded=False)
+        plan = plan_pad(spec, tolerance=options.tolerance, progress=progress)
         if options.explain:
             explanation = explain(plan, spec, progress=progress)
         if options.pads is not None:

@@ -29,7 +29,18 @@ from padgen.planner.coils.board import board_coil, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm
 from padgen.planner.plan import Plan
 
-__all__ = ["Board", "HeaderPin", "Hole", "Label", "Track", "Via", "board_findings", "board_of", "coil_path"]
+__all__ = [
+    "Board",
+    "HeaderPin",
+    "Hole",
+    "Label",
+    "Track",
+    "Via",
+    "arc_centre",
+    "board_findings",
+    "board_of",
+    "coil_path",
+]
 
 PIN_MM = 2.54
 PIN_DRILL_MM = 1.0
@@ -188,6 +199,18 @@ def board_of(plan: Plan) -> Board:
         labels=tuple(labels),
         mark_mm=(mark_x, first_y),
     )
+
+
+def arc_centre(start: "Point", middle: "Point", end: "Point") -> "Point":
+    """Return the centre of the circle through three points."""
+    bx = middle[0] - start[0]
+    by = middle[1] - start[1]
+    cx = end[0] - start[0]
+    cy = end[1] - start[1]
+    twice = 2 * (bx * cy - by * cx)
+    square_b = bx * bx + by * by
+    square_c = cx * cx + cy * cy
+    return start[0] + (cy * square_b - by * square_c) / twice, start[1] + (bx * square_c - cx * square_b) / twice
 
 
 def coil_path(coil: BoardCoil, net: int, axis_mm: tuple[float, float]) -> tuple[list[Track], list[Via]]:

@@ -1,7 +1,7 @@
 """Explain a plan: the limits that keep a coil from more channels, and the gain by each change of the spec."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from itertools import product
 from math import pi
 from typing import Any, NamedTuple
@@ -31,8 +31,7 @@ from padgen.planner.search import (
     sized_layouts,
 )
 from padgen.planner.thresholds import SENSATION
-from padgen.spec import Spec, catalogue, make_spec
-from padgen.spec.load import still_searched, without_none
+from padgen.spec import Spec, catalogue
 
 __all__ = ["CapacityRow", "Change", "Explanation", "MoverRow", "explain_plan"]
 
@@ -152,16 +151,11 @@ def _movers(spec: Spec) -> list[MoverRow]:
 
 def _with_mover(spec: Spec, kind: str, part: str, coil: str) -> MoverRow:
     """Return the figures of the pad planned anew with a mover and a coil, or why no such pad can be planned."""
-    table = without_none(asdict(spec))
-    for name in ("washer", "magnet", "mover", "coil", "resonances_hz"):
-        table.pop(name, None)
-    if spec.touch.search != "none":
-        search = still_searched(spec.touch.search.split("+"), {kind, "coil"})
-        table["touch"] = table["touch"] | {"search": search}
-    if (table["drive"].get("scheme"), kind) != ("linear", "magnet"):
-        table["drive"] = table["drive"] | {"scheme": "auto"}
+    change: Cure = dict.fromkeys(("washer", "magnet", "mover", "resonances_hz")) | {kind: part, "coil": coil}
+    if (spec.drive.scheme, kind) != ("linear", "magnet"):
+        change["drive.scheme"] = "auto"
     try:
-        plan = make_plan(make_spec(table | {kind: part, "coil": coil}), tries_cures=False)
+        plan = make_plan(varied(spec, change), tries_cures=False)
     except PadgenError as error:
         return MoverRow(f"{kind} {part}", coil, why=str(error))
     coils = plan.coils.rows * plan.coils.columns
@@ -252,22 +246,21 @@ def _changes_that_help(plan: Plan, asked: Spec, progress: Callable[[str], None])
             gained_db=after_db - now_db if after_db is not None and now_db is not None else None,
             gained_in_band=0 if in_band >= MOST_IN_BAND else _channels_in_band(again.spec) - in_band,
         )
-        if _helps(change, plan, now, coils):
+        if _helps(change, now, coils, plan.spec.print_share):
             changes.append(change)
     return tuple(sorted(changes, key=lambda change: _rank(change, plan.spec.print_share)))
 
 
-def _helps(change: Change, plan: Plan, now: "_Printed", coils: int) -> bool:
+def _helps(change: Change, now: "_Printed", coils: int, asked: float) -> bool:
     """Return whether a change makes more prints good, today or for life, or else is no worse and better in some way.
 
-    `now` are figures of the plan as it is, with so many `coils`.
+    `now` are figures of the plan as it is, with so many `coils`; beyond the `asked` share no more prints need be good.
     """
-    enough = plan.spec.print_share
     today = now.good_share or 0.0
     for_life = now.life_share or 0.0
     if change.good_share - today > WORTH_SHARE or change.life_share - for_life > WORTH_SHARE:
         return True
-    if change.good_share < min(enough, today) or change.life_share < min(enough, for_life) or change.coils > coils:
+    if change.good_share < min(asked, today) or change.life_share < min(asked, for_life) or change.coils > coils:
         return False
     more_db = change.gained_db or 0.0
     if change.print_db is not None and now.kept_db is not None:

@@ -546,11 +546,9 @@ def _selectivity_lines(plan: "Plan") -> list[str]:
     states = figures.all_states_db or 0.0
     one_hot = figures.one_hot_db or 0.0
     paper = figures.paper_db
-    law = (
-        "all channels felt equally strong"
-        if isinstance(figures.level_law, str)
-        else f"levels {_law_text(figures.level_law)}"
-    )
+    law = "all channels felt equally strong"
+    if not isinstance(figures.level_law, str):
+        law = f"levels {_law_text(figures.level_law)}"
     worst = figures.worst_state
     kept = figures.kept_db
     optimum = figures.optimum_db

@@ -7,7 +7,7 @@ Formats: Ucamco, The Gerber Layer Format Specification (2021.02); IPC-NC-349 for
 from collections.abc import Iterable
 from itertools import pairwise
 
-from padgen.planner.board_layout import LABEL_MM, PIN_DRILL_MM, PIN_PAD_MM, Board, Label
+from padgen.planner.board_layout import LABEL_MM, PIN_DRILL_MM, PIN_PAD_MM, Board, Label, arc_centre
 
 __all__ = ["drill_text", "gerber_files", "label_strokes"]
 
@@ -51,7 +51,7 @@ class _Layer:
         if middle is None:
             self._commands.append(f"G01*\n{_at(end)}D01*")
             return
-        centre = _centre(start, middle, end)
+        centre = arc_centre(start, middle, end)
         left = (middle[0] - start[0]) * (end[1] - start[1]) - (middle[1] - start[1]) * (end[0] - start[0]) > 0
         # Counterclockwise where the middle lies to the right of the chord.
         turn = "G03" if left else "G02"
@@ -144,16 +144,6 @@ def _pad(number: int, size_mm: float) -> str:
     """Return the Gerber aperture of a pin's copper pad: square for pin 1, else round."""
     size = _number(size_mm)
     return f"R,{size}X{size}" if number == 1 else f"C,{size}"
-
-
-def _centre(a: Point, b: Point, c: Point) -> Point:
-    """Return the centre of the circle through three points."""
-    bx, by = b[0] - a[0], b[1] - a[1]
-    cx, cy = c[0] - a[0], c[1] - a[1]
-    twice = 2 * (bx * cy - by * cx)
-    square_b = bx * bx + by * by
-    square_c = cx * cx + cy * cy
-    return a[0] + (cy * square_b - by * square_c) / twice, a[1] + (bx * square_c - cx * square_b) / twice
 
 
 def _at(point: Point) -> str:

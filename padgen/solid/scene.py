@@ -13,7 +13,7 @@ import numpy as np
 
 from padgen.core.errors import InfeasibleError
 from padgen.core.units import MM
-from padgen.planner.board_layout import PIN_DRILL_MM, Track, board_of, coil_path
+from padgen.planner.board_layout import PIN_DRILL_MM, Track, arc_centre, board_of, coil_path
 from padgen.planner.coils.board import board_coil
 from padgen.planner.fixtures import plan_tray
 from padgen.planner.guard import plan_guard
@@ -299,20 +299,14 @@ def _on_top(tracks: Sequence[Track]) -> manifold3d.CrossSection:
 
 def _ribbon(track: Track) -> np.ndarray:
     """Return the outline (n, 2) of a track in mm; its ends are cut square, half its width beyond where it ends."""
-    start, end = (np.array(at) for at in (track.start_mm, track.end_mm))
-    if track.middle_mm is None:
-        points = np.array([start, end])
-    else:
-        middle = np.array(track.middle_mm)
-        # The centre is as far from all three points.
-        centre = np.linalg.solve(
-            2 * np.array([middle - start, end - start]), [middle @ middle - start @ start, end @ end - start @ start]
-        )
-        angles = [complex(*(at - centre)) for at in (start, middle, end)]
-        way = np.sign(np.angle(angles[1] / angles[0]))
-        sweep = way * (way * np.angle(angles[2] / angles[0]) % (2 * np.pi))
-        turned = angles[0] * np.exp(1j * sweep * np.linspace(0, 1, ARC_SIDES + 1))
-        points = centre + np.stack([turned.real, turned.imag], -1)
+    points = np.array([track.start_mm, track.end_mm])
+    if track.middle_mm is not None:
+        centre = complex(*arc_centre(track.start_mm, track.middle_mm, track.end_mm))
+        start, middle, end = (complex(*at) - centre for at in (track.start_mm, track.middle_mm, track.end_mm))
+        way = np.sign(np.angle(middle / start))
+        sweep = way * (way * np.angle(end / start) % (2 * np.pi))
+        arc = centre + start * np.exp(1j * sweep * np.linspace(0, 1, ARC_SIDES + 1))
+        points = np.stack([arc.real, arc.imag], -1)
     ahead = np.gradient(points, axis=0)
     ahead /= np.linalg.norm(ahead, axis=1)[:, None]
     half = track.width_mm / 2
@@ -320,11 +314,6 @@ def _ribbon(track: Track) -> np.ndarray:
     points[-1] += half * ahead[-1]
     aside = half * np.stack([-ahead[:, 1], ahead[:, 0]], -1)
     return np.concatenate([points - aside, (points + aside)[::-1]])
-
-
-def _lifted(shape: manifold3d.CrossSection, low_mm: float, high_mm: float) -> manifold3d.Manifold:
-    """Return the solid of an outline between two heights."""
-    return shape.extrude(high_mm - low_mm).translate((0, 0, low_mm))
 
 
 def _tray(plan: Plan) -> SceneParts:
@@ -362,7 +351,7 @@ def _tray(plan: Plan) -> SceneParts:
             "tray",
             _mesh_of(
                 manifold3d.Manifold.batch_boolean(
-                    [of.extrude(high - low).translate((0, 0, low - tray.height_mm)) for of, low, high in layers],
+                    [_lifted(of, low - tray.height_mm, high - tray.height_mm) for of, low, high in layers],
                     manifold3d.OpType.Add,
                 )
             ),
@@ -393,8 +382,8 @@ def _guard(plan: Plan) -> SceneParts:
     high = low + guard.clearance_mm
     solid = manifold3d.Manifold.batch_boolean(
         [
-            (plate - pockets).extrude(guard.clearance_mm).translate((0, 0, low)),
-            plate.extrude(guard.thickness_mm).translate((0, 0, high)),
+            _lifted(plate - pockets, low, high),
+            _lifted(plate, high, high + guard.thickness_mm),
         ],
         manifold3d.OpType.Add,
     )
@@ -421,8 +410,12 @@ def _disc(diameter: float, x: float = 0.0, y: float = 0.0, sides: int = SIDES) -
 
 def _extruded(rings: list[np.ndarray], low: float, high: float) -> manifold3d.Manifold:
     """Return the prism from `low` to `high` mm over anticlockwise outlines with clockwise holes."""
-    section = manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
-    return section.extrude(high - low).translate((0, 0, low))
+    return _lifted(manifold3d.CrossSection(rings, manifold3d.FillRule.Positive), low, high)
+
+
+def _lifted(shape: manifold3d.CrossSection, low_mm: float, high_mm: float) -> manifold3d.Manifold:
+    """Return the solid of an outline between two heights."""
+    return shape.extrude(high_mm - low_mm).translate((0, 0, low_mm))
 
 
 def _mesh_of(solid: manifold3d.Manifold) -> Mesh:

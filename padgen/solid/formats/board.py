@@ -4,9 +4,11 @@
 ``board-parts.csv``. Nothing is written for parts beside the pad.
 """
 
+from math import dist
+
 from padgen.core.errors import number
 from padgen.core.files import OutputFolder
-from padgen.planner.board_layout import PIN_MM, Board, board_of
+from padgen.planner.board_layout import PIN_MM, Board, arc_centre, board_of
 from padgen.planner.coils.board import house_of
 from padgen.planner.drive_rows import table_csv
 from padgen.planner.fixtures import spacer_mm
@@ -102,7 +104,7 @@ def board_svg(board: Board) -> str:
                 else:
                     mx, my = track.middle_mm
                     left = (mx - ax) * (by - ay) - (my - ay) * (bx - ax) > 0
-                    radius = _radius(track.start_mm, track.middle_mm, track.end_mm)
+                    radius = dist(track.start_mm, arc_centre(track.start_mm, track.middle_mm, track.end_mm))
                     way += f"A{radius:.3f} {radius:.3f} 0 0 {0 if left else 1} {bx:.3f} {-by:.3f}"
                 by_width.setdefault(track.width_mm, []).append(way)
         for width, ways in sorted(by_width.items()):
@@ -129,10 +131,3 @@ def board_svg(board: Board) -> str:
         "",
     ]
     return "\n".join(parts)
-
-
-def _radius(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    """Return the radius of the circle through three points."""
-    ab, bc, ca = (((p[0] - q[0]) ** 2 + (p[1] - q[1]) ** 2) ** 0.5 for p, q in ((a, b), (b, c), (c, a)))
-    twice_area = abs((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
-    return float(ab * bc * ca / (2 * twice_area))
