@@ -139,11 +139,11 @@ def spec_and_folder(options: argparse.Namespace, recorded: bool = True) -> tuple
     return spec, folder
 
 
-def plan_of(options: argparse.Namespace, progress: Any) -> Any:
-    """Return the plan that the command line asks for, by default with its folder's recorded model."""
+def plan_of(options: argparse.Namespace, progress: Any, recorded: bool = True) -> Any:
+    """Return the plan that the command line asks for; if `recorded`, by default with its folder's recorded model."""
     from padgen.api.pads import plan
 
-    return plan(spec_and_folder(options)[0], tolerance=options.tolerance, progress=progress)
+    return plan(spec_and_folder(options, recorded)[0], tolerance=options.tolerance, progress=progress)
 
 
 def folder_of(options: argparse.Namespace, name: str) -> Path:
