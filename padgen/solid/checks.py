@@ -22,8 +22,7 @@ from padgen.solid.measure import (
     NarrowSpot,
     longest_unsupported_span,
     measured,
-    narrow,
-    narrowest_width_mm,
+    narrow_places,
     sections,
     thin_skins,
     washer_rooms,
@@ -415,16 +414,18 @@ def _printable(mesh: Mesh, printer: Printer, places: SampleShifts) -> tuple[dict
         return {}, refused
     cuts = sections(solid, mesh)
     bound = 4 * max(printer.line_width_mm, printer.smallest_gap_mm)
+    wall_mm, walls = narrow_places(cuts, False, bound, _thinnest_wall_mm(printer) - FACET_MM)
+    gap_mm, gaps = narrow_places(cuts, True, bound, printer.smallest_gap_mm - FACET_MM)
     limit = printer.longest_bridge_mm
     span, place = longest_unsupported_span(solid, mesh, limit + 1.0)
     figures = {
-        "smallest_wall_mm": narrowest_width_mm(cuts, False, bound),
-        "smallest_gap_mm": narrowest_width_mm(cuts, True, bound),
+        "smallest_wall_mm": wall_mm,
+        "smallest_gap_mm": gap_mm,
         # Where one of the two is None, there is none below this width.
         "searched_below_mm": bound if cuts else None,
         "longest_bridge_mm": span,
     }
-    wrong = [*_too_narrow(cuts, False, printer), *_too_narrow(cuts, True, printer), *_overhangs(mesh, printer)]
+    wrong = [*_thin_walls(cuts, walls, printer), *_narrow_gaps(gaps, printer), *_overhangs(mesh, printer)]
     for thin in thin_skins(solid, mesh, printer.layer_mm):
         sentence = f"{number(thin.area_mm2)} mm² are thinner than a layer of {number(printer.layer_mm)} mm"
         wrong.append(("print.skin", thin, sentence))
@@ -436,23 +437,37 @@ def _printable(mesh: Mesh, printer: Printer, places: SampleShifts) -> tuple[dict
     return figures, list(first_of_each_code(findings))
 
 
-def _too_narrow(cuts: list[tuple[float, Any]], gaps: bool, printer: Printer) -> Iterator[Wrong]:
-    """Yield walls, or with `gaps` gaps, too narrow to print: of several above one another only the lowest."""
-    limit = printer.smallest_gap_mm if gaps else min(printer.line_width_mm, printer.smallest_beam_mm)
+def _thinnest_wall_mm(printer: Printer) -> float:
+    return min(printer.line_width_mm, printer.smallest_beam_mm)
+
+
+def _thin_walls(
+    cuts: list[tuple[float, Any]], places: list[tuple[int, NarrowSpot]], printer: Printer
+) -> Iterator[Wrong]:
+    """Yield walls too thin to print."""
+    limit = _thinnest_wall_mm(printer)
+    for index, place in _lowest(places):
+        least_mm, _ = narrow_places([cuts[index]], False, limit)
+        least = "" if least_mm is None else f" (at this height down to {number(least_mm)} mm)"
+        sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays{least}"
+        yield "print.wall", place, sentence
+
+
+def _narrow_gaps(places: list[tuple[int, NarrowSpot]], printer: Printer) -> Iterator[Wrong]:
+    """Yield gaps too narrow to stay open."""
+    limit = printer.smallest_gap_mm
+    for _, place in _lowest(places):
+        yield "print.gap", place, f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
+
+
+def _lowest(places: list[tuple[int, NarrowSpot]]) -> Iterator[tuple[int, NarrowSpot]]:
+    """Yield of several places above one another only the lowest."""
     seen: set[tuple[int, int]] = set()
-    for cut, place in ((each, place) for each in cuts for place in narrow(each, limit - FACET_MM, gaps)):
+    for index, place in places:
         near = round(place.x_mm / APART_MM), round(place.y_mm / APART_MM)
-        if near in seen:
-            continue
-        seen.add(near)
-        if gaps:
-            sentence = f"a gap is narrower than {number(limit)} mm, the least that {printer.name} keeps open"
-            yield "print.gap", place, sentence
-        else:
-            least_mm = narrowest_width_mm([cut], False, limit)
-            least = "" if least_mm is None else f" (at this height down to {number(least_mm)} mm)"
-            sentence = f"a wall is thinner than {number(limit)} mm, the least that {printer.name} lays{least}"
-            yield "print.wall", place, sentence
+        if near not in seen:
+            seen.add(near)
+            yield index, place
 
 
 def _overhangs(mesh: Mesh, printer: Printer) -> Iterator[Wrong]:

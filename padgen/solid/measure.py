@@ -6,6 +6,7 @@ narrow gap where it is done to the empty space.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from math import inf, isfinite, nan
 from typing import Any, NamedTuple
 
@@ -23,8 +24,7 @@ __all__ = [
     "holes_of",
     "longest_unsupported_span",
     "measured",
-    "narrow",
-    "narrowest_width_mm",
+    "narrow_places",
     "ray_distance_mm",
     "sections",
     "thin_skins",
@@ -288,45 +288,87 @@ def sections(solid: Any, mesh: Mesh) -> list[tuple[float, Any]]:
     return [(z, shape) for z, shape in cuts if not shape.is_empty()]
 
 
-def narrow(section: tuple[float, Any], limit_mm: float, gaps: bool = False) -> list[NarrowSpot]:
-    """Return where in a cross-section the material, or with `gaps` the empty space, is narrower than `limit_mm`."""
-    from manifold3d import JoinType
+class _Part(NamedTuple):
+    """Material, or empty space, at a height in mm, as much of it as matters: what is lost counts within `core` only."""
 
+    z_mm: float
+    shape: Any
+    core: Any = None
+
+    def narrower_than(self, limit_mm: float) -> "tuple[list[NarrowSpot], _Part]":
+        """Return the places that are narrower than a limit, and as much as decides what is narrower than a lower one.
+
+        Lost is what does not come back when the shape is shrunk by half of the limit and grown again. A corner that
+        shrinks and grows reaches no farther than twice the limit.
+        """
+        from manifold3d import JoinType
+
+        half = limit_mm / 2
+        lost = self.shape - self.shape.offset(-half, JoinType.Miter).offset(half * 1.001, JoinType.Miter)
+        if self.core is not None:
+            lost = lost ^ self.core
+        pieces = [] if lost.is_empty() else lost.decompose()
+        # Square corners survive; acute ones lose a splinter, which is no wall.
+        splinter = SPLINTER_SHARE * half**2
+        spots = [_where(piece, self.z_mm) for piece in pieces if piece.area() > splinter]
+        return spots, _Part(self.z_mm, self.shape ^ _boxes(pieces, 2 * limit_mm), _boxes(pieces, STEP_MM))
+
+
+def _boxes(pieces: list[Any], margin_mm: float) -> Any:
+    """Return the boxes around pieces of a cross-section, each wider by a margin on every side, as one shape."""
+    from manifold3d import CrossSection, OpType
+
+    boxes = []
+    for x0, y0, x1, y1 in (piece.bounds() for piece in pieces):
+        box = CrossSection.square((x1 - x0 + 2 * margin_mm, y1 - y0 + 2 * margin_mm))
+        boxes.append(box.translate((x0 - margin_mm, y0 - margin_mm)))
+    return CrossSection.batch_boolean(boxes, OpType.Add) if boxes else CrossSection()
+
+
+def _part_of(section: tuple[float, Any], gaps: bool) -> _Part:
+    """Return the material of a cross-section, or with `gaps` the empty space in it and around it."""
     z_mm, filled = section
-    if gaps:
-        x0, y0, x1, y1 = filled.bounds()
-        room = type(filled).square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
-        filled = room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - filled
-    # Square corners survive; acute ones lose a splinter, which is no wall.
-    splinter = SPLINTER_SHARE * (limit_mm / 2) ** 2
-    half = limit_mm / 2
-    lost = filled - filled.offset(-half, JoinType.Miter).offset(half * 1.001, JoinType.Miter)
-    if lost.area() < splinter:
-        return []
-    return [_where(piece, z_mm) for piece in lost.decompose() if piece.area() > splinter]
+    if not gaps:
+        return _Part(z_mm, filled)
+    x0, y0, x1, y1 = filled.bounds()
+    room = type(filled).square((x1 - x0 + 2 * ROOM_MM, y1 - y0 + 2 * ROOM_MM))
+    return _Part(z_mm, room.translate((x0 - ROOM_MM, y0 - ROOM_MM)) - filled)
 
 
-def narrowest_width_mm(cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float) -> float | None:
-    """Return the width in mm of the narrowest wall, or gap, in any of the cuts, None where none is below `bound_mm`.
+def narrow_places(
+    cuts: Sequence[tuple[float, Any]], gaps: bool, bound_mm: float, limit_mm: float = 0.0
+) -> tuple[float | None, list[tuple[int, NarrowSpot]]]:
+    """Return the width in mm of the narrowest wall, or gap, in any of the cuts, and all places narrower than a limit.
 
-    It is right within half of a step of `bound_mm` / `WIDTH_STEPS`. A cut that has nothing narrower than those before
-    it is looked at once.
+    The width is None where none is below `bound_mm`, else right within half of a step of `bound_mm` / `WIDTH_STEPS`.
+    With each place comes the index of its cut. A cut is looked at as a whole once; smaller widths are looked for only
+    where it is narrow.
     """
     step_mm = bound_mm / WIDTH_STEPS
     least = WIDTH_STEPS + 1
-    for cut in cuts:
+    places: list[tuple[int, NarrowSpot]] = []
+    for index, cut in enumerate(cuts):
         low = 0
         high = least - 1
-        if not high or not narrow(cut, high * step_mm, gaps):
+        part = _part_of(cut, gaps)
+        looks = {}
+        for width_mm in sorted({high * step_mm, limit_mm}, reverse=True):
+            looks[width_mm] = part.narrower_than(width_mm) if width_mm else ([], part)
+            _, part = looks[width_mm]
+        places += [(index, spot) for spot in looks[limit_mm][0]]
+        spots, part = looks[high * step_mm]
+        if not spots:
             continue
         while high - low > 1:
             middle = (low + high) // 2
-            if narrow(cut, middle * step_mm, gaps):
+            spots, smaller = part.narrower_than(middle * step_mm)
+            if spots:
                 high = middle
+                part = smaller
             else:
                 low = middle
         least = high
-    return None if least > WIDTH_STEPS else (least - 0.5) * step_mm
+    return None if least > WIDTH_STEPS else (least - 0.5) * step_mm, places
 
 
 def longest_unsupported_span(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[float, NarrowSpot | None]:
@@ -335,24 +377,35 @@ def longest_unsupported_span(solid: Any, mesh: Mesh, bound_mm: float) -> tuple[f
     A horizontal face that looks down is bridged from the material beneath its rim. Its span is twice the largest
     distance from that material. The search stops at `bound_mm`.
     """
-    from manifold3d import JoinType
-
-    worst = 0.0
+    low = high = 0.0
     where = None
     bed = float(mesh.vertices_mm[:, 2].min())
     for z in (height for height in _flat_heights_mm(mesh, up=False) if height > bed + 2 * STEP_MM):
         below = solid.slice(z - STEP_MM)
-        hanging = solid.slice(z + STEP_MM) - below
+        hanging = _beyond(solid.slice(z + STEP_MM), below, high + STEP_MM)
+        while (piece := _largest(hanging)).area() > AREA_MM2:
+            # Material farther from the piece than half of the bound supports nothing of it.
+            near = below ^ _boxes([piece], bound_mm / 2 + STEP_MM)
+            low, high = _bisect(partial(_is_supported, piece, near), bound_mm)
+            place = _beyond(piece, near, 0.9 * low)
+            where = _where(place if place.area() else piece, z)
+            hanging = _beyond(hanging - piece, below, high + STEP_MM)
+    return (low + high) / 2, where
 
-        def beyond(span: float, hanging: Any = hanging, below: Any = below) -> Any:
-            """Return the unsupported area that is farther than half of `span` (mm) from the material beneath."""
-            return hanging - below.offset(span / 2, JoinType.Round, 2.0, 64)
 
-        if beyond(worst + STEP_MM).area() > AREA_MM2:
-            worst = _bisect(lambda span: beyond(span).area() <= AREA_MM2, bound_mm)
-            place = beyond(0.9 * worst)
-            where = _where(place if place.area() else hanging, z)
-    return worst, where
+def _beyond(hanging: Any, below: Any, span_mm: float) -> Any:
+    """Return what of a cross-section is farther than half of a span from the material beneath."""
+    from manifold3d import JoinType
+
+    return hanging - below.offset(span_mm / 2, JoinType.Round, 2.0, 64)
+
+
+def _is_supported(hanging: Any, below: Any, span_mm: float) -> bool:
+    return bool(_beyond(hanging, below, span_mm).area() <= AREA_MM2)
+
+
+def _largest(shape: Any) -> Any:
+    return shape if shape.is_empty() else max(shape.decompose(), key=lambda piece: piece.area())
 
 
 def thin_skins(solid: Any, mesh: Mesh, limit_mm: float) -> list[NarrowSpot]:
@@ -380,13 +433,13 @@ def _where(shape: Any, z_mm: float) -> NarrowSpot:
     return NarrowSpot((x0 + x1) / 2, (y0 + y1) / 2, z_mm, float(shape.area()))
 
 
-def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> float:
-    """Return the width at which `narrower` turns true, within 0.1 % of `bound_mm`; `bound_mm` if it never does."""
+def _bisect(narrower: Callable[[float], bool], bound_mm: float) -> tuple[float, float]:
+    """Return two widths, 0.2 % of `bound_mm` apart, between which `narrower` turns true; twice the bound if nowhere."""
     if not narrower(bound_mm):
-        return bound_mm
+        return bound_mm, bound_mm
     low = 0.0
     high = bound_mm
     for _ in range(9):
         middle = (low + high) / 2
         low, high = (low, middle) if narrower(middle) else (middle, high)
-    return (low + high) / 2
+    return low, high

@@ -14,7 +14,7 @@ from padgen.planner.layout import to_cell
 from padgen.report.plans import figures_text
 from padgen.solid import checks
 from padgen.solid.checks import check_against, check_mesh, check_pad
-from padgen.solid.measure import longest_unsupported_span, narrowest_width_mm, sections
+from padgen.solid.measure import longest_unsupported_span, narrow_places, sections
 from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import parse_spec
@@ -295,14 +295,24 @@ def test_a_steep_overhang():
     assert "print.overhang" not in codes(checked(mild))
 
 
+def test_the_longest_of_several_spans_is_told_with_its_place():
+    """Slots of 3, 5 and 3 mm under one roof, as long as each other: the middle one decides."""
+    roof = box((30, 12, 1), (0, 0, 2))
+    walls = [box((wide, 12, 2), (x, 0, 0)) for x, wide in ((0, 3), (6, 4), (15, 4), (22, 8))]
+    solid = sum(walls, roof)
+    span, place = longest_unsupported_span(solid, from_manifold(solid), 11)
+    assert span == pytest.approx(5, abs=0.03)
+    assert (place.x_mm, place.z_mm) == pytest.approx((12.5, 2), abs=0.05)
+
+
 @pytest.mark.parametrize("width", [0.2, 0.37, 0.8])
 def test_walls_and_gaps_are_measured(width):
     wall = box((10, width, 3)) + box((3, 10, 3)) + box((3, 10, 3), (7, 0, 0))
     gap = box((10, 10, 3)) - box((8, width, 5), (1, 4, -1))
     cuts = sections(wall, from_manifold(wall))
-    assert len(cuts) == 1 and narrowest_width_mm(cuts, False, 1.8) == pytest.approx(width, abs=5e-3)
+    assert len(cuts) == 1 and narrow_places(cuts, False, 1.8)[0] == pytest.approx(width, abs=5e-3)
     cuts = sections(gap, from_manifold(gap))
-    assert len(cuts) == 1 and narrowest_width_mm(cuts, True, 1.8) == pytest.approx(width, abs=5e-3)
+    assert len(cuts) == 1 and narrow_places(cuts, True, 1.8)[0] == pytest.approx(width, abs=5e-3)
 
 
 @pytest.mark.parametrize("length", [0.05, 0.2, 0.5])
@@ -319,7 +329,7 @@ def test_narrow_places_are_measured_once(small_plan, monkeypatch, tmp_path):
     report = check_pad(pad, thin)
     assert "print.wall" in codes(report)
     calls = []
-    monkeypatch.setattr(checks, "narrowest_width_mm", lambda *arguments: calls.append(arguments) or 0.1)
+    monkeypatch.setattr(checks, "narrow_places", lambda *arguments: calls.append(arguments) or (0.1, []))
     assert check_pad(pad, thin) == report and not calls
     (entry,) = tmp_path.glob("narrow-places/*/*.entry")
     cache.store("narrow-places", entry.stem, {"another": "form"})
@@ -332,9 +342,9 @@ def test_the_narrowest_of_several_heights_is_that_of_the_narrowest_alone(widths)
     wall = sum((box((10, width, 3), (0, 0, 3 * k)) for k, width in enumerate(widths)), ends)
     cuts = sections(wall, from_manifold(wall))
     assert len(cuts) >= 3
-    alone = [width for cut in cuts if (width := narrowest_width_mm([cut], False, 1.8)) is not None]
-    assert narrowest_width_mm(cuts, False, 1.8) == min(alone, default=None)
-    assert narrowest_width_mm(cuts, False, 1.8) == (pytest.approx(min(widths), abs=5e-3) if min(widths) < 1.8 else None)
+    alone = [width for cut in cuts if (width := narrow_places([cut], False, 1.8)[0]) is not None]
+    assert narrow_places(cuts, False, 1.8)[0] == min(alone, default=None)
+    assert narrow_places(cuts, False, 1.8)[0] == (pytest.approx(min(widths), abs=5e-3) if min(widths) < 1.8 else None)
 
 
 @pytest.mark.parametrize(
