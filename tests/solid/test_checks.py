@@ -14,7 +14,7 @@ from padgen.planner.layout import to_cell
 from padgen.report.plans import figures_text
 from padgen.solid import checks
 from padgen.solid.checks import check_against, check_mesh, check_pad
-from padgen.solid.measure import longest_unsupported_span, narrow_places, sections
+from padgen.solid.measure import _part_of, longest_unsupported_span, narrow_places, sections
 from padgen.solid.mesh import Mesh, as_manifold, intersecting_pairs, topology
 from padgen.solid.pad_solid import build_pad
 from padgen.spec import parse_spec
@@ -296,13 +296,13 @@ def test_a_steep_overhang():
 
 
 def test_the_longest_of_several_spans_is_told_with_its_place():
-    """Slots of 3, 5 and 3 mm under one roof, as long as each other: the middle one decides."""
+    """Slots of 3, 3 and 5 mm under one roof, as long as each other: the last one decides."""
     roof = box((30, 12, 1), (0, 0, 2))
-    walls = [box((wide, 12, 2), (x, 0, 0)) for x, wide in ((0, 3), (6, 4), (15, 4), (22, 8))]
+    walls = [box((wide, 12, 2), (x, 0, 0)) for x, wide in ((0, 3), (6, 4), (13, 4), (22, 8))]
     solid = sum(walls, roof)
     span, place = longest_unsupported_span(solid, from_manifold(solid), 11)
     assert span == pytest.approx(5, abs=0.03)
-    assert (place.x_mm, place.z_mm) == pytest.approx((12.5, 2), abs=0.05)
+    assert (place.x_mm, place.z_mm) == pytest.approx((19.5, 2), abs=0.05)
 
 
 @pytest.mark.parametrize("width", [0.2, 0.37, 0.8])
@@ -313,6 +313,20 @@ def test_walls_and_gaps_are_measured(width):
     assert len(cuts) == 1 and narrow_places(cuts, False, 1.8)[0] == pytest.approx(width, abs=5e-3)
     cuts = sections(gap, from_manifold(gap))
     assert len(cuts) == 1 and narrow_places(cuts, True, 1.8)[0] == pytest.approx(width, abs=5e-3)
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_what_is_left_around_narrow_places_decides_as_the_whole_does(small_pad, gaps):
+    cuts = sections(as_manifold(small_pad.mesh, "pad"), small_pad.mesh)
+    decided = set()
+    for cut in cuts:
+        part = whole = _part_of(cut, gaps)
+        for width_mm in (1.8, 1.1, 0.7, 0.5, 0.45, 0.3):
+            spots, part = part.narrower_than(width_mm)
+            expected, _ = whole.narrower_than(width_mm)
+            assert [s.area_mm2 for s in sorted(spots)] == pytest.approx([s.area_mm2 for s in sorted(expected)], rel=1e-3)
+            decided.add((len(spots) > 0, part.shape.area() < 0.9 * whole.shape.area()))
+    assert decided >= {(True, True), (False, True)}
 
 
 @pytest.mark.parametrize("length", [0.05, 0.2, 0.5])
