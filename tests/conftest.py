@@ -48,8 +48,23 @@ LONGEST = (
 """Files whose tests take longest, which begin first, so that no process works on one of them while others are done."""
 
 
+@pytest.hookimpl(tryfirst=True)  # before pytest leaves out those marked soak
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with the files that take longest, and leave to `make soak` what a test's `sample` does not take.
+
+    ``@pytest.mark.sample(3)`` takes three of a test's cases, the first, the last and one half way between.
+    """
     items.sort(key=lambda item: item.path.stem.removeprefix("test_") not in LONGEST)
+    cases: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("sample") and not item.get_closest_marker("soak"):
+            cases.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    for of_test in cases.values():
+        count = of_test[0].get_closest_marker("sample").args[0]
+        taken = {round(at) for at in np.linspace(0, len(of_test) - 1, count)}
+        for number, item in enumerate(of_test):
+            if number not in taken:
+                item.add_marker("soak")
 
 
 @pytest.fixture(scope="session", autouse=True)

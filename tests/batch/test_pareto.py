@@ -46,6 +46,7 @@ def by_definition(scores):
     return np.array([not any((o >= s).all() and (o > s).any() for o in scores) for s in scores], dtype=bool)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("levels", "columns"), [(3, 1), (3, 2), (3, 5), (20, 2), (20, 3), (10**6, 5)])
 def test_front_is_what_the_definition_says(columns, levels):
     # More rows than two blocks, few levels for many ties.

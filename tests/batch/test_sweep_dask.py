@@ -127,6 +127,7 @@ def after(count: int, act):
     return listen
 
 
+@pytest.mark.soak
 def test_workers_that_would_make_something_else_or_are_killed(place):
     """Tried are no worker at all, one with another padgen, one that is killed and one without padgen.
 

@@ -79,6 +79,7 @@ def wait_until(condition, seconds: float = 20.0) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("chunk", [1, 8])
 @pytest.mark.parametrize("foreign", [False, True])
 def test_a_killed_worker_costs_its_variant(place, foreign, chunk):

@@ -147,6 +147,7 @@ def test_every_command_lists_what_it_wrote(work, capsys):
     assert names(work / "o") == ["manifest.json", "measured.csv", "plan.json", "printed.json", "tuning.json"]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "command",
     [

@@ -179,6 +179,7 @@ def test_any_value_in_any_field_is_taken_or_refused(table):
                 assert str(error).isprintable()
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -324,6 +325,7 @@ WIDE = {"width_mm": 500, "depth_mm": 500}
 DRUM = {**catalogue("coil")["paper"], "outer_diameter_mm": 200}
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [

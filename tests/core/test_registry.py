@@ -326,6 +326,7 @@ def registered_format(thing):
         drive_formats.unregister(FORMAT)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("made_of", ["plan", "drive", "frames", "host"])
 def test_a_registered_format_is_written_alone_and_beside_others(small_plan, tmp_path, made_of):
     frame = np.ones((1, len(small_plan.taxels)))

@@ -182,6 +182,7 @@ def test_whatever_breaks_down_costs_the_job_and_not_the_worker(shared, work, sen
     assert shared.run(process_of).value == before
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "work, sentence",
     [
@@ -459,6 +460,7 @@ os._exit(0)
 """
 
 
+@pytest.mark.sample(3)
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere what holds Python's lock lives on until it is free")
 @pytest.mark.parametrize(
     "code, end, told",

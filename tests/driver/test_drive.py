@@ -238,6 +238,7 @@ LIMITS = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("limit", LIMITS)
 def test_the_reachable_level_is_reachable_and_no_more(limit):
     text = FOUR if limit in ("voltage", "copper loss") else FOUR + "gap_mm = 1.5\npower_limit_w = 1e4\n"
@@ -396,6 +397,7 @@ def superposed_leak(plan, own_on, other_on, seconds=60):
     return np.array(energies)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free"])
 def test_beats_bound_what_two_coils_make_together(scheme):
     """Twice the product of two coils' currents, by Fourier transform over states, is little below the bound."""
@@ -441,6 +443,7 @@ def test_leakage_of_a_pair_adds_up(scheme):
     assert plan.reuse.leak_db < -10 * np.log10(float((square**2 * tones).max())) - 3
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("text", [FOUR, ALTERNATE], ids=["same", "alternate"])
 @pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased", "time-shared"])
 def test_mean_pull_and_heat_of_each_scheme_by_hand(scheme, text):

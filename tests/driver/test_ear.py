@@ -96,6 +96,7 @@ def quad():
     return plan, make_drive(plan, RATE)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("hz", "q", "henry"), [(60.0, 15.0, 61e-3), (21.0, 1e4, 61e-3), (990.0, 100.0, 61e-3), (60.0, 15.0, 6.0)]
 )
@@ -182,6 +183,7 @@ def test_files_keep_what_the_plan_says_in_all_states(name, tmp_path):
     assert (heard.tone_um / heard.wanted_um)[on] == pytest.approx(1, abs=1e-3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scheme", ["tones", "spur-free", "time-shared"])
 def test_other_schemes_keep_what_the_plan_says_of_them(scheme, tmp_path):
     plan = plan_of("quad-64", scheme=scheme)

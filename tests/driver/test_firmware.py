@@ -82,6 +82,7 @@ def played(pad: Host, levels: np.ndarray, each: int) -> Run:
 # ---- What it plays -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(3)
 @pads("one", "tones", "biased", "time-shared", "carrier", "magnet")
 def test_files_compile_without_a_warning_as_c_and_header_as_cpp(pad: Host):
     (pad.folder / "header.cc").write_text('#include "padgen_protocol.h"\nint main() { return PADGEN_COILS == 0; }\n')
@@ -94,6 +95,7 @@ def test_files_compile_without_a_warning_as_c_and_header_as_cpp(pad: Host):
         assert taxel.id in (pad.folder / "pad_drive.h").read_text()
 
 
+@pytest.mark.sample(5)
 @pads("one", "tones", "spur-free", "no inductance", "carrier", "biased", "magnet")
 @pytest.mark.parametrize("with_signs", [False, True])
 def test_volts_are_those_of_the_waveform(pad: Host, with_signs: bool):
@@ -252,6 +254,7 @@ def spoiled(header: str, table: str, entry: str) -> str:
     return with_tables_crc(f"#include <math.h>\n{declared}static const float {table}{numbers};{rest}")
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(("scheme", "table", "entry"), [
     ("tones", "padgen_line_a2", "1e9f"),
     ("tones", "padgen_line_a2", "-1e3f"),
@@ -276,6 +279,7 @@ def test_whatever_the_tables_hold_no_volt_is_beyond_the_limit(tmp_path: Path, sc
     assert np.abs(run.volts).max() <= LIMIT_V
 
 
+@pytest.mark.sample(2)
 @pads("tones", "spur-free", "biased", "carrier")
 def test_volts_are_cut_at_the_limit_and_nowhere_else(pad: Host, tmp_path: Path):
     cut = compiled(pad.plan, replace(pad.drive, voltage_limit_v=LIMIT_V), tmp_path)

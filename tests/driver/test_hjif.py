@@ -167,6 +167,7 @@ def frames_of(plan: Plan, count: int, seed: int = 1) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 3, (count, len(plan.taxels))) / 2
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ["paper-16", "paper-32", "quad-64", "wide-11", "big-512"])
 def test_files_keep_the_formats_rules(name):
     plan = pg.plan(name)

@@ -68,6 +68,7 @@ PLAYED = {
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("case", "signed"), [*((case, True) for case in PLAYED), ("one channel", False), ("two channels", False)]
 )
@@ -101,6 +102,7 @@ def changing(plan, count, seed=4):
     return np.array(frames)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["pad-32", "paper-pair"])
 def test_frames_keep_on_the_moving_pad_what_their_bytes_give(name, tmp_path, monkeypatch):
     """Over whole slots, switching and turning over included; 0.3 dB as for what is held."""

@@ -124,6 +124,7 @@ def test_bytes_keep_over_their_slots_what_is_stated(name, shown, brake, tmp_path
     assert not any(finding.level == "error" for finding in driven.findings)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["paper-32", "quad-64"])
 @pytest.mark.parametrize("brake", [False, True], ids=["as it is", "braked"])
 def test_the_plans_worst_case_is_that_of_frames_which_swap_taxels(name, brake, tmp_path):

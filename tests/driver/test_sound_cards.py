@@ -142,6 +142,7 @@ def judged(plan: Plan, folder, corner_hz: float) -> tuple[float, float]:
 # ---- What is written -----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("scheme", "seen_db"), [("tones", NEAR_DB), ("spur-free", 0.05), ("time-shared", NEAR_DB)])
 def test_behind_its_high_pass_a_file_keeps_what_is_planned(tmp_path, scheme, seen_db):
     """On a carrier a high-pass takes little: 0.05 dB of what is made good is seen, else the tolerance."""
@@ -189,7 +190,7 @@ def test_two_hundred_specs_keep_what_is_planned_or_are_refused_before(tmp_path, 
 def test_a_carrier_that_was_moved_onto_the_comb_is_accepted_again():
     """A carrier is at the bound of what is accepted; 1e-9 is rounding of one period of the comb, of a second or so."""
     refused = []
-    for high in np.geomspace(120, 900, 6).round(1):
+    for high in np.geomspace(120, 900, 3).round(1):
         plan = pg.plan(parse_spec(spec_text(own(), "", "spur-free", f"[60, {high}]")))
         drive = drive_at(plan, RATES_HZ)
         highest = max(c.resonance_hz for c in plan.channels)

@@ -212,6 +212,7 @@ def grey(plan: Plan, count: int = 4) -> np.ndarray:
 
 
 # 1e-7: twelve digits of an amplitude and a phase, and the sum of a second's times, are known to 1e-11 of a turn.
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("more", ["", 'reuse = "alternate"', "name = 'paper'\ninductance_mh = 0"])
 @pytest.mark.parametrize("scheme", ["tones", "biased", "spur-free", "time-shared"])
 def test_whole_sequences_are_those_of_the_wave(library, scheme, more):

@@ -141,6 +141,7 @@ def some_frames(plan, kind, count=3):
     return np.round(frames) if kind == "on/off" else frames
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("kind", ["on/off", "grey"])
 @pytest.mark.parametrize("name", SCHEMES)
 def test_volts_are_those_of_the_formula(quads, name, kind):
@@ -635,6 +636,7 @@ def test_frames_go_from_silence_to_silence(quads):
     np.testing.assert_array_equal(times.levels, [silence, frames[0], frames[0], frames[1], frames[1], silence])
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", ["paper-16", "paper-32", "paper-pair", "quad-64", "triple-48", "wide-11"])
 @pytest.mark.parametrize("scheme", ["", "time-shared"])
 def test_planned_frames_hold_their_transitions(name, scheme):

@@ -68,6 +68,7 @@ def test_a_steep_level_law_does_not_trap_the_search():
     assert figure(optimal_ladder(20, 1000, 11, 15, CURVE, FREE), 15, CURVE, FREE) > 10
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("q", "count", "best_db"),
     [

@@ -230,6 +230,7 @@ def test_a_rung_runs_in_a_process_of_its_own():
     assert 0 <= found.seconds < 1
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "work, note",
     [

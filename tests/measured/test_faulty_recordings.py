@@ -49,6 +49,7 @@ def test_gaps_in_what_matters_are_refused_with_their_place():
     assert float(re.search(r"at ([\d.]+) s", results[first])[1]) == pytest.approx(begins[first], abs=1e-3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", ["pluck, then a slam", "slam, then a pluck"])
 def test_a_slam_beside_a_pluck_is_refused_with_both_frequencies(kind):
     _, results, rows = of_kind(kind)

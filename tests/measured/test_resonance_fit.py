@@ -74,6 +74,7 @@ def test_high_q_and_any_unit():
     assert fit.peak == pytest.approx(1e-9, rel=0.05)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("q", [2, 15, 30])
 def test_error_at_30_db_and_honest_sigmas(q):
     rng = np.random.default_rng(q)
@@ -89,7 +90,7 @@ def test_error_at_30_db_and_honest_sigmas(q):
         agreed += fit.agree
     assert np.median(off) <= 0.003
     assert all(0.7 < rms(column) < 1.4 for column in np.transpose(pull))
-    assert agreed >= 47
+    assert agreed >= 23
 
 
 def test_magnitude_alone():
@@ -97,7 +98,7 @@ def test_magnitude_alone():
     off = []
     pull = []
     agreed = 0
-    for _ in range(50):
+    for _ in range(25):
         hz = 80 * np.exp(0.05 * rng.standard_normal())
         size = np.abs(receptance(FINE, hz, 15, 2.0, 0.01, -0.005) + noise(rng, len(FINE), 2 / 31.6))
         fit = fit_spectrum(FINE, size)
@@ -244,6 +245,7 @@ def decay(rate, seconds, hz, q):
     return np.exp(-np.pi * hz / q * time) * np.cos(2 * np.pi * hz * np.sqrt(1 - 1 / (4 * q * q)) * time)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("q", "seconds"), [(3, 0.5), (15, 0.2), (60, 2), (1e4, 5)])
 def test_free_decay(q, seconds):
     rng = np.random.default_rng(11)

@@ -197,6 +197,7 @@ def test_schroeder_phases():
     np.testing.assert_allclose(steps, -2 * np.pi * np.array([1, 5]) / 14, atol=1e-12)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("pair", [(1, 2), (1, 3), (3, 5), (2, 6), (10, 25), (7, 9), (4, 4)])
 @pytest.mark.parametrize("second", [0.3, 1.0, 2.0])
 def test_two_lines_get_their_best_phase(pair, second):

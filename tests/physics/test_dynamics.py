@@ -303,6 +303,7 @@ def test_every_drive_makes_its_current(pair_plan):
         dynamics_question(pair_plan, -1.0)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("case", [c for c in dynamics_cases() if "Radau" not in c.source], ids=lambda c: c.name)
 def test_extreme_cases_are_right_or_refused(case):
     if "101 %" in case.name:

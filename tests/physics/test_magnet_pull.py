@@ -125,6 +125,7 @@ def with_core():
     return random_cases(300, 2, core=True)[::50]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("case", with_core())
 def test_coils_with_a_core(case):
     exact = force_by_elements(case, 0.02 * case.gap)[0]

@@ -58,7 +58,7 @@ def planned(table):
         return None
 
 
-@settings(max_examples=5, **QUIET)
+@settings(max_examples=3, **QUIET)
 @given(tables())
 def test_random_plans_hold_what_they_promise(table):
     plan = planned(table)
@@ -90,7 +90,7 @@ def test_random_plans_hold_what_they_promise(table):
     assert all(abs(t.x_mm) < half[0] and abs(t.y_mm) < half[1] for t in plan.taxels)
 
 
-@settings(max_examples=2, **QUIET)
+@settings(max_examples=1, **QUIET)
 @given(tables().filter(lambda table: planned(table) is not None))
 def test_random_pads_pass_their_checks(table):
     plan = planned(table)

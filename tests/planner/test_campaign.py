@@ -146,6 +146,7 @@ def test_bends_are_stiffer_than_their_axis_and_hold_tall_legs(monkeypatch):
     assert error() > 2 * usual
 
 
+@pytest.mark.soak
 def test_a_taxel_solved_anew():
     pytest.importorskip("ngsolve")
     row = next(row for row in ROWS if row["number"] == 43)

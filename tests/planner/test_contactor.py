@@ -170,6 +170,7 @@ def test_a_push_on_a_pin_stresses_a_slender_beam_as_statics_says():
     assert pushed_stress(section, 0 * tip, MODULUS, 0.3) == pytest.approx(0.4 * 0.6**2 / modulus, rel=1e-3)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("contactor", [{}, {"place": 0.5}, {"place": 0.5, "shape": "dome"}, {"diameter_mm": 1.2}])
 def test_a_pins_mass_in_the_model_is_that_of_the_solid(contactor):
     """The taxel with and without the contactor's part above the frame: half a taxel's pin is where it is planned."""

@@ -203,6 +203,7 @@ ON_SCENES = ("gap", "softening", "switching", "far modes")
 """Terms whose bound is near the true size on every scene."""
 
 
+@pytest.mark.sample(14)
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("term", ON_SCENES)
 def test_bound_of_a_plan(term, name):
@@ -263,6 +264,7 @@ def saturation(name: str, current_a: float) -> tuple[float, float]:
     return saturation_on_axis(*FIELDS[name], current_a)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "current_a"), [("paper coil", 0.06), ("paper coil", 3.0), ("drum", 0.25), ("air core", 1.0)]
 )
@@ -280,6 +282,7 @@ def eddy_currents(name: str, hz: float) -> tuple[float, float]:
     return bound + washer_eddies(washer, 1e-7, hz), abs(moved / still - 1)
 
 
+@pytest.mark.soak
 def test_saturation_of_a_washer_beside_the_axis():
     """Flux takes the two arms of a ring, driven by the field along all of its width: here it reaches over the axis."""
     pytest.importorskip("ngsolve", exc_type=ImportError)

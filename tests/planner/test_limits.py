@@ -106,6 +106,7 @@ def figure(driven: Driven, code: str) -> float:
 # ---- Every format and player ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("formats", FORMATS)
 @pytest.mark.parametrize("limit", BEYOND)
 def test_every_format_says_what_is_beyond_and_ends_with_1(tmp_path, capsys, limit, formats):
@@ -120,6 +121,7 @@ def test_every_format_says_what_is_beyond_and_ends_with_1(tmp_path, capsys, limi
     assert all((tmp_path / "o" / name).exists() for name in told["files"])
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("formats", FORMATS)
 def test_within_all_limits_nothing_is_said(tmp_path, formats, scheme):
@@ -181,6 +183,7 @@ def test_nothing_beyond_a_limit_is_played_over_a_sound_card(tmp_path, monkeypatc
 # ---- Figures -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("state", ["1111", "1,0.3,0.5,0", "0,0,1,0"])
 def test_judged_volts_are_those_of_the_file(tmp_path, scheme, state):
@@ -296,6 +299,7 @@ def test_files_played_on_end_keep_a_coil_within_its_limit():
     assert warmest <= limit_a2 * 1.001
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_no_coil_gets_warmer_than_it_may_by_the_bytes_of_a_file(tmp_path, scheme):
     """Heat is integrated from a file's bytes, from as warm as it may be on: a coil at its limit comes near to it."""
@@ -347,6 +351,7 @@ def test_a_peak_between_samples_is_judged(monkeypatch):
     assert load_of(plan, drive, shown).peak_v == pytest.approx(fine, rel=0.01)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("scheme", [*SCHEMES, "carrier"])
 def test_judged_volts_are_those_of_the_firmware_in_all_states(tmp_path, scheme):
     text = f"scheme = '{'spur-free' if scheme == 'carrier' else scheme}'\nvoltage_limit_v = 1"
@@ -492,6 +497,7 @@ def judged_and_found(plan: Plan, rng: np.random.Generator, folder: Path, carrier
     return np.array(judged), np.array([np.abs(volt).max(), np.abs(ampere).max(), watt.max(), watt.sum(1).max()])
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ["paper-pair", "triple-48", "quad-64", *range(4)])
 def test_no_file_exceeds_what_is_judged_of_it(tmp_path, name):
     """The bytes of a file of random frames stay within 0.1 % of what is judged, and come near to it."""
@@ -670,6 +676,7 @@ def test_a_carrier_that_the_plan_knows_nothing_of_is_judged_by_what_it_heats():
     assert (finding.level, finding.code) == ("error", "coil.heat")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("carrier_hz", [1715.0, 3000.0, 9000.0, 20000.0])
 def test_a_carrier_is_accepted_by_every_format(tmp_path, carrier_hz):
     plan = planned("", "scheme = 'spur-free'\nlevel_um = 0.1")

@@ -55,6 +55,7 @@ def test_capacity_of_the_papers_band():
     assert capacity.exact <= capacity.exact_one_hot
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("asked_db", [3.0, 10.0, 25.9])
 @pytest.mark.parametrize("scheme", ["spur-free", "time-shared"])
 def test_large_counts_of_channels_hold_and_one_more_does_not(asked_db, scheme):
@@ -300,6 +301,7 @@ def jittered(value, seed):
     return value * (1 - seed.uniform(0, 1e-7)) if isinstance(value, float) else value
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "name",
     [
@@ -497,6 +499,7 @@ grid = [2, 2]
 """
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("q", [2.6, 1e3, 1e8])
 def test_extreme_q_is_planned_as_quickly(q):
     """At Q = 1e8 ten million channels would fit the band; no more are tried than were asked for."""
@@ -582,6 +585,7 @@ def test_no_gap_is_suggested_that_a_coil_may_not_have():
     assert "coil.gap_mm =" not in found.message.partition(", above ")[2].partition(";")[2]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("extra", "depth_mm"),
     [

@@ -37,6 +37,7 @@ def test_a_pad_that_lasts_is_taken_before_one_of_fewer_coils_that_does_not():
     assert np.mean(kept >= plan.selectivity.asked_db) < 0.5
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("table", [{**LARGE, "q_min": 50}, {"name": "small", "resolution": 16, **BAND, "q_min": 30}])
 def test_no_layout_in_rank_before_the_one_that_is_taken_lasts(monkeypatch, table):
     """Every layout before it with every reuse, drive and gap, judged one by one."""
@@ -63,6 +64,7 @@ def test_where_no_layout_lasts_the_one_of_the_fewest_coils_is_taken(monkeypatch)
     assert make.choose(spec) == chosen
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("taxels", "most", "for_cure"), [(96, 3, False), (32 * 8, 2, True), (1, 1, True)])
 def test_of_large_pads_and_for_cures_fewer_layouts_are_judged(monkeypatch, taxels, most, for_cure):
     spec = make_spec({"name": "small", "resolution": 32, "band_hz": [50, 200], "q_min": 30})

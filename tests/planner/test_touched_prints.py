@@ -58,6 +58,7 @@ STEPPED = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", STEPPED)
 def test_a_touched_coil_keeps_what_stepping_in_time_says(name):
     plan = json.loads(plan_to_json(pin(**STEPPED[name])))
@@ -285,6 +286,7 @@ def test_taxels_without_a_peak_of_their_own_are_planned_too():
     assert plan.touch.print_db < 0
 
 
+@pytest.mark.soak
 def test_a_search_that_finds_no_pad_says_so_with_a_wider_one():
     """Coils of 12 mm on a board have no room on 50 x 48 mm; the pad that is named is planned within all limits."""
     coil = {"kind": "board", "house": "heavy-0.2", "outer_diameter_mm": 12, "gap_mm": 0.4}

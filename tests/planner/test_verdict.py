@@ -120,6 +120,7 @@ def test_a_verdict_says_its_figure_and_what_decides(pads):
             assert table["verdict"]["figure_db"] == pytest.approx(verdict.figure_db, rel=1e-9)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", sorted(template_paths()))
 def test_a_template_says_what_a_finger_does(name):
     plan = pg.plan(name)

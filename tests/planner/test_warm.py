@@ -227,6 +227,7 @@ def heard_um(plan: Plan, folder: Path, signal: str, tuning=None, listening=None)
     return hear(plan, read_wav(folder / "drive.wav"), sidecar, listening).tone_um[0]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scheme", ["tones", "spur-free", "biased"])
 def test_what_a_cold_file_leaves_is_what_a_warm_pad_in_time_does(scheme, tmp_path):
     """The file's lines lie on a comb, beside the resonances: by the receptance at its lines, to 0.15 dB."""

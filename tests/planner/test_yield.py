@@ -686,6 +686,7 @@ def test_the_four_line_spec_prints():
 TEMPLATES = ("calibration", "pad-32", "paper-32", "quad-64", "resin-fine", "triple-48", "wide-11")
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_what_templates_keep_by_a_program_of_its_own(name):
     """Within 0.3 dB and 2 % by plan.json and print_spread.md, whose terms it works out in its own way.
@@ -702,6 +703,7 @@ def test_what_templates_keep_by_a_program_of_its_own(name):
     assert plan.prints.good_share == pytest.approx(np.mean(told >= plan.selectivity.asked_db), abs=0.02)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "range_k"), [("pad-32", 16.0), ("quad-64", 4.0), ("resin-fine", 2.0)])
 def test_what_prints_keep_for_life_by_a_program_of_its_own(name, range_k):
     """Within 0.3 dB by the program that shares no code, of pads that keep all, most and few of what is asked."""

@@ -301,6 +301,7 @@ def test_ballast_and_pins_on_beams_are_laid_as_planned(tmp_path):
     assert told(shallow, "error") == {"laid.recess"}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("quarters", [2, 3])
 def test_the_pad_is_found_wherever_it_lies(plan, tmp_path, quarters):
     """Turned by 180° the pad differs by its beams' widths alone."""
@@ -309,6 +310,7 @@ def test_the_pad_is_found_wherever_it_lies(plan, tmp_path, quarters):
     assert figures["centre_mm"] == pytest.approx([31.37, 208.11], abs=0.01)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("how", [{"unit": 25.4}, {"footer": "G92 E0\nM104 S0"}, {"relative": True, "unit": 25.4}])
 def test_dialects_say_the_same(plan, usual, tmp_path, how):
     """The same moves in other dialects, one without comments, give the same figures."""
@@ -389,6 +391,7 @@ SPOILED = [
 """Faults of a print, what is told of each, and which are errors."""
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(("changes", "words", "errors"), SPOILED)
 def test_what_is_spoiled_is_told(plan, tmp_path, changes, words, errors):
     report = check_gcode(plan, Hand(plan, **changes).file(tmp_path))
@@ -399,6 +402,7 @@ def test_what_is_spoiled_is_told(plan, tmp_path, changes, words, errors):
     assert lost == [name[:6] for name in (words.get("laid.beam", ""),) if name.startswith("r0c")]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("deeper_mm", np.arange(0, 0.81, 0.08).round(2).tolist())
 def test_both_sides_of_a_gap_are_measured_at_the_same_stations(deeper_mm):
     """Also where the edge of two stations, 0.4 mm apart, runs along the middle of the gap."""
@@ -562,6 +566,7 @@ def test_supports_in_a_recess_are_told(plan, tmp_path):
     assert check_gcode(plan, Hand(plan).file(tmp_path, footer=skirt)).findings == ()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("scale", [0.985, 1.0, 1.01])
 def test_a_pad_of_another_size_is_told_with_its_size(plan, tmp_path, scale):
     """Within 0.3 %: beads lie half their width inside the plan's plastic, and the middle of all sizes is taken."""
@@ -600,6 +605,7 @@ def test_every_pad_on_the_plate_is_judged(plan, tmp_path):
     assert len(one_by_one.figures["pads"]) == 1
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("setting", "cause"),
     [

@@ -188,6 +188,7 @@ def with_clearance(clearance_mm, printer="fdm-0.4"):
     return make_plan(parse_spec(SMALL.replace("[pad]", f"{text}[pad]")))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("printer", ["fdm-0.4", "resin-0.05"])
 def test_a_washer_enters_what_is_laid_around_it(printer):
     """A polygon's sides are nearer to its middle than its corners, and a slicer lays some plastic beyond them."""
@@ -324,7 +325,9 @@ def test_what_is_left_around_narrow_places_decides_as_the_whole_does(small_pad, 
         for width_mm in (1.8, 1.1, 0.7, 0.5, 0.45, 0.3):
             spots, part = part.narrower_than(width_mm)
             expected, _ = whole.narrower_than(width_mm)
-            assert [s.area_mm2 for s in sorted(spots)] == pytest.approx([s.area_mm2 for s in sorted(expected)], rel=1e-3)
+            assert [s.area_mm2 for s in sorted(spots)] == pytest.approx(
+                [s.area_mm2 for s in sorted(expected)], rel=1e-3
+            )
             decided.add((len(spots) > 0, part.shape.area() < 0.9 * whole.shape.area()))
     assert decided >= {(True, True), (False, True)}
 

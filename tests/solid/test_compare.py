@@ -34,6 +34,7 @@ def found(mesh, plan):
     return check_foreign(mesh, plan.spec, plan).findings
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("kind", KINDS)
 def test_whatever_is_changed_is_found(kind, small_pad, small_plan):
     """One place is tried here; docs/measure_checks.py tries ten."""
@@ -51,6 +52,7 @@ def test_an_honest_pad_is_not_accused(way, small_pad, small_plan):
     assert found(WAYS[way](small_plan, small_pad), small_plan) == ()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", [5, 8])
 def test_honest_pads_of_random_specs(seed):
     plan, mesh, _ = honest(seed)

@@ -154,6 +154,7 @@ def test_a_disc_is_a_washer_without_a_bore(small_plan):
     assert as_manifold(washer_mesh(plan, plan.channels[0]), "disc").volume() == pytest.approx(volume, rel=0.01)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("change", [{}, {"hole_diameter_mm": 0.0}, {"border_mm": 12.0, "hole_diameter_mm": 6.0}])
 @pytest.mark.parametrize("above", [None, False, True])
 def test_the_borders_triangles_hold_its_volume(change, above):

@@ -22,6 +22,7 @@ SAMPLE = range(1000, 1012)
 """Odd specs that every run of the tests plans; `make odd` plans 20,000."""
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("part", range(4))
 def test_odd_specs_are_planned_or_refused_in_a_sentence(part):
     faults = {number: fault_of(odd_table(number)) for number in SAMPLE[part::4]}
@@ -62,6 +63,7 @@ def test_coarse_rings_have_the_field_of_all_charge_of_a_coil(length_mm, permeabi
         assert found == pytest.approx(true, abs=2e-3 * np.abs(true).max())
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("length_mm", "known"), [(12.0, True), (30.0, False), (450.0, False), (499.0, False)])
 def test_no_pad_works_by_a_leakage_that_is_not_known(length_mm, known):
     plan = make_plan(spec_of("pad-32", {"coil": {"length_mm": length_mm}}))

@@ -222,6 +222,7 @@ def test_half_and_whole_model_agree(off_axis):
     assert abs(whole.wrench[0, 0]) < 0.01 * abs(whole.wrench[0, 2])
 
 
+@pytest.mark.soak
 def test_a_second_washer_takes_two_per_cent():
     # 1.9 % by another solution; elements of order 2 put both pulls up by 1 %, alike to half a per cent.
     assert shielding(PullQuestion(COIL, WASHER, MM, 3 * MM), order=2) == pytest.approx(0.019, abs=0.008)
@@ -243,6 +244,7 @@ def test_the_ladder_climbs():
     assert three_d_pull(pulled, 3, 1).values == pytest.approx([truth], rel=0.015)
 
 
+@pytest.mark.soak
 def test_pull_on_a_neighbours_washer(off_axis):
     """A lone coil pulls a washer 9.5 mm off its axis as surface charges say, far less than its own washer."""
     far = PullQuestion(COIL, WASHER, MM, 9.5 * MM)
@@ -261,6 +263,7 @@ QUICK = ("balance", "permeability 1.001", "permeability 1e+06", "gap of 0.01 w",
 CASES = [c for c in force_cases() if c.model in ("balance", "axisymmetric") and any(q in c.name for q in QUICK)]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("case", CASES, ids=lambda c: c.name)
 def test_extreme_cases_are_right(case):
     answer = case.solve()
