@@ -19,11 +19,11 @@ x and y are in mm from the pad's centre, y away from the connector; layers count
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import cos, hypot, pi, sin
+from math import cos, dist, hypot, pi, sin
 from typing import NamedTuple
 
 from padgen.core.errors import Finding, InfeasibleError, at_most, number
-from padgen.core.units import MM
+from padgen.core.units import COPPER_OHM_M, MM
 from padgen.physics.board_coil import BoardCoil, BoardLayer, board_layers
 from padgen.planner.coils.board import board_coil, house_of
 from padgen.planner.layout import SLACK_MM, coil_axis_mm
@@ -103,7 +103,10 @@ class Label(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """Layout of a printed circuit board: sizes in mm, nets numbered from 1, tracks, vias, pins, holes and labels."""
+    """Layout of a printed circuit board: sizes in mm, nets numbered from 1, tracks, vias, pins, holes and labels.
+
+    `leads_ohm` are the resistances at 20 °C of each net's tracks from its coil to its two pins.
+    """
 
     name: str
     layers: int
@@ -111,6 +114,7 @@ class Board:
     outline_mm: tuple[float, float, float, float]
     lane_mm: float
     nets: tuple[str, ...]
+    leads_ohm: tuple[float, ...]
     tracks: tuple[Track, ...]
     vias: tuple[Via, ...]
     pins: tuple[HeaderPin, ...]
@@ -158,11 +162,14 @@ def board_of(plan: Plan) -> Board:
     sides = _sides(plan, axes, half_x)
     lanes_mm = _lane_widths_mm(plan, coil, sides, axes)
     pins: list[HeaderPin] = []
+    leads_ohm = dict.fromkeys(nets.values(), 0.0)
     labels = [Label(f"r{r}c{c}", axes[r, c]) for r, c in places]
     ends = [-half_y, half_y]
     for k, (side, sign) in enumerate(zip(sides, (-1, 1), strict=False)):
         fan = _fan(coil, [(axes[p], nets[p]) for p in side], lanes_mm, sign, half_y, k)
         tracks += fan.tracks
+        for track in fan.tracks:
+            leads_ohm[track.net] += _track_ohm(coil, track)
         pins += fan.pins
         ends[k] = fan.end_mm
         for pin in fan.pins:
@@ -192,6 +199,7 @@ def board_of(plan: Plan) -> Board:
         outline_mm=(-half_x, ends[0], half_x, ends[1]),
         lane_mm=min(lanes_mm.values()),
         nets=tuple(f"r{r}c{c}" for r, c in places),
+        leads_ohm=tuple(leads_ohm.values()),
         tracks=tuple(tracks),
         vias=tuple(vias),
         pins=tuple(pins),
@@ -199,6 +207,12 @@ def board_of(plan: Plan) -> Board:
         labels=tuple(labels),
         mark_mm=(mark_x, first_y),
     )
+
+
+def _track_ohm(coil: BoardCoil, track: Track) -> float:
+    """Return the resistance in Ω at 20 °C of a straight track."""
+    section = track.width_mm * MM * coil.copper[track.layer]
+    return COPPER_OHM_M * dist(track.start_mm, track.end_mm) * MM / section
 
 
 def arc_centre(start: "Point", middle: "Point", end: "Point") -> "Point":

@@ -8,6 +8,7 @@ A finger is not bounded but estimated: `padgen.planner.touch`.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from math import hypot, inf, isfinite, pi
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from padgen.core.errors import Finding, percent, plural
+from padgen.core.errors import Finding, InfeasibleError, percent, plural
 from padgen.core.units import G_PER_CM3, GPA, GRAM, MA, MH, MM, UM
 from padgen.physics.bounds import (
     beam_inertia,
@@ -35,6 +36,7 @@ from padgen.physics.pull import pull_range
 from padgen.physics.remanence import root_lines
 from padgen.physics.resonator import TaxelModes, felt_energy
 from padgen.physics.schemes import current_lines_a
+from padgen.planner.board_layout import board_of
 from padgen.planner.channels import (
     coil_modes,
     hanging_gap_um,
@@ -190,6 +192,10 @@ RUNGS = {
     "softening": ("the coil's pull softens the spring", "padgen study --only dynamics"),
     "motion": ("moving washers induce a voltage", "padgen study --only dynamics"),
     "mutual inductance": ("coils induce currents in each other", "drive with a current source"),
+    "tracks to the pins": (
+        "the board's tracks to its pins have a resistance, by which currents are lower",
+        "drive with a current source, or re-tune",
+    ),
     "switching": (
         "the current that stops a taxel takes time to change, so that the taxel rings down later",
         "leave that much more time between frames",
@@ -502,6 +508,19 @@ def _magnetic(plan: Plan) -> Iterator[LeftOut]:
     yield from _motion_effects(plan, channels)
     if plan.coils.rows * plan.coils.columns > 1:
         yield _coupled_coils(plan, channels)
+    if spec.coil.kind == "board":
+        with suppress(InfeasibleError):  # it is said elsewhere that there is no such board
+            yield _leads(plan, channels)
+
+
+def _leads(plan: Plan, channels: Sequence[Channel]) -> LeftOut:
+    """Bound the current that the tracks between a board's coils and its pins cost at a given voltage."""
+    coil = plan.spec.coil
+    hz = np.array([channel.drive_hz for channel in channels])
+    alone = np.abs(impedance(coil.resistance_ohm, coil.inductance_mh * MH, hz))
+    longest_ohm = max(board_of(plan).leads_ohm)
+    together = np.abs(impedance(coil.resistance_ohm + longest_ohm, coil.inductance_mh * MH, hz))
+    return _worst_channel("tracks to the pins", "current", channels, 1 - alone / together)
 
 
 def _coupled_coils(plan: Plan, channels: Sequence[Channel]) -> LeftOut:

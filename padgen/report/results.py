@@ -60,7 +60,7 @@ def driven_text(
         untouched = "" if plan.touch is None else " that nobody touches"
         done = (
             f"Played on a simulated {name}{untouched}, drive.wav has {heard.selectivity_db:.1f} dB of ON over OFF,"
-            f" faintest over loudest of all that it shows (asked: {heard.asked_db:.1f} dB)"
+            f" the faintest ON over the loudest OFF of all that it shows (asked: {heard.asked_db:.1f} dB)"
         )
     picture = ""
     place = plain(str(driven.folder))

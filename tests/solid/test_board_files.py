@@ -13,8 +13,8 @@ import pytest
 
 import padgen as pg
 from padgen.core.errors import InfeasibleError
-from padgen.planner.board_layout import board_of
-from padgen.planner.coils.board import completed, house_of
+from padgen.planner.board_layout import PIN_DRILL_MM, arc_centre, board_of
+from padgen.planner.coils.board import board_coil, completed, house_of
 from padgen.solid.formats import board as board_format
 from padgen.solid.gerber import gerber_files
 from padgen.solid.kicad import pcb_text, project_text
@@ -56,6 +56,56 @@ def test_a_coil_is_one_piece_of_copper(plan):
         assert pieces(fewer, board.vias[k].net) > 1
     fewer = replace(board, tracks=board.tracks[1:])
     assert pieces(fewer, board.tracks[0].net) > 1
+
+
+def network_ohm(board, coil, net):
+    """Return the resistance in Ω between a net's pins, by Kirchhoff's laws for all its tracks and plated holes."""
+    ohm_m = 1.72e-8
+    resistors = []
+    for track in board.tracks:
+        if track.net == net:
+            length_mm = hypot(*np.subtract(track.end_mm, track.start_mm))
+            if track.middle_mm is not None:
+                centre = arc_centre(track.start_mm, track.middle_mm, track.end_mm)
+                angles = [
+                    np.arctan2(*np.subtract(p, centre)[::-1]) for p in (track.start_mm, track.middle_mm, track.end_mm)
+                ]
+                sweeps = [(later - first + np.pi) % (2 * np.pi) - np.pi for first, later in pairwise(angles)]
+                length_mm = hypot(*np.subtract(track.start_mm, centre)) * abs(sum(sweeps))
+            section = track.width_mm * 1e-3 * coil.copper[track.layer]
+            ends = (track.layer, track.start_mm), (track.layer, track.end_mm)
+            resistors.append((*ends, ohm_m * length_mm * 1e-3 / section))
+    for hole in (*board.vias, *board.pins):
+        if hole.net == net:
+            drill = coil.drill if hasattr(hole, "size_mm") else PIN_DRILL_MM * 1e-3
+            barrel = np.pi * (drill - coil.plating) * coil.plating
+            for a, b in pairwise(range(board.layers)):
+                ohm = ohm_m * (coil.depth[b] - coil.depth[a]) / barrel
+                resistors.append(((a, hole.at_mm), (b, hole.at_mm), ohm))
+    nodes = {node: k for k, node in enumerate({node for *ends, _ in resistors for node in ends})}
+    admittance = np.zeros((len(nodes), len(nodes)))
+    for one, other, ohm in resistors:
+        a = nodes[one]
+        b = nodes[other]
+        admittance[[a, b], [a, b]] += 1 / ohm
+        admittance[[a, b], [b, a]] -= 1 / ohm
+    first, last = (nodes[0, pin.at_mm] for pin in board.pins if pin.net == net)
+    kept = [k for k in range(len(nodes)) if k != last]
+    current = np.zeros(len(nodes))
+    current[first] = 1.0
+    return np.linalg.solve(admittance[np.ix_(kept, kept)], current[kept])[kept.index(first)]
+
+
+@pytest.mark.parametrize("wiring", ["series", "parallel"])
+def test_resistances_between_pins_are_those_of_all_that_is_drawn(plan, wiring):
+    """A coil's own and its tracks' to the pins, within 0.5 %: the via in the bore of a parallel coil is a bound."""
+    of_coil = completed({"kind": "board", "wiring": wiring, "gap_mm": plan.spec.coil.gap_mm})
+    plan = replace(plan, spec=replace(plan.spec, coil=of_coil))
+    board = board_of(plan)
+    assert max(board.leads_ohm) > 0.05 * of_coil.resistance_ohm
+    for net in (1, 4, len(board.nets)):
+        stated = of_coil.resistance_ohm + board.leads_ohm[net - 1]
+        assert network_ohm(board, board_coil(of_coil), net) == pytest.approx(stated, rel=0.005)
 
 
 def drawn(text):

@@ -76,10 +76,21 @@ files             board-copper-1 (top) to board-copper-{board.layers} (bottom), 
                   board-outline, board-plated.drl, board-holes.drl
 
 All of a coil is one net: coils are spirals with the space stated between turns, no short circuit.
-A coil has {number(coil.resistance_ohm)} ohm at 20 C and {number(coil.inductance_mh * 1e3)} uH; measure each between
-its two pins, those of one column of the header. The pad lies on the side of the names, its marked corner over
-the dot, on spacers of {number(spacer_mm(plan))} mm.
+A coil has {number(coil.resistance_ohm)} ohm at 20 C and {number(coil.inductance_mh * 1e3)} uH. Between its two pins,
+those of one column of the header, it has with its tracks, in ohm at 20 C:
+
+{_ohms_by_coil(board, coil.resistance_ohm)}
+
+The pad lies on the side of the names, its marked corner over the dot, on spacers of {number(spacer_mm(plan))} mm.
 """
+
+
+def _ohms_by_coil(board: Board, coil_ohm: float) -> str:
+    """Return lines of coils and their resistances between the pins, five coils a line."""
+    ohms = [f"{name} {coil_ohm + leads:.2f}" for name, leads in zip(board.nets, board.leads_ohm, strict=True)]
+    width = max(map(len, ohms))
+    rows = (ohms[k : k + 5] for k in range(0, len(ohms), 5))
+    return "\n".join("   ".join(entry.ljust(width) for entry in row).rstrip() for row in rows)
 
 
 def board_svg(board: Board) -> str:
