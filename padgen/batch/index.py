@@ -527,7 +527,7 @@ class Journal:
 
 
 def write_index(journal: Journal, sweep: Sweep, folder: Path) -> Overview:
-    """Write `index.csv`, one row a variant in the order of their numbers; returns its overview.
+    """Write `index.csv`, one row a variant in the order of their numbers, and return what is in it.
 
     The columns of figures are the union of those of all variants, in the order of their first appearance. What was
     made of an earlier index goes.

@@ -30,8 +30,8 @@ DEPTHS = ("24", "float")
 SHOWN = ("state", "frames", "text", "pattern")
 """Options that say what is shown."""
 FELT = (
-    "write a CSV with the columns played,felt, a row for each (felt: the taxel that moved, empty if none did), and give"
-    " it to padgen drive --wiring FILE"
+    "write a CSV with the columns played,felt, a row a taxel (felt: the one that moved, empty if none did){more},"
+    " and give it to padgen drive --wiring FILE"
 )
 
 
@@ -98,8 +98,8 @@ def _shown_of(options: argparse.Namespace, plan: Any) -> tuple[dict[str, Any], t
         return {**asked, "frames": frames.levels}, frames.notes
     if options.pattern != "each":
         return asked, ()
-    then = "; then play --pattern crossed, too, and add its rows to the CSV" if plan.coils.sets > 1 else ""
-    return asked, (f"taxels are played in the plan's order, coil by coil; {FELT}{then}",)
+    more = ", add rows for padgen drive --pattern crossed in the same way" if plan.coils.sets > 1 else ""
+    return asked, (f"taxels are played in the plan's order, coil by coil; {FELT.format(more=more)}",)
 
 
 def _shows(options: argparse.Namespace) -> bool:

@@ -663,9 +663,9 @@ def _circuit_and_taxel(constant_s: float) -> ExtremeCase:
 
 
 def _acting_back(constant_s: float) -> ExtremeCase:
-    """Make a case of motion that acts back on the circuit: the peak pull, if held, closes a tenth of the gap.
+    """Make a case in which motion acts back on the circuit, whose time constant L/R is `constant_s`.
 
-    `constant_s` is the time constant L/R of the circuit.
+    A pull held at its peak would close a tenth of the gap.
     """
     inductance = RESISTANCE_OHM * constant_s
     hz = 1000.0

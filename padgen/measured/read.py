@@ -325,9 +325,10 @@ def _records(
 
 
 def _averaged(wave: Wave, factor: int, where: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return means over `factor` samples of all channels (n, channels), and where clipped samples are among them.
+    """Return means over `factor` samples (n, channels), and a mask of those that hold clipped samples.
 
-    Samples that are not finite numbers, and channels with more than `MOST_CLIPPED` clipped ones, are refused.
+    Samples that are not finite numbers, and channels with more than `MOST_CLIPPED` clipped ones, are refused by the
+    name `where`.
     """
     step = max(READ_SAMPLES // (factor * wave.channels), 1) * factor
     last = wave.count // factor * factor

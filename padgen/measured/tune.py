@@ -403,7 +403,7 @@ def _lowered_shares(plan: Plan, tuning: Tuning, index: Sequence[int], figures: C
     limit = 10 ** (-(need + cost) / 10)
 
     def excess(share: np.ndarray) -> np.ndarray:
-        """Return by how much the OFF energies exceed the limit, relative and summed over taxels (columns,)."""
+        """Return, for each column of `share`, by what shares of the limit OFF taxels exceed it in sum."""
         return np.asarray(np.maximum(energies(share) / limit - 1, 0.0).sum(0))
 
     steps = np.geomspace(min(1 / (8 * float(q.max())), LARGEST / 8), LARGEST, STEPS)

@@ -338,12 +338,12 @@ class Flexibility(NamedTuple):
 
 
 def torsion_constant(width: Array, thickness: Array, across: Array = 1.0, beads: Array = 1.0) -> Array:
-    """Return the torsion constant in m⁴ of a rectangle (Roark's formula for a solid rectangle, within 0.5 %).
+    """Return the torsion constant in m⁴ of a rectangle, solid or printed in lines whose bonds shear more easily.
 
-    `across` and `beads` are the shear moduli in the directions of `thickness` and of `width` over the one that the
-    constant is multiplied with. It is exactly that of an isotropic rectangle ``thickness √(beads/across)`` thick, times
-    ``across^{3/2}/beads^{1/2}`` (Lekhnitskii, Theory of Elasticity of an Anisotropic Body, 1963, on torsion of
-    orthotropic bars).
+    Solid, it is Roark's formula, within 0.5 %. `across` and `beads` are the shear moduli in the directions of
+    `thickness` and of `width` over the one that the constant is multiplied with, 1 if solid. It is exactly
+    that of an isotropic rectangle ``thickness √(beads/across)`` thick, times ``across^{3/2}/beads^{1/2}`` (Lekhnitskii,
+    Theory of Elasticity of an Anisotropic Body, 1963, on torsion of orthotropic bars).
     """
     tall = thickness * np.sqrt(beads / across)
     a = np.maximum(width, tall)
@@ -532,9 +532,9 @@ class PinMotion(NamedTuple):
 
 
 def pin_motion(section: BeamSection, modulus: Array, poisson: Array) -> PinMotion:
-    """Return a beam's motion at its pin's foot per tip motion and per pin load, and the flexibility the pin removes.
+    """Return how a beam moves at the foot of its pin, and how much stiffer the foot makes the beam.
 
-    It is found by the unit-load method along the path to the pin.
+    Motions are per motion of its tip, and per load on the pin, by the unit-load method along the path to the pin.
 
     The pin holds the beam over its diameter, but for what the beam turns at both ends of the foot, as it does at a
     root: together about a piece as long as `PIN_ENDS` times the thickness. A pin much narrower than the beam holds less
@@ -748,7 +748,7 @@ _SIDE = [0, 1, 5]
 
 
 class _Plane(NamedTuple):
-    """Flexibility of a bent beam in three degrees of freedom: out of its plane, or in it.
+    """Flexibility of a beam with bends for the three motions in its plane, or for the three out of it.
 
     For each of k slices: `within` (…, k, 3, 3), the internal load per unit load on the tip; `compliance` (…, k, 3), the
     deformation per unit internal load; `back` (…, k, 3, 3), the motion there per unit motion of the tip if all were
@@ -1021,9 +1021,10 @@ def on_elastic_ends(section: BeamSection, around: Surroundings, poisson: Array) 
 
 
 def layered_edge(across: Array, poisson: Array) -> Array:
-    """Return the factor by which weakly bonded layers soften a half-plane's edge under pressure: 1 for full bonds.
+    """Return how many times as far a half-plane's edge gives way under pressure if its layers are weakly bonded.
 
-    The layers lie along the pressure. `across` is the stiffness across them over that along them.
+    It is 1 for full bonds. The layers lie along the pressure. `across` is the stiffness across them over that along
+    them.
 
     Notes
     -----

@@ -594,10 +594,10 @@ def _lagrange(node: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def fine_rings(body: SteelBody, step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return rings of a body's charge, fine enough for fields near its top: radii, heights, weights of node charges.
+    """Return rings in place of a body's charge, fine enough for fields near its top: radii, heights, shares.
 
-    Radii and heights in m, and shares (rings, nodes) of the nodes' charge. Rings on the topmost side are at most `step`
-    m apart; elsewhere they lie at the nodes.
+    Radii and heights (rings,) in m, and shares (rings, nodes): how much of each node's charge a ring has. Rings on
+    the topmost side are at most `step` m apart; elsewhere they lie at the nodes.
     """
     top = max(side.end[1] for side in body.sides)
     places = []

@@ -402,7 +402,7 @@ def binding_limit_text(spec: Spec, layout: Layout) -> str:
     """Return one clause that names the limit that binds this layout, and by how much."""
     kind, slack = layout.binding
     pitch = min(spec.pad.width_mm / layout.columns, spec.pad.depth_mm / layout.rows)
-    sub = f"a taxel has {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm"
+    sub = f"a taxel has {number(layout.sub_width_mm)} x {number(layout.sub_depth_mm)} mm of the pad"
     inside = room(spec, layout)
     plate = plate_shape(spec)
     washer = spec.washer_or_magnet

@@ -321,7 +321,7 @@ def _size_text(entry: LeftOut) -> str:
 def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
     """Yield a note on left-out effects larger than `model.tolerance`, a warning where shrinkage tightens beams."""
     sentences = [
-        f"{RUNGS[entry.term][0]}, {_size_text(entry)} (cure: {RUNGS[entry.term][1]})"
+        f"{RUNGS[entry.term][0]}: {_size_text(entry)} (to compute or avoid it: {RUNGS[entry.term][1]})"
         for entry in _ignored(entries)
         if _size(entry) > spec.model.tolerance
     ]
@@ -342,7 +342,7 @@ def judge_left_out(spec: Spec, entries: Sequence[LeftOut]) -> Iterator[Finding]:
             "note",
             "model.left_out",
             "plan",
-            f"the figures leave out effects above {percent(spec.model.tolerance)} (model.tolerance):"
+            f"effects of more than {percent(spec.model.tolerance)} (model.tolerance) are not in these figures:"
             f" {'; '.join(sentences)}",
         )
 

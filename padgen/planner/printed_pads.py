@@ -384,9 +384,10 @@ def _other_modes(plan: Plan) -> tuple[np.ndarray, dict[int, ModalTaxels]]:
 
 
 class _PrintedModes(NamedTuple):
-    """Modes of taxels in many printed pads: planned frequencies times `x` (n, pads), printed over planned resonance.
+    """Modes of n taxels in many printed pads: each planned frequency times its taxel's `x` in each pad.
 
-    `q_ratio` (n, pads) is their Q over the plan's. Lines are those of all pads, the pads last.
+    `x` (n, pads) are printed over planned resonances, `q_ratio` (n, pads) the Q over the plan's. Lines are
+    those of all pads, the pads last.
     """
 
     modes: ModalTaxels

@@ -217,7 +217,10 @@ def _from_array(method: "Callable[[TaxelModel], np.ndarray]") -> "Callable[[Taxe
 
 
 class EndRatios(NamedTuple):
-    """Factors on the end compliances of a beam: of root, tip, wall or crossbar that holds the tip, and yoke."""
+    """Factors on the compliances at a beam's ends.
+
+    Of its root, of its tip, of what holds the tip (wall or crossbar), and of the yoke.
+    """
 
     root: float = 1.0
     tip: float = 1.0

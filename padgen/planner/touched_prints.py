@@ -150,7 +150,7 @@ class TouchedPrints(NamedTuple):
         return share_error(good, len(self.ratio)), quantile_error(kept_db, share)
 
     def weakest_db(self, share: float) -> float:
-        """Return the level in dB, over the planned one, that the weakest ON taxel has in a `share` of the pads."""
+        """Return the level, in dB above the plan's, that the weakest ON taxel reaches in a `share` of the pads."""
         return _reached_db(self.weakest, share)
 
 

@@ -139,8 +139,8 @@ def _works_untouched(plan: Plan, only_held: bool) -> str:
         where = f" on {len(silent)} of {len(felt_db)} channels"
     error_db = max(plan.felt.error_db[k] for k in silent)
     return (
-        f"{plan.name} is probably not felt{where} ({below} dB too faint for a fingertip, ± {error_db:.0f} dB); its"
-        f" taxels are chosen {untouched}"
+        f"{plan.name} is probably not felt{where} ({below} dB too faint for a fingertip, ± {error_db:.0f} dB) and"
+        f" chooses its taxels {untouched}"
     )
 
 

@@ -258,7 +258,7 @@ def draw_stems(axis: Any, panel: Panel, figure: Figure) -> None:
 
 
 def draw_bars(axis: Any, panel: Panel, figure: Figure) -> None:
-    """Draw histograms over each other."""
+    """Draw histograms on the same axes, each seen through the next."""
     for bars in panel.marks:
         edges = np.array(bars.edges)
         colour = colour_of(bars.role, figure.channels)

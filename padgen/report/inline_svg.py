@@ -48,7 +48,7 @@ def _panel(panel: Panel, figure: Figure) -> tuple[str, int]:
 
 
 def _strip(panel: Panel, figure: Figure) -> str:
-    """Return rows as one strip: spans, marks and the marks' values along the x axis."""
+    """Return as SVG a panel that is one strip along the x axis: its spans, its marks, and the value of each mark."""
     at = _places(panel.x, 0.0, WIDTH_PX - 1.0)
     parts = []
     for series in panel.marks:
@@ -71,7 +71,7 @@ def _strip(panel: Panel, figure: Figure) -> str:
 
 
 def _chart(panel: Panel, figure: Figure) -> str:
-    """Return curves, stems, bars, points and lines between two axes with their ends and titles."""
+    """Return as SVG a panel of curves, stems, bars or points over two axes, each with its title and end values."""
     bottom = CHART_PX - FOOT_PX
     x = _places(panel.x, LEFT_PX, WIDTH_PX - 1.0)
     y = _places(panel.y, bottom, 8.0)

@@ -99,7 +99,8 @@ def pad_line(plan: "Plan") -> str:
     elif sides and is_even:
         diagonal_mm = hypot(pitch.x_mm[0], pitch.y_mm[0]) if len(sides) == 2 else inf
         like = "staggered like a chessboard, " if nearest_mm[0] > diagonal_mm - 0.01 else ""
-        spaced = f", {' and '.join(sides)} apart (even; {like}{nearest})"
+        taken = "" if like else f"a taxel on {pitch.taken:.0%} of their crossings, "
+        spaced = f", {' and '.join(sides)} apart (even; {like}{taken}{nearest})"
     elif sides:
         # On no grid: lines of taxels cross where no taxel is, and their distances say little.
         spaced = f", unevenly spaced, {nearest}"
@@ -391,12 +392,12 @@ def plan_text(plan: "Plan") -> str:
     lines = [
         f"{plan.name}: {len(plan.taxels)} taxel{plural(len(plan.taxels))} on {number(pad.width_mm)} x"
         f" {number(pad.depth_mm)} mm; {_coils_text(plan)} at {pitch} mm, of {_channels_text(plan)}",
-        f"A coil has {count} channel{plural(count)}, and no more because of {limit}. The most with which, room aside,"
-        f" this band keeps what is asked: {capacity.prints} in {plan.spec.print_share:.0%} of prints (their ratios of"
-        f" neighbouring resonances scatter by ± {plan.prints.ratio_spread:.1%}),"
-        f" {_count_text(capacity.exact, capacity.searched_to)} printed exactly and driven {figures.drive},"
-        f" {capacity.exact_one_hot} with only one of them on at a time, {capacity.paper} by the paper's bound"
-        f" ({capacity.paper_unrounded:.2f}, each resonance {number(capacity.ratio)} times the one below).",
+        f"A coil has {count} channel{plural(count)}, and no more because of {limit}. With room for them, so many in"
+        f" this band would keep what is asked: {capacity.prints} in {plan.spec.print_share:.0%} of prints (their ratios"
+        f" of neighbouring resonances scatter by ± {plan.prints.ratio_spread:.1%}),"
+        f" {_count_text(capacity.exact, capacity.searched_to)} if printed exactly (driven {figures.drive}),"
+        f" {capacity.exact_one_hot} if only one of them is ON at a time, too; {capacity.paper} by the paper's bound"
+        f" ({capacity.paper_unrounded:.2f} rounded down; each resonance {number(capacity.ratio)} times the one below).",
         "",
         _channels_table(plan.channels, MOTION, narrow=True),
         "",
@@ -456,9 +457,9 @@ def _felt_table(plan: "Plan") -> str:
     ]
     count = _from_to(felt.least_frequencies, felt.most_frequencies)
     return (
-        f"what a fingertip feels of {touched} taxels, in dB above what is just felt (a provisional threshold); a"
-        f" fingertip tells {count} of the {len(plan.channels)} frequencies apart; the last column says how many"
-        " strengths of each it tells apart:\n"
+        f"levels of {touched} taxels, in dB above what a fingertip just feels (a provisional threshold); it tells"
+        f" {count} of the {len(plan.channels)} frequencies apart (publications differ where a range is given), and of"
+        " each as many strengths as the last column says:\n"
         + table(["ch", "just felt µm", "± dB", "ON dB", "OFF dB", "strengths"], rows)
     )
 
@@ -504,15 +505,16 @@ def _drive_lines(plan: "Plan") -> list[str]:
         f"drive: {figures.drive}, {figures.why}",
         *([] if figures.one_hot_db is None else _selectivity_lines(plan)),
         leaked,
-        f"frames per second at which a taxel that goes OFF falls to the asked level before the next frame: {frames}",
+        f"most frames per second with which a taxel that goes OFF falls to what is asked of OFF taxels within a frame:"
+        f" {frames}",
         _frames_text(next(rate for rate in plan.refresh if rate.scheme == figures.drive)),
         f"a coil with all channels on: {load.current_rms_ma:.1f} mA rms, up to {load.current_peak_ma:.1f} mA and"
         f" {load.voltage_peak_v:.2f} V, {load.copper_loss_w:.3f} W",
         f"{load.reachable_by} limits channel 0 to {about(load.reachable_level_um, 3)} µm",
-        "parts of the catalogues that drive it: amplifiers "
+        "any one of these amplifiers of the catalogue drives it: "
         + (", ".join(f"{count} x {name}" for name, count in plan.parts.amplifiers.items()) or "none")
-        + f"; sound cards {', '.join(plan.parts.sound_cards) or 'none'}; boards with the firmware"
-        + f" {', '.join(boards) or 'none'}",
+        + f"; fed by one of these sound cards: {', '.join(plan.parts.sound_cards) or 'none'}; or by one of these boards"
+        + f" with the firmware: {', '.join(boards) or 'none'}",
         # Currents go with the root of the pull on steel.
         ""
         if error is None
@@ -653,13 +655,14 @@ def explanation_text(explanation: "Explanation") -> str:
     """Return the limits that bind, a table of changes and gains, and the most channels by scheme and level law."""
     keep = "channel of a coil would keep" if explanation.channels == 1 else "channels of a coil would keep"
     shares = ", ".join(f"{share:.1%} on channel {k}" for k, share in enumerate(explanation.channel_shares))
-    stages = ", ".join(f"{n} with {stage}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
+    stages = ", ".join(f"{stage} {n}" for stage, n in zip(STAGES, explanation.stage_channels, strict=True))
     lines = [
-        f"on this grid of coils, printed perfectly, {explanation.channels} {keep} what was asked (driven"
+        f"on this grid of coils, printed perfectly, {explanation.channels} {keep} what was asked (drive:"
         f" {explanation.drive}); what stops one more:",
         *(f"  - {limit}" for limit in explanation.limits or ["nothing that was tried"]),
-        f"untouched prints in which a re-tuned taxel keeps what was asked: {shares}",
-        f"channels per coil with which prints would keep what was asked, spread over the whole band: {stages} measured",
+        f"share of prints in which a channel's re-tuned taxel keeps what was asked, untouched: {shares}",
+        "so many channels per coil, spread over the whole band, would keep what was asked in prints, by what was"
+        f" measured to re-tune them: {stages}",
     ]
     if explanation.changes:
         coils, channels = explanation.layout
@@ -691,8 +694,8 @@ def explanation_text(explanation: "Explanation") -> str:
         by_scheme.setdefault(row.scheme, []).append(f"{row.one_hot} / {_count_text(row.all_states, row.searched_to)}")
     columns = ["drive", *(law if isinstance(law, str) else _law_text(law).split()[-1] for law in laws)]
     heading = (
-        "most channels of a coil that would keep what was asked with perfect prints and room for all (with one channel"
-        " ON / in all on/off states), by how the levels of its channels go with frequency:"
+        "the largest number of channels on a coil that would keep what was asked, printed perfectly and with room for"
+        " all (with one channel ON / in all on/off states); columns: how levels depend on frequency:"
     )
     return "\n".join([*lines, "", heading, table(columns, [(name, *cells) for name, cells in by_scheme.items()])])
 

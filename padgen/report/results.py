@@ -207,7 +207,7 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
         )
     gap = ", with the pull growing as the gap closes" if heard.with_gap else ""
     leak = plan.reuse.most_leak_db
-    leaked = "" if leak is None or not plan.reuse.is_known else f", by the plan {-leak:.1f} dB of ON or less"
+    leaked = "" if leak is None or not plan.reuse.is_known else f", by the plan {leak:.1f} dB below ON or quieter"
     slot = heard.slot_contrast
     held = heard.held_contrast
     frames = "" if slot is None else f"\nheard: on average over a frame, {slot[0]:.1f} dB of ON over OFF or more"
@@ -215,7 +215,7 @@ def heard_text(plan: "Plan", heard: "Heard") -> str:
     return (
         f"heard in {counted(len(heard.spans), 'state')} of the file{gap}:\n"
         + table(("ch", "planned Hz", "wanted µm", "ON, dB of wanted", "OFF, dB at most"), rows)
-        + f"\n(wanted: what a finger on the boss is to feel; not heard here: what other coils leak{leaked})"
+        + f"\n(wanted: the level that a finger on the boss is to feel; left out here: what other coils leak{leaked})"
         + frames
         + _shaken_text(heard)
     )
@@ -227,8 +227,8 @@ def _shaken_text(heard: "Heard") -> str:
     if heard.shaken is None or heard.shaken_db is None:
         return ""
     return (
-        f"\nheard: {heard.shaken.mount}, the pad of {number(round(heard.shaken.moving_g))} g recoils from its ON"
-        f" taxels: {heard.shaken_db:.1f} dB of ON over OFF, other coils' leakage not counted"
+        f"\nheard with the recoil of the pad ({number(round(heard.shaken.moving_g))} g, {heard.shaken.mount}):"
+        f" {heard.shaken_db:.1f} dB of ON over OFF; what other coils leak is left out"
     )
 
 

@@ -270,7 +270,7 @@ def test_capacities_by_scheme_and_law(explained):
     assert all(1 <= row.all_states <= row.one_hot for row in rows)
     text = explanation_text(explained[2])
     assert (
-        "printed perfectly, 4 channels of a coil would keep what was asked (driven biased); what stops one more:"
+        "printed perfectly, 4 channels of a coil would keep what was asked (drive: biased); what stops one more:"
         in text
     )
     assert "time-shared  " in text
@@ -285,7 +285,7 @@ def test_explain_on_the_command_line(tmp_path, capsys, monkeypatch):
     out = " ".join(capsys.readouterr().out.split())  # lines may break anywhere
     assert (
         "1 channel of a coil would keep what was asked" in out
-        and "what was asked: 0.0% on channel 0, 0.0% on channel 1" in out
+        and "keeps what was asked, untouched: 0.0% on channel 0, 0.0% on channel 1" in out
     )
     assert "plan.json plan.svg" in out and (tmp_path / "plan.svg").read_text().endswith("</svg>\n")
 

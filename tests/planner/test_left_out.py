@@ -392,7 +392,7 @@ def test_findings_are_of_terms_above_the_tolerance():
         assert len(found) == bool(large)
         assert all(f.level == "note" and f.code == "model.left_out" for f in found)
         largest = sorted(large, key=lambda entry: -(entry.bound or 9.0))
-        assert all(f"{RUNGS[e.term][0]}, " in found[0].message for e in largest[:LISTED])
+        assert all(f"{RUNGS[e.term][0]}: " in found[0].message for e in largest[:LISTED])
         if len(large) > LISTED:
             assert f"and {len(large) - LISTED} smaller one" in found[0].message
     computed = [replace(e, computed=True) for e in entries]
@@ -413,8 +413,8 @@ def test_line():
     assert left_out_line(entries) == f"{switching}, {motion}"
     assert left_out_line(entries, most=1) == f"{switching}, and 1 smaller one"
     finding = next(judge_left_out(scene("paper-32")[0], entries))
-    assert "effects above 2 % (model.tolerance)" in finding.message
-    assert finding.message.endswith(f": {cause}, {unknown} (cure: {cure})")
+    assert finding.message.startswith("effects of more than 2 % (model.tolerance) are not in these figures: ")
+    assert finding.message.endswith(f": {cause}: {unknown} (to compute or avoid it: {cure})")
 
 
 def test_one_coil_leaks_nothing_and_one_channel_has_no_neighbour():

@@ -39,7 +39,7 @@ class FramesJob:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WavJob:
-    """A WAV file for a player, and the device (None: the first choice) on which it is to play it `repeat` times."""
+    """A WAV file, the device to play it on (None: the player chooses), and how often it is repeated."""
 
     address: int | str | None
     path: Path

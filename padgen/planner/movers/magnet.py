@@ -90,7 +90,7 @@ STEEL_SHARE = 0.015
 
 
 def steel_on(ballast: Ballast | None) -> SteelRing | None:
-    """Return the ballast on a magnet as a steel ring in SI units, a hexagon by its area; None if not magnetic."""
+    """Return magnetic ballast as a steel ring in SI units, a hexagon as a round one of its area; None for any other."""
     if ballast is None or not ballast.is_magnetic:
         return None
     sizes = ballast.round_mm * MM, ballast.inner_diameter_mm * MM, ballast.height_mm * MM
