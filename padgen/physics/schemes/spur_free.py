@@ -1,4 +1,4 @@
-"""Spur-free: the current is the root of the wanted force, so that i² has a constant, the wanted tones, and no others."""
+"""Spur-free: the current is the root of the wanted force, so that i² has a constant and the wanted tones, no others."""
 
 import numpy as np
 
